@@ -1,0 +1,52 @@
+"""What travels between stages and is recorded: one file per message, one wire format.
+
+Conventions: a quantity's unit is in its name; NaN is "unknown" for a float, 0 for a wall-clock
+time; every message starts with a :class:`Header`. ``configs/schema/rsenf.proto`` is generated
+from these classes (``rsenf explain schemas``), and a test fails when it is stale.
+"""
+
+from rsenf.messages.codec import (
+    canonical,
+    class_for,
+    decode,
+    descriptor_set,
+    digest,
+    encode,
+    encoding_of,
+    schema_name,
+)
+from rsenf.messages.enf_estimate import EnfEstimate
+from rsenf.messages.frame import Frame, VideoPacket
+from rsenf.messages.header import Header, Mark
+from rsenf.messages.health import Health
+from rsenf.messages.idle_estimate import IdleEstimate
+from rsenf.messages.match_result import Candidate, MatchResult
+from rsenf.messages.reference_block import ReferenceBlock
+from rsenf.messages.row_block import RowBlock
+from rsenf.messages.verdicts import Alarm, DiscoveryVerdict, FoundEffect, Liveness
+
+__all__ = [
+    "Alarm",
+    "Candidate",
+    "DiscoveryVerdict",
+    "EnfEstimate",
+    "FoundEffect",
+    "Frame",
+    "Header",
+    "Health",
+    "IdleEstimate",
+    "Liveness",
+    "Mark",
+    "MatchResult",
+    "ReferenceBlock",
+    "RowBlock",
+    "VideoPacket",
+    "canonical",
+    "class_for",
+    "decode",
+    "descriptor_set",
+    "digest",
+    "encode",
+    "encoding_of",
+    "schema_name",
+]

@@ -1,0 +1,101 @@
+"""Messages to bytes and back; versions checked, canonical bytes for comparison.
+
+On the bus the Zenoh encoding names the schema and version: ``application/protobuf;rsenf.RowBlock/1``.
+In a recording the MCAP channel does. Either way bytes are never guessed at.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Iterable
+from typing import Any
+
+from rsenf.errors import SchemaMismatch
+from rsenf.messages.schema import (
+    PACKAGE,
+    file_descriptor,
+    from_wire,
+    message_classes,
+    to_wire,
+    twin_class,
+)
+
+MEDIA_TYPE = "application/protobuf"
+
+
+def schema_name(cls: type[Any]) -> str:
+    """Full schema name, for example ``rsenf.RowBlock``."""
+    return f"{PACKAGE}.{cls.__name__}"
+
+
+def encoding_of(cls: type[Any]) -> str:
+    """Zenoh encoding: media type, schema name and version."""
+    return f"{MEDIA_TYPE};{schema_name(cls)}/{cls.VERSION}"
+
+
+def class_for(encoding: str) -> type[Any]:
+    """Message class that an encoding names.
+
+    Raises
+    ------
+    SchemaMismatch
+        For another media type, an unknown schema or another version.
+    """
+    media, _, rest = encoding.partition(";")
+    name, _, version = rest.partition("/")
+    cls = message_classes().get(name.removeprefix(PACKAGE + "."))
+    if media != MEDIA_TYPE or cls is None:
+        raise SchemaMismatch(f"not a message of rsenf: {encoding!r}")
+    if version != str(cls.VERSION):
+        raise SchemaMismatch(f"{name} version {version}, this program reads {cls.VERSION}")
+    return cls
+
+
+def encode(msg: Any) -> bytes:
+    """Serialise a message, the same bytes for the same message every time."""
+    return bytes(to_wire(msg).SerializeToString(deterministic=True))
+
+
+def decode(cls: type[Any], payload: bytes) -> Any:
+    """Parse a message; arrays are read-only views of the payload.
+
+    Raises
+    ------
+    SchemaMismatch
+        When the bytes don't parse, or an array doesn't fit its shape.
+    """
+    from google.protobuf.message import DecodeError
+
+    try:
+        wire = twin_class(cls).FromString(payload)
+    except DecodeError as exc:
+        raise SchemaMismatch(f"{len(payload)} bytes that are not a {schema_name(cls)}") from exc
+    return from_wire(cls, wire)
+
+
+def canonical(msg: Any) -> bytes:
+    """Bytes that are equal for equal content: without the arrival clock and the run's identity."""
+    header = dataclasses.replace(msg.header, run_id="", arrival_time_ns=0)
+    return encode(dataclasses.replace(msg, header=header))
+
+
+def digest(messages: Iterable[Any]) -> str:
+    """SHA-256 over the canonical bytes of messages, in their order, as hexadecimal."""
+    sha = hashlib.sha256()
+    for msg in messages:
+        payload = canonical(msg)
+        sha.update(len(payload).to_bytes(8, "little"))
+        sha.update(payload)
+    return sha.hexdigest()
+
+
+def descriptor_set() -> bytes:
+    """Return the published schemas as a serialised ``FileDescriptorSet``, for MCAP."""
+    from google.protobuf import descriptor_pb2
+
+    return bytes(
+        descriptor_pb2.FileDescriptorSet(file=[file_descriptor()]).SerializeToString(
+            deterministic=True
+        )
+    )

@@ -1,0 +1,63 @@
+"""One estimate of the electric network frequency, with all that a later stage may need."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rsenf.messages.header import Header
+from rsenf.messages.schema import FloatArray, Int64Array, field, message
+
+
+@message(version=1)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class EnfEstimate:
+    """ENF over one interval, by one method, under one hypothesis.
+
+    Several hypotheses (lines, harmonics, idle ratios) may be published for the same interval;
+    ``rank`` 0 is the one the tracker stands behind. The complex slow-time amplitude is the
+    flicker's, relative to ``exp(j·2π·carrier_hz·t)`` on the stream clock: its phase is what phase
+    matching follows, its size what idle estimation compares between lines.
+    """
+
+    header: Header = field(1, "", None)
+    method: str = field(2, "name of the estimator", "")
+    rank: int = field(3, "0 for the tracker's own choice, 1 … for other hypotheses", 0)
+    nominal_hz: float = field(4, "nominal grid frequency, 50 or 60", float("nan"))
+    harmonic: int = field(5, "harmonic k of the illumination frequency, from 1", 1)
+    line_m: int = field(6, "line k·f0 + m·F_r of the row-concatenated spectrum (paper Eq. 20)", 0)
+    line_hz: float = field(7, "nominal position of that line", float("nan"))
+    idle_ratio: float = field(
+        8, "idle hypothesis, 0 to 1; NaN when the method makes none", float("nan")
+    )
+    origin_pts_ns: int = field(9, "stream clock of the epoch's first frame", 0)
+    start_pts_ns: int = field(10, "stream clock at the start of the interval covered", 0)
+    end_pts_ns: int = field(11, "stream clock at its end", 0)
+    frame_rate_hz: float = field(12, "measured over the interval", float("nan"))
+    enf_hz: float = field(
+        13, "electric network frequency on the camera's clock; NaN for none", float("nan")
+    )
+    enf_var_hz2: float = field(14, "variance of enf_hz about the grid's 1 s mean", float("nan"))
+    snr_db: float = field(15, "line power over noise power in the window", float("nan"))
+    usable: bool = field(16, "whether the estimate may be used", False)
+    reason: str = field(17, "why not usable; empty when usable", "")
+    carrier_hz: float = field(18, "frequency that the amplitudes are relative to", float("nan"))
+    points: int = field(19, "number of slow-time amplitudes", 0)
+    amplitude_pts_ns: Int64Array = field(
+        20, "stream clock at the centre of each", wire="sfixed64", shape=("points",)
+    )
+    amplitude_re: FloatArray = field(21, "real part, levels", wire="double", shape=("points",))
+    amplitude_im: FloatArray = field(22, "imaginary part, levels", wire="double", shape=("points",))
+    amplitude_var_re: FloatArray = field(
+        23, "variance of the real part, levels²", wire="double", shape=("points",)
+    )
+    amplitude_var_im: FloatArray = field(
+        24, "variance of the imaginary part, levels²", wire="double", shape=("points",)
+    )
+    amplitude_cov: FloatArray = field(
+        25, "covariance of the two, levels²", wire="double", shape=("points",)
+    )
+
+    @property
+    def t_s(self) -> float:
+        """Centre of the interval, in seconds from the first frame."""
+        return ((self.start_pts_ns + self.end_pts_ns) / 2 - self.origin_pts_ns) / 1e9

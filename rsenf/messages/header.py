@@ -1,0 +1,43 @@
+"""The header that every message carries: who, which, when."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from enum import IntEnum
+
+from rsenf.messages.schema import field, message
+
+
+class Mark(IntEnum):
+    """What a message marks in its stream. BEGIN and END carry no data of their own."""
+
+    DATA = 0
+    BEGIN = 1
+    END = 2
+
+
+@message(version=1)
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Header:
+    """Who sent it, its place in the stream, the three clocks, and the frames it covers."""
+
+    run_id: str = field(1, "identity of the run that made it; not part of the content", "")
+    source: str = field(2, "<site>/<camera>, or reference/<grid>", "")
+    epoch: int = field(3, "counts restarts of the source: loop, seek, reconnection", 0)
+    seq: int = field(4, "counts the messages of this topic within the epoch, from 0", 0)
+    mark: int = field(5, "0 data, 1 the stream begins, 2 the stream has ended", Mark.DATA)
+    frame_first: int = field(6, "first frame covered, counted from 0; -1 for none", -1)
+    frame_last: int = field(7, "last frame covered, inclusive; -1 for none", -1)
+    pts_ns: int = field(8, "stream clock at the start of what is covered", 0)
+    camera_time_ns: int = field(9, "camera's wall clock then, UTC since 1970; 0 is unknown", 0)
+    arrival_time_ns: int = field(10, "this host's clock at arrival; not part of the content", 0)
+
+    def numbered(self, seq: int, mark: Mark = Mark.DATA) -> Header:
+        """Return the same header as the ``seq``-th message of another topic."""
+        return dataclasses.replace(self, seq=seq, mark=int(mark))
+
+    @property
+    def is_end(self) -> bool:
+        """Whether the stream of this topic and epoch has ended with this message."""
+        return self.mark == Mark.END

@@ -1,0 +1,31 @@
+"""The share of each frame in which the sensor reads nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rsenf.messages.header import Header
+from rsenf.messages.schema import field, message
+
+NAN = float("nan")
+
+
+@message(version=1)
+@dataclass(frozen=True, kw_only=True, slots=True)
+class IdleEstimate:
+    """Idle ratio of the camera from everything seen so far in the epoch."""
+
+    header: Header = field(1, "", None)
+    method: str = field(2, "name of the estimator", "")
+    verdict: str = field(3, "'estimated', 'ambiguous', 'no_signal' or 'refused'", "no_signal")
+    reason: str = field(4, "why ambiguous or refused; empty otherwise", "")
+    idle_ratio: float = field(5, "0 to 1; NaN for none", NAN)
+    idle_ratio_var: float = field(6, "its variance", NAN)
+    idle_ratio_low: float = field(7, "lower end of the 95 % interval", NAN)
+    idle_ratio_high: float = field(8, "upper end of the 95 % interval", NAN)
+    read_out_time_s: float = field(9, "time from the first row to the last and one more", NAN)
+    read_out_time_var_s2: float = field(10, "its variance", NAN)
+    direction: str = field(11, "'forward', 'reverse' or '' when not told apart", "")
+    frame_rate_hz: float = field(12, "measured", NAN)
+    nominal_hz: float = field(13, "50 or 60", NAN)
+    warnings: tuple[str, ...] = field(14, "what a reader should know", ())

@@ -1,0 +1,225 @@
+"""How a message class becomes a Protobuf schema, and bytes.
+
+A message is a frozen dataclass whose fields carry their number, unit and shape. From it this
+module derives, once, two Protobuf descriptors of the *same wire form*:
+
+* the published one, in which an array is ``repeated float x``, embedded in every recording;
+* its private twin, in which the array is ``bytes x``: packed fixed-width numbers and a byte
+  string are identical on the wire, and NumPy fills the second eighty times faster.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import types
+import typing
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.errors import SchemaMismatch
+
+PACKAGE = "rsenf"
+PROTO_FILE = "rsenf.proto"
+
+FloatArray = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+Int64Array = NDArray[np.int64]
+UInt32Array = NDArray[np.uint32]
+
+# Wire type of an array -> its element type, little-endian and of fixed width, so that the packed
+# form is the memory of the array.
+_ARRAYS = {"float": "<f4", "double": "<f8", "sfixed64": "<i8", "fixed32": "<u4"}
+_SCALARS = {int: "int64", float: "double", str: "string", bytes: "bytes", bool: "bool"}
+
+M = TypeVar("M")
+_registry: dict[str, type[Any]] = {}
+
+
+def field(
+    number: int, doc: str, default: Any = None, *, wire: str = "", shape: tuple[str, ...] = ()
+) -> Any:
+    """Declare a field: its number on the wire, what it means, and its unit in its name.
+
+    Parameters
+    ----------
+    number : int
+        Protobuf field number; never reused once published.
+    doc : str
+        What it is, for the published schema.
+    default : object, optional
+        Value when not given; for an array, an empty one.
+    wire : str, optional
+        Protobuf type, where it isn't the natural one of the annotation.
+    shape : tuple of str, optional
+        For an array: the sibling fields that hold its dimensions.
+    """
+    meta = {"number": number, "doc": doc, "wire": wire, "shape": shape}
+    if wire in _ARRAYS:
+        return dataclasses.field(
+            default_factory=functools.partial(np.empty, (0,) * max(len(shape), 1), _ARRAYS[wire]),
+            metadata=meta,
+        )
+    return dataclasses.field(default=default, metadata=meta)
+
+
+def message(*, version: int) -> Callable[[type[M]], type[M]]:
+    """Register a dataclass as a message with a schema version."""
+
+    def register(cls: type[M]) -> type[M]:
+        _registry[cls.__name__] = cls
+        cls.VERSION = version  # type: ignore[attr-defined]
+        return cls
+
+    return register
+
+
+def message_classes() -> dict[str, type[Any]]:
+    """Every message class by its unqualified name, in order of definition."""
+    return dict(_registry)
+
+
+@dataclasses.dataclass(frozen=True)
+class FieldSpec:
+    """One field as the wire sees it."""
+
+    name: str
+    number: int
+    doc: str
+    wire: str  # a Protobuf scalar type, or the name of another message
+    kind: str  # "scalar", "array", "message", "repeated"
+    shape: tuple[str, ...]
+
+
+@functools.cache
+def field_specs(cls: Any) -> tuple[FieldSpec, ...]:
+    """Return the wire fields of a message class."""
+    hints = typing.get_type_hints(cls)
+    # A field without metadata lives only in this process (a frame's luma plane).
+    return tuple(_spec(f, hints[f.name]) for f in dataclasses.fields(cls) if f.metadata)
+
+
+def _spec(f: dataclasses.Field[Any], hint: Any) -> FieldSpec:
+    meta, wire, kind = f.metadata, f.metadata["wire"], "scalar"
+    if wire in _ARRAYS:
+        kind = "array"
+    elif typing.get_origin(hint) is tuple:
+        kind, inner = "repeated", typing.get_args(hint)[0]
+        wire = _SCALARS.get(inner, inner.__name__)
+    elif not wire:
+        inner = _without_none(hint)
+        kind = "scalar" if inner in _SCALARS else "message"
+        wire = _SCALARS.get(inner, inner.__name__)
+    return FieldSpec(f.name, meta["number"], meta["doc"], wire, kind, meta["shape"])
+
+
+def _without_none(hint: Any) -> Any:
+    if isinstance(hint, types.UnionType):
+        return next(a for a in typing.get_args(hint) if a is not type(None))
+    return hint
+
+
+def file_descriptor(*, twin: bool = False) -> Any:
+    """Describe every message as a ``FileDescriptorProto``: the published form, or its fast twin."""
+    from google.protobuf import descriptor_pb2
+
+    out = descriptor_pb2.FileDescriptorProto(
+        name=("twin_" if twin else "") + PROTO_FILE,
+        package=PACKAGE + (".twin" if twin else ""),
+        syntax="proto3",
+    )
+    kinds = descriptor_pb2.FieldDescriptorProto
+    for cls in _registry.values():
+        described = out.message_type.add(name=cls.__name__)
+        for spec in field_specs(cls):
+            wire = "bytes" if twin and spec.kind == "array" else spec.wire
+            many = spec.kind == "repeated" or (spec.kind == "array" and not twin)
+            made = described.field.add(
+                name=spec.name,
+                number=spec.number,
+                label=kinds.LABEL_REPEATED if many else kinds.LABEL_OPTIONAL,
+            )
+            if wire in _registry:
+                made.type, made.type_name = kinds.TYPE_MESSAGE, f".{out.package}.{wire}"
+            else:
+                made.type = getattr(kinds, f"TYPE_{wire.upper()}")
+    return out
+
+
+@functools.cache
+def _twin_classes() -> dict[str, Any]:
+    from google.protobuf import descriptor_pool, message_factory
+
+    pool = descriptor_pool.DescriptorPool()
+    pool.AddSerializedFile(file_descriptor(twin=True).SerializeToString())
+    package = PACKAGE + ".twin"
+    return {
+        name: message_factory.GetMessageClass(pool.FindMessageTypeByName(f"{package}.{name}"))
+        for name in _registry
+    }
+
+
+def twin_class(cls: type[Any]) -> Any:
+    """Protobuf class of the fast twin of a message class."""
+    return _twin_classes()[cls.__name__]
+
+
+def to_wire(msg: Any) -> Any:
+    """Turn a message into its Protobuf twin, ready to serialise."""
+    values: dict[str, Any] = {}
+    for spec in field_specs(type(msg)):
+        value = getattr(msg, spec.name)
+        if spec.kind == "array":
+            value = _array_bytes(msg, spec, value)
+        elif spec.kind == "message":
+            value = None if value is None else to_wire(value)
+        elif spec.kind == "repeated" and spec.wire in _registry:
+            value = [to_wire(v) for v in value]
+        values[spec.name] = value
+    return twin_class(type(msg))(**values)
+
+
+def _array_bytes(msg: Any, spec: FieldSpec, value: NDArray[Any]) -> bytes:
+    dims = tuple(getattr(msg, name) for name in spec.shape)
+    if value.size and dims and value.shape != dims:
+        raise ValueError(f"{type(msg).__name__}.{spec.name}: shape {value.shape}, not {dims}")
+    return np.ascontiguousarray(value, _ARRAYS[spec.wire]).tobytes()
+
+
+def from_wire(cls: type[M], wire: Any) -> M:
+    """Turn a parsed Protobuf twin into the message, checking every array against its shape.
+
+    Raises
+    ------
+    SchemaMismatch
+        When an array's length isn't the product of its dimensions.
+    """
+    values: dict[str, Any] = {}
+    for spec in field_specs(cls):
+        value = getattr(wire, spec.name)
+        if spec.kind == "array":
+            value = _shaped(cls, wire, spec, value)
+        elif spec.kind == "message":
+            nested = _registry[spec.wire]
+            value = from_wire(nested, value) if wire.HasField(spec.name) else None
+        elif spec.kind == "repeated":
+            nested_cls = _registry.get(spec.wire)
+            value = tuple(from_wire(nested_cls, v) if nested_cls else v for v in value)
+        values[spec.name] = value
+    return cls(**values)
+
+
+def _shaped(cls: type[Any], wire: Any, spec: FieldSpec, raw: bytes) -> NDArray[Any]:
+    dtype = np.dtype(_ARRAYS[spec.wire])
+    dims = tuple(int(getattr(wire, name)) for name in spec.shape)
+    if not raw:
+        return np.empty((0,) * max(len(dims), 1), dtype)
+    if not dims and len(raw) % dtype.itemsize == 0:
+        return np.frombuffer(raw, dtype)
+    if math.prod(dims) * dtype.itemsize != len(raw):
+        raise SchemaMismatch(f"{cls.__name__}.{spec.name}: {len(raw)} bytes don't fill {dims}")
+    return np.frombuffer(raw, dtype).reshape(dims)

@@ -1,0 +1,77 @@
+"""What monitoring and discovery conclude: liveness, alarms, and missing effects by name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rsenf.messages.header import Header
+from rsenf.messages.schema import FloatArray, field, message
+
+NAN = float("nan")
+
+
+@message(version=1)
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Liveness:
+    """Whether a feed follows the grid now."""
+
+    header: Header = field(1, "", None)
+    verdict: str = field(2, "'live', 'stale', 'frozen', 'no_signal' or 'undecided'", "undecided")
+    since_ns: int = field(3, "host's clock when this verdict began", 0)
+    lag_s: float = field(4, "age of the picture by its flicker", NAN)
+    lag_std_s: float = field(5, "its standard error", NAN)
+    clock_ppm: float = field(6, "camera's clock error; positive is fast", NAN)
+    clock_std_ppm: float = field(7, "its standard error", NAN)
+    log10_lr: float = field(8, "for live against not live", NAN)
+    origin_utc_ns: int = field(9, "stale: when the picture was taken, if found; 0 is unknown", 0)
+    evidence: str = field(10, "in words", "")
+
+
+@message(version=1)
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Alarm:
+    """Something happened that a person should see."""
+
+    header: Header = field(1, "", None)
+    kind: str = field(2, "'phase_jump', 'loop', 'idle_changed', 'light_changed', 'lost', …", "")
+    severity: str = field(3, "'info', 'warning' or 'alarm'", "warning")
+    active: bool = field(4, "False when it has ended", True)
+    start_pts_ns: int = field(5, "stream clock where it began", 0)
+    end_pts_ns: int = field(6, "stream clock where it ended; equal to the start for an instant", 0)
+    value: float = field(7, "the quantity that tripped it", NAN)
+    limit: float = field(8, "its limit", NAN)
+    unit: str = field(9, "unit of value and limit", "")
+    text: str = field(10, "one line for a person", "")
+
+
+@message(version=1)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class FoundEffect:
+    """An effect that the data supports, or the class of those it can't tell apart."""
+
+    name: str = field(1, "effect's name; empty when only the class is known", "")
+    members: tuple[str, ...] = field(2, "the class, when the data can't tell them apart", ())
+    parameter_names: tuple[str, ...] = field(3, "names with units", ())
+    parameters: FloatArray = field(4, "their values, in the order of the names", wire="double")
+    parameter_std: FloatArray = field(5, "their standard errors", wire="double")
+    gap_before: float = field(6, "held-out gap without it", NAN)
+    gap_after: float = field(7, "held-out gap with it", NAN)
+    evidence: float = field(8, "held-out gain over its limit", NAN)
+
+
+@message(version=1)
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DiscoveryVerdict:
+    """Where the model and the data disagree, and what is missing."""
+
+    header: Header = field(1, "", None)
+    verdict: str = field(2, "'no_discrepancy', 'explained' or 'unexplained'", "")
+    effects: tuple[FoundEffect, ...] = field(3, "added to the model, in order", ())
+    gap_before: float = field(4, "held-out, with the model given", NAN)
+    gap_after: float = field(5, "held-out, with the model found", NAN)
+    gap_floor: float = field(6, "gap of data simulated from the model found", NAN)
+    gap_stderr: float = field(7, "standard error of the shrinkage", NAN)
+    unexplained_freq_hz: float = field(8, "where the rest is strongest; NaN for nothing", NAN)
+    unexplained_ratio: float = field(9, "share of the gap that is left", NAN)
+    unexplained_text: str = field(10, "what the rest looks like, and what would tell", "")
+    model_yaml: str = field(11, "the model found, as a model file", "")

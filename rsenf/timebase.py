@@ -1,0 +1,53 @@
+"""The three clocks of a recording, and the time of a row.
+
+A frame has up to three times, all in integer nanoseconds:
+
+``pts_ns``
+    The stream's presentation clock: exact, from the container or the RTP packets, zero wherever
+    the stream put it. All signal processing uses this clock and no other.
+``camera_time_ns``
+    The camera's wall clock (UTC since 1970), where the stream reveals it; 0 is "unknown".
+``arrival_time_ns``
+    This host's wall clock when the frame arrived; it differs from run to run.
+
+Within a frame the rows follow each other: row ``l`` begins ``l`` line times after row 0.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+NS_PER_S = 1_000_000_000
+
+
+def pts_to_ns(pts: int, time_base: Fraction) -> int:
+    """Presentation time in ns, rounded to the nearest, without passing through floats.
+
+    Parameters
+    ----------
+    pts : int
+        Presentation time in ticks.
+    time_base : Fraction
+        Seconds per tick, for example 1/90000 or 1001/30000.
+    """
+    numerator = 2 * pts * time_base.numerator * NS_PER_S + time_base.denominator
+    return numerator // (2 * time_base.denominator)
+
+
+def seconds(t_ns: int) -> float:
+    """Nanoseconds as seconds."""
+    return t_ns / NS_PER_S
+
+
+def nanoseconds(t_s: float) -> int:
+    """Seconds as nanoseconds, rounded to the nearest."""
+    return round(t_s * NS_PER_S)
+
+
+def row_time_s(frame_time_s: float, row: int, rows: int, read_out_time_s: float) -> float:
+    """Start of exposure of a row, relative to a rolling shutter's row 0.
+
+    ``T_n + l · T_ro / L`` in the notation of the paper's Section III, where
+    ``T_ro = (1 − ρ) / F_r`` for an idle ratio ``ρ``.
+    """
+    return frame_time_s + row * read_out_time_s / rows
