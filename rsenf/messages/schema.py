@@ -38,6 +38,7 @@ _SCALARS = {int: "int64", float: "double", str: "string", bytes: "bytes", bool: 
 
 M = TypeVar("M")
 _registry: dict[str, type[Any]] = {}
+_specs: dict[type[Any], tuple[FieldSpec, ...]] = {}
 
 
 def field(
@@ -72,7 +73,7 @@ def message(*, version: int) -> Callable[[type[M]], type[M]]:
 
     def register(cls: type[M]) -> type[M]:
         _registry[cls.__name__] = cls
-        cls.VERSION = version  # type: ignore[attr-defined]
+        cls.VERSION = version  # type: ignore[attr-defined]  # read back as type[Any]
         return cls
 
     return register
@@ -95,12 +96,15 @@ class FieldSpec:
     shape: tuple[str, ...]
 
 
-@functools.cache
-def field_specs(cls: Any) -> tuple[FieldSpec, ...]:
+def field_specs(cls: type[Any]) -> tuple[FieldSpec, ...]:
     """Return the wire fields of a message class."""
-    hints = typing.get_type_hints(cls)
-    # A field without metadata lives only in this process (a frame's luma plane).
-    return tuple(_spec(f, hints[f.name]) for f in dataclasses.fields(cls) if f.metadata)
+    specs = _specs.get(cls)
+    if specs is None:
+        hints = typing.get_type_hints(cls)
+        # A field without metadata lives only in this process (a frame's luma plane).
+        specs = tuple(_spec(f, hints[f.name]) for f in dataclasses.fields(cls) if f.metadata)
+        _specs[cls] = specs
+    return specs
 
 
 def _spec(f: dataclasses.Field[Any], hint: Any) -> FieldSpec:
