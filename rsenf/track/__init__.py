@@ -1,1 +1,28 @@
-"""."""
+"""Track: from row blocks to ENF estimates, by a method chosen by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rsenf.errors import UsageError
+from rsenf.stage import Stage
+from rsenf.track.settings import TrackSettings
+from rsenf.track.stft import StftTracker
+
+METHODS: dict[str, Callable[[TrackSettings], Stage]] = {"stft": StftTracker}
+
+
+def make_tracker(settings: TrackSettings) -> Stage:
+    """Build the estimator that the settings name.
+
+    Raises
+    ------
+    UsageError
+        When there is no method of that name.
+    """
+    if settings.method not in METHODS:
+        raise UsageError(f"no ENF method {settings.method!r}", f"one of {', '.join(METHODS)}")
+    return METHODS[settings.method](settings)
+
+
+__all__ = ["METHODS", "TrackSettings", "make_tracker"]

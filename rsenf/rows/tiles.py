@@ -1,0 +1,65 @@
+"""Sums of a luma plane over tiles: the one pass over the pixels that everything else rests on.
+
+The plane is cut across the read-out axis into a few tiles; every row (the paper's Section III-A
+unit of sampling) gets one sum per tile. Strips, row means and the steady mask are all made from
+these sums, so the mask costs no second pass over the picture.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.messages.schema import Float32Array
+
+# Threads inside OpenCV fight the decoder's for the same cores, and these sums are limited by
+# memory, not by arithmetic.
+cv2.setNumThreads(1)
+
+
+def tile_edges(width_px: int, tiles: int) -> tuple[int, ...]:
+    """Return the ``tiles + 1`` column indices that cut ``width_px`` as evenly as can be."""
+    return tuple(round(i * width_px / tiles) for i in range(tiles + 1))
+
+
+def tile_sums(luma: NDArray[np.uint8], axis: str, tiles: int) -> Float32Array:
+    """Sum the luma of every row over each tile.
+
+    Parameters
+    ----------
+    luma : ndarray of uint8, shape (height_px, width_px)
+        Luma plane; lines may be padded (any stride along the rows).
+    axis : {'rows', 'columns'}
+        Direction in which the sensor is read out: 'rows' top to bottom.
+    tiles : int
+        Tiles across that axis.
+
+    Returns
+    -------
+    ndarray of float32, shape (rows, tiles)
+        Exact: a tile would have to be 65 000 pixels wide to exceed float32's integers.
+    """
+    if axis == "columns":
+        edges = tile_edges(luma.shape[0], tiles)
+        parts = [_reduce(luma[a:b], 0) for a, b in itertools.pairwise(edges)]
+    else:
+        edges = tile_edges(luma.shape[1], tiles)
+        parts = [_reduce(luma[:, a:b], 1) for a, b in itertools.pairwise(edges)]
+    return np.stack(parts, axis=1)
+
+
+def tile_pixels(
+    height_px: int, width_px: int, axis: str, tiles: int
+) -> tuple[int, NDArray[np.int64]]:
+    """Return the number of rows along the read-out axis, and the pixels a row has in each tile."""
+    rows, across = (width_px, height_px) if axis == "columns" else (height_px, width_px)
+    edges = np.array(tile_edges(across, tiles), np.int64)
+    return rows, edges[1:] - edges[:-1]
+
+
+def _reduce(part: NDArray[np.uint8], dim: int) -> Float32Array:
+    # 255 · 65 793 < 2^24: float32 holds every partial sum exactly, and cv2 sums it fastest.
+    return np.asarray(cv2.reduce(part, dim, cv2.REDUCE_SUM, dtype=cv2.CV_32F)).reshape(-1)

@@ -1,0 +1,51 @@
+"""What an ENF tracker may be told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rsenf.errors import UsageError
+
+
+@dataclass(frozen=True)
+class TrackSettings:
+    """Settings that every ENF method understands.
+
+    Parameters
+    ----------
+    method : str
+        Name of the estimator.
+    nominal_hz : float, optional
+        50 or 60; found from the data when not given.
+    harmonic : int
+        Harmonic of the illumination frequency.
+    line_m : int, optional
+        Line ``k·f_0 + m·F_r`` to follow; the strongest when not given.
+    window_s, hop_s : float
+        Length of the window and time between values.
+    search_hz : float
+        Half-width of the band searched, as a deviation of the grid's frequency.
+    min_snr : float
+        Line power over noise power in a resolution cell, below which there is no signal. Noise
+        alone exceeds 40 in about one window of 10^13 per line.
+    max_std_hz : float
+        Standard error above which an estimate is of no use.
+    """
+
+    method: str = "stft"
+    nominal_hz: float | None = None
+    harmonic: int = 1
+    line_m: int | None = None
+    window_s: float = 20.0
+    hop_s: float = 1.0
+    search_hz: float = 0.5
+    min_snr: float = 40.0
+    max_std_hz: float = 0.02
+
+    def __post_init__(self) -> None:
+        if self.nominal_hz not in (None, 50.0, 60.0):
+            raise UsageError(f"nominal frequency {self.nominal_hz} Hz: 50 or 60")
+        if not 1 <= self.harmonic <= 3:
+            raise UsageError(f"harmonic {self.harmonic}: 1, 2 or 3")
+        if not 0 < self.hop_s <= self.window_s:
+            raise UsageError(f"hop of {self.hop_s} s with a window of {self.window_s} s")

@@ -1,0 +1,81 @@
+"""The last seconds of slow-time values: a bounded buffer that knows exact frame times."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.messages import RowBlock
+from rsenf.timebase import NS_PER_S
+
+
+class SlowTime:
+    """Slow-time values of several lines, with frame times, numbers and usability.
+
+    Rows are appended block by block and forgotten from the front; storage doubles when needed and
+    never shrinks below one window.
+    """
+
+    def __init__(self, lines: int, origin_ns: int) -> None:
+        self.origin_ns = origin_ns
+        self._start, self._stop = 0, 0
+        self._t_s = np.empty(1024)
+        self._number = np.empty(1024, np.int64)
+        self._usable = np.empty(1024, bool)
+        self._value = np.empty((1024, lines), np.complex128)
+
+    def append(self, block: RowBlock, value: NDArray[np.complex128]) -> None:
+        """Add one value per frame and line, shape (frames, lines)."""
+        self._make_room(block.frames)
+        new = slice(self._stop, self._stop + block.frames)
+        self._t_s[new] = (block.frame_pts_ns - self.origin_ns) / NS_PER_S
+        self._number[new] = block.frame_number
+        self._usable[new] = block.usable
+        self._value[new] = value
+        self._stop = new.stop
+
+    def _make_room(self, frames: int) -> None:
+        if self._stop + frames <= self._t_s.size:
+            return
+        kept = self._stop - self._start
+        size = max(self._t_s.size, 2 * (kept + frames))
+        for name in ("_t_s", "_number", "_usable", "_value"):
+            old = getattr(self, name)
+            new = np.empty((size, *old.shape[1:]), old.dtype)
+            new[:kept] = old[self._start : self._stop]
+            setattr(self, name, new)
+        self._start, self._stop = 0, kept
+
+    @property
+    def last_t_s(self) -> float:
+        """Time of the last frame since the first."""
+        return float(self._t_s[self._stop - 1]) if self._stop > self._start else -np.inf
+
+    def between(self, start_s: float, end_s: float) -> slice:
+        """Frames with ``start_s ≤ t < end_s``, as a slice for the accessors below."""
+        t = self._t_s[self._start : self._stop]
+        a, b = np.searchsorted(t, [start_s, end_s])
+        return slice(self._start + int(a), self._start + int(b))
+
+    def forget_before(self, t_s: float) -> None:
+        """Drop the frames before a time."""
+        self._start = self.between(-np.inf, t_s).stop
+
+    def times(self, part: slice) -> NDArray[np.float64]:
+        """Seconds since the first frame."""
+        return self._t_s[part]
+
+    def values(self, part: slice) -> NDArray[np.complex128]:
+        """Slow-time values, shape (frames, lines)."""
+        return self._value[part]
+
+    def usable_ratio(self, part: slice) -> float:
+        """Share of the frames whose rows are usable."""
+        return float(np.mean(self._usable[part])) if part.stop > part.start else 0.0
+
+    def frame_rate_hz(self, part: slice) -> float:
+        """Frames per second by exact times; frames that never came are counted by their number."""
+        if part.stop - part.start < 2:
+            return float("nan")
+        t, n = self._t_s[part], self._number[part]
+        return float((n[-1] - n[0]) / (t[-1] - t[0]))
