@@ -181,6 +181,11 @@ class StftTracker:
             return "too uncertain"
         return ""
 
+    def _meets_zero(self, window: _Window, rate_hz: float) -> bool:
+        """Whether 0 Hz lies in the band searched: slow changes of brightness look like a tone."""
+        alias_hz = (window.line.carrier_hz + rate_hz / 2) % rate_hz - rate_hz / 2
+        return bool(abs(alias_hz) <= self._finder.offsets_hz[-1])
+
     def _blank(self, buffer: SlowTime, start_s: float, end_s: float, rate_hz: float) -> EnfEstimate:
         assert self._header is not None
         start_ns, end_ns = (buffer.origin_ns + nanoseconds(t) for t in (start_s, end_s))
