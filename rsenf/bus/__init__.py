@@ -1,1 +1,1 @@
-"""."""
+"""Bus: how messages travel between processes and hosts."""
