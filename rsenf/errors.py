@@ -47,7 +47,7 @@ class RsenfError(Exception):
         return f"{self.message} ({self.hint})" if self.hint else self.message
 
 
-class UsageError(RsenfError):
+class UsageError(RsenfError, ValueError):
     """The command or one of its arguments can't be meant so."""
 
     exit_code = EXIT_USAGE

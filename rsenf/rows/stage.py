@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from rsenf.errors import UsageError
 from rsenf.messages import Frame, RowBlock
 from rsenf.messages.schema import Float32Array
+from rsenf.rows.settings import RowsSettings
 from rsenf.rows.steady import SteadyMask
 from rsenf.rows.tiles import tile_pixels, tile_sums
 
@@ -20,38 +20,6 @@ from rsenf.rows.tiles import tile_pixels, tile_sums
 MIN_STEADY_RATIO = 0.15
 MAX_CLIPPED_RATIO = 0.5
 BLACK_LEVEL, WHITE_LEVEL = 17.0, 250.0  # limited-range black is 16
-
-
-@dataclass(frozen=True)
-class RowsSettings:
-    """What the rows stage may be told.
-
-    Parameters
-    ----------
-    read_out_axis : {'rows', 'columns'}
-        'columns' for video that was rotated before it was coded.
-    block_frames : int
-        Frames in a block; blocks begin at multiples of it.
-    strips, tiles : int
-        Strips published, and tiles that the mask decides on; tiles is a multiple of strips.
-    mask : bool
-        Leave out what moves.
-    tile_means : bool
-        Publish tile means too.
-    """
-
-    read_out_axis: str = "rows"
-    block_frames: int = 8
-    strips: int = 2
-    tiles: int = 8
-    mask: bool = True
-    tile_means: bool = False
-
-    def __post_init__(self) -> None:
-        if self.read_out_axis not in ("rows", "columns"):
-            raise UsageError(f"read_out_axis {self.read_out_axis!r}: 'rows' or 'columns'")
-        if self.strips < 1 or self.tiles % self.strips:
-            raise UsageError(f"{self.tiles} tiles can't be shared out among {self.strips} strips")
 
 
 class Rows:

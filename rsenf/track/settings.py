@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from rsenf.errors import UsageError
 
@@ -31,6 +32,9 @@ class TrackSettings:
     max_std_hz : float
         Standard error above which an estimate is of no use.
     """
+
+    # Read by whoever validates a configuration file: a misspelt key is an error.
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     method: str = "stft"
     nominal_hz: float | None = None

@@ -1,0 +1,43 @@
+"""What the rows stage may be told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from rsenf.errors import UsageError
+
+
+@dataclass(frozen=True)
+class RowsSettings:
+    """Settings of the rows stage.
+
+    Parameters
+    ----------
+    read_out_axis : {'rows', 'columns'}
+        'columns' for video that was rotated before it was coded.
+    block_frames : int
+        Frames in a block; blocks begin at multiples of it.
+    strips, tiles : int
+        Strips published, and tiles that the mask decides on; tiles is a multiple of strips.
+    mask : bool
+        Leave out what moves.
+    tile_means : bool
+        Publish tile means too.
+    """
+
+    # Read by whoever validates a configuration file: a misspelt key is an error.
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
+
+    read_out_axis: str = "rows"
+    block_frames: int = 8
+    strips: int = 2
+    tiles: int = 8
+    mask: bool = True
+    tile_means: bool = False
+
+    def __post_init__(self) -> None:
+        if self.read_out_axis not in ("rows", "columns"):
+            raise UsageError(f"read_out_axis {self.read_out_axis!r}: 'rows' or 'columns'")
+        if self.strips < 1 or self.tiles % self.strips:
+            raise UsageError(f"{self.tiles} tiles can't be shared out among {self.strips} strips")
