@@ -1,0 +1,164 @@
+"""The MCAP container: records one after another, some of them packed into chunks.
+
+The ``mcap`` library's record classes say what a record looks like; this module finds where each
+one begins and ends, and never trusts a length that it hasn't compared with what is there. Format:
+https://mcap.dev/spec.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import zstandard
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.exceptions import EndOfFile, McapError
+from mcap.opcode import Opcode
+from mcap.records import Chunk
+from mcap.stream_reader import get_chunk_data_stream
+
+from rsenf.errors import InputError
+
+MAGIC = b"\x89MCAP0\r\n"
+HEAD = struct.Struct("<BQ")
+MESSAGE = struct.Struct("<HIQQ")
+LARGEST_CHUNK_BYTES = 1 << 28  # unpacked; writers make them of a few MB
+
+_READ = {int(code) for code in Opcode} - {int(Opcode.ATTACHMENT)}
+
+
+class DamagedError(Exception):
+    """A record whose content isn't what its kind says."""
+
+
+class Record(NamedTuple):
+    """One record: its kind, where it begins and ends, and its content."""
+
+    opcode: int
+    start: int
+    end: int
+    body: bytes
+
+
+class StoredMessage(NamedTuple):
+    """A message as the container knows it."""
+
+    channel_id: int
+    sequence: int
+    log_time_ns: int
+    publish_time_ns: int
+    data: bytes
+
+
+def check_magic(path: Path, stream: BinaryIO) -> None:
+    """Raise InputError unless the file begins as an MCAP file does."""
+    begin = stream.read(len(MAGIC))
+    if not begin:
+        raise InputError(f"{path}: the file is empty")
+    if begin != MAGIC:
+        raise InputError(f"{path}: not an MCAP recording")
+
+
+def walk(stream: BinaryIO, start: int, end: int) -> Iterator[Record]:
+    """Yield every complete record from ``start``, until one doesn't fit before ``end``.
+
+    Kinds that nothing here reads (attachments, private ones) come without their content.
+    """
+    stream.seek(start)
+    while start + HEAD.size <= end:
+        head = stream.read(HEAD.size)
+        if len(head) < HEAD.size:
+            return
+        opcode, length = HEAD.unpack(head)
+        stop = start + HEAD.size + length
+        if opcode == 0 or stop > end:  # 0 is no kind: zeros that a power cut left behind
+            return
+        if opcode in _READ:
+            body = stream.read(length)
+            if len(body) < length:
+                return
+        else:
+            body = b""
+            stream.seek(stop)
+        yield Record(opcode, start, stop, body)
+        start = stop
+
+
+def pack(record: Any) -> bytes:
+    """Serialise a record of the ``mcap`` library."""
+    builder = RecordBuilder()
+    record.write(builder)
+    return bytes(builder.end())
+
+
+def pack_message(message: StoredMessage) -> bytes:
+    """Serialise a message record."""
+    return b"".join(
+        (
+            HEAD.pack(Opcode.MESSAGE, MESSAGE.size + len(message.data)),
+            MESSAGE.pack(*message[:4]),
+            message.data,
+        )
+    )
+
+
+def unpack(kind: Any, body: bytes) -> Any:
+    """Parse a record's content with a record class of the ``mcap`` library.
+
+    Raises
+    ------
+    DamagedError
+        When it can't be parsed.
+    """
+    try:
+        return kind.read(ReadDataStream(BytesIO(body)))
+    except (struct.error, EndOfFile, UnicodeDecodeError) as exc:
+        raise DamagedError(f"a {kind.__name__} record that can't be parsed") from exc
+
+
+def unpack_message(body: bytes) -> StoredMessage:
+    """Parse a message record's content.
+
+    Raises
+    ------
+    DamagedError
+        When it is too short to be one.
+    """
+    if len(body) < MESSAGE.size:
+        raise DamagedError("a Message record that is too short")
+    return StoredMessage._make((*MESSAGE.unpack_from(body), body[MESSAGE.size :]))
+
+
+def unpack_chunk(body: bytes) -> bytes:
+    """Return the records inside a chunk, decompressed and checked against their checksum.
+
+    Raises
+    ------
+    DamagedError
+        When the chunk isn't what was written, or says it is implausibly large.
+    """
+    chunk = unpack(Chunk, body)
+    size = chunk.uncompressed_size
+    if size > LARGEST_CHUNK_BYTES or _claimed_size(chunk) not in (size, None):
+        raise DamagedError(f"a chunk that claims {size} bytes")
+    try:
+        stream, length = get_chunk_data_stream(chunk, validate_crc=True)
+    except (zstandard.ZstdError, ValueError, RuntimeError, MemoryError, McapError) as exc:
+        raise DamagedError("a chunk that can't be decompressed, or fails its checksum") from exc
+    if length != size:
+        raise DamagedError(f"a chunk of {length} bytes that claims {size}")
+    return bytes(stream.read(length))
+
+
+def _claimed_size(chunk: Any) -> int | None:
+    """Size that the compressed data itself announces, before anything is allocated for it."""
+    if chunk.compression != "zstd":
+        return len(chunk.data) if chunk.compression == "" else None
+    try:
+        claimed = zstandard.frame_content_size(chunk.data)
+    except zstandard.ZstdError as exc:
+        raise DamagedError("a chunk that can't be decompressed") from exc
+    return None if claimed < 0 else claimed

@@ -1,0 +1,105 @@
+"""From the records of a file to messages."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
+
+from rsenf.errors import SchemaMismatch
+from rsenf.messages import VideoPacket, class_for, decode, schema_name
+from rsenf.messages.codec import MEDIA_TYPE
+from rsenf.messages.schema import PACKAGE
+from rsenf.record import foxglove
+from rsenf.record.channels import COMPANION, VERSION
+from rsenf.record.container import Record, StoredMessage, unpack, unpack_message
+
+PACKETS = schema_name(VideoPacket)
+
+
+class Route(NamedTuple):
+    """Where the messages of a channel belong."""
+
+    topic: str
+    schema: str
+    version: str
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether the channel carries messages of rsenf."""
+        return self.schema.startswith(PACKAGE + ".")
+
+    @property
+    def is_picture(self) -> bool:
+        """Whether the channel carries the pictures of a video topic."""
+        return foxglove.knows(self.schema)
+
+
+def route_of(channel: Any, schema: str) -> Route:
+    """Route of a channel; pictures and packets of a video topic come under its one name."""
+    topic = channel.topic.removesuffix(COMPANION) if schema == PACKETS else channel.topic
+    return Route(topic, schema, channel.metadata.get(VERSION, ""))
+
+
+class Decoder:
+    """Takes a file's records in their order, and gives its messages.
+
+    Parameters
+    ----------
+    topics : frozenset of str, optional
+        Those wanted; all when not given.
+    """
+
+    def __init__(self, topics: frozenset[str] | None) -> None:
+        self._topics = topics
+        self._schemas: dict[int, str] = {}
+        self._routes: dict[int, Route] = {}
+        self._pictures: dict[str, tuple[str, StoredMessage]] = {}
+
+    def take(self, record: Record) -> tuple[str, Any, int] | None:
+        """Take a record; return topic, message and log time in ns when it completes a message.
+
+        Raises
+        ------
+        SchemaMismatch
+            When a message doesn't parse, or is of another version than this program's.
+        DamagedError
+            When the record isn't what it should be.
+        """
+        if record.opcode == Opcode.MESSAGE:
+            return self._message(record.body)
+        if record.opcode == Opcode.SCHEMA:
+            schema = unpack(Schema, record.body)
+            self._schemas[schema.id] = schema.name
+        elif record.opcode == Opcode.CHANNEL:
+            channel = unpack(Channel, record.body)
+            route = route_of(channel, self._schemas.get(channel.schema_id, ""))
+            wanted = self._topics is None or route.topic in self._topics
+            if wanted and (route.is_ours or route.is_picture):
+                self._routes[channel.id] = route
+        return None
+
+    def _message(self, body: bytes) -> tuple[str, Any, int] | None:
+        route = self._routes.get(int.from_bytes(body[:2], "little"))
+        if route is None:
+            return None
+        stored = unpack_message(body)
+        if route.is_picture:
+            self._pictures[route.topic] = (route.schema, stored)
+            return None
+        try:
+            message = decode(class_for(f"{MEDIA_TYPE};{route.schema}/{route.version}"), stored.data)
+            if isinstance(message, VideoPacket):
+                message = self._with_picture(route.topic, stored, message)
+        except SchemaMismatch as exc:
+            raise SchemaMismatch(f"topic {route.topic}: {exc.message}", exc.hint) from exc
+        return route.topic, message, stored.log_time_ns
+
+    def _with_picture(self, topic: str, stored: StoredMessage, packet: VideoPacket) -> VideoPacket:
+        schema, picture = self._pictures.pop(topic, ("", None))
+        if picture is None or packet.data or picture[1:3] != stored[1:3]:
+            return packet  # a mark, or a codec without a form of its own
+        data = foxglove.picture_data(schema, picture.data)
+        return dataclasses.replace(packet, data=data)

@@ -1,0 +1,93 @@
+"""Gives a file that broke off its end: what is whole is kept, the rest is cut off."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mcap.records import Metadata
+
+from rsenf.record.container import check_magic, pack
+from rsenf.record.index import BARE_TAIL, Index
+from rsenf.record.output import write_all
+from rsenf.record.scan import Contents
+from rsenf.record.summary import read_contents
+
+Notes = Callable[[Index], Mapping[str, str]]
+
+
+class Finished(NamedTuple):
+    """What is in a file that was finished."""
+
+    messages: int
+    size_bytes: int
+    cut_bytes: int  # what of the broken file wasn't whole
+
+
+def close_truncated(path: str | Path, name: str = "", notes: Notes | None = None) -> Finished:
+    """Finish a file that has no end, in its place: cut off what isn't whole, write index and end.
+
+    A file that has its end is left alone. Where the index doesn't fit on the disk, the file ends
+    without one, which is valid; where not even that fits, the last chunk gives way.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    name : str, optional
+        Name of a metadata record to add.
+    notes : callable, optional
+        Makes the content of that record from the index of what is in the file.
+
+    Raises
+    ------
+    InputError
+        When it isn't an MCAP file.
+    OSError
+        When it can't be written.
+    """
+    path = Path(path)
+    with open(path, "r+b", buffering=0) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        check_magic(path, stream)
+        contents = read_contents(stream, size)
+        if contents.complete:
+            return Finished(contents.index.messages, size, 0)
+        _write_end(stream, contents, _end(contents, name, notes))
+        finished_size = stream.tell()
+        kept = read_contents(stream, finished_size)
+        return Finished(kept.index.messages, finished_size, size - min(contents.end, size))
+
+
+def end_of_file(index: Index, offset: int, name: str, notes: Mapping[str, str]) -> bytes:
+    """Return a last metadata record, the summary and the footer, to be written at ``offset``."""
+    record = pack(Metadata(name=name, metadata=dict(notes)))
+    index.add_metadata(name, offset, len(record))
+    return record + index.tail(offset + len(record))
+
+
+def _end(contents: Contents, name: str, notes: Notes | None) -> bytes:
+    index, at = contents.index, contents.end + len(contents.missing_indexes)
+    end = end_of_file(index, at, name, notes(index)) if notes else index.tail(at)
+    return contents.missing_indexes + end
+
+
+def _write_end(stream: Any, contents: Contents, end: bytes) -> None:
+    attempts = [
+        (contents.end, end),
+        (contents.end, BARE_TAIL),
+        (contents.last_chunk_start, BARE_TAIL),
+    ]
+    for start, block in attempts:
+        stream.truncate(start)
+        stream.seek(start)
+        try:
+            write_all(stream, block)
+            os.fsync(stream.fileno())
+        except OSError:
+            if (start, block) == attempts[-1]:
+                raise
+        else:
+            return

@@ -1,0 +1,214 @@
+"""Reads a recording back as the messages that were recorded; one that broke off, too."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from mcap.opcode import Opcode
+
+from rsenf.errors import InputError, SchemaMismatch, UsageError
+from rsenf.record.chunk import Extent
+from rsenf.record.container import (
+    MAGIC,
+    DamagedError,
+    Record,
+    check_magic,
+    unpack_chunk,
+    walk,
+)
+from rsenf.record.decoder import PACKETS, Decoder, Route, route_of
+from rsenf.record.growing import ABOUT
+from rsenf.record.index import Index
+from rsenf.record.summary import read_contents
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic of a recording."""
+
+    name: str
+    schema: str
+    messages: int
+    first_ns: int
+    last_ns: int
+
+
+@dataclass
+class Loss:
+    """What of a recording can't be read.
+
+    Attributes
+    ----------
+    cut_bytes : int
+        Bytes after the last whole record of a file without an end.
+    damaged : int
+        Chunks and other records that aren't what was written, as far as was read.
+    rejected : int
+        Messages that didn't parse, in the latest tolerant reading.
+    """
+
+    cut_bytes: int = 0
+    damaged: int = 0
+    rejected: int = 0
+
+    def __bool__(self) -> bool:
+        return bool(self.cut_bytes or self.damaged or self.rejected)
+
+
+class Recording:
+    """A recording that exists.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    complete : bool
+        Whether the file has its end. Where it hasn't, all whole chunks are read.
+    metadata : dict of str to dict of str to str
+        Metadata records by name; later ones of a name add to the earlier.
+    topics : dict of str to Topic
+        What is in it. A video's pictures and packets count as one topic.
+    loss : Loss
+        What of it can't be read.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        with _open(self.path) as stream:
+            check_magic(self.path, stream)
+            size = os.fstat(stream.fileno()).st_size
+            contents = read_contents(stream, size)
+        self.complete = contents.complete
+        self.metadata = contents.metadata
+        self.topics = _topics(contents.index)
+        self.loss = Loss(
+            cut_bytes=0 if contents.complete else size - contents.end, damaged=contents.damaged
+        )
+
+    def messages(
+        self, topics: Collection[str] | None = None, *, tolerant: bool = False
+    ) -> Iterator[tuple[str, Any, int]]:
+        """Read messages in the order of their recording.
+
+        That order keeps a video's packets in the order of decoding, needs one chunk of memory,
+        and is the same for a file that broke off. Within a topic log times rise (but for B
+        frames); between topics they needn't.
+
+        Parameters
+        ----------
+        topics : collection of str, optional
+            Topics to read; all messages of rsenf when not given.
+        tolerant : bool
+            Whether to count what can't be read in ``loss`` and go on, rather than raise.
+
+        Yields
+        ------
+        topic : str
+        message : a class of :mod:`rsenf.messages`
+        log_time_ns : int
+
+        Raises
+        ------
+        UsageError
+            When there is no such topic, or it isn't of rsenf.
+        SchemaMismatch
+            When a message doesn't parse, or is of another version of its schema.
+        InputError
+            When a chunk is damaged.
+        """
+        wanted = None if topics is None else frozenset(map(self._known, topics))
+        return self._read(Decoder(wanted), tolerant)
+
+    def _known(self, topic: str) -> str:
+        found = self.topics.get(topic)
+        if found is None:
+            there = ", ".join(self.topics) or "none"
+            raise UsageError(f"{self.path}: no topic {topic!r}", f"its topics: {there}")
+        if not Route(topic, found.schema, "").is_ours:
+            raise UsageError(f"{self.path}: {topic!r} carries {found.schema}, which isn't rsenf's")
+        return topic
+
+    def _read(self, decoder: Decoder, tolerant: bool) -> Iterator[tuple[str, Any, int]]:
+        self.loss.damaged = self.loss.rejected = 0
+        with _open(self.path) as stream:
+            for record in walk(stream, len(MAGIC), os.fstat(stream.fileno()).st_size):
+                if record.opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                    return
+                for part in self._parts(record, tolerant):
+                    message = self._decoded(decoder, part, tolerant)
+                    if message is not None:
+                        yield message
+
+    def _parts(self, record: Record, tolerant: bool) -> Iterator[Record]:
+        if record.opcode != Opcode.CHUNK:
+            return iter((record,))
+        try:
+            data = unpack_chunk(record.body)
+        except DamagedError as exc:
+            self._refuse_damaged(exc, tolerant)
+            return iter(())
+        return walk(BytesIO(data), 0, len(data))
+
+    def _decoded(
+        self, decoder: Decoder, record: Record, tolerant: bool
+    ) -> tuple[str, Any, int] | None:
+        try:
+            return decoder.take(record)
+        except DamagedError as exc:
+            self._refuse_damaged(exc, tolerant)
+        except SchemaMismatch as exc:
+            if not tolerant:
+                made_by = self.metadata.get(ABOUT, {}).get("rsenf", "unknown")
+                hint = f"the recording was made by rsenf {made_by}"
+                raise SchemaMismatch(f"{self.path}: {exc.message}", hint) from exc
+            self.loss.rejected += 1
+        return None
+
+    def _refuse_damaged(self, exc: DamagedError, tolerant: bool) -> None:
+        if not tolerant:
+            raise InputError(f"{self.path}: damaged, {exc}") from exc
+        self.loss.damaged += 1
+
+
+def open_recording(path: str | Path) -> Recording:
+    """Open a recording.
+
+    Raises
+    ------
+    UsageError
+        When there is no such file.
+    InputError
+        When it can't be read, or isn't an MCAP file.
+    """
+    return Recording(path)
+
+
+def _open(path: Path) -> BinaryIO:
+    try:
+        return open(path, "rb")
+    except FileNotFoundError as exc:
+        raise UsageError(f"{path}: no such file") from exc
+    except IsADirectoryError as exc:
+        raise UsageError(f"{path}: this is a folder", "name a file in it") from exc
+    except OSError as exc:
+        raise InputError(f"{path}: {(exc.strerror or str(exc)).lower()}") from exc
+
+
+def _topics(index: Index) -> dict[str, Topic]:
+    """Topics in the order of their channels."""
+    names = {number: schema.name for number, schema in index.schemas.items()}
+    routes = {n: route_of(c, names.get(c.schema_id, "")) for n, c in index.channels.items()}
+    videos = {route.topic for route in routes.values() if route.schema == PACKETS}
+    found: dict[str, tuple[str, Extent]] = {}
+    for number, route in routes.items():
+        extent = index.extents.get(number)
+        if extent is None or (route.is_picture and route.topic in videos):
+            continue
+        _, others = found.get(route.topic, ("", None))
+        found[route.topic] = (route.schema, extent.joined(others))
+    return {topic: Topic(topic, schema, *extent) for topic, (schema, extent) in found.items()}

@@ -1,0 +1,105 @@
+"""Which sequence numbers of each topic came, came twice, or never came."""
+
+from __future__ import annotations
+
+import bisect
+from dataclasses import dataclass, field
+
+from rsenf.messages import Header
+
+KEPT_STREAMS = 32
+KEPT_GAPS = 4096
+
+
+class Numbers:
+    """A set of integers, as the ranges ``[start, stop)`` that it fills.
+
+    Of many gaps the oldest are forgotten: counted, and taken as filled.
+    """
+
+    def __init__(self) -> None:
+        self._starts: list[int] = []
+        self._stops: list[int] = []
+        self._forgotten = 0
+
+    def add(self, number: int) -> bool:
+        """Add a number; return whether it is new."""
+        starts, stops = self._starts, self._stops
+        at = bisect.bisect_right(starts, number)  # ranges before `at` start at or below it
+        if at and number < stops[at - 1]:
+            return False
+        joins_left = at > 0 and stops[at - 1] == number
+        joins_right = at < len(starts) and starts[at] == number + 1
+        if joins_left and joins_right:
+            stops[at - 1] = stops.pop(at)
+            starts.pop(at)
+        elif joins_left:
+            stops[at - 1] = number + 1
+        elif joins_right:
+            starts[at] = number
+        else:
+            starts.insert(at, number)
+            stops.insert(at, number + 1)
+            self._forget()
+        return True
+
+    def _forget(self) -> None:
+        if len(self._starts) > KEPT_GAPS + 1:
+            self._forgotten += self._starts.pop(1) - self._stops.pop(0)
+
+    @property
+    def first(self) -> int:
+        """Smallest number in the set."""
+        return self._starts[0]
+
+    def missing(self, start: int) -> int:
+        """Count the numbers from ``start`` to the largest that aren't in the set."""
+        held = sum(stop - begin for begin, stop in zip(self._starts, self._stops, strict=True))
+        return self._stops[-1] - min(start, self.first) - held + self._forgotten
+
+
+@dataclass
+class TopicTally:
+    """What came of one topic.
+
+    Attributes
+    ----------
+    messages : int
+        Messages taken.
+    duplicates : int
+        Messages that had come before.
+    joined_at : int
+        First number of the stream that was running when the recording began. What came before it
+        isn't missed: nobody was listening.
+    """
+
+    messages: int = 0
+    duplicates: int = 0
+    joined_at: int = 0
+    _settled: int = 0  # missed in streams that are no longer kept
+    _streams: dict[tuple[str, int], Numbers] = field(default_factory=dict)
+    _joined: tuple[str, int] | None = None
+
+    def take(self, header: Header) -> bool:
+        """Count a message; return whether it is new."""
+        stream = (header.run_id, header.epoch)
+        if self._joined is None:
+            self._joined = stream
+        numbers = self._streams.setdefault(stream, Numbers())
+        new = numbers.add(header.seq)
+        if stream == self._joined:
+            self.joined_at = numbers.first
+        self.messages += new
+        self.duplicates += not new
+        if len(self._streams) > KEPT_STREAMS:
+            oldest = next(iter(self._streams))
+            self._settled += self._missed_in(oldest, self._streams.pop(oldest))
+        return new
+
+    @property
+    def missed(self) -> int:
+        """Messages that never came, by the numbers of those that did."""
+        return self._settled + sum(self._missed_in(*item) for item in self._streams.items())
+
+    def _missed_in(self, stream: tuple[str, int], numbers: Numbers) -> int:
+        return numbers.missing(numbers.first if stream == self._joined else 0)

@@ -1,0 +1,219 @@
+"""Writes messages to an MCAP file that is readable up to its last moment, whatever happens."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from rsenf.errors import SchemaMismatch
+from rsenf.messages import Frame, Header, Mark, VideoPacket, decode, encode
+from rsenf.record.channels import Channels
+from rsenf.record.container import StoredMessage
+from rsenf.record.foxglove import to_foxglove
+from rsenf.record.growing import GrowingFile
+from rsenf.record.header import header_of
+from rsenf.record.index import Index
+from rsenf.record.provenance import program_facts
+from rsenf.record.tally import TopicTally
+from rsenf.record.timeline import Timeline
+from rsenf.timebase import NS_PER_S, nanoseconds
+
+
+class Recorder:
+    """A recording in the making. To be used from one thread.
+
+    What was written is in the file, and on the disk, at most ``flush_every_s`` later, provided
+    that :meth:`tick` is called while nothing comes. The file carries its final name from the
+    start; when the process is killed, all but the last moment can still be read.
+
+    Video packets are recorded in Foxglove's form, with a companion topic ``<topic>/index`` that
+    carries everything but the pictures; frames are recorded without their pixels.
+
+    Parameters
+    ----------
+    path : path
+        The file to write.
+    run_info : mapping
+        What is to be known about the run: its id, configuration, input. Without secrets.
+    clock_ns : callable
+        Wall clock, UTC since 1970, in ns.
+    flush_every_s : float
+        Longest time between two flushes.
+    fsync : bool
+        Whether a flush waits for the disk, so that a power cut costs no more than a kill.
+    compress : bool
+        Whether to compress with Zstandard.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Attributes
+    ----------
+    tallies : dict of str to TopicTally
+        Messages, duplicates and misses of each topic so far.
+
+    Raises
+    ------
+    UsageError
+        When the file exists, or its folder doesn't.
+    RecordingError
+        When nothing can be written there.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        run_info: Mapping[str, Any],
+        clock_ns: Callable[[], int],
+        flush_every_s: float = 0.5,
+        fsync: bool = True,
+        compress: bool = True,
+        overwrite: bool = False,
+    ) -> None:
+        self.path = Path(path)
+        self.tallies: dict[str, TopicTally] = {}
+        self._clock_ns = clock_ns
+        self._flush_every_ns = nanoseconds(flush_every_s)
+        self._timeline = Timeline(clock_ns)
+        now_ns = self._flushed_ns = clock_ns()
+        created = datetime.fromtimestamp(now_ns // NS_PER_S, UTC).isoformat()
+        self._file = GrowingFile(
+            self.path,
+            _strings({**program_facts(), "created_utc": created, **run_info}),
+            self._notes,
+            compress=compress,
+            fsync=fsync,
+            overwrite=overwrite,
+        )
+        self._channels = Channels(self._file.index, self._file.chunk)
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def write(self, topic: str, message: Any) -> bool:
+        """Record a message, unless its number says that it came before.
+
+        Returns
+        -------
+        bool
+            Whether it was new.
+
+        Raises
+        ------
+        SchemaMismatch
+            When the topic carries another kind of message, or the message has no header.
+        RecordingError
+            When the file can't take it; what was flushed before is safe, in a closed file.
+        """
+        if isinstance(message, Frame):
+            message = _without_pixels(message)
+        if not self._takes(topic, type(message), message.header):
+            return False
+        if isinstance(message, VideoPacket):
+            self._put_video(topic, message)
+        else:
+            self._put_message(topic, type(message), encode(message), message.header)
+        return True
+
+    def write_encoded(
+        self, topic: str, cls: type[Any], payload: bytes, header: Header | None = None
+    ) -> bool:
+        """Record a message as it came from the bus, reading no more of it than its header.
+
+        Frames and video packets, which are recorded in another form, are decoded.
+        Otherwise as :meth:`write`.
+        """
+        if cls in (Frame, VideoPacket):
+            return self.write(topic, decode(cls, payload))
+        header = header or header_of(payload)
+        if not self._takes(topic, cls, header):
+            return False
+        self._put_message(topic, cls, payload, header)
+        return True
+
+    def add_metadata(self, name: str, values: Mapping[str, Any]) -> None:
+        """Add a metadata record, at any time; values become strings."""
+        self._file.check_open()
+        self._file.add_metadata(name, _strings(values))
+
+    def tick(self) -> None:
+        """Flush if it is time to. To be called often while no messages come."""
+        since_ns = self._clock_ns() - self._flushed_ns
+        if not 0 <= since_ns < self._flush_every_ns:  # a clock set back counts as time to
+            self.flush()
+
+    def flush(self) -> None:
+        """Bring all that was written into the file, and onto the disk."""
+        self._file.check_open()
+        self._file.flush()
+        self._flushed_ns = self._clock_ns()
+
+    def close(self) -> None:
+        """Write the end of the file. Closing again, or after a failure, does nothing."""
+        self._file.close()
+
+    def _takes(self, topic: str, cls: type[Any], header: Header | None) -> bool:
+        self._file.check_open()
+        if header is None:
+            raise SchemaMismatch(f"{topic}: a {cls.__name__} without a header")
+        self._channels.check(topic, cls)
+        return self.tallies.setdefault(topic, TopicTally()).take(header)
+
+    def _put_message(self, topic: str, cls: type[Any], payload: bytes, header: Header) -> None:
+        log_time_ns = self._timeline.log_time_ns(cls, header)
+        self._put(self._channels.of_messages(topic, cls), payload, header, log_time_ns)
+        self._after_message()
+
+    def _put_video(self, topic: str, packet: VideoPacket) -> None:
+        header = packet.header
+        log_time_ns = self._timeline.log_time_ns(VideoPacket, header)
+        picture = to_foxglove(packet, log_time_ns) if header.mark == Mark.DATA else None
+        if picture is not None:
+            channel_id = self._channels.of_pictures(topic, picture.schema)
+            self._put(channel_id, picture.payload, header, log_time_ns)
+            packet = dataclasses.replace(packet, data=b"")
+        # The companion follows its picture within the same chunk: neither is there without the
+        # other, and a reader puts the two together again.
+        self._put(self._channels.of_packets(topic), encode(packet), header, log_time_ns)
+        self._after_message()
+
+    def _put(self, channel_id: int, payload: bytes, header: Header, log_time_ns: int) -> None:
+        arrival_ns = self._timeline.arrival_ns(header)
+        sequence = header.seq & 0xFFFFFFFF  # MCAP has room for 32 bits
+        self._file.chunk.add_message(
+            StoredMessage(channel_id, sequence, log_time_ns, arrival_ns, payload)
+        )
+
+    def _after_message(self) -> None:
+        self._file.cut_when_full()
+        self.tick()
+
+    def _notes(self, index: Index, reason: str) -> dict[str, str]:
+        notes = {"reason": reason}
+        for topic, count in index.topic_messages().items():
+            notes[f"messages {topic}"] = str(count)
+        for topic, tally in self.tallies.items():
+            notes[f"missed {topic}"] = str(tally.missed)
+            notes[f"duplicates {topic}"] = str(tally.duplicates)
+            notes[f"joined_at {topic}"] = str(tally.joined_at)
+        return notes
+
+
+def _strings(values: Mapping[str, Any]) -> dict[str, str]:
+    return {str(key): str(value) for key, value in values.items()}
+
+
+def _without_pixels(frame: Frame) -> Frame:
+    return dataclasses.replace(frame, ring="", ring_slot=0, ring_ticket=0, pixels=b"", luma=None)
