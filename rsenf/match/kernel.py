@@ -1,0 +1,82 @@
+"""What a windowed frequency estimate does to the grid's frequency: it averages it.
+
+The maximum of a windowed periodogram is, for the small phase wander of a grid, the slope of the
+weighted least-squares line through the phase ``φ(t)``::
+
+    f = ∫ w(t)·t·φ(t) dt / (2π ∫ w(t)·t² dt)
+
+(expand ``|∫ w exp(j(φ − ωt)) dt|²`` to second order in the phase: it falls with the weighted
+variance of ``φ − ωt``.) With ``φ = 2π∫f`` and one integration by parts this is an average of the
+instantaneous frequency, ``f = ∫ k(s)·f(s) ds``, whose weight is::
+
+    k(s) = ∫_s^∞ w(t)·t dt / ∫ w(t)·t² dt
+
+It is narrower than the window and bell-shaped, and averaging a reference by it makes the two
+comparable. A day of the continental grid differs from its own average under a 20 s Hann window
+by 1.5 mHz rms, most of what otherwise separates a clean estimate from the reference.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rsenf.messages.schema import FloatArray
+
+_FINE = 4096  # points of the numerical integral; its error is far below a reference's last digit
+
+
+def window_kernel(window_s: float, step_s: float) -> FloatArray:
+    """Weights with which an estimate under a Hann window averages a reference's samples.
+
+    Parameters
+    ----------
+    window_s : float
+        Length of the Hann window.
+    step_s : float
+        Time between the reference's samples, each a mean over its step.
+
+    Returns
+    -------
+    ndarray, odd length
+        Symmetric weights that sum to 1; the estimate is centred on the middle sample.
+    """
+    t = np.linspace(-window_s / 2, window_s / 2, _FINE + 1)
+    moment = np.cos(np.pi * t / window_s) ** 2 * t
+    rest = -_cumulative(moment, t)  # ∫_s^∞ w·t dt: the whole integral is zero
+    area = _cumulative(rest, t)
+    reach = int(np.floor((window_s / 2) / step_s + 0.5))
+    edges = (np.arange(-reach, reach + 2) - 0.5) * step_s
+    weights = np.diff(np.interp(edges, t, area))
+    return np.asarray(weights / weights.sum(), np.float64)
+
+
+def _cumulative(v: FloatArray, t: FloatArray) -> FloatArray:
+    """Running trapezoidal integral from the first point."""
+    return np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * np.diff(t))])
+
+
+def average(freq_hz: FloatArray, weights: FloatArray) -> FloatArray:
+    """Average a gappy series under symmetric weights.
+
+    Parameters
+    ----------
+    freq_hz : ndarray, shape (n,)
+        NaN in gaps.
+    weights : ndarray, odd length
+        Summing to 1.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        NaN wherever the weights reach into a gap or over an end: nothing is made up.
+    """
+    if freq_hz.size < weights.size:
+        return np.full(freq_hz.size, np.nan)
+    ok = np.isfinite(freq_hz)
+    level = float(freq_hz[ok].mean()) if ok.any() else 0.0
+    half = weights.size // 2
+    out = np.full(freq_hz.size, np.nan)
+    full = np.convolve(ok, np.ones(weights.size), "valid") > weights.size - 0.5
+    smooth = level + np.convolve(np.where(ok, freq_hz - level, 0.0), weights, "valid")
+    out[half : freq_hz.size - half] = np.where(full, smooth, np.nan)
+    return out

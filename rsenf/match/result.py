@@ -1,0 +1,119 @@
+"""From a finding to the message: absolute times, the claim, and what a reader should know."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from rsenf.match.matcher import Finding
+from rsenf.match.series import Grid, Track
+from rsenf.match.settings import MatchSettings
+from rsenf.messages import Header, MatchResult
+from rsenf.timebase import nanoseconds, seconds
+
+NAN = float("nan")
+UNUSUAL_CLOCK_PPM = 150.0
+HOUR_S = 3600.0
+LAST_ZONE_H = 14
+
+
+def claimed_lag_s(grid: Grid, claimed_utc_ns: int) -> float:
+    """Lag that a claimed start means; NaN without a claim or when the reference has no time."""
+    if not claimed_utc_ns or not grid.t0_ns:
+        return NAN
+    return seconds(claimed_utc_ns - grid.t0_ns)
+
+
+def result_of(
+    finding: Finding,
+    *,
+    header: Header,
+    method: str,
+    grid: Grid,
+    track: Track | None,
+    settings: MatchSettings,
+    claimed_utc_ns: int,
+    final: bool,
+) -> MatchResult:
+    """Put a finding into a message."""
+    claim_lag_s = claimed_lag_s(grid, claimed_utc_ns)
+    candidates = tuple(
+        dataclasses.replace(c, start_utc_ns=_start_ns(grid, c.lag_s)) for c in finding.candidates
+    )
+    return MatchResult(
+        header=header,
+        method=method,
+        grid=grid.name,
+        decision=finding.decision,
+        reason=finding.reason,
+        lag_s=finding.lag_s,
+        lag_std_s=finding.lag_std_s,
+        start_utc_ns=_start_ns(grid, finding.lag_s),
+        correlation=finding.correlation,
+        log10_lr=finding.log10_lr,
+        log10_lr_absent=finding.log10_lr_absent,
+        clock_ppm=finding.clock_ppm,
+        clock_std_ppm=finding.clock_std_ppm,
+        residual_std_hz=finding.residual_std_hz,
+        expected_std_hz=finding.expected_std_hz,
+        search_size=finding.search_size,
+        seconds_used=finding.seconds_used,
+        claim=_claim(finding, claim_lag_s, settings) if claimed_utc_ns else "",
+        claimed_utc_ns=claimed_utc_ns,
+        verbal=finding.verbal,
+        final=final,
+        candidates=candidates,
+        warnings=tuple(_warnings(finding, grid, track, claim_lag_s, claimed_utc_ns, settings)),
+    )
+
+
+def _start_ns(grid: Grid, lag_s: float) -> int:
+    return grid.t0_ns + nanoseconds(lag_s) if grid.t0_ns and not math.isnan(lag_s) else 0
+
+
+def _claim(finding: Finding, claim_lag_s: float, settings: MatchSettings) -> str:
+    """Supported by a match there; refuted by one elsewhere or by a misfit there."""
+    if math.isnan(claim_lag_s):
+        return "undecidable"
+    if finding.decision == "match":
+        near = abs(finding.lag_s - claim_lag_s) <= settings.tolerance_s
+        return "supported" if near else "refuted"
+    return "refuted" if finding.claim_fit < settings.min_fit else "undecidable"
+
+
+def _warnings(
+    finding: Finding,
+    grid: Grid,
+    track: Track | None,
+    claim_lag_s: float,
+    claimed_utc_ns: int,
+    settings: MatchSettings,
+) -> list[str]:
+    out = []
+    if claimed_utc_ns and not grid.t0_ns:
+        out.append("the reference's start time isn't known, so the claim can't be tested")
+    if finding.coverage_ratio < 0.995:
+        out.append(
+            f"{1 - finding.coverage_ratio:.1%} of the possible times fall into gaps of the "
+            "reference and could not be compared"
+        )
+    if track is None or math.isnan(finding.lag_s):
+        return out
+    missed_s = track.usable * track.hop_s - finding.seconds_used
+    if missed_s >= track.hop_s:
+        out.append(f"{missed_s:g} usable seconds of the clip have no reference at the best time")
+    if abs(finding.clock_ppm) > UNUSUAL_CLOCK_PPM:
+        out.append(f"a clock error of {finding.clock_ppm:.0f} ppm is unusual for a camera")
+    hours = _whole_hours(finding.lag_s - claim_lag_s, settings.tolerance_s)
+    if finding.decision == "match" and hours:
+        out.append(f"the claim is off by just {hours:+d} h: a time zone or daylight saving?")
+    return out
+
+
+def _whole_hours(difference_s: float, tolerance_s: float) -> int:
+    """Whole hours that a difference comes to, within a tolerance; 0 when it doesn't."""
+    if math.isnan(difference_s):
+        return 0
+    hours = round(difference_s / HOUR_S)
+    near = abs(difference_s - hours * HOUR_S) <= tolerance_s
+    return hours if near and abs(hours) <= LAST_ZONE_H else 0

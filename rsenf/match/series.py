@@ -1,0 +1,137 @@
+"""The two things compared, each on one uniform axis with holes: a clip's ENF and a reference."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rsenf.errors import UsageError
+from rsenf.messages import EnfEstimate, ReferenceBlock
+from rsenf.messages.schema import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """ENF estimates of one clip, value ``i`` centred at ``first_s + i·hop_s`` from its start.
+
+    ``enf_hz`` (n,) is NaN where there is no usable estimate; ``var_hz2`` (n,) is the estimates'
+    own variance about the grid's 1 s mean.
+    """
+
+    first_s: float
+    hop_s: float
+    window_s: float
+    enf_hz: FloatArray
+    var_hz2: FloatArray
+    nominal_hz: float
+
+    @property
+    def usable(self) -> int:
+        """How many values there are."""
+        return int(np.isfinite(self.enf_hz).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """A reference: sample ``k`` is the mean over ``[k, k + 1)·step_s`` from its start.
+
+    ``freq_hz`` (n,) is NaN in gaps; ``t0_ns`` is UTC since 1970 or 0 for unknown.
+    """
+
+    name: str
+    nominal_hz: float
+    t0_ns: int
+    step_s: float
+    freq_hz: FloatArray
+
+    @property
+    def duration_s(self) -> float:
+        """From the first sample's start to the last one's end."""
+        return self.freq_hz.size * self.step_s
+
+
+def track_of(estimates: Sequence[EnfEstimate]) -> Track:
+    """Put estimates on their uniform axis; a missing or unusable one leaves a hole.
+
+    The hop is the smallest usual distance of two estimates. Raises ``ValueError`` without any.
+    """
+    ordered = sorted(estimates, key=lambda e: e.start_pts_ns + e.end_pts_ns)
+    t_s = np.array([e.t_s for e in ordered])
+    steps = np.diff(t_s)
+    steps = steps[steps > 0]
+    # Whole milliseconds: frame times make a hop of one second a little uneven.
+    hop_s = max(round(float(np.median(steps)), 3), 1e-3) if steps.size else 1.0
+    index = np.rint((t_s - t_s[0]) / hop_s).astype(np.int64)
+    enf, var = (np.full(index[-1] + 1, np.nan) for _ in range(2))
+    good = np.array([e.usable and np.isfinite(e.enf_hz) for e in ordered])
+    enf[index[good]] = [e.enf_hz for e in ordered if e.usable and np.isfinite(e.enf_hz)]
+    var[index[good]] = [e.enf_var_hz2 for e in ordered if e.usable and np.isfinite(e.enf_hz)]
+    nominals = [e.nominal_hz for e in ordered if e.usable and np.isfinite(e.nominal_hz)]
+    return Track(
+        first_s=float(t_s[0]),
+        hop_s=hop_s,
+        window_s=(ordered[0].end_pts_ns - ordered[0].start_pts_ns) / 1e9,
+        enf_hz=enf,
+        var_hz2=var,
+        nominal_hz=float(np.median(nominals)) if nominals else float("nan"),
+    )
+
+
+def grid_of(blocks: Sequence[ReferenceBlock]) -> Grid:
+    """Join blocks of one reference; what no block covers is a gap. Raises ``ValueError`` without.
+
+    A block that comes again (a late joiner's history) overwrites itself.
+    """
+    total = max(max(b.first + b.samples for b in blocks), max(b.total for b in blocks))
+    freq = np.full(total, np.nan)
+    for block in blocks:
+        freq[block.first : block.first + block.samples] = block.freq_hz
+    one = blocks[0]
+    return Grid(one.grid, one.nominal_hz, one.t0_ns, one.step_ns / 1e9, freq)
+
+
+def to_step_of(track: Track, grid: Grid) -> Grid:
+    """Average a reference that is finer than the track down to the track's hop.
+
+    An average needs half of its samples. A coarser reference is returned as it is:
+    :func:`phases` thins the track instead, so that nothing is interpolated.
+
+    Raises
+    ------
+    UsageError
+        When neither step is a whole multiple of the other.
+    """
+    if grid.step_s > track.hop_s * (1 - 1e-6):
+        _whole(grid.step_s, track.hop_s)
+        return grid
+    many = _whole(track.hop_s, grid.step_s)
+    rows = grid.freq_hz[: grid.freq_hz.size // many * many].reshape(-1, many)
+    ok = np.isfinite(rows)
+    count = ok.sum(axis=1)
+    mean = np.where(ok, rows, 0.0).sum(axis=1) / np.maximum(count, 1)
+    return replace(grid, step_s=track.hop_s, freq_hz=np.where(2 * count >= many, mean, np.nan))
+
+
+def phases(track: Track, step_s: float) -> Iterator[Track]:
+    """Thin a track to a coarser step, once for every phase, so that no lag is left out."""
+    many = _whole(step_s, track.hop_s)
+    for p in range(min(many, track.enf_hz.size)):
+        yield replace(
+            track,
+            first_s=track.first_s + p * track.hop_s,
+            hop_s=step_s,
+            enf_hz=track.enf_hz[p::many],
+            var_hz2=track.var_hz2[p::many],
+        )
+
+
+def _whole(long_s: float, short_s: float) -> int:
+    ratio = long_s / short_s
+    if abs(ratio - round(ratio)) > 1e-6 * ratio:
+        raise UsageError(
+            f"a step of {long_s:g} s is no whole multiple of {short_s:g} s",
+            "give a reference whose step divides the hop of the estimates, or the other way round",
+        )
+    return round(ratio)

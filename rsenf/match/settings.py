@@ -1,0 +1,60 @@
+"""What a matcher may be told, with the reason for each default."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rsenf.errors import UsageError
+
+SMOOTHINGS = ("auto", "window", "none")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchSettings:
+    """Settings that every matcher understands.
+
+    Parameters
+    ----------
+    min_seconds : float
+        Usable seconds below which nothing is decided.
+    min_overlap : float
+        Share of the clip's usable seconds that must meet the reference at a lag.
+    smoothing : str
+        ``window`` averages the reference as the tracker's window averaged the grid, ``none`` takes
+        it as it is, ``auto`` takes the better of the two: published references are sometimes
+        averages already, and those of a camera's laboratory mostly are.
+    reference_std_hz : float
+        How far an honest reference may be from the grid at the lamp. Two recordings of one grid
+        differ by 0.05 to 1.2 mHz in the measured data.
+    clock_scale_ppm : float
+        Scale of the Student distribution (3 degrees of freedom) of cameras' clock errors. Most are
+        within 30 ppm; one real camera is at 70.
+    max_chance : float
+        Chance fits as good as the best that may be expected in the search for it to be a match.
+    min_log10_lr : float
+        Least log10 likelihood ratio of the best time against the second best, for a match.
+    min_fit : float
+        Chance, were the clip from that time, of a residual as large as that found, below which the
+        best time does not fit.
+    tolerance_s : float
+        How far a claimed start may be from the one found.
+    candidates : int
+        How many candidates to report.
+    """
+
+    min_seconds: float = 30.0
+    min_overlap: float = 0.5
+    smoothing: str = "auto"
+    reference_std_hz: float = 1e-3
+    clock_scale_ppm: float = 35.0
+    max_chance: float = 0.01
+    min_log10_lr: float = 2.0
+    min_fit: float = 0.01
+    tolerance_s: float = 1.0
+    candidates: int = 5
+
+    def __post_init__(self) -> None:
+        if self.smoothing not in SMOOTHINGS:
+            raise UsageError(f"no smoothing {self.smoothing!r}", f"one of {', '.join(SMOOTHINGS)}")
+        if not 0 < self.min_overlap <= 1:
+            raise UsageError(f"minimum overlap {self.min_overlap}: above 0, at most 1")

@@ -1,0 +1,152 @@
+"""The match stage: estimates and reference blocks in, match results out."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from rsenf.errors import UsageError
+from rsenf.match.correlate import match_ncc
+from rsenf.match.matcher import Finding, Matcher, nothing_to_decide
+from rsenf.match.result import claimed_lag_s, result_of
+from rsenf.match.series import Grid, Track, grid_of, track_of
+from rsenf.match.settings import MatchSettings
+from rsenf.messages import EnfEstimate, Header, MatchResult, ReferenceBlock
+from rsenf.timebase import nanoseconds
+
+NAN = float("nan")
+
+METHODS: dict[str, Matcher] = {"ncc": match_ncc}
+
+
+class Match:
+    """Collects a clip's ENF and a reference, and compares them. A :class:`rsenf.stage.Stage`.
+
+    Parameters
+    ----------
+    method : str
+        Name of the matcher.
+    grid : str
+        Name of the reference to use; that of the first block when empty.
+    claimed_utc_ns : int
+        Claimed time of the first frame, UTC since 1970; 0 for none.
+    interim_every_s : float
+        Stream time between interim results; 0 for none but the final one.
+    settings : MatchSettings, optional
+
+    Raises
+    ------
+    UsageError
+        When there is no method of that name.
+    """
+
+    def __init__(
+        self,
+        *,
+        method: str = "ncc",
+        grid: str = "",
+        claimed_utc_ns: int = 0,
+        interim_every_s: float = 0.0,
+        settings: MatchSettings | None = None,
+    ) -> None:
+        if method not in METHODS:
+            raise UsageError(f"no match method {method!r}", f"one of {', '.join(METHODS)}")
+        self.method, self.grid, self.claimed_utc_ns = method, grid, claimed_utc_ns
+        self.settings = settings or MatchSettings()
+        self._every_ns = nanoseconds(interim_every_s)
+        self._blocks: dict[int, ReferenceBlock] = {}
+        self._begin()
+
+    def _begin(self) -> None:
+        self._estimates: list[EnfEstimate] = []
+        self._due: list[int] = []  # numbers of estimates at which interim results are due
+        self._published = 0
+
+    def update(self, message: EnfEstimate | ReferenceBlock) -> list[Any]:
+        """Take an estimate or a block of reference; return the results that it completes.
+
+        A new epoch of the estimates (a loop, a seek, a reconnection) concludes the one before.
+        Interim results wait for a reference that is still on its way, so that they don't depend
+        on which of the two streams runs ahead.
+        """
+        if isinstance(message, ReferenceBlock):
+            self._take_block(message)
+            return self._interim()
+        if message.rank != 0:
+            return []
+        out = []
+        if self._estimates and message.header.epoch != self._estimates[-1].header.epoch:
+            out = self.flush()
+            self._begin()
+        if self._every_ns and self._crosses_boundary(message):
+            self._due.append(len(self._estimates) + 1)
+        self._estimates.append(message)
+        return out + self._interim()
+
+    def flush(self) -> list[Any]:
+        """Return the final result of the epoch, whatever there is to go by."""
+        return [self._result(self._estimates, final=True)]
+
+    def _take_block(self, block: ReferenceBlock) -> None:
+        self.grid = self.grid or block.grid
+        if block.grid == self.grid and block.samples:
+            self._blocks[block.first] = block
+
+    def _crosses_boundary(self, message: EnfEstimate) -> bool:
+        """Whether this is the first window to reach the next multiple of the interim period."""
+        before = self._estimates[-1].end_pts_ns if self._estimates else message.origin_pts_ns
+        now, last = (t - message.origin_pts_ns for t in (message.end_pts_ns, before))
+        return now // self._every_ns > last // self._every_ns
+
+    def _interim(self) -> list[Any]:
+        if not self._due or not self._reference_ready():
+            return []
+        out = [self._result(self._estimates[:count], final=False) for count in self._due]
+        self._due = []
+        return out
+
+    def _reference_ready(self) -> bool:
+        """Whether all of the reference is here; one that grows (no total) always is."""
+        blocks = self._blocks.values()
+        total = max((b.total for b in blocks), default=1)
+        return sum(b.samples for b in blocks) >= total
+
+    def _result(self, estimates: list[EnfEstimate], *, final: bool) -> MatchResult:
+        track = track_of(estimates) if estimates else None
+        grid = grid_of(list(self._blocks.values())) if self._blocks else None
+        header = _header(estimates, self._published)
+        self._published += 1
+        return result_of(
+            self._finding(track, grid),
+            header=header,
+            method=self.method,
+            grid=grid or Grid(self.grid, NAN, 0, 1.0, np.empty(0)),
+            track=track,
+            settings=self.settings,
+            claimed_utc_ns=self.claimed_utc_ns,
+            final=final,
+        )
+
+    def _finding(self, track: Track | None, grid: Grid | None) -> Finding:
+        if track is None:
+            reason = "no ENF estimate: the clip is shorter than one window"
+        elif grid is None:
+            reason = "no reference"
+        else:
+            reason = nothing_to_decide(track, grid, self.settings)
+        if reason or track is None or grid is None:
+            return Finding(decision="no_decision", reason=reason)
+        claimed = claimed_lag_s(grid, self.claimed_utc_ns)
+        return METHODS[self.method](track, grid, self.settings, claimed)
+
+
+def _header(estimates: list[EnfEstimate], seq: int) -> Header:
+    """Cover all the estimates' frames."""
+    if not estimates:
+        return Header(seq=seq)
+    first, last = estimates[0].header, estimates[-1].header
+    return dataclasses.replace(
+        first.numbered(seq), frame_last=last.frame_last, arrival_time_ns=last.arrival_time_ns
+    )
