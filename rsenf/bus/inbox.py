@@ -134,6 +134,11 @@ class Inbox:
         """Messages waiting."""
         return len(self._items)
 
+    @property
+    def closed(self) -> bool:
+        """Whether the bus has let go of it."""
+        return self._closed
+
     def close(self) -> None:
         """Let go of whoever waits."""
         with self._change:

@@ -26,8 +26,8 @@ from rsenf.errors import NodeFailed, SchemaMismatch
 
 _MAGIC = 0x52534E4652494E47  # 'RSNFRING'
 _VERSION = 1
-# magic, version, slots, bytes of a slot; then tickets and receipts.
-_HEAD = 4
+# magic, version, slots, bytes of a slot, lossless; then tickets and receipts.
+_HEAD = 5
 _POLL_S = 0.0002
 
 
@@ -48,6 +48,7 @@ class _Ring:
         self._receipt = counters[_HEAD + slots :]
         planes = np.frombuffer(memory, np.uint8, slots * slot_bytes, offset=8 * words)
         self._planes = planes.reshape(slots, slot_bytes)
+        self.slot_bytes = slot_bytes
 
     def close(self) -> None:
         """Let go of the memory; views of it that are still held keep it alive."""
@@ -82,7 +83,7 @@ class RingWriter(_Ring):
         self._lossless = lossless
         self._written = 0
         self.overwritten = 0
-        self._head[:] = (_MAGIC, _VERSION, slots, slot_bytes)
+        self._head[:] = (_MAGIC, _VERSION, slots, slot_bytes, int(lossless))
 
     def write(self, luma: NDArray[np.uint8], give_up: Callable[[], bool]) -> tuple[int, int]:
         """Copy a plane into the next slot; returns the slot and its ticket.
@@ -128,10 +129,12 @@ class RingReader(_Ring):
                 memory = mmap.mmap(file.fileno(), 0)
         except OSError as exc:
             raise NodeFailed(f"no frame ring {name} on this host", "use 'frames: tcp'") from exc
-        magic, version, slots, slot_bytes = (int(x) for x in np.frombuffer(memory, np.int64, _HEAD))
+        head = [int(x) for x in np.frombuffer(memory, np.int64, _HEAD)]
+        magic, version, slots, slot_bytes, lossless = head
         if (magic, version) != (_MAGIC, _VERSION):
             raise SchemaMismatch(f"{name} is not a frame ring of version {_VERSION}")
         super().__init__(path, memory, slots, slot_bytes)
+        self.lossless = bool(lossless)
 
     def view(
         self, slot: int, ticket: int, height_px: int, width_px: int

@@ -104,6 +104,8 @@ class MatchNode(Strict):
     kind: Literal["match"]
     cameras: tuple[Name, ...] = Field(min_length=1)
     grid: Name
+    method: str = "ncc"
+    interim_every_s: float = Field(0.0, ge=0, description="0: a result at the end only")
     match: MatchSettings = MatchSettings()
 
 
@@ -146,21 +148,16 @@ class Graph(Strict):
 
     def _unfed(self) -> list[tuple[tuple[str, ...], str]]:
         """Return every node whose input nobody sends."""
-        sends: dict[str, set[str]] = {"frames": set(), "rows": set(), "track": set()}
-        for decode in self.of(DecodeNode):
-            sends["rows" if decode.frames == "fused" else "frames"].add(decode.camera)
-        sends["rows"].update(c for n in self.of(RowsNode) for c in n.cameras)
-        sends["track"].update(c for n in self.of(TrackNode) for c in n.cameras)
-        grids = {n.grid for n in self.of(ReferenceNode)}
-        out = []
+        sent = {pair for node in self.nodes.values() for pair in outputs(node)}
+        out: list[tuple[tuple[str, ...], str]] = []
         for name, node in self.nodes.items():
             if isinstance(node, RowsNode | TrackNode | MatchNode):
                 topic = _READS[node.kind]
                 for camera in node.cameras:
-                    if camera not in sends[topic]:
+                    if (topic, camera) not in sent:
                         text = f"nobody sends the {topic} of camera {camera!r}"
                         out.append((("nodes", name, "cameras"), text))
-            if isinstance(node, MatchNode) and node.grid not in grids:
+            if isinstance(node, MatchNode) and ("reference", node.grid) not in sent:
                 text = f"nobody sends the reference {node.grid!r}"
                 out.append((("nodes", name, "grid"), text))
         return out
@@ -173,3 +170,20 @@ class Graph(Strict):
     def cameras(self) -> list[str]:
         """Cameras whose frames this graph opens."""
         return [n.camera for n in self.of(DecodeNode)]
+
+
+def outputs(node: Any) -> list[tuple[str, str]]:
+    """Return what a node sends: pairs of topic and camera, or 'reference' and grid."""
+    if isinstance(node, DecodeNode):
+        topics = ["rows"] if node.frames == "fused" else ["frames"]
+        return [(t, node.camera) for t in [*topics, *(["video"] if node.record_video else [])]]
+    if isinstance(node, ReferenceNode):
+        return [("reference", node.grid)]
+    if isinstance(node, RowsNode | TrackNode | MatchNode):
+        return [(node.kind, camera) for camera in node.cameras]
+    return []
+
+
+def sender_of(graph: Graph, topic: str, name: str) -> str:
+    """Node that sends a camera's topic or a grid's reference; '' when none of this graph does."""
+    return next((n for n, node in graph.nodes.items() if (topic, name) in outputs(node)), "")

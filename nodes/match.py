@@ -1,0 +1,47 @@
+"""Match: ENF estimates and a grid's reference in, times of recording out."""
+
+from __future__ import annotations
+
+import sys
+
+from rsenf.bus.keys import camera_key, reference_key
+from rsenf.config.graph import MatchNode
+from rsenf.match.stage import Match
+from rsenf.run.node import NodeProcess, run_node
+from rsenf.run.pump import Lane, pump
+from rsenf.run.runner import Runner
+
+
+def body(node: NodeProcess) -> None:
+    """Compare every camera with the reference until all have ended."""
+    config: MatchNode = node.config
+
+    def make_stage() -> Match:
+        return Match(
+            method=config.method,
+            grid=config.grid,
+            interim_every_s=config.interim_every_s,
+            settings=config.match,
+        )
+
+    site, grid = node.graph.site, config.grid
+    reference = node.subscribe(reference_key(site, grid))
+    lanes = []
+    for camera in config.cameras:
+        key = node.subscribe(camera_key(site, camera, "track"))
+        lanes.append(
+            Lane(
+                runner=Runner("match", make_stage, inputs=2),
+                publisher=node.publisher(camera, "match"),
+                inputs={
+                    key: node.sender_of("track", camera),
+                    reference: node.sender_of("reference", grid),
+                },
+            )
+        )
+    node.ready()
+    pump(node, lanes)
+
+
+if __name__ == "__main__":
+    sys.exit(run_node(body))

@@ -1,0 +1,38 @@
+"""Reference: a grid's measured frequency from a file, onto the bus."""
+
+from __future__ import annotations
+
+import sys
+
+from rsenf.config.graph import ReferenceNode
+from rsenf.messages import Header, Mark, ReferenceBlock
+from rsenf.reference import read_reference, reference_blocks
+from rsenf.run.node import NodeProcess, run_node
+
+
+def body(node: NodeProcess) -> None:
+    """Publish the whole reference, then its END mark."""
+    config: ReferenceNode = node.config
+    reference = read_reference(
+        config.input,
+        timezone=config.timezone,
+        step_s=config.step_s,
+        column=config.column,
+        nominal_hz=config.nominal_hz,
+        stamp=config.stamp,
+        grid=config.grid,
+    )
+    publisher = node.reference_publisher(config.grid)
+    node.ready()
+    node.wait_for_peers()
+    source = f"reference/{config.grid}"
+    header = Header(run_id=node.run_id, source=source)
+    for block in reference_blocks(reference, source=source, run_id=node.run_id):
+        publisher.send(block)
+        header = block.header
+    publisher.send(ReferenceBlock(header=header.numbered(header.seq + 1, Mark.END)))
+    node.say("running", "; ".join(reference.notes))
+
+
+if __name__ == "__main__":
+    sys.exit(run_node(body))

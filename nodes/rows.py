@@ -1,0 +1,51 @@
+"""Rows: frames in, row means of the steady pixels out."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+from rsenf.bus.frames import FrameReceiver
+from rsenf.bus.inbox import Received
+from rsenf.bus.keys import camera_key
+from rsenf.config.graph import RowsNode
+from rsenf.rows.stage import Rows
+from rsenf.run.node import NodeProcess, run_node
+from rsenf.run.pump import Lane, pump
+from rsenf.run.runner import Runner
+
+
+@dataclass
+class RowsLane(Lane):
+    """A lane whose messages get their pixels from the ring, and give them back."""
+
+    frames: FrameReceiver
+
+    def feed(self, received: Received) -> None:
+        """Sample one frame."""
+        frame = self.frames.open(received.message)
+        if frame is not None:
+            super().feed(Received(received.key, frame, received.payload))
+            self.frames.done()
+
+
+def body(node: NodeProcess) -> None:
+    """Sample every camera's frames until all have ended."""
+    config: RowsNode = node.config
+    lanes: list[Lane] = []
+    for camera in config.cameras:
+        key = node.subscribe(camera_key(node.graph.site, camera, "frames"))
+        lanes.append(
+            RowsLane(
+                runner=Runner("rows", lambda: Rows(config.rows)),
+                publisher=node.publisher(camera, "rows"),
+                inputs={key: node.sender_of("frames", camera)},
+                frames=FrameReceiver(),
+            )
+        )
+    node.ready()
+    pump(node, lanes)
+
+
+if __name__ == "__main__":
+    sys.exit(run_node(body))

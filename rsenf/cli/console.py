@@ -1,0 +1,93 @@
+"""What the verbs share: progress on a terminal, JSON without NaN, arguments in common."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+
+@contextmanager
+def progress_bar(what: str, total_s: float | None) -> Iterator[Callable[[float], None]]:
+    """Show a bar on stderr, only on a terminal; yields a callable that takes seconds done."""
+    if not sys.stderr.isatty():
+        yield lambda seconds: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.0f} s of video"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=total_s)
+        yield lambda seconds: bar.update(task, completed=seconds)
+
+
+def note(text: str) -> None:
+    """Tell a person something, on stderr."""
+    print(f"rsenf: {text}", file=sys.stderr)
+
+
+def number(value: float) -> float | None:
+    """Make a float fit for JSON: null for what is unknown or not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
+def print_json(value: Any, *, indent: int | None = 2) -> None:
+    """Print JSON; a NaN that slipped through is an error here, not a broken reader there."""
+    print(json.dumps(value, indent=indent, allow_nan=False))
+
+
+def utc_text(t_ns: int) -> str | None:
+    """ISO 8601 with milliseconds; None for an unknown time."""
+    if not t_ns:
+        return None
+    from datetime import UTC, datetime
+
+    moment = datetime.fromtimestamp(t_ns // 10**9, UTC)
+    return f"{moment:%Y-%m-%dT%H:%M:%S}.{t_ns % 10**9 // 10**6:03d}Z"
+
+
+def add_signal_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of every verb that samples rows and tracks ENF."""
+    group = parser.add_argument_group("signal")
+    group.add_argument(
+        "--nominal-hz", type=float, choices=(50.0, 60.0), help="grid; found from the data otherwise"
+    )
+    group.add_argument("--enf-method", default="stft", metavar="NAME", help="ENF estimator (stft)")
+    group.add_argument(
+        "--harmonic", type=int, choices=(1, 2, 3), default=1, help="of the illumination frequency"
+    )
+    group.add_argument(
+        "--line", type=int, metavar="M", help="line k·f0 + M·F_r; the strongest otherwise"
+    )
+    group.add_argument("--read-out", choices=("rows", "columns"), default="rows")
+    group.add_argument("--no-mask", action="store_true", help="keep pixels that move")
+    group.add_argument("--camera", default="", help="camera of an MCAP recording with several")
+
+
+def signal_settings(args: argparse.Namespace, nominal_hz: float | None) -> tuple[Any, Any]:
+    """Return the rows and track settings that the arguments ask for."""
+    from rsenf.rows.settings import RowsSettings
+    from rsenf.track import METHODS, TrackSettings
+
+    if args.enf_method not in METHODS:
+        from rsenf.errors import UsageError
+
+        raise UsageError(f"no ENF method {args.enf_method!r}", f"one of {', '.join(METHODS)}")
+    rows = RowsSettings(read_out_axis=args.read_out, mask=not args.no_mask)
+    track = TrackSettings(
+        method=args.enf_method,
+        nominal_hz=args.nominal_hz or nominal_hz,
+        harmonic=args.harmonic,
+        line_m=args.line,
+    )
+    return rows, track

@@ -1,0 +1,94 @@
+"""Print the ENF of a recording, one value a second.
+
+Without --json a table goes to stdout; with it JSON Lines, one object for each second, t_s counted
+from the first frame to the centre of the 20 s window. A second without a usable signal is a line
+too: its enf_hz is null.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rsenf.messages import EnfEstimate
+    from rsenf.run.inline import Analysis
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    from rsenf.cli.console import add_signal_arguments
+
+    parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
+    parser.add_argument("--json", action="store_true", help="JSON Lines")
+    add_signal_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Track a recording."""
+    from rsenf.cli.console import note, print_json, progress_bar, signal_settings
+    from rsenf.errors import EXIT_DONE, EXIT_LOSS
+    from rsenf.run.inline import analyse
+    from rsenf.run.inputs import open_input_file
+
+    rows, track = signal_settings(args, None)
+    recording = open_input_file(args.input, camera=args.camera)
+    with progress_bar("tracking", recording.duration_s) as progress:
+        analysis = analyse(recording, rows=rows, track=track, progress=progress)
+    if args.json:
+        for estimate in analysis.estimates:
+            print_json(as_json(estimate), indent=None)
+    else:
+        _print_table(analysis)
+    for line in analysis.warnings:
+        note(line)
+    note(summary(analysis, track.window_s))
+    if analysis.loss:
+        note(analysis.loss)
+    return EXIT_LOSS if analysis.loss else EXIT_DONE
+
+
+def as_json(estimate: EnfEstimate) -> dict[str, Any]:
+    """Return the stable keys of one second, and the reason where it is not usable."""
+    from rsenf.cli.console import number
+
+    std_hz = math.sqrt(estimate.enf_var_hz2) if estimate.enf_var_hz2 >= 0 else math.nan
+    return {
+        "t_s": round(estimate.t_s, 6),
+        "enf_hz": number(estimate.enf_hz),
+        "enf_std_hz": number(std_hz),
+        "snr_db": number(estimate.snr_db),
+        "usable": estimate.usable,
+        "reason": estimate.reason,
+    }
+
+
+def _print_table(analysis: Analysis) -> None:
+    print("   t_s     enf_hz   ± mHz  snr_db")
+    for estimate in analysis.estimates:
+        if estimate.usable:
+            std_mhz = 1e3 * math.sqrt(estimate.enf_var_hz2)
+            values = f"{estimate.enf_hz:10.5f} {std_mhz:7.2f} {estimate.snr_db:7.1f}"
+        else:
+            values = f"         –       –       –   {estimate.reason}"
+        print(f"{estimate.t_s:6.1f} {values}")
+
+
+def summary(analysis: Analysis, window_s: float) -> str:
+    """One line on what was found."""
+    if not analysis.estimates:
+        return (
+            f"too short to tell: {analysis.seconds:.1f} s of video, the first value needs "
+            f"{window_s:.0f} s"
+        )
+    usable = [e for e in analysis.estimates if e.usable]
+    if not usable:
+        reasons = sorted({e.reason for e in analysis.estimates})
+        return f"no usable signal in {analysis.seconds:.0f} s of video: {'; '.join(reasons)}"
+    last = usable[-1]
+    return (
+        f"{len(usable)} of {len(analysis.estimates)} values usable; {last.nominal_hz:.0f} Hz grid, "
+        f"harmonic {last.harmonic} on the line at {last.line_hz:.1f} Hz, "
+        f"{last.frame_rate_hz:.3f} frames/s"
+    )

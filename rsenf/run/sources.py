@@ -1,0 +1,43 @@
+"""What a decode node or a command opens: a file, a camera, or the simulator in its place."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from rsenf.config.graph import DecodeNode, SimulatedInput
+from rsenf.decode.spec import SourceSpec, kind_of
+
+if TYPE_CHECKING:
+    from rsenf.decode.source import VideoSource
+    from rsenf.run.node import NodeProcess
+
+
+def open_input(config: DecodeNode, node: NodeProcess) -> VideoSource:
+    """Open a decode node's input."""
+    source = f"{node.graph.site}/{config.camera}"
+    if isinstance(config.input, SimulatedInput):
+        from rsenf.run.simulated import open_simulated
+
+        return open_simulated(config.input, source, node.run_id, pace=config.pace, stop=node.stop)
+    from rsenf.decode.source import open_source
+
+    url = config.input.removeprefix("v4l2:")
+    spec = SourceSpec(
+        url=url,
+        kind="v4l2" if url != config.input else kind_of(url),
+        threads=config.threads,
+        with_packets=config.record_video,
+        pace=config.pace,
+        open_timeout_s=config.open_timeout_s,
+        read_timeout_s=config.read_timeout_s,
+        max_reconnects=config.max_reconnects,
+    )
+    return open_source(
+        spec,
+        source=source,
+        run_id=node.run_id,
+        clock_ns=time.time_ns,
+        stop=node.stop,
+        on_event=lambda line: node.say("running", line),
+    )
