@@ -1,0 +1,222 @@
+"""``rsenf simulate``: film a lamp on the grid with a simulated camera."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rsenf.model import CaptureModel, GridPath
+
+HELP = "film a lamp on the grid with a simulated rolling-shutter camera, truth beside it"
+
+_ROWS_SUFFIX = ".npz"
+_DURATION_S = 60.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's options."""
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="X",
+        help="X.mp4, .mov, .mkv, .avi or .webm for video, X.npz for row means",
+    )  # fmt: skip
+    what = parser.add_argument_group("the clip")
+    what.add_argument("--duration-s", type=float, metavar="S", help="length (default: 60)")
+    what.add_argument("--seed", type=int, default=1, help="of everything random (default: 1)")
+    what.add_argument("--strips", type=int, default=1, help="of each row in X.npz (default: 1)")
+    grid = parser.add_argument_group("the grid")
+    grid.add_argument("--reference", type=Path, metavar="REF", help="measured; default: drawn")
+    grid.add_argument("--start-s", type=float, default=0.0, help="where on it (default: 0)")
+    grid.add_argument("--nominal-hz", type=float, choices=(50.0, 60.0), help="default: 50, or REF")
+    grid.add_argument("--timezone", help="of REF's times, for example Europe/Paris")
+    grid.add_argument("--step-s", type=float, help="of REF, where it has no times")
+    camera = parser.add_argument_group("the capture, over the model file")
+    camera.add_argument("--model", type=Path, metavar="FILE", help="YAML; see configs/model")
+    camera.add_argument("--lamp", help="led, halogen, incandescent, cfl or ideal")
+    camera.add_argument("--size", type=_size, metavar="1280x720")
+    camera.add_argument("--frame-rate", metavar="30000/1001")
+    camera.add_argument("--idle-ratio", type=float, help="0 to 0.99")
+    camera.add_argument("--clock-ppm", type=float, help="fast > 0")
+    camera.add_argument("--codec", help="h264, h265, vp9 or mjpeg")
+    camera.add_argument("--bitrate", type=_bits, metavar="150k", help="default: constant quality")
+    camera.add_argument("--preset", help="the encoder's effort, for example medium")
+    camera.add_argument("--lossless", action="store_true", default=None)
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Make the clip and its truth.
+
+    Raises
+    ------
+    UsageError
+        For an option, model or reference that can't be meant so.
+    RecordingError
+        When a file can't be written.
+    """
+    from rsenf.errors import EXIT_DONE
+    from rsenf.model import synthetic_grid
+
+    duration_s = _DURATION_S if args.duration_s is None else args.duration_s
+    model = _model(args)
+    grid = _measured(args) if args.reference else synthetic_grid(
+        args.seed, duration_s + 1, nominal_hz=args.nominal_hz or 50.0, start_s=args.start_s
+    )  # fmt: skip
+    write = _write_rows if args.out.suffix == _ROWS_SUFFIX else _write_video
+    truth = write(args, model, grid, duration_s)
+    _report(args, truth)
+    return EXIT_DONE
+
+
+def load_model(path: Path) -> CaptureModel:
+    """Read a model file.
+
+    Raises
+    ------
+    UsageError
+        With file and line, when it can't be read or isn't a model.
+    """
+    from rsenf.config.yaml_lines import YamlText
+    from rsenf.errors import ConfigError
+    from rsenf.model import CaptureModel, ParameterError
+
+    document = YamlText(path)
+    try:
+        return CaptureModel.from_dict(document.data)
+    except ParameterError as exc:
+        raise ConfigError([f"{document.place(exc.path)}: {exc}"]) from exc
+
+
+def _model(args: argparse.Namespace) -> CaptureModel:
+    from rsenf.model import CaptureModel, parse_frame_rate
+
+    model = load_model(args.model) if args.model else CaptureModel()
+    columns, rows = args.size or (None, None)
+    rate = parse_frame_rate(args.frame_rate) if args.frame_rate else None
+    shutter = {
+        "frame_rate": rate, "rows": rows, "columns": columns,
+        "idle_ratio": args.idle_ratio, "clock_ppm": args.clock_ppm,
+    }  # fmt: skip
+    codec: dict[str, object] = {
+        "name": args.codec, "bitrate_bps": args.bitrate,
+        "lossless": args.lossless, "preset": args.preset,
+    }  # fmt: skip
+    # A kind of encoding on the command line replaces the other one of the model file.
+    if args.bitrate and not args.lossless:
+        codec["lossless"] = False
+    base_codec = model.codec
+    if args.lossless and not args.bitrate:
+        base_codec = dataclasses.replace(base_codec, bitrate_bps=None)
+    return dataclasses.replace(
+        model,
+        light=_over(model.light, {"lamp": args.lamp}),
+        shutter=_over(model.shutter, shutter),
+        codec=_over(base_codec, codec),
+    )
+
+
+def _over(part: Any, given: dict[str, object]) -> Any:
+    """Return a part of the model with what was given on the command line."""
+    return dataclasses.replace(part, **{k: v for k, v in given.items() if v is not None})
+
+
+def _measured(args: argparse.Namespace) -> GridPath:
+    from rsenf.model import GridPath
+    from rsenf.reference import read_reference
+
+    reference = read_reference(args.reference, timezone=args.timezone, step_s=args.step_s)
+    nominal_hz = args.nominal_hz or reference.nominal_hz
+    return GridPath(reference.freq_hz, reference.step_s, args.start_s, nominal_hz)
+
+
+def _write_rows(
+    args: argparse.Namespace, model: CaptureModel, grid: GridPath, duration_s: float
+) -> dict[str, Any]:
+    import numpy as np
+
+    from rsenf.model import simulate_rows, whole_file
+
+    data = simulate_rows(model, grid, duration_s, args.seed, strips=args.strips)
+    with _truth_beside(args.out, data.truth), whole_file(args.out) as part, part.open("wb") as file:
+        np.savez(file, rows=data.level, frame_time_s=data.frame_time_s)
+    return data.truth
+
+
+def _write_video(
+    args: argparse.Namespace, model: CaptureModel, grid: GridPath, duration_s: float
+) -> dict[str, Any]:
+    from rsenf.model import render_frames, write_video
+
+    frames = render_frames(model, grid, duration_s, args.seed)
+    with _truth_beside(args.out, frames.truth), _progress(frames.frames) as step:
+        write_video(args.out, frames, model.codec, step)
+    return frames.truth
+
+
+@contextmanager
+def _truth_beside(out: Path, truth: dict[str, Any]) -> Iterator[None]:
+    """Let the truth appear when the clip has."""
+    from rsenf.model import whole_file
+
+    with whole_file(_truth_path(out)) as part:
+        part.write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
+        yield
+
+
+def _truth_path(out: Path) -> Path:
+    return out.with_suffix(".truth.json")
+
+
+@contextmanager
+def _progress(frames: int) -> Iterator[Callable[[int], None] | None]:
+    """Show a bar on the terminal; without a terminal, nothing."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("filming", total=frames)
+        yield lambda done: bar.update(task, completed=done)
+
+
+def _report(args: argparse.Namespace, truth: dict[str, Any]) -> None:
+    kept = ("frames", "duration_s", "frame_rate_hz", "nominal_hz", "idle_ratio", "read_out_time_s",
+            "clock_ppm", "reference_start_s", "seed", "notes")  # fmt: skip
+    result = {"out": str(args.out), "truth": str(_truth_path(args.out))}
+    result |= {key: truth[key] for key in kept}
+    if args.json:
+        print(json.dumps(result))
+        return
+    print(
+        f"{args.out}: {truth['frames']} frames, {truth['duration_s']:.3f} s at "
+        f"{truth['frame_rate']} fps, {truth['nominal_hz']:g} Hz grid, idle {truth['idle_ratio']:g}"
+    )
+    print(f"{_truth_path(args.out)}: what is true of it")
+    for note in truth["notes"]:
+        print(f"note: {note}", file=sys.stderr)
+
+
+def _size(text: str) -> tuple[int, int]:
+    columns, _, rows = text.lower().partition("x")
+    try:
+        return int(columns), int(rows)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a size like 1280x720") from None
+
+
+def _bits(text: str) -> int:
+    number, factor = text, 1
+    if text[-1:].lower() in ("k", "m"):
+        number, factor = text[:-1], {"k": 1_000, "m": 1_000_000}[text[-1].lower()]
+    try:
+        return round(float(number) * factor)
+    except (ValueError, OverflowError):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a bit rate like 150k or 2M") from None

@@ -1,0 +1,61 @@
+"""What the encoder is told: codec, quality or bit rate, and how hard to try."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rsenf.model.parameters import ParameterError, parameter
+
+ENCODERS = {"h264": "libx264", "h265": "libx265", "vp9": "libvpx-vp9", "mjpeg": "mjpeg"}
+_PRESETS = ("ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "slow", "slower")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Codec:
+    """One real encoder and its settings."""
+
+    name: str = parameter("h264", "codec", choices=tuple(ENCODERS))
+    bitrate_bps: int | None = parameter(
+        None, "mean bit rate; None is constant quality", low=1000, high=1_000_000_000
+    )
+    crf: int = parameter(18, "constant quality, when no bit rate is given", low=0, high=51)
+    lossless: bool = parameter(False, "what is decoded is what was rendered, bit for bit")
+    preset: str | None = parameter(
+        None,
+        "x264's and x265's effort; None is 'superfast' at a bit rate, else 'ultrafast'",
+        choices=_PRESETS,
+    )
+    gop_frames: int = parameter(250, "most frames from one key frame to the next", low=1, high=3000)
+
+    def validate(self) -> None:
+        """Check what no single range can.
+
+        Raises
+        ------
+        ParameterError
+            For a bit rate together with lossless, and for lossless MJPEG.
+        """
+        if self.lossless and self.bitrate_bps is not None:
+            raise ParameterError(("codec", "lossless"), "excludes codec.bitrate_bps")
+        if self.lossless and self.name == "mjpeg":
+            raise ParameterError(
+                ("codec", "lossless"), "can't be had from mjpeg", "use h264, h265 or vp9"
+            )
+
+    def options(self) -> dict[str, str]:
+        """Private options of the encoder, in FFmpeg's words."""
+        preset = self.preset or ("superfast" if self.bitrate_bps else "ultrafast")
+        if self.name == "h264":
+            return {"preset": preset, **self._quality({"qp": "0"})}
+        if self.name == "h265":
+            # x265 writes its log to stderr by itself unless told not to.
+            quiet = "log-level=none" + (":lossless=1" if self.lossless else "")
+            return {"preset": preset, "x265-params": quiet, **self._quality({})}
+        if self.name == "vp9":
+            return {"deadline": "realtime", "cpu-used": "8", **self._quality({"lossless": "1"})}
+        return {} if self.bitrate_bps else {"qmin": "3", "qmax": "3"}
+
+    def _quality(self, lossless: dict[str, str]) -> dict[str, str]:
+        if self.lossless:
+            return lossless
+        return {} if self.bitrate_bps else {"crf": str(self.crf)}

@@ -1,0 +1,114 @@
+"""The grid's frequency along a path, and its phase by exact integration."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rsenf.errors import UsageError
+
+FloatArray = NDArray[np.float64]
+
+
+class GridPath:
+    """Grid frequency over time, seen from a camera that starts somewhere on it.
+
+    Sample ``k`` covers ``[k·step, (k+1)·step)`` of the path. Between the centres of the samples
+    the frequency is linear, before the first and after the last it is constant; the phase is the
+    exact integral of that. Samples that are NaN are bridged by the same line, for the light
+    alone, and named in :attr:`gaps`.
+
+    Parameters
+    ----------
+    freq_hz : array_like of float (samples,)
+        Grid frequency; NaN where there is none.
+    step_s : float
+        Time between samples.
+    start_s : float, optional
+        Where the camera starts: time from the beginning of sample 0 to the start of row 0 of the
+        first frame. All times given to the methods count from there.
+    nominal_hz : float, optional
+        50 or 60; by default whichever is nearer.
+
+    Raises
+    ------
+    UsageError
+        When the path has no value, isn't a grid's frequency, or the start isn't on it.
+    """
+
+    def __init__(
+        self,
+        freq_hz: ArrayLike,
+        step_s: float = 1.0,
+        start_s: float = 0.0,
+        nominal_hz: float | None = None,
+    ) -> None:
+        path = np.array(freq_hz, dtype=np.float64)
+        present = np.flatnonzero(np.isfinite(path))
+        if path.ndim != 1 or not present.size:
+            raise UsageError("the grid path holds no frequency")
+        middle_hz = float(np.median(path[present]))
+        self.nominal_hz = nominal_hz or (50.0 if middle_hz < 55 else 60.0)
+        if abs(middle_hz / self.nominal_hz - 1) > 0.1:
+            raise UsageError(
+                f"the grid path is about {middle_hz:.4g} Hz, not near {self.nominal_hz:g} Hz",
+                "halve an illumination frequency; name another grid as nominal",
+            )
+        if not 0 <= start_s < path.size * step_s:
+            raise UsageError(
+                f"the start at {start_s:g} s is not on the grid path",
+                f"which lasts from 0 to {path.size * step_s:g} s",
+            )
+        self.step_s = float(step_s)
+        self.start_s = float(start_s)
+        self.gaps = _runs(~np.isfinite(path))
+        if self.gaps:
+            path = np.interp(np.arange(path.size), present, path[present])
+        self.freq_hz: FloatArray = path
+        # Cycles from the first sample's centre to each centre: the trapezium is exact here.
+        steps = (path[1:] + path[:-1]) * (self.step_s / 2)
+        self._cycles = np.concatenate(([0.0], np.cumsum(steps)))
+        self._origin_cycles = 0.0
+        self._origin_cycles = float(self.cycles(np.zeros(1))[0])
+
+    @property
+    def length_s(self) -> float:
+        """Time from the camera's start to the end of the path."""
+        return self.freq_hz.size * self.step_s - self.start_s
+
+    def cycles(self, t_s: FloatArray) -> FloatArray:
+        """Mains cycles since the camera's start, at times since then, of any shape."""
+        k, beyond_s, slope = self._segment(t_s)
+        return (
+            self._cycles[k] + beyond_s * (self.freq_hz[k] + slope * beyond_s / 2)
+        ) - self._origin_cycles
+
+    def frequency_hz(self, t_s: FloatArray) -> FloatArray:
+        """Grid frequency at times since the camera's start, of any shape."""
+        k, beyond_s, slope = self._segment(t_s)
+        return np.asarray(self.freq_hz[k] + slope * beyond_s)
+
+    def mean_hz(self, begin_s: FloatArray, end_s: FloatArray) -> FloatArray:
+        """Mean frequency over intervals: their cycles over their length."""
+        return np.asarray((self.cycles(end_s) - self.cycles(begin_s)) / (end_s - begin_s))
+
+    def gaps_within(self, duration_s: float) -> list[tuple[float, float]]:
+        """Bridged gaps that touch the first ``duration_s`` seconds, as times since the start."""
+        spans = [(a * self.step_s - self.start_s, b * self.step_s - self.start_s)
+                 for a, b in self.gaps]  # fmt: skip
+        return [(a, b) for a, b in spans if b > 0 and a < duration_s]
+
+    def _segment(self, t_s: FloatArray) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
+        """Centre before each time, the time beyond it, and the frequency's slope there."""
+        steps = (np.asarray(t_s) + self.start_s) / self.step_s - 0.5
+        last = self.freq_hz.size - 1
+        k = np.clip(np.floor(steps), 0, last).astype(np.intp)
+        rise = self.freq_hz[np.minimum(k + 1, last)] - self.freq_hz[k]
+        inside = (steps >= 0) & (k < last)
+        return k, (steps - k) * self.step_s, np.where(inside, rise, 0.0) / self.step_s
+
+
+def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and one-past-last index of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

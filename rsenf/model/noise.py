@@ -1,0 +1,45 @@
+"""Pixel noise at video rate: a bank of normal numbers, read from a new place for every row.
+
+Drawing a million normal numbers a frame takes ten times longer than all the rest. A row of the
+frame is therefore a stretch of a long bank that begins at a random place, drawn anew for every
+row of every frame. Given the bank, row means are independent draws from one distribution, in
+time and down the frame; only single pixels repeat, every few thousand rows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.model.seeds import generator
+
+BANK = 1 << 22
+
+Float32Array = NDArray[np.float32]
+
+
+class NoiseBank:
+    """Unit normal noise for rows of a fixed length.
+
+    Parameters
+    ----------
+    columns : int
+        Pixels in a row.
+    seed : int
+        Seed of the simulation.
+    """
+
+    def __init__(self, columns: int, seed: int) -> None:
+        bank = generator(seed, "pixel noise").standard_normal(BANK, dtype=np.float32)
+        bank -= bank.mean()
+        bank /= bank.std()
+        ring = np.concatenate((bank, bank[: columns - 1]))
+        self._rows = np.lib.stride_tricks.sliding_window_view(ring, columns)
+
+    def places(self, rng: np.random.Generator, shape: tuple[int, ...]) -> NDArray[np.int64]:
+        """Draw where in the bank rows begin."""
+        return rng.integers(0, BANK, shape)
+
+    def rows(self, places: NDArray[np.int64]) -> Float32Array:
+        """Noise of the rows that begin at the places, shape ``(len(places), columns)``, a copy."""
+        return self._rows[places]

@@ -1,0 +1,139 @@
+"""Parameters: their plausible range beside their default; to a dictionary and back, checked.
+
+A part of the model is a frozen dataclass whose fields are made by :func:`parameter`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import types
+import typing
+from fractions import Fraction
+from typing import Any, TypeVar
+
+from rsenf.errors import UsageError
+from rsenf.model.frame_rate import parse_frame_rate
+
+P = TypeVar("P")
+Path = tuple[str, ...]
+
+
+class ParameterError(UsageError):
+    """A parameter that can't be so; ``path`` names it, from the model's top down."""
+
+    def __init__(self, path: Path, problem: str, hint: str = "") -> None:
+        super().__init__(f"model: {'.'.join(path) or 'the top level'} {problem}", hint)
+        self.path = path
+
+
+def parameter(
+    default: Any,
+    doc: str,
+    *,
+    low: float = -math.inf,
+    high: float = math.inf,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    """Declare a parameter of a part of the model; its unit is in its name.
+
+    Parameters
+    ----------
+    default : object
+        Value when not given.
+    doc : str
+        What it is.
+    low, high : float, optional
+        Plausible range, both ends included; for a tuple, of each of its elements.
+    choices : tuple of str, optional
+        For a string: what it may be.
+    """
+    return dataclasses.field(
+        default=default, metadata={"doc": doc, "low": low, "high": high, "choices": choices}
+    )
+
+
+def validate(part: Any, path: Path = ()) -> None:
+    """Check every parameter of a part, and of the parts in it.
+
+    Raises
+    ------
+    ParameterError
+        Naming the first parameter that is out of its range.
+    """
+    for f in dataclasses.fields(part):
+        value, at = getattr(part, f.name), (*path, f.name)
+        if dataclasses.is_dataclass(value):
+            validate(value, at)
+        elif f.metadata and value is not None:
+            for element in value if isinstance(value, tuple) else (value,):
+                _check(element, f.metadata, at)
+
+
+def to_dict(part: Any) -> dict[str, Any]:
+    """Return a part as plain numbers, strings, lists and dictionaries."""
+    return {f.name: _plain(getattr(part, f.name)) for f in dataclasses.fields(part)}
+
+
+def from_dict(cls: type[P], data: Any, path: Path = ()) -> P:
+    """Build a part from a dictionary; what isn't in it keeps its default.
+
+    Raises
+    ------
+    ParameterError
+        For an unknown key (with the nearest known one), a value of the wrong kind, or one out
+        of range.
+    """
+    if not isinstance(data, dict):
+        raise ParameterError(path, f"is {data!r}, not a mapping")
+    hints = typing.get_type_hints(cls)
+    known = [f.name for f in dataclasses.fields(cls)]  # type: ignore[arg-type] # cls is a dataclass
+    for key in data:
+        if key not in known:
+            near = difflib.get_close_matches(str(key), known, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
+            raise ParameterError((*path, str(key)), "is not a known key", hint)
+    part = cls(**{key: _read(hints[key], value, (*path, key)) for key, value in data.items()})
+    validate(part, path)
+    return part
+
+
+def _check(value: Any, meta: types.MappingProxyType[Any, Any], path: Path) -> None:
+    low, high, choices = meta["low"], meta["high"], meta["choices"]
+    if choices and value not in choices:
+        near = difflib.get_close_matches(str(value), choices, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"one of {', '.join(choices)}"
+        raise ParameterError(path, f"is {value!r}, which isn't known", hint)
+    if isinstance(value, int | float | Fraction) and not low <= value <= high:
+        raise ParameterError(path, f"is {value}, not between {low:g} and {high:g}")
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value):
+        return to_dict(value)
+    if isinstance(value, Fraction):
+        return str(value)
+    return [_plain(v) for v in value] if isinstance(value, tuple) else value
+
+
+def _read(hint: Any, value: Any, path: Path) -> Any:
+    if isinstance(hint, types.UnionType):
+        if value is None:
+            return None
+        hint = next(a for a in typing.get_args(hint) if a is not type(None))
+    if dataclasses.is_dataclass(hint):
+        return from_dict(typing.cast("type[Any]", hint), value, path)
+    if hint is Fraction:
+        try:
+            return parse_frame_rate(value)
+        except UsageError as exc:
+            raise ParameterError(path, f"is {value!r}, not a frame rate", exc.hint) from exc
+    if typing.get_origin(hint) is tuple and isinstance(value, list | tuple):
+        return tuple(_read(typing.get_args(hint)[0], v, path) for v in value)
+    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if type(value) is not hint:
+        kind = getattr(hint, "__name__", "list")
+        raise ParameterError(path, f"is {value!r}, not of the kind {kind}")
+    return value

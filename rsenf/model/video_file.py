@@ -1,0 +1,129 @@
+"""Frames to a real video file, through FFmpeg's encoders and containers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.errors import UsageError
+from rsenf.model.codec import ENCODERS, Codec
+from rsenf.model.whole_file import whole_file
+
+if TYPE_CHECKING:
+    import av
+    from av.video.stream import VideoStream
+
+    from rsenf.model.full_video import FrameStream
+
+# AVI has no presentation times: only a codec without reordering comes back as it went in.
+CONTAINERS = {
+    ".mp4": tuple(ENCODERS),
+    ".mov": tuple(ENCODERS),
+    ".mkv": tuple(ENCODERS),
+    ".avi": ("mjpeg",),
+    ".webm": ("vp9",),
+}
+# The encoder's result depends on its number of threads, so that isn't left to the machine.
+THREADS = 3
+_GREY = 128
+
+
+def write_video(
+    path: Path,
+    frames: FrameStream,
+    codec: Codec,
+    progress: Callable[[int], None] | None = None,
+) -> int:
+    """Encode a clip into a file, which appears only when it is complete.
+
+    Presentation times are exact in mp4, mov and avi; Matroska and WebM keep whole milliseconds.
+
+    Parameters
+    ----------
+    path : Path
+        ``.mp4``, ``.mov``, ``.mkv``, ``.avi`` or ``.webm``.
+    frames : FrameStream
+        The clip.
+    codec : Codec
+        Encoder and its settings.
+    progress : callable, optional
+        Called with the number of frames encoded so far, after each.
+
+    Returns
+    -------
+    int
+        Frames written.
+
+    Raises
+    ------
+    UsageError
+        For another kind of file, a codec that it can't hold, or an odd frame size.
+    RecordingError
+        When the file can't be written.
+    """
+    _check(path, frames, codec)
+    import av
+
+    written = 0
+    with whole_file(path) as part, av.open(str(part), "w") as container:
+        stream = _open_stream(container, frames, codec)
+        for pts, luma in frames:
+            picture = _picture(luma, stream.pix_fmt or "yuv420p")
+            picture.pts, picture.time_base = pts, frames.time_base
+            container.mux(stream.encode(picture))
+            written += 1
+            if progress is not None:
+                progress(written)
+        container.mux(stream.encode(None))
+    return written
+
+
+def _check(path: Path, frames: FrameStream, codec: Codec) -> None:
+    codec.validate()
+    if path.suffix not in CONTAINERS:
+        raise UsageError(f"{path}: not a video file's name", f"end it in {', '.join(CONTAINERS)}")
+    if codec.name not in CONTAINERS[path.suffix]:
+        raise UsageError(
+            f"{path}: {path.suffix} doesn't hold {codec.name} here",
+            f"it holds {' or '.join(CONTAINERS[path.suffix])}",
+        )
+    if frames.width_px % 2 or frames.height_px % 2:
+        raise UsageError(
+            f"a video of {frames.width_px}x{frames.height_px} can't be encoded",
+            "its colour planes are half as large: use even numbers",
+        )
+
+
+def _open_stream(
+    container: av.container.OutputContainer, frames: FrameStream, codec: Codec
+) -> VideoStream:
+    stream: Any = container.add_stream(
+        ENCODERS[codec.name], rate=frames.frame_rate, options=codec.options()
+    )
+    stream.width, stream.height = frames.width_px, frames.height_px
+    stream.pix_fmt = "yuvj420p" if codec.name == "mjpeg" else "yuv420p"
+    stream.codec_context.time_base = frames.time_base
+    stream.codec_context.gop_size = codec.gop_frames
+    stream.codec_context.thread_count = THREADS
+    # 0 means "as the quality says"; FFmpeg's own default would be 200 kbit/s.
+    stream.bit_rate = codec.bitrate_bps or 0
+    return stream  # type: ignore[no-any-return] # PyAV types it by the encoder's name
+
+
+def _picture(luma: NDArray[np.uint8], pix_fmt: str) -> Any:
+    """Return a grey picture for the encoder, which may keep it: a new one for each frame."""
+    import av
+
+    height, width = luma.shape
+    picture = av.VideoFrame(width, height, pix_fmt)
+    for number, plane in enumerate(picture.planes):
+        pixels = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)
+        if number:
+            pixels[:] = _GREY
+        else:
+            pixels[:height, :width] = luma
+    return picture

@@ -1,0 +1,140 @@
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rsenf.cli import simulate
+from rsenf.errors import ConfigError, UsageError
+from rsenf.model import GridPath
+
+SMALL = ["--size", "160x120", "--duration-s", "3"]
+
+
+def run(*options: object) -> int:
+    parser = argparse.ArgumentParser()
+    simulate.add_arguments(parser)
+    return simulate.run(parser.parse_args([str(o) for o in options]))
+
+
+def test_a_video_and_its_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "clip.mp4"
+    code = run("--out", out, *SMALL, "--seed", 4, "--idle-ratio", 0.25, "--clock-ppm", 40, "--json")
+    assert code == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["clip.mp4", "clip.truth.json"]
+    result = json.loads(capsys.readouterr().out)
+    truth = json.loads((tmp_path / "clip.truth.json").read_text())
+    assert result["out"] == str(out)
+    assert result["truth"] == str(tmp_path / "clip.truth.json")
+    assert result["frames"] == truth["frames"] == 90
+    assert truth["duration_s"] == pytest.approx(90 * 1001 / 30000)
+    assert truth["idle_ratio"] == 0.25
+    assert truth["read_out_time_s"] == pytest.approx(0.75 * 1001 / 30000)
+    assert truth["clock_ppm"] == 40.0
+    assert truth["reference_start_s"] == 0.0
+    assert truth["seed"] == 4
+    assert truth["t_s"] == [0.5, 1.5, 2.5]
+    assert len(truth["enf_hz"]) == 3
+    assert "true seconds" in truth["t_s_clock"]
+    assert {"name": "clock_skew", "parameters": {"clock_ppm": 40.0}} in truth["effects"]
+    assert truth["model"]["version"] == 1
+
+
+def test_rows_and_their_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "clip.npz"
+    run("--out", out, *SMALL, "--strips", 2, "--frame-rate", "25", "--lamp", "cfl")
+    with np.load(out) as data:
+        assert data["rows"].shape == (75, 120, 2)
+        assert data["rows"].dtype == np.float32
+        assert data["frame_time_s"] == pytest.approx(np.arange(75) / 25)
+    assert "75 frames" in capsys.readouterr().out
+
+
+@pytest.fixture
+def reference(monkeypatch: pytest.MonkeyPatch) -> np.ndarray:
+    freq_hz = 60 + 0.02 * np.sin(np.arange(40) / 5)
+    freq_hz[12:14] = np.nan
+
+    def read_reference(path: Path, timezone: str | None, step_s: float | None) -> object:
+        return argparse.Namespace(freq_hz=freq_hz, step_s=1.0, t0_ns=0, nominal_hz=60.0)
+
+    monkeypatch.setattr("rsenf.reference.read_reference", read_reference, raising=False)
+    return freq_hz
+
+
+def test_a_measured_reference_with_a_gap(
+    tmp_path: Path, reference: np.ndarray, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run("--out", tmp_path / "clip.npz", *SMALL, "--reference", "grid.csv", "--start-s", 10.5)
+    truth = json.loads((tmp_path / "clip.truth.json").read_text())
+    assert truth["nominal_hz"] == 60.0
+    assert truth["reference_start_s"] == 10.5
+    assert truth["bridged_gaps_s"] == [[1.5, 3.5]]
+    assert "no value from 1.5 to 3.5 s" in truth["notes"][0]
+    assert "no value from 1.5" in capsys.readouterr().err
+    grid = GridPath(reference, start_s=10.5)
+    slow = [float(np.mean(grid.frequency_hz(t - 0.5 + np.arange(1000) / 1000)))
+            for t in truth["t_s"]]  # fmt: skip
+    assert truth["enf_hz"] == pytest.approx(slow, abs=1e-5)
+
+
+def test_a_reference_shorter_than_the_clip(tmp_path: Path, reference: np.ndarray) -> None:
+    with pytest.raises(UsageError, match="has 2 s left at 38 s"):
+        run("--out", tmp_path / "c.mp4", *SMALL, "--reference", "grid.csv", "--start-s", 38)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_command_line_goes_over_the_model_file(tmp_path: Path) -> None:
+    model = tmp_path / "m.yaml"
+    model.write_text("version: 1\nname: mine\nshutter: {rows: 64, idle_ratio: 0.1}\n"
+                     "codec: {lossless: true}\n")  # fmt: skip
+    run("--out", tmp_path / "c.mp4", "--model", model, "--duration-s", 1, "--idle-ratio", 0.2,
+        "--bitrate", "150k")  # fmt: skip
+    told = json.loads((tmp_path / "c.truth.json").read_text())["model"]
+    assert told["name"] == "mine"
+    assert (told["shutter"]["rows"], told["shutter"]["idle_ratio"]) == (64, 0.2)
+    assert (told["codec"]["bitrate_bps"], told["codec"]["lossless"]) == (150_000, False)
+
+
+def test_a_misspelled_key_is_named_with_its_line(tmp_path: Path) -> None:
+    model = tmp_path / "m.yaml"
+    model.write_text("version: 1\nshutter:\n  rows: 64\n  idle_ration: 0.1\n")
+    with pytest.raises(ConfigError, match=r"m\.yaml:4: .*idle_ration.*did you mean 'idle_ratio'"):
+        run("--out", tmp_path / "c.mp4", "--model", model)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--lamp", "neon"], "light.lamp is 'neon'"),
+        (["--codec", "h266"], "did you mean 'h26"),
+        (["--idle-ratio", "1.2"], "shutter.idle_ratio is 1.2"),
+        (["--frame-rate", "quick"], "not a frame rate"),
+        (["--bitrate", "150k", "--lossless"], "excludes codec.bitrate_bps"),
+    ],
+)
+def test_options_that_can_t_be_meant(tmp_path: Path, options: list[str], says: str) -> None:
+    with pytest.raises(UsageError, match=says):
+        run("--out", tmp_path / "c.mp4", *SMALL, *options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unknown_kind_of_file(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="not a video file's name"):
+        run("--out", tmp_path / "c.txt", *SMALL)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_module_is_light_to_import() -> None:
+    code = (
+        "import sys, rsenf.cli.simulate\n"
+        "heavy = {'numpy', 'av', 'cv2', 'scipy', 'rich', 'pydantic'} & set(sys.modules)\n"
+        "sys.exit(', '.join(sorted(heavy)) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
