@@ -103,21 +103,18 @@ def _model(args: argparse.Namespace) -> CaptureModel:
         "frame_rate": rate, "rows": rows, "columns": columns,
         "idle_ratio": args.idle_ratio, "clock_ppm": args.clock_ppm,
     }  # fmt: skip
-    codec: dict[str, object] = {
+    codec = {
         "name": args.codec, "bitrate_bps": args.bitrate,
         "lossless": args.lossless, "preset": args.preset,
     }  # fmt: skip
-    # A kind of encoding on the command line replaces the other one of the model file.
-    if args.bitrate and not args.lossless:
-        codec["lossless"] = False
-    base_codec = model.codec
-    if args.lossless and not args.bitrate:
-        base_codec = dataclasses.replace(base_codec, bitrate_bps=None)
+    encoding = model.codec
+    if args.bitrate or args.lossless:  # either replaces what the model file says of both
+        encoding = dataclasses.replace(encoding, bitrate_bps=None, lossless=False)
     return dataclasses.replace(
         model,
         light=_over(model.light, {"lamp": args.lamp}),
         shutter=_over(model.shutter, shutter),
-        codec=_over(base_codec, codec),
+        codec=_over(encoding, codec),
     )
 
 
