@@ -6,17 +6,15 @@ import sys
 import threading
 import time
 
-from rsenf.bus.delivery import Delivery
+from rsenf.bus.inbox import Received
 from rsenf.bus.keys import ROOT, health_key
 from rsenf.config.graph import RecordNode
 from rsenf.record.provenance import input_facts
 from rsenf.record.writer import Recorder
 from rsenf.run.node import NodeProcess, run_node
-from rsenf.run.recording import Ending, input_files, run_info
+from rsenf.run.recording import DELIVERY, Ending, input_files, record_until, run_info
 
-# Recording waits for the disk, and its senders wait for it.
-DELIVERY = Delivery(lossless=True, queue=512, history=600)
-LINGER_S = 0.8
+HASH_LINGER_S = 0.8
 
 
 def body(node: NodeProcess) -> None:
@@ -41,16 +39,13 @@ def body(node: NodeProcess) -> None:
         )
         hashing.start()
         node.ready()
-        while not ending.reached():
-            received = node.inbox.receive(0.1)
-            if received is None:
-                recorder.tick()
-                continue
-            header = received.message.header
-            node.note_input(header)
-            recorder.write_encoded(received.key, type(received.message), received.payload, header)
-            ending.note(received.key, header)
-        hashing.join(LINGER_S)
+
+        def note(received: Received) -> None:
+            node.note_input(received.message.header)
+            ending.note(received.key, received.message.header)
+
+        record_until(recorder, node.inbox, ending.reached, note)
+        hashing.join(HASH_LINGER_S)
         for facts in hashes:
             recorder.add_metadata("rsenf.input", facts)
         node.say("running", f"{config.out}: {node.inbox.counters.received} messages")

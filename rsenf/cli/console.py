@@ -91,3 +91,17 @@ def signal_settings(args: argparse.Namespace, nominal_hz: float | None) -> tuple
         line_m=args.line,
     )
     return rows, track
+
+
+def add_reference_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of every verb that reads a grid reference."""
+    group = parser.add_argument_group("reference")
+    group.add_argument("--timezone", help="of its times, e.g. Europe/Paris; UTC otherwise")
+    group.add_argument("--step-s", type=float, help="between its values, when it has no times")
+    group.add_argument("--column", help="that holds the frequency, when not found by its name")
+    group.add_argument(
+        "--stamp",
+        choices=("start", "centre"),
+        default="start",
+        help="whether a value's time is the start or the centre of what it covers",
+    )

@@ -1,7 +1,8 @@
 """Messages to bytes and back; versions checked, canonical bytes for comparison.
 
 On the bus the Zenoh encoding names the schema and version:
-``application/protobuf;rsenf.RowBlock/1``. In a recording the MCAP channel does. Either way bytes are never guessed at.
+``application/protobuf;rsenf.RowBlock/1``. In a recording the MCAP channel does. Either way
+bytes are never guessed at.
 """
 
 from __future__ import annotations

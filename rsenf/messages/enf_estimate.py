@@ -15,8 +15,8 @@ class EnfEstimate:
 
     Several hypotheses (lines, harmonics, idle ratios) may be published for the same interval;
     ``rank`` 0 is the one the tracker stands behind. The complex slow-time amplitude is the
-    flicker's, relative to ``exp(j·2π·carrier_hz·(t − origin))`` on the stream clock: its phase is what phase
-    matching follows, its size what idle estimation compares between lines.
+    flicker's, relative to ``exp(j·2π·carrier_hz·(t − origin))`` on the stream clock: its phase is
+    what phase matching follows, its size what idle estimation compares between lines.
     """
 
     header: Header = field(1, "", None)

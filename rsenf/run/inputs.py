@@ -136,14 +136,14 @@ class RecordedRows(Input):
 
     def messages(self) -> Iterator[Any]:
         """Yield its row blocks."""
-        for recorded in self._recording.messages([self._topic]):
-            if recorded.message.header.mark == Mark.DATA:
-                yield recorded.message
+        for _, message, _ in self._recording.messages([self._topic]):
+            if message.header.mark == Mark.DATA:
+                yield message
 
     @property
     def loss(self) -> str:
         """What the file lacks."""
-        return self._recording.loss
+        return str(self._recording.loss) if self._recording.loss else ""
 
 
 class Luminance(Input):

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 
+from rsenf.bus.delivery import Delivery
+from rsenf.bus.inbox import Inbox, Received
 from rsenf.bus.keys import camera_key, reference_key
 from rsenf.config.graph import DecodeNode, Graph, ReferenceNode, SimulatedInput, outputs
 from rsenf.messages import Header
+from rsenf.record.writer import Recorder
 from rsenf.run.node import NodeProcess
 
 # How long a recording waits, told to stop, for streams to end; and for a sender that is gone.
 STOP_LINGER_S = 0.8
+# Recording waits for the disk, and its senders wait for it.
+DELIVERY = Delivery(lossless=True, queue=512, history=600)
 GONE_LINGER_S = 1.0
 
 
@@ -63,3 +69,32 @@ class Ending:
             self._stop_since = self._stop_since or now
             return not self._open or now - self._stop_since > STOP_LINGER_S
         return not self._open and not self._endless and self._node.inbox.depth == 0
+
+
+def record_until(
+    recorder: Recorder,
+    inbox: Inbox,
+    ended: Callable[[], bool],
+    on_message: Callable[[Received], None] = lambda received: None,
+) -> None:
+    """Write what an inbox receives until ``ended()`` says so.
+
+    Parameters
+    ----------
+    recorder : Recorder
+        The open recording.
+    inbox : Inbox
+        Where messages arrive.
+    ended : callable
+        Asked between messages.
+    on_message : callable, optional
+        Called after each message was written.
+    """
+    while not ended():
+        received = inbox.receive(0.1)
+        if received is None:
+            recorder.tick()
+            continue
+        header = received.message.header
+        recorder.write_encoded(received.key, type(received.message), received.payload, header)
+        on_message(received)

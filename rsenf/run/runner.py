@@ -32,7 +32,8 @@ class Runner:
     make_stage : callable
         Builds a fresh stage. Called for every epoch, so that none mixes two.
     inputs : int
-        Streams that must have ended before the stage has: 1, or 2 with a reference.
+        Streams that must have ended before the stage has: 1, or 2 with a reference. A stage with
+        a reference keeps it across epochs, and tells them apart by itself.
     """
 
     def __init__(self, topic: str, make_stage: Callable[[], Stage], inputs: int = 1) -> None:
@@ -49,10 +50,7 @@ class Runner:
         header: Header = message.header
         if header.is_end:
             return self.end(header)
-        if isinstance(message, OUTPUTS["frames"] | OUTPUTS["rows"] | OUTPUTS["track"]):
-            out = self._renew(header)
-        else:
-            out = []  # a reference has a life of its own
+        out = self._renew(header) if self._inputs == 1 else []
         return out + self._sent(self._stage.update(message))
 
     def end(self, header: Header) -> list[Any]:

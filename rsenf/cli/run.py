@@ -1,0 +1,72 @@
+"""Start the processes of a graph, show their state, and stop them cleanly.
+
+Ctrl-C stops the sources, lets what is under way finish, closes the recording and ends within two
+seconds; a second Ctrl-C ends everything at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rsenf.run.supervisor import GraphRun
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    parser.add_argument("graph", type=Path, metavar="GRAPH.yaml")
+    parser.add_argument("--json", action="store_true", help="end state and results as JSON")
+    parser.add_argument("--quiet", action="store_true", help="say only what goes wrong")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run a graph until it ends or is interrupted."""
+    from rsenf.cli.console import note, print_json
+    from rsenf.config import load_graph
+    from rsenf.errors import EXIT_DONE, NodeFailed
+    from rsenf.run.signals import interruptible
+    from rsenf.run.supervisor import check_ended, start_graph
+    from rsenf.run.view import view_of
+
+    graph = load_graph(args.graph)
+    failure: NodeFailed | None = None
+    with (
+        view_of(graph, quiet=args.quiet) as view,
+        start_graph(graph, args.graph, view.update) as running,
+        interruptible(running.kill) as stop,
+    ):
+        view.started(running)
+        running.wait(stop)
+        try:
+            code = check_ended(running)
+        except NodeFailed as exc:
+            failure, code = exc, exc.exit_code
+        interrupted = stop.is_set()
+    if args.json:
+        print_json(_as_json(running))
+    else:
+        for source, result in running.results.items():
+            print(f"{source}: {result.decision} {result.reason}".rstrip())
+    if failure:
+        raise failure
+    if interrupted:
+        note("stopped")
+    return code or EXIT_DONE
+
+
+def _as_json(running: GraphRun) -> dict[str, Any]:
+    from rsenf.cli.verify import as_json
+
+    return {
+        "run_id": running.run_id,
+        "nodes": {
+            n.name: {"kind": n.kind, "state": n.state, "detail": n.detail, "exit_code": n.exit_code}
+            for n in running.nodes.values()
+        },
+        "results": {
+            source: as_json(result, list(result.warnings))
+            for source, result in running.results.items()
+        },
+    }
