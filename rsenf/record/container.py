@@ -115,7 +115,7 @@ def unpack(kind: Any, body: bytes) -> Any:
     """
     try:
         return kind.read(ReadDataStream(BytesIO(body)))
-    except (struct.error, EndOfFile, UnicodeDecodeError) as exc:
+    except (struct.error, EndOfFile, UnicodeDecodeError, OverflowError) as exc:
         raise DamagedError(f"a {kind.__name__} record that can't be parsed") from exc
 
 
@@ -155,8 +155,12 @@ def unpack_chunk(body: bytes) -> bytes:
 
 def _claimed_size(chunk: Any) -> int | None:
     """Size that the compressed data itself announces, before anything is allocated for it."""
+    if chunk.compression == "":
+        return len(chunk.data)
+    if chunk.compression == "lz4":
+        return None  # announces none
     if chunk.compression != "zstd":
-        return len(chunk.data) if chunk.compression == "" else None
+        raise DamagedError(f"a chunk compressed by {chunk.compression!r}, which isn't known")
     try:
         claimed = zstandard.frame_content_size(chunk.data)
     except zstandard.ZstdError as exc:

@@ -3,44 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import Any
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
 from rsenf.errors import SchemaMismatch
-from rsenf.messages import VideoPacket, class_for, decode, schema_name
+from rsenf.messages import VideoPacket, class_for, decode
 from rsenf.messages.codec import MEDIA_TYPE
-from rsenf.messages.schema import PACKAGE
 from rsenf.record import foxglove
-from rsenf.record.channels import COMPANION, VERSION
 from rsenf.record.container import Record, StoredMessage, unpack, unpack_message
-
-PACKETS = schema_name(VideoPacket)
-
-
-class Route(NamedTuple):
-    """Where the messages of a channel belong."""
-
-    topic: str
-    schema: str
-    version: str
-
-    @property
-    def is_ours(self) -> bool:
-        """Whether the channel carries messages of rsenf."""
-        return self.schema.startswith(PACKAGE + ".")
-
-    @property
-    def is_picture(self) -> bool:
-        """Whether the channel carries the pictures of a video topic."""
-        return foxglove.knows(self.schema)
-
-
-def route_of(channel: Any, schema: str) -> Route:
-    """Route of a channel; pictures and packets of a video topic come under its one name."""
-    topic = channel.topic.removesuffix(COMPANION) if schema == PACKETS else channel.topic
-    return Route(topic, schema, channel.metadata.get(VERSION, ""))
+from rsenf.record.topics import Route, route_of
 
 
 class Decoder:

@@ -11,9 +11,10 @@ from mcap.records import Metadata
 
 from rsenf.record.container import check_magic, pack
 from rsenf.record.index import BARE_TAIL, Index
-from rsenf.record.output import write_all
+from rsenf.record.output import open_existing, write_all
 from rsenf.record.scan import Contents
 from rsenf.record.summary import read_contents
+from rsenf.record.topics import topics_of
 
 Notes = Callable[[Index], Mapping[str, str]]
 
@@ -49,16 +50,20 @@ def close_truncated(path: str | Path, name: str = "", notes: Notes | None = None
         When it can't be written.
     """
     path = Path(path)
-    with open(path, "r+b", buffering=0) as stream:
+    with open_existing(path) as stream:
         size = os.fstat(stream.fileno()).st_size
         check_magic(path, stream)
         contents = read_contents(stream, size)
         if contents.complete:
-            return Finished(contents.index.messages, size, 0)
+            return Finished(_messages(contents), size, 0)
         _write_end(stream, contents, _end(contents, name, notes))
         finished_size = stream.tell()
         kept = read_contents(stream, finished_size)
-        return Finished(kept.index.messages, finished_size, size - min(contents.end, size))
+        return Finished(_messages(kept), finished_size, size - contents.end)
+
+
+def _messages(contents: Contents) -> int:
+    return sum(topic.messages for topic in topics_of(contents.index).values())
 
 
 def end_of_file(index: Index, offset: int, name: str, notes: Mapping[str, str]) -> bytes:

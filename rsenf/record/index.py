@@ -35,14 +35,6 @@ class Index:
         """Messages in the file."""
         return sum(extent.messages for extent in self.extents.values())
 
-    def topic_messages(self) -> dict[str, int]:
-        """Messages of each topic."""
-        counts: dict[str, int] = {}
-        for number, channel in self.channels.items():
-            found = self.extents[number].messages if number in self.extents else 0
-            counts[channel.topic] = counts.get(channel.topic, 0) + found
-        return counts
-
     def add_extents(self, extents: dict[int, Extent]) -> None:
         """Count messages."""
         for channel, extent in extents.items():

@@ -15,6 +15,11 @@ def open_new(path: Path, overwrite: bool) -> Any:
     return open(path, "wb" if overwrite else "xb", buffering=0)
 
 
+def open_existing(path: Path) -> Any:
+    """Open a file for changing its end, unbuffered."""
+    return open(path, "r+b", buffering=0)
+
+
 def open_nameless(folder: Path) -> Any:
     """Open a file without a name: nothing is left of it, however the process dies."""
     return tempfile.TemporaryFile(dir=folder, buffering=0)

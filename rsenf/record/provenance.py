@@ -58,5 +58,5 @@ def input_facts(path: str | Path) -> dict[str, str]:
             digest = hashlib.file_digest(stream, "sha256").hexdigest()
             size = stream.tell()
     except OSError as exc:
-        raise InputError(f"{path}: {exc.strerror or exc}") from exc
+        raise InputError(f"{path}: {(exc.strerror or str(exc)).lower()}") from exc
     return {"input": path.name, "input_sha256": digest, "input_bytes": str(size)}

@@ -12,7 +12,6 @@ from typing import Any, BinaryIO
 from mcap.opcode import Opcode
 
 from rsenf.errors import InputError, SchemaMismatch, UsageError
-from rsenf.record.chunk import Extent
 from rsenf.record.container import (
     MAGIC,
     DamagedError,
@@ -21,21 +20,10 @@ from rsenf.record.container import (
     unpack_chunk,
     walk,
 )
-from rsenf.record.decoder import PACKETS, Decoder, Route, route_of
+from rsenf.record.decoder import Decoder
 from rsenf.record.growing import ABOUT
-from rsenf.record.index import Index
 from rsenf.record.summary import read_contents
-
-
-@dataclass(frozen=True)
-class Topic:
-    """One topic of a recording."""
-
-    name: str
-    schema: str
-    messages: int
-    first_ns: int
-    last_ns: int
+from rsenf.record.topics import topics_of
 
 
 @dataclass
@@ -85,7 +73,7 @@ class Recording:
             contents = read_contents(stream, size)
         self.complete = contents.complete
         self.metadata = contents.metadata
-        self.topics = _topics(contents.index)
+        self.topics = topics_of(contents.index)
         self.loss = Loss(
             cut_bytes=0 if contents.complete else size - contents.end, damaged=contents.damaged
         )
@@ -129,7 +117,7 @@ class Recording:
         if found is None:
             there = ", ".join(self.topics) or "none"
             raise UsageError(f"{self.path}: no topic {topic!r}", f"its topics: {there}")
-        if not Route(topic, found.schema, "").is_ours:
+        if not found.is_ours:
             raise UsageError(f"{self.path}: {topic!r} carries {found.schema}, which isn't rsenf's")
         return topic
 
@@ -197,18 +185,3 @@ def _open(path: Path) -> BinaryIO:
         raise UsageError(f"{path}: this is a folder", "name a file in it") from exc
     except OSError as exc:
         raise InputError(f"{path}: {(exc.strerror or str(exc)).lower()}") from exc
-
-
-def _topics(index: Index) -> dict[str, Topic]:
-    """Topics in the order of their channels."""
-    names = {number: schema.name for number, schema in index.schemas.items()}
-    routes = {n: route_of(c, names.get(c.schema_id, "")) for n, c in index.channels.items()}
-    videos = {route.topic for route in routes.values() if route.schema == PACKETS}
-    found: dict[str, tuple[str, Extent]] = {}
-    for number, route in routes.items():
-        extent = index.extents.get(number)
-        if extent is None or (route.is_picture and route.topic in videos):
-            continue
-        _, others = found.get(route.topic, ("", None))
-        found[route.topic] = (route.schema, extent.joined(others))
-    return {topic: Topic(topic, schema, *extent) for topic, (schema, extent) in found.items()}

@@ -7,7 +7,7 @@ from io import BytesIO
 from typing import Any, BinaryIO
 
 from mcap.opcode import Opcode
-from mcap.records import ChunkIndex, Footer, MessageIndex, MetadataIndex
+from mcap.records import ChunkIndex, Footer, MessageIndex, MetadataIndex, Statistics
 
 from rsenf.record.chunk import Extent, Times, extents_of
 from rsenf.record.container import HEAD, MAGIC, DamagedError, Record, unpack, walk
@@ -51,6 +51,7 @@ def _from_summary(stream: BinaryIO, size: int, footer: Any) -> Contents:
     if footer.summary_crc and zlib.crc32(summary) != footer.summary_crc:
         raise DamagedError("a summary that fails its checksum")
     contents = Contents(complete=True, end=size)
+    counted = -1
     for record in walk(BytesIO(summary), 0, end - start):
         if record.opcode == Opcode.CHUNK_INDEX:
             contents.index.add_extents(
@@ -60,8 +61,12 @@ def _from_summary(stream: BinaryIO, size: int, footer: Any) -> Contents:
             found = unpack(MetadataIndex, record.body)
             for metadata in _records_at(stream, size, found.offset, found.length):
                 contents.add_metadata(metadata.body, metadata.start, metadata.end)
+        elif record.opcode == Opcode.STATISTICS:
+            counted = unpack(Statistics, record.body).message_count
         else:
             define(contents.index, record)
+    if counted != contents.index.messages:
+        raise DamagedError("a summary that doesn't index all messages")
     return contents
 
 
@@ -78,6 +83,4 @@ def _chunk_extents(stream: BinaryIO, size: int, entry: Any) -> dict[int, Extent]
         found = unpack(MessageIndex, record.body)
         if found.records:
             times[found.channel_id] = found.records
-    if not times:
-        raise DamagedError("a chunk without message indexes")
     return extents_of(times)

@@ -20,6 +20,7 @@ from rsenf.record.index import Index
 from rsenf.record.provenance import program_facts
 from rsenf.record.tally import TopicTally
 from rsenf.record.timeline import Timeline
+from rsenf.record.topics import topics_of
 from rsenf.timebase import NS_PER_S, nanoseconds
 
 
@@ -202,12 +203,12 @@ class Recorder:
 
     def _notes(self, index: Index, reason: str) -> dict[str, str]:
         notes = {"reason": reason}
-        for topic, count in index.topic_messages().items():
-            notes[f"messages {topic}"] = str(count)
-        for topic, tally in self.tallies.items():
-            notes[f"missed {topic}"] = str(tally.missed)
-            notes[f"duplicates {topic}"] = str(tally.duplicates)
-            notes[f"joined_at {topic}"] = str(tally.joined_at)
+        for name, topic in topics_of(index).items():
+            notes[f"messages {name}"] = str(topic.messages)
+        for name, tally in self.tallies.items():
+            notes[f"missed {name}"] = str(tally.missed)
+            notes[f"duplicates {name}"] = str(tally.duplicates)
+            notes[f"joined_at {name}"] = str(tally.joined_at)
         return notes
 
 

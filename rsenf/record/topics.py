@@ -1,0 +1,74 @@
+"""The topics of a file, in which a video's pictures and packets are one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from rsenf.messages import VideoPacket, schema_name
+from rsenf.messages.schema import PACKAGE
+from rsenf.record import foxglove
+from rsenf.record.channels import COMPANION, VERSION
+from rsenf.record.chunk import Extent
+from rsenf.record.index import Index
+
+PACKETS = schema_name(VideoPacket)
+
+
+class Route(NamedTuple):
+    """Where the messages of a channel belong."""
+
+    topic: str
+    schema: str
+    version: str
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether the channel carries messages of rsenf."""
+        return _is_ours(self.schema)
+
+    @property
+    def is_picture(self) -> bool:
+        """Whether the channel carries the pictures of a video topic."""
+        return foxglove.knows(self.schema)
+
+
+def route_of(channel: Any, schema: str) -> Route:
+    """Route of a channel; pictures and packets of a video topic come under its one name."""
+    topic = channel.topic.removesuffix(COMPANION) if schema == PACKETS else channel.topic
+    return Route(topic, schema, channel.metadata.get(VERSION, ""))
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic of a recording."""
+
+    name: str
+    schema: str
+    messages: int
+    first_ns: int
+    last_ns: int
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether it carries messages of rsenf."""
+        return _is_ours(self.schema)
+
+
+def topics_of(index: Index) -> dict[str, Topic]:
+    """Topics in the order of their channels."""
+    names = {number: schema.name for number, schema in index.schemas.items()}
+    routes = {n: route_of(c, names.get(c.schema_id, "")) for n, c in index.channels.items()}
+    videos = {route.topic for route in routes.values() if route.schema == PACKETS}
+    found: dict[str, tuple[str, Extent]] = {}
+    for number, route in routes.items():
+        extent = index.extents.get(number)
+        if extent is None or (route.is_picture and route.topic in videos):
+            continue
+        _, others = found.get(route.topic, ("", None))
+        found[route.topic] = (route.schema, extent.joined(others))
+    return {topic: Topic(topic, schema, *extent) for topic, (schema, extent) in found.items()}
+
+
+def _is_ours(schema: str) -> bool:
+    return schema.startswith(PACKAGE + ".")
