@@ -1,4 +1,7 @@
-"""``rsenf simulate``: film a lamp on the grid with a simulated camera."""
+"""Film a lamp on a grid's frequency path with a simulated rolling-shutter camera.
+
+X.truth.json beside the clip says what is true of it: enough to judge any estimator by.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rsenf.model import CaptureModel, GridPath
-
-HELP = "film a lamp on the grid with a simulated rolling-shutter camera, truth beside it"
 
 _ROWS_SUFFIX = ".npz"
 _DURATION_S = 60.0
@@ -74,26 +75,8 @@ def run(args: argparse.Namespace) -> int:
     return EXIT_DONE
 
 
-def load_model(path: Path) -> CaptureModel:
-    """Read a model file.
-
-    Raises
-    ------
-    UsageError
-        With file and line, when it can't be read or isn't a model.
-    """
-    from rsenf.config.yaml_lines import YamlText
-    from rsenf.errors import ConfigError
-    from rsenf.model import CaptureModel, ParameterError
-
-    document = YamlText(path)
-    try:
-        return CaptureModel.from_dict(document.data)
-    except ParameterError as exc:
-        raise ConfigError([f"{document.place(exc.path)}: {exc}"]) from exc
-
-
 def _model(args: argparse.Namespace) -> CaptureModel:
+    from rsenf.config.model_file import load_model
     from rsenf.model import CaptureModel, parse_frame_rate
 
     model = load_model(args.model) if args.model else CaptureModel()
@@ -127,9 +110,12 @@ def _measured(args: argparse.Namespace) -> GridPath:
     from rsenf.model import GridPath
     from rsenf.reference import read_reference
 
-    reference = read_reference(args.reference, timezone=args.timezone, step_s=args.step_s)
-    nominal_hz = args.nominal_hz or reference.nominal_hz
-    return GridPath(reference.freq_hz, reference.step_s, args.start_s, nominal_hz)
+    reference = read_reference(
+        args.reference, timezone=args.timezone, step_s=args.step_s, nominal_hz=args.nominal_hz
+    )
+    for note in reference.notes:
+        print(f"note: {args.reference}: {note}", file=sys.stderr)
+    return GridPath(reference.freq_hz, reference.step_s, args.start_s, reference.nominal_hz)
 
 
 def _write_rows(
