@@ -1,0 +1,66 @@
+"""What a container says about its video stream, before anything is decoded."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from fractions import Fraction
+
+import av
+from av.container import InputContainer
+
+from rsenf.decode.packets import PacketWriter
+from rsenf.decode.spec import StreamInfo
+
+# Containers count a stream's duration in its ticks, and their own in microseconds.
+_MICROSECOND = Fraction(1, 1_000_000)
+
+
+def fraction(value: Fraction | None) -> Fraction:
+    """Return a rate or time base as a Fraction; 0 for unknown."""
+    return Fraction(value.numerator, value.denominator) if value else Fraction(0)
+
+
+def describe(container: InputContainer, stream: av.VideoStream, writer: PacketWriter) -> StreamInfo:
+    """Describe a stream; its rotation is known only from a decoded frame."""
+    rate = fraction(stream.guessed_rate)
+    duration_s = _duration_s(container, stream)
+    context = stream.codec_context
+    return StreamInfo(
+        codec=writer.codec,
+        width_px=context.width,
+        height_px=context.height,
+        declared_rate_hz=float(rate),
+        time_step_s=float(fraction(stream.time_base)),
+        duration_s=duration_s,
+        frame_count=stream.frames or (round(duration_s * rate) if duration_s and rate else None),
+        camera_start_ns=_creation_ns({**container.metadata, **stream.metadata}),
+        has_b_frames=context.has_b_frames,
+        packets_recordable=writer.recordable,
+        packets_reason=_reason(writer, has_b_frames=context.has_b_frames),
+    )
+
+
+def _duration_s(container: InputContainer, stream: av.VideoStream) -> float | None:
+    if stream.duration:
+        return float(stream.duration * fraction(stream.time_base))
+    return float(container.duration * _MICROSECOND) if container.duration else None
+
+
+def _creation_ns(metadata: dict[str, str]) -> int:
+    """UTC of ``creation_time`` in ns since 1970; 0 when missing, unreadable or never set."""
+    try:
+        created = datetime.fromisoformat(metadata.get("creation_time", ""))
+    except ValueError:
+        return 0
+    created = created if created.tzinfo else created.replace(tzinfo=UTC)
+    since = created - datetime(1970, 1, 1, tzinfo=UTC)
+    # Cameras without a clock write the epoch of MP4 (1904) or of Unix.
+    return max(0, since // timedelta(microseconds=1) * 1000)
+
+
+def _reason(writer: PacketWriter, *, has_b_frames: bool) -> str:
+    if not writer.recordable:
+        return f"{writer.codec} has no recorded form"
+    if has_b_frames and writer.codec in ("h264", "hevc"):
+        return "it has B frames: packets are in decoding order, which some players don't show"
+    return ""

@@ -1,0 +1,172 @@
+"""A video file as a source."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Lock
+from typing import cast
+
+import av
+from av.container import InputContainer
+from av.stream import Disposition
+
+from rsenf.decode.source import Item, Stamp, VideoSource
+from rsenf.decode.spec import SourceSpec
+from rsenf.decode.stream import Packet, StreamDecoder
+from rsenf.decode.structure import lacks_index, missing_bytes
+from rsenf.decode.waiting import Stop
+from rsenf.errors import InputError, UsageError
+
+# Things that FFmpeg opens though they are no recordings: text as pictures, lists of other files.
+_NOT_VIDEO = {"tty", "bin", "xbin", "adf", "idf", "concat", "hls", "dash", "sdp", "image2"}
+_HINT = "give a video file that plays, such as mp4, mov, mkv, webm or avi"
+
+
+class FileSource(VideoSource):
+    """Frames of a video file, as fast as they are asked for.
+
+    Parameters
+    ----------
+    spec : SourceSpec
+        With a path as its ``url``.
+    stamp, stop
+        As for every source.
+
+    Raises
+    ------
+    UsageError
+        When there is no such file, or it can't be read.
+    InputError
+        When no frame of it can be decoded.
+    """
+
+    def __init__(self, spec: SourceSpec, stamp: Stamp, stop: Stop) -> None:
+        super().__init__(stamp, stop, pace=spec.pace)
+        self._path = Path(spec.url)
+        self._container = _open(self._path)
+        stream = _video_stream(self._container, self._path)
+        self._several = len(self._container.streams.video) > 1
+        self._is_avi = self._container.format.name == "avi"
+        self._decoder = StreamDecoder(self._container, stream, spec, stamp)
+        self._packets = self._container.demux(stream)
+        self._missing_bytes = missing_bytes(self._path)
+        self._broken_off = ""
+        # FFmpeg must not be closed by one thread while another is inside it.
+        self._lock = Lock()
+        self._ahead = self._first_items()
+        self.info = self._decoder.info
+
+    def _first_items(self) -> list[Item]:
+        ahead: list[Item] = []
+        while not self._decoder.started and not self._stop.is_set():
+            items = self._step()
+            if items is None:
+                self.close()
+                raise InputError(f"{self._path}: no frame can be decoded{self._because()}", _HINT)
+            ahead += items
+        return ahead
+
+    def _because(self) -> str:
+        return f" ({self.loss})" if self.loss else ""
+
+    def _step(self) -> list[Item] | None:
+        """Decode one packet; None at the end."""
+        packet: Packet | None
+        with self._lock:
+            if self._stop.is_set() or self._decoder.ended:
+                return None
+            try:
+                packet = next(self._packets, None)
+            except av.FFmpegError as exc:
+                self._broken_off = f"reading stopped: {exc.strerror}"
+                packet = cast(Packet, av.Packet())  # an empty one: gives out the last frames
+            if packet is None:
+                return None
+            return self._decoder.feed(packet, self._stamp.clock_ns())
+
+    def _items(self) -> Iterator[Item]:
+        ahead, self._ahead = self._ahead, []
+        yield from ahead
+        while (items := self._step()) is not None:
+            yield from items
+
+    @property
+    def loss(self) -> str:
+        """What was lost so far, in one line; empty for nothing."""
+        decoder = self._decoder
+        lost = []
+        if self._missing_bytes:
+            lost.append(f"the file is cut short: {self._missing_bytes} bytes are missing")
+        if reason := self._broken_off or decoder.ended:
+            lost.append(reason)
+        if lost:
+            lost.append(f"decoded up to {decoder.time_s:.3f} s")
+        if decoder.damaged_packets:
+            lost.append(f"damaged packets: {decoder.damaged_packets}")
+        if decoder.damaged_frames:
+            lost.append(f"damaged frames, left out: {decoder.damaged_frames}")
+        return "; ".join(lost)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a result should say about its input though nothing was lost, one line each."""
+        found = []
+        if self._several:
+            found.append("it has several video streams: one was taken")
+        if self._is_avi:
+            found.append("AVI holds no frame times, only a rate: a varying rate would not show")
+        elif self._decoder.guesses:
+            found.append(self._decoder.guesses)
+        if self._decoder.backward:
+            found.append(f"frames that are not later than the one before: {self._decoder.backward}")
+        return found
+
+    def close(self) -> None:
+        """Stop iterating and close the file."""
+        super().close()
+        with self._lock:
+            self._container.close()
+
+
+def _open(path: Path) -> InputContainer:
+    try:
+        with path.open("rb") as file:
+            empty = not file.read(1)
+    except OSError as exc:
+        raise UsageError(f"{path} can't be read: {(exc.strerror or '').lower()}") from exc
+    if empty:
+        raise InputError(f"{path} is empty", _HINT)
+    try:
+        # A whole path, so that no name is taken for a protocol; and a list of files stays local.
+        container = av.open(
+            str(path.absolute()),
+            "r",
+            options={"protocol_whitelist": "file"},
+            metadata_errors="replace",
+        )
+    except av.FFmpegError as exc:
+        if lacks_index(path):
+            raise InputError(
+                f"{path} was never finished: its index (moov) is missing",
+                "the camera stopped before closing it; a repair tool may rebuild the index",
+            ) from exc
+        raise InputError(f"{path} is not a video that can be read", _HINT) from exc
+    names = set(container.format.name.split(","))
+    if names & _NOT_VIDEO or container.format.name.endswith("_pipe"):
+        raise InputError(f"{path} is not a video: it reads as {container.format.long_name}", _HINT)
+    return container
+
+
+def _video_stream(container: InputContainer, path: Path) -> av.VideoStream:
+    """Return the main video stream; a cover picture of a sound file is none."""
+    streams = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
+    if not streams:
+        only = ", only sound" if container.streams.audio else ""
+        raise InputError(f"{path} has no video{only}", _HINT)
+    best = container.streams.best("video")
+    stream = best if best in streams else streams[0]
+    assert isinstance(stream, av.VideoStream)
+    if stream.codec_context is None:
+        raise InputError(f"{path}: no decoder for its video stream", _HINT)
+    return stream

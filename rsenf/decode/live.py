@@ -1,0 +1,151 @@
+"""A source that goes on for ever: connection, loss, and connection again under a new epoch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Protocol
+
+from rsenf.decode.pump import Disconnected, Stopped
+from rsenf.decode.source import Item, Stamp, VideoSource
+from rsenf.decode.spec import SourceSpec, StreamInfo
+from rsenf.decode.waiting import Stop
+from rsenf.errors import SourceLost
+
+
+class Connection(Protocol):
+    """A live source while it is there."""
+
+    info: StreamInfo
+
+    def items(self) -> Iterator[Item]:
+        """Yield packets and frames.
+
+        Raises
+        ------
+        Disconnected
+            When the source is gone.
+        Stopped
+            When asked to stop.
+        """
+
+    @property
+    def damaged(self) -> int:
+        """Frames and packets that could not be used."""
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a result should say about its input."""
+
+    def close(self) -> None:
+        """Let go of it, without waiting."""
+
+
+class LiveSource(VideoSource):
+    """Keeps a connection to a camera.
+
+    Parameters
+    ----------
+    spec, stamp, stop
+        As for every source.
+    connect : callable
+        Takes the epoch, returns a connection whose first frame has been decoded. Raises
+        Disconnected or Stopped.
+    on_event : callable
+        Told when the source is lost, tried and back.
+
+    Raises
+    ------
+    SourceLost
+        When the first connection can't be made and ``spec.wait_for_source`` is off; while
+        iterating, after ``spec.max_reconnects`` attempts in vain.
+    """
+
+    def __init__(
+        self,
+        spec: SourceSpec,
+        stamp: Stamp,
+        stop: Stop,
+        connect: Callable[[int], Connection],
+        on_event: Callable[[str], None],
+    ) -> None:
+        super().__init__(stamp, stop)
+        self._spec = spec
+        self._connect = connect
+        self._on_event = on_event
+        self._epoch = 0
+        self._reasons: list[str] = []  # why each connection was lost
+        self._damaged = 0
+        self._warnings: list[str] = []
+        self.info = StreamInfo(live=True)  # until the first connection
+        self._connection = self._first_connection()
+
+    def _first_connection(self) -> Connection | None:
+        try:
+            return self._attempt()
+        except Disconnected as exc:
+            if not self._spec.wait_for_source:
+                raise self._lost(exc) from exc
+            return self._reconnect(exc)
+        except Stopped:
+            return None
+
+    def _attempt(self) -> Connection:
+        connection = self._connect(self._epoch)
+        self.info = connection.info
+        return connection
+
+    def _lost(self, why: Disconnected) -> SourceLost:
+        hint = why.hint or "check the address, the camera and the network"
+        return SourceLost(f"{self._spec.name}: {why.reason}", hint)
+
+    def _reconnect(self, why: Disconnected) -> Connection | None:
+        """Try until it works; None when stopped."""
+        backoff_s, attempts = self._spec.backoff_initial_s, 0
+        while True:
+            if self._spec.max_reconnects is not None and attempts >= self._spec.max_reconnects:
+                raise self._lost(why) from why
+            self._on_event(f"{self._spec.name}: {why.reason}; next attempt in {backoff_s:g} s")
+            if self._stop.wait(backoff_s):
+                return None
+            attempts += 1
+            try:
+                connection = self._attempt()
+            except Disconnected as exc:
+                why, backoff_s = exc, min(2 * backoff_s, self._spec.backoff_max_s)
+            except Stopped:
+                return None
+            else:
+                self._on_event(f"{self._spec.name}: connected")
+                return connection
+
+    def _items(self) -> Iterator[Item]:
+        while self._connection is not None:
+            connection, self._connection = self._connection, None
+            try:
+                yield from connection.items()
+            except Stopped:
+                return
+            except Disconnected as exc:
+                why = exc
+            finally:
+                connection.close()
+                self._damaged += connection.damaged
+                self._warnings = connection.warnings
+            self._reasons.append(why.reason)
+            self._epoch += 1
+            self._connection = self._reconnect(why)
+
+    @property
+    def loss(self) -> str:
+        """What was lost so far, in one line; empty for nothing."""
+        lost = []
+        if self._reasons:
+            lost.append(f"lost the source {len(self._reasons)} times, last: {self._reasons[-1]}")
+        if self._damaged:
+            lost.append(f"damaged frames and packets: {self._damaged}")
+        return "; ".join(lost)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a result should say about its input though nothing was lost, one line each."""
+        return self._warnings

@@ -1,0 +1,64 @@
+"""The luma plane of a decoded picture, without a colour conversion where there is one."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import av
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Where a pixel format keeps its luma."""
+
+    convert_to: str  # format to convert to first; empty when luma already has plane 0 to itself
+    dtype: str
+    shift: int  # how many bits a sample has beyond 8
+
+
+@functools.cache
+def _layout(pixel_format: str) -> _Layout:
+    fmt = av.VideoFormat(pixel_format)
+    if fmt.is_rgb or fmt.has_palette or fmt.is_bit_stream or fmt.is_bayer:
+        return _Layout("gray", "u1", 0)  # no luma: weighted from the colours
+    bits = fmt.components[0].bits
+    if bits > 16 or not (fmt.is_planar or len(fmt.components) == 1):
+        return _Layout("yuv422p", "u1", 0)  # luma is interleaved with chroma: taken apart
+    if bits == 8:
+        return _Layout("", "u1", 0)
+    # Samples of 9 to 16 bits fill the low bits of two bytes, but the high ones in P010 and its kin.
+    high = pixel_format.startswith(("p0", "p2", "p4"))
+    return _Layout("", ">u2" if fmt.is_big_endian else "<u2", 8 if high else bits - 8)
+
+
+def luma_plane(frame: av.VideoFrame) -> NDArray[np.uint8]:
+    """Return the luma of a picture, rows × columns, uint8, read-only.
+
+    For 8-bit formats it is a view that keeps the decoder's buffer alive. Deeper samples are
+    divided down to 8-bit levels and rounded to the nearest. The range (16 to 235, or 0 to 255)
+    stays as coded; only pictures without luma (RGB, palettes) get full-range luma made for them.
+    """
+    layout = _layout(frame.format.name)
+    if layout.convert_to:
+        frame = frame.reformat(format=layout.convert_to)
+    plane: Any = frame.planes[0]
+    line_bytes = abs(plane.line_size)  # padded at many widths
+    lines = np.frombuffer(plane, np.uint8).reshape(-1, line_bytes)[: frame.height]
+    if plane.line_size < 0:
+        lines = lines[::-1]  # stored bottom-up
+    samples = lines.view(layout.dtype)[:, : frame.width]
+    luma = _to_8_bit(samples, layout.shift) if layout.shift else samples
+    luma.flags.writeable = False  # the decoder predicts the next pictures from this memory
+    return luma
+
+
+def _to_8_bit(samples: NDArray[np.uint16], shift: int) -> NDArray[np.uint8]:
+    import cv2
+
+    native = samples.astype(np.uint16, copy=False)
+    scaled: NDArray[np.uint8] = cv2.convertScaleAbs(native, alpha=2.0**-shift)
+    return scaled

@@ -1,0 +1,168 @@
+"""An RTSP camera as a source, over TCP."""
+
+from __future__ import annotations
+
+import dataclasses
+import socket
+from collections.abc import Callable, Iterable, Iterator
+from urllib.parse import urlsplit
+
+import av
+from av.container import InputContainer
+
+from rsenf.decode.live import LiveSource
+from rsenf.decode.pump import Disconnected, Pump
+from rsenf.decode.source import Item, Stamp, VideoSource
+from rsenf.decode.spec import SourceSpec
+from rsenf.decode.stream import Packet, StreamDecoder
+from rsenf.decode.waiting import Stop
+
+_OPTIONS = {
+    "rtsp_transport": "tcp",
+    # With a second stream FFmpeg re-times both by every RTCP report, which shakes the clock that
+    # phases are measured on. Alone, a stream keeps its RTP time stamps.
+    "allowed_media_types": "video",
+}
+_DEFAULT_PORT = 554
+# So many packets may come before one that has a time.
+_UNTIMED_LIMIT = 100
+
+_Timed = tuple[Packet, int]  # a packet and when it arrived
+
+
+def open_rtsp(
+    spec: SourceSpec, stamp: Stamp, stop: Stop, on_event: Callable[[str], None]
+) -> VideoSource:
+    """Connect to an RTSP address; see :func:`rsenf.decode.open_source`."""
+
+    def connect(epoch: int) -> _RtspConnection:
+        return _RtspConnection(spec, stamp, stop, epoch)
+
+    return LiveSource(spec, stamp, stop, connect, on_event)
+
+
+class _RtspConnection:
+    """One session: a thread takes packets from the network, whoever iterates decodes them."""
+
+    def __init__(self, spec: SourceSpec, stamp: Stamp, stop: Stop, epoch: int) -> None:
+        self._timeout_s = spec.read_timeout_s
+        self._pump = Pump(lambda: _session(spec, stamp, epoch), stop)
+        try:
+            self._decoder, packet, arrival_ns = self._pump.get(spec.open_timeout_s)
+            self._ahead = self._decoder.feed(packet, arrival_ns)
+            while not self._decoder.started:
+                self._ahead += self._next_items()
+        except TimeoutError:
+            self._pump.close()
+            raise Disconnected(f"no answer within {spec.open_timeout_s:g} s") from None
+        except BaseException:
+            self._pump.close()
+            raise
+        self.info = dataclasses.replace(
+            self._decoder.info, live=True, duration_s=None, frame_count=None
+        )
+
+    def _next_items(self) -> list[Item]:
+        if self._decoder.ended:
+            raise Disconnected(self._decoder.ended)
+        try:
+            _, packet, arrival_ns = self._pump.get(self._timeout_s)
+        except TimeoutError:
+            raise Disconnected(f"it sent nothing for {self._timeout_s:g} s") from None
+        return self._decoder.feed(packet, arrival_ns)
+
+    def items(self) -> Iterator[Item]:
+        """Yield packets and frames."""
+        yield from self._ahead
+        self._ahead = []
+        while True:
+            yield from self._next_items()
+
+    @property
+    def damaged(self) -> int:
+        """Frames and packets that could not be used."""
+        return self._decoder.damaged_packets + self._decoder.damaged_frames
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a result should say about its input."""
+        return [self._decoder.guesses] if self._decoder.guesses else []
+
+    def close(self) -> None:
+        """End the session, without waiting."""
+        self._pump.close()
+
+
+def _session(
+    spec: SourceSpec, stamp: Stamp, epoch: int
+) -> Iterator[tuple[StreamDecoder, Packet, int]]:
+    """Yield the packets of one session with the decoder for them; runs in the pump's thread."""
+    with _open(spec) as container:
+        if not container.streams.video:
+            raise Disconnected("it sends no video")
+        stream = container.streams.video[0]
+        decoder = StreamDecoder(container, stream, spec, stamp, epoch=epoch, live=True)
+        arriving = ((packet, stamp.clock_ns()) for packet in container.demux(stream))
+        try:
+            for packet, arrival_ns in _with_times(arriving):
+                yield decoder, packet, arrival_ns
+        except av.FFmpegError as exc:
+            raise Disconnected(f"the connection broke: {exc.strerror}") from None
+
+
+def _with_times(packets: Iterable[_Timed]) -> Iterator[_Timed]:
+    """Give the first packets their times.
+
+    FFmpeg mislays the RTP time stamp of the first picture of an H.264 or H.265 session. It can't
+    be left out, since those after it need it; it is put one declared period before the second.
+    """
+    untimed: list[_Timed] = []
+    for packet, arrival_ns in packets:
+        if packet.size and packet.pts is None:
+            untimed.append((packet, arrival_ns))
+            if len(untimed) > _UNTIMED_LIMIT:
+                raise Disconnected("it sends no time stamps")
+            continue
+        for places, (earlier, _) in enumerate(reversed(untimed), start=1):
+            if packet.pts is not None:
+                earlier.pts = earlier.dts = packet.pts - places * (packet.duration or 1)
+        yield from untimed
+        untimed.clear()
+        yield packet, arrival_ns
+
+
+def _open(spec: SourceSpec) -> InputContainer:
+    try:
+        return av.open(
+            spec.url,
+            "r",
+            options=_OPTIONS,
+            timeout=(spec.open_timeout_s, spec.read_timeout_s),
+            metadata_errors="replace",
+        )
+    # What FFmpeg says holds the whole address with its password: it must not be passed on.
+    except (av.HTTPUnauthorizedError, av.HTTPForbiddenError):
+        raise Disconnected(
+            "the user or password is refused", "write rtsp://user:password@…, percent-encoded"
+        ) from None
+    except av.HTTPNotFoundError:
+        raise Disconnected("it has no such stream", "check the path of the address") from None
+    except av.FFmpegError:
+        raise Disconnected(_why_unreachable(spec)) from None
+
+
+def _why_unreachable(spec: SourceSpec) -> str:
+    """Say why there is no session, which FFmpeg doesn't, by trying the bare connection."""
+    try:
+        parts = urlsplit(spec.url)
+        address = (parts.hostname or "", parts.port or _DEFAULT_PORT)
+        socket.create_connection(address, timeout=spec.open_timeout_s).close()
+    except ValueError:
+        return "the address can't be read"
+    except socket.gaierror:
+        return "its host name is unknown"
+    except TimeoutError:
+        return "no answer"
+    except OSError as exc:
+        return (exc.strerror or "no connection").lower()
+    return "it doesn't answer as an RTSP server"

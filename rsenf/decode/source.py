@@ -1,0 +1,152 @@
+"""A source of frames, whatever it is: iterate, look at what was lost, close."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from threading import Event
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from rsenf.decode.spec import SourceSpec, StreamInfo
+from rsenf.decode.waiting import Pacer, Stop
+from rsenf.messages import Frame, Header, VideoPacket
+
+if TYPE_CHECKING:
+    from rsenf.decode.v4l2 import CaptureFactory
+
+Item = Frame | VideoPacket
+
+
+@dataclass(frozen=True)
+class Stamp:
+    """Who the messages come from, and this host's clock."""
+
+    source: str
+    run_id: str
+    clock_ns: Callable[[], int]
+
+    def header(
+        self, *, epoch: int, seq: int, frame: int, pts_ns: int, camera_ns: int, arrival_ns: int
+    ) -> Header:
+        """Return the header of a message that covers one frame, or none (-1)."""
+        return Header(
+            run_id=self.run_id,
+            source=self.source,
+            epoch=epoch,
+            seq=seq,
+            frame_first=frame,
+            frame_last=frame,
+            pts_ns=pts_ns,
+            camera_time_ns=camera_ns,
+            arrival_time_ns=arrival_ns,
+        )
+
+
+class VideoSource(ABC):
+    """Frames in presentation order, each packet before the frames decoded from it.
+
+    A context manager. ``close()`` may be called from any thread, and so may the event given to
+    :func:`open_source` be set: iterating then ends within a second.
+    """
+
+    info: StreamInfo
+
+    def __init__(self, stamp: Stamp, stop: Stop, *, pace: bool = False) -> None:
+        self._stamp = stamp
+        self._stop = stop
+        self._pacer = Pacer(time.monotonic, stop.wait) if pace else None
+
+    @property
+    @abstractmethod
+    def loss(self) -> str:
+        """What was lost so far, in one line; empty for nothing."""
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a result should say about its input though nothing was lost, one line each."""
+        return []
+
+    @abstractmethod
+    def _items(self) -> Iterator[Item]:
+        """Yield packets and frames until the source ends or is stopped."""
+
+    def __iter__(self) -> Iterator[Item]:
+        """Yield packets and frames, once."""
+        for item in self._items():
+            if self._pacer and isinstance(item, Frame):
+                self._pacer.wait_for(item.header.pts_ns)
+                now = dataclasses.replace(item.header, arrival_time_ns=self._stamp.clock_ns())
+                item = dataclasses.replace(item, header=now)
+            if self._stop.is_set():
+                return
+            yield item
+
+    def close(self) -> None:
+        """Stop iterating and let go of the file or device."""
+        self._stop.set()
+
+    def __enter__(self) -> VideoSource:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def open_source(
+    spec: SourceSpec,
+    *,
+    source: str,
+    run_id: str,
+    clock_ns: Callable[[], int],
+    stop: Event | None = None,
+    on_event: Callable[[str], None] = lambda line: None,
+    capture_factory: CaptureFactory | None = None,
+) -> VideoSource:
+    """Open a file or a live source, and decode its first frame.
+
+    Parameters
+    ----------
+    spec : SourceSpec
+        What to open.
+    source, run_id : str
+        For the headers of the frames.
+    clock_ns : callable
+        This host's wall clock, for the arrival times.
+    stop : Event, optional
+        Set it to end iterating, opening and waiting within a second.
+    on_event : callable, optional
+        Told, in one line without credentials, when a live source is lost, tried and back.
+    capture_factory : callable, optional
+        Opens a V4L2 device; OpenCV's unless given.
+
+    Raises
+    ------
+    UsageError
+        When a file isn't there or isn't a file.
+    InputError
+        When a file holds no frame that can be decoded.
+    SourceLost
+        When a live source can't be reached. Iterating raises it when one is given up.
+    """
+    stamp, stopped = Stamp(source, run_id, clock_ns), Stop(stop)
+    # Imported here: FFmpeg and OpenCV take a third of a second, and a source needs one of them.
+    if spec.kind == "file":
+        from rsenf.decode.file import FileSource
+
+        return FileSource(spec, stamp, stopped)
+    if spec.kind == "rtsp":
+        from rsenf.decode.rtsp import open_rtsp
+
+        return open_rtsp(spec, stamp, stopped, on_event)
+    from rsenf.decode.v4l2 import open_camera
+
+    return open_camera(spec, stamp, stopped, on_event, capture_factory)

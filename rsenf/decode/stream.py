@@ -1,0 +1,223 @@
+"""One video stream: packets in; frames with exact times, and recordable packets, out."""
+
+from __future__ import annotations
+
+import dataclasses
+import struct
+from typing import TypeAlias, cast
+
+import av
+from av.container import InputContainer
+
+from rsenf.decode.clock import FrameClock
+from rsenf.decode.describe import describe, fraction
+from rsenf.decode.luma import luma_plane
+from rsenf.decode.packets import PacketWriter
+from rsenf.decode.source import Item, Stamp
+from rsenf.decode.spec import SourceSpec
+from rsenf.messages import Frame, VideoPacket
+from rsenf.timebase import NS_PER_S
+
+# AVFMT_FLAG_GENPTS, which PyAV sets: guess missing times. FrameClock knows better.
+_GENPTS = 0x0001
+
+Packet: TypeAlias = "av.Packet[av.VideoStream]"
+
+
+class StreamDecoder:
+    """Decodes the packets of one video stream.
+
+    Whatever is needed of the container is read when this is made, so that another thread may
+    close it while the last packets are still being decoded.
+
+    Frames that the decoder marks as damaged are left out and counted; they keep their number, so
+    that the gap is seen downstream. A change of picture size ends the stream.
+
+    Parameters
+    ----------
+    container, stream : av.container.InputContainer, av.VideoStream
+        Where the packets come from.
+    spec, stamp : SourceSpec, Stamp
+        How to decode, and what to write in the headers.
+    epoch : int
+        Of the frames.
+    live : bool
+        A session that is joined while it runs: what can't be decoded before its first frame isn't
+        lost, and a clock that jumps back ends it.
+
+    Attributes
+    ----------
+    info : StreamInfo
+        Complete (rotation) once the first frame is out.
+    ended : str
+        Why what follows can't belong to the same stream; empty while it can.
+    backward : int
+        Frames whose time isn't after that of the frame before.
+    damaged_packets, damaged_frames : int
+        What was lost.
+    """
+
+    def __init__(
+        self,
+        container: InputContainer,
+        stream: av.VideoStream,
+        spec: SourceSpec,
+        stamp: Stamp,
+        *,
+        epoch: int = 0,
+        live: bool = False,
+    ) -> None:
+        container.flags &= ~_GENPTS
+        self._writer = PacketWriter(stream)
+        self._with_packets = spec.with_packets and self._writer.recordable
+        self.info = describe(container, stream, self._writer)
+        self._time_base = fraction(stream.time_base)
+        self._clock = FrameClock(self._time_base, fraction(stream.guessed_rate))
+        self._context = stream.codec_context
+        self._context.copy_opaque = True  # hands each packet's arrival time on to its frame
+        self._context.thread_type = "NONE" if spec.threads == 1 else "AUTO"
+        self._context.thread_count = spec.threads
+        self._stamp = stamp
+        self._epoch = epoch
+        self._live = live
+        self._frame_number = 0
+        self._packet_number = 0
+        self._first_ns: int | None = None
+        self._last_ns = 0
+        self._camera_offset_ns = 0  # camera's wall clock less the stream's clock; 0 is unknown
+        self.ended = ""
+        self.backward = 0
+        self.damaged_packets = 0
+        self.damaged_frames = 0
+
+    @property
+    def started(self) -> bool:
+        """Whether a frame came out."""
+        return self._first_ns is not None
+
+    @property
+    def time_s(self) -> float:
+        """Time from the first frame to the last, in seconds."""
+        return 0.0 if self._first_ns is None else (self._last_ns - self._first_ns) / NS_PER_S
+
+    @property
+    def guesses(self) -> str:
+        """How times were found where the stream gives none; empty when it gives all."""
+        if self._clock.from_rate:
+            rate = f"{self.info.declared_rate_hz:.6g} frames a second"
+            return f"the stream holds no frame times: they are counted at the declared {rate}"
+        if self._clock.from_order:
+            return f"{self._clock.from_order} frames without a time are timed by decoding order"
+        return ""
+
+    def feed(self, packet: Packet, arrival_ns: int) -> list[Item]:
+        """Decode one packet; an empty one gives out the last frames.
+
+        Returns
+        -------
+        list of VideoPacket or Frame
+            The packet, if asked for, then the frames that it completed.
+        """
+        items: list[Item] = []
+        if packet.size:
+            packet.opaque = (arrival_ns,)  # a new object each time: PyAV keys them by identity
+            time_ns = self._clock.expect(packet)
+            self._follow_camera_clock(packet, time_ns)
+            if self._with_packets:
+                items.append(self._packet(packet, time_ns, arrival_ns))
+            self._count_damage(packet.is_corrupt)
+        try:
+            pictures = self._context.decode(packet if packet.size else None)
+        except av.FFmpegError:
+            self._count_damage(not packet.is_corrupt)
+            self._clock.forget()
+            return items
+        for picture in pictures:
+            frame = self._frame(picture)
+            if self.ended:
+                break
+            if frame:
+                items.append(frame)
+        return items
+
+    def _count_damage(self, damaged: bool) -> None:
+        self.damaged_packets += damaged and (self.started or not self._live)
+
+    def _follow_camera_clock(self, packet: Packet, time_ns: int) -> None:
+        """Take the camera's wall clock from RTCP reports, which FFmpeg attaches to packets."""
+        if packet.has_sidedata("prft") and packet.pts is not None:
+            # AVProducerReferenceTime: a signed 64-bit count of µs since 1970, then flags.
+            (wall_us,) = struct.unpack_from("=q", bytes(packet.get_sidedata("prft")))
+            self._camera_offset_ns = wall_us * 1000 - time_ns
+
+    def _packet(self, packet: Packet, time_ns: int, arrival_ns: int) -> VideoPacket:
+        header = self._stamp.header(
+            epoch=self._epoch,
+            seq=self._packet_number,
+            frame=-1,  # unknown before it is decoded: the time tells which it is
+            pts_ns=time_ns,
+            camera_ns=self._camera_time_ns(time_ns),
+            arrival_ns=arrival_ns,
+        )
+        self._packet_number += 1
+        return VideoPacket(
+            header=header,
+            codec=self._writer.codec,
+            keyframe=packet.is_keyframe,
+            data=self._writer.data(packet),
+        )
+
+    def _frame(self, picture: av.VideoFrame) -> Frame | None:
+        number, self._frame_number = self._frame_number, self._frame_number + 1
+        pts_ns = self._clock.time_ns(picture.pts)
+        if picture.is_corrupt:
+            self.damaged_frames += 1
+            return None
+        if self._first_ns is None:
+            self._begin(picture, pts_ns)
+        elif (picture.width, picture.height) != (self.info.width_px, self.info.height_px):
+            self.ended = f"the picture changes its size to {picture.width}×{picture.height}"
+        elif pts_ns <= self._last_ns and self._live:
+            self.ended = "its time stamps jump back"
+        elif pts_ns <= self._last_ns:
+            self.backward += 1
+        if self.ended:
+            return None
+        self._last_ns = pts_ns
+        return Frame(
+            header=self._stamp.header(
+                epoch=self._epoch,
+                seq=number,
+                frame=number,
+                pts_ns=pts_ns,
+                camera_ns=self._camera_time_ns(pts_ns),
+                arrival_ns=_arrival_ns(picture),
+            ),
+            height_px=picture.height,
+            width_px=picture.width,
+            rotation_deg=self.info.rotation_deg,
+            declared_rate_hz=self.info.declared_rate_hz,
+            codec=self._writer.codec,
+            keyframe=picture.key_frame,
+            luma=luma_plane(picture),
+        )
+
+    def _begin(self, picture: av.VideoFrame, pts_ns: int) -> None:
+        self._first_ns = pts_ns
+        self.info = dataclasses.replace(
+            self.info,
+            width_px=picture.width,
+            height_px=picture.height,
+            rotation_deg=-picture.rotation % 360,  # FFmpeg counts counter-clockwise
+        )
+        if self.info.camera_start_ns:
+            self._camera_offset_ns = self.info.camera_start_ns - pts_ns
+
+    def _camera_time_ns(self, time_ns: int) -> int:
+        return time_ns + self._camera_offset_ns if self._camera_offset_ns else 0
+
+
+def _arrival_ns(picture: av.VideoFrame) -> int:
+    """When the packet of a frame arrived."""
+    (arrival_ns,) = cast("tuple[int]", picture.opaque)
+    return arrival_ns
