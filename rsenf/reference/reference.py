@@ -1,0 +1,132 @@
+"""A grid's measured frequency on one uniform axis, its gaps kept as gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.messages import Header, ReferenceBlock
+from rsenf.messages.schema import FloatArray, UInt32Array
+from rsenf.timebase import NS_PER_S, nanoseconds
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """Samples ``k`` covering ``[t0 + k·step, t0 + (k + 1)·step)``; nothing is interpolated.
+
+    Parameters
+    ----------
+    grid : str
+        Name of the grid.
+    nominal_hz : float
+        50 or 60.
+    t0_ns : int
+        Start of the first sample, UTC since 1970; 0 when unknown.
+    step_s : float
+        Time between samples.
+    freq_hz : ndarray of float, shape (n,)
+        NaN in gaps.
+    readings : ndarray of uint32, shape (n,)
+        Readings behind each sample: 0 a gap, above 1 duplicates.
+    notes : tuple of str
+        One line for each thing that was found and assumed.
+    sha256 : str
+        Of the file, as hexadecimal.
+    name : str
+        Of the file, without its folder.
+    """
+
+    grid: str
+    nominal_hz: float
+    t0_ns: int
+    step_s: float
+    freq_hz: FloatArray
+    readings: UInt32Array
+    notes: tuple[str, ...] = ()
+    sha256: str = ""
+    name: str = ""
+
+    @property
+    def duration_s(self) -> float:
+        """From the first sample's start to the last one's end."""
+        return self.freq_hz.size * self.step_s
+
+    @property
+    def end_ns(self) -> int:
+        """End of the last sample, UTC since 1970; 0 when unknown."""
+        return self.t0_ns + nanoseconds(self.duration_s) if self.t0_ns else 0
+
+    @property
+    def valid_samples(self) -> int:
+        """Samples that aren't gaps."""
+        return int(np.isfinite(self.freq_hz).sum())
+
+    @property
+    def gaps(self) -> int:
+        """How many stretches have no sample."""
+        return len(gap_lengths(self.freq_hz))
+
+    @property
+    def duplicates(self) -> int:
+        """Samples with more than one reading."""
+        return int((self.readings > 1).sum())
+
+    @classmethod
+    def from_blocks(cls, blocks: Iterable[ReferenceBlock]) -> Reference:
+        """Join the blocks of one reference; what none of them covers is a gap.
+
+        Raises
+        ------
+        ValueError
+            When there is no block.
+        """
+        parts = list(blocks)
+        total = max(max(b.total, b.first + b.samples) for b in parts)
+        freq, readings = np.full(total, np.nan), np.zeros(total, np.uint32)
+        for block in parts:
+            span = slice(block.first, block.first + block.samples)
+            freq[span], readings[span] = block.freq_hz, block.readings
+        one = parts[0]
+        step_s = one.step_ns / NS_PER_S
+        return cls(one.grid, one.nominal_hz, one.t0_ns, step_s, freq, readings)
+
+
+def reference_blocks(
+    reference: Reference, *, source: str, run_id: str = "", block: int = 3600
+) -> Iterator[ReferenceBlock]:
+    """Cut a reference into messages.
+
+    Parameters
+    ----------
+    reference : Reference
+    source : str
+        ``reference/<grid>``.
+    run_id : str
+        Identity of the run.
+    block : int
+        Samples in each but the last.
+    """
+    step_ns = nanoseconds(reference.step_s)
+    for seq, first in enumerate(range(0, reference.freq_hz.size, block)):
+        span = slice(first, first + block)
+        freq = reference.freq_hz[span]
+        yield ReferenceBlock(
+            header=Header(run_id=run_id, source=source, seq=seq, pts_ns=first * step_ns),
+            grid=reference.grid,
+            nominal_hz=reference.nominal_hz,
+            t0_ns=reference.t0_ns,
+            step_ns=step_ns,
+            first=first,
+            samples=freq.size,
+            total=reference.freq_hz.size,
+            freq_hz=freq,
+            readings=reference.readings[span],
+        )
+
+
+def gap_lengths(freq_hz: FloatArray) -> list[int]:
+    """Length of every stretch of NaN, in samples and in order."""
+    edges = np.flatnonzero(np.diff(np.isnan(freq_hz), prepend=False, append=False))
+    return [int(n) for n in edges[1::2] - edges[::2]]

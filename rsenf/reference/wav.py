@@ -1,0 +1,110 @@
+"""A recording of the mains voltage to one frequency a second.
+
+The signal is mixed down by a nominal frequency and summed over tenths of a second, whose nulls lie
+on every harmonic of 50 and 60 Hz; the slope of the phase over the ten sums of a second is that
+second's frequency. The scatter of the phases about the slope tells its standard error: a second
+without a tone has none worth having.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.errors import ReferenceFormatError
+from rsenf.messages.schema import FloatArray
+from rsenf.reference.riff import WavFile, open_wav
+
+SUMS_HZ = 10
+MAX_STD_HZ = 0.005  # a quarter of the grid's own variation
+BLOCK_S = 60
+# Nominal frequency of the grid and the harmonic that may carry it.
+TONES = ((50.0, 1), (60.0, 1), (50.0, 2), (60.0, 2))
+
+
+@dataclass(frozen=True, eq=False)
+class Demodulated:
+    """One frequency for every whole second, NaN where no tone stands out."""
+
+    freq_hz: FloatArray
+    nominal_hz: float
+    harmonic: int
+    notes: list[str]
+
+
+def demodulate(path: Path, nominal_hz: float | None = None) -> Demodulated:
+    """Read the grid's frequency out of a recording of the mains, or of its hum.
+
+    Parameters
+    ----------
+    path : Path
+        WAV, PCM or 32-bit float, any rate of at least 250 Hz; the first channel is used.
+    nominal_hz : float, optional
+        50 or 60; the one that is there when not given.
+
+    Raises
+    ------
+    ReferenceFormatError
+        When it can't be read, is shorter than two seconds, or no mains tone is in it.
+    """
+    wav = open_wav(path)
+    tones = [(n, h) for n, h in TONES if nominal_hz in (None, n) and 2.5 * n * h <= wav.rate_hz]
+    if wav.frames < 2 * wav.rate_hz or not tones:
+        raise ReferenceFormatError(
+            f"{path.name}: {wav.frames / wav.rate_hz:.1f} s at {wav.rate_hz} Hz",
+            "the recording must last 2 s at 250 Hz or more",
+        )
+    found = [_frequencies(z) for z in _basebands(wav, [n * h for n, h in tones])]
+    # Standard error as ENF, by which the second harmonic counts half.
+    errors = [std / h for (_, std), (_, h) in zip(found, tones, strict=True)]
+    best = int(np.argmin([np.median(e) for e in errors]))
+    (nominal, harmonic), offset_hz = tones[best], found[best][0]
+    good = errors[best] <= MAX_STD_HZ
+    if good.sum() < 2:
+        raise ReferenceFormatError(
+            f"{path.name}: no mains tone near 50, 60, 100 or 120 Hz", "is it a recording of mains?"
+        )
+    notes = [f"{'fundamental' if harmonic == 1 else 'second harmonic'} of {nominal:g} Hz used"]
+    if wav.channels > 1:
+        notes.append(f"first of {wav.channels} channels used")
+    if not good.all():
+        notes.append(f"{(~good).sum()} seconds without a clear tone: taken as gaps")
+    return Demodulated(
+        np.where(good, nominal + offset_hz / harmonic, np.nan), nominal, harmonic, notes
+    )
+
+
+def _basebands(wav: WavFile, carriers_hz: list[float]) -> NDArray[np.complex128]:
+    """Sums over tenths of a second of the signal mixed down by each carrier.
+
+    Returns
+    -------
+    ndarray of complex, shape (carriers, tenths)
+    """
+    parts = []
+    for samples in wav.first_channel(BLOCK_S * wav.rate_hz):
+        t_s = np.arange(samples.size) / wav.rate_hz
+        # Whole minutes hold whole periods of every carrier: each block starts at phase zero.
+        tenths = samples.size * SUMS_HZ // wav.rate_hz
+        edges = np.arange(tenths + 1) * wav.rate_hz // SUMS_HZ
+        if edges.size < 2:
+            break
+        used = samples[: edges[-1]] - samples.mean()
+        turns = [np.exp(-2j * np.pi * f * t_s[: edges[-1]]) for f in carriers_hz]
+        parts.append(np.array([np.add.reduceat(used * turn, edges[:-1]) for turn in turns]))
+    return np.concatenate(parts, axis=1)
+
+
+def _frequencies(tenths: NDArray[np.complex128]) -> tuple[FloatArray, FloatArray]:
+    """Offset from the carrier in each whole second, and its standard error (Hz)."""
+    whole = tenths[: tenths.size // SUMS_HZ * SUMS_HZ].reshape(-1, SUMS_HZ)
+    phase = np.unwrap(np.angle(whole), axis=1)
+    t_s = (np.arange(SUMS_HZ) + 0.5) / SUMS_HZ - 0.5
+    power = t_s @ t_s
+    slope = phase @ t_s / power
+    residual = phase - phase.mean(axis=1, keepdims=True) - slope[:, None] * t_s
+    variance = (residual**2).sum(axis=1) / (SUMS_HZ - 2)
+    return slope / (2 * np.pi), np.sqrt(variance / power) / (2 * np.pi)
