@@ -5,6 +5,7 @@
     RsenfError                 1
     ├── UsageError             2   the command or its arguments can't be meant so
     │   ├── ConfigError        2   a graph or model file; lists every problem with file:line
+    │   ├── ParameterError     2   a parameter of the capture model (rsenf.model.parameters)
     │   └── ReferenceFormatError 2 a grid reference that can't be read as one
     ├── InputError             1   a recording that yields nothing usable
     ├── SourceLost             1   a live source that can't be reached

@@ -123,7 +123,8 @@ def _write_rows(
 ) -> dict[str, Any]:
     import numpy as np
 
-    from rsenf.model import simulate_rows, whole_file
+    from rsenf.model import simulate_rows
+    from rsenf.whole_file import whole_file
 
     data = simulate_rows(model, grid, duration_s, args.seed, strips=args.strips)
     with _truth_beside(args.out, data.truth), whole_file(args.out) as part, part.open("wb") as file:
@@ -145,7 +146,7 @@ def _write_video(
 @contextmanager
 def _truth_beside(out: Path, truth: dict[str, Any]) -> Iterator[None]:
     """Let the truth appear when the clip has."""
-    from rsenf.model import whole_file
+    from rsenf.whole_file import whole_file
 
     with whole_file(_truth_path(out)) as part:
         part.write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")

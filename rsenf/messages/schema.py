@@ -224,6 +224,6 @@ def _shaped(cls: type[Any], wire: Any, spec: FieldSpec, raw: bytes) -> NDArray[A
         return np.empty((0,) * max(len(dims), 1), dtype)
     if not dims and len(raw) % dtype.itemsize == 0:
         return np.frombuffer(raw, dtype)
-    if math.prod(dims) * dtype.itemsize != len(raw):
+    if min(dims, default=0) < 0 or math.prod(dims) * dtype.itemsize != len(raw):
         raise SchemaMismatch(f"{cls.__name__}.{spec.name}: {len(raw)} bytes don't fill {dims}")
     return np.frombuffer(raw, dtype).reshape(dims)

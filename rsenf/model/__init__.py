@@ -31,7 +31,6 @@ from rsenf.model.sensor import Sensor
 from rsenf.model.shutter import Shutter
 from rsenf.model.synthetic import synthetic_grid
 from rsenf.model.video_file import write_video
-from rsenf.model.whole_file import whole_file
 
 __all__ = [
     "CaptureModel",
@@ -50,6 +49,5 @@ __all__ = [
     "render_frames",
     "simulate_rows",
     "synthetic_grid",
-    "whole_file",
     "write_video",
 ]

@@ -22,7 +22,7 @@ class Shutter:
     is ``1 / (1 + clock_ppm·1e-6)`` true seconds, so the ENF it sees reads low.
     """
 
-    frame_rate: Fraction = parameter(  # noqa: RUF009 - a dataclass field, which builds no default
+    frame_rate: Fraction = parameter(
         NTSC_30, "frames per second of the camera's clock", low=1, high=1000
     )
     rows: int = parameter(720, "rows of a frame", low=16, high=8192)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.model.codec import ENCODERS, Codec
-from rsenf.model.whole_file import whole_file
+from rsenf.whole_file import whole_file
 
 if TYPE_CHECKING:
     import av

@@ -40,7 +40,6 @@ class Rows:
         self._frames: list[Frame] = []
         self._sums: list[Float32Array] = []
         self._steady: SteadyMask | None = None
-        self._seq = 0
 
     def update(self, message: Frame) -> list[Any]:
         """Take a frame; return the block that it completes, if any."""
@@ -81,7 +80,9 @@ class Rows:
         reason = _why_unusable(steady_ratio, clipped)
         block = RowBlock(
             header=dataclasses.replace(
-                first.header, seq=self._seq, frame_last=last.header.frame_last
+                first.header,
+                seq=first.header.frame_first // s.block_frames,
+                frame_last=last.header.frame_last,
             ),
             read_out_axis=s.read_out_axis,
             frames=len(self._frames),
@@ -97,7 +98,7 @@ class Rows:
             reason=reason,
             **self._tile_means(sums, pixels),
         )
-        self._frames, self._sums, self._seq = [], [], self._seq + 1
+        self._frames, self._sums = [], []
         return block
 
     def _level(

@@ -46,6 +46,10 @@ class Line:
         """Position in the spectrum of the concatenated rows, ``f_y = k·f_0 + m·F_r``."""
         return self.carrier_hz + self.m * frame_rate_hz
 
+    def alias_hz(self, frame_rate_hz: float) -> float:
+        """Return the frequency at which it shows from frame to frame, within ± half the rate."""
+        return (self.carrier_hz + frame_rate_hz / 2) % frame_rate_hz - frame_rate_hz / 2
+
     def turns(self, frame_rate_hz: float) -> float:
         """Turns of phase down the rows of one frame, ``f_y / F_r``."""
         return self.line_hz(frame_rate_hz) / frame_rate_hz
@@ -68,11 +72,21 @@ def candidate_lines(
     return tuple(sorted(inside, key=lambda x: (abs(x.m), x.m)))
 
 
-def templates(lines: tuple[Line, ...], frame_rate_hz: float, rows: int) -> NDArray[np.complex128]:
-    """Conjugated phase ramps down the rows, shape (rows, lines)."""
+def templates(
+    lines: tuple[Line, ...], frame_rate_hz: float, rows: int, search_hz: float
+) -> NDArray[np.complex128]:
+    """Conjugated phase ramps down the rows, shape (rows, lines).
+
+    Where 0 Hz lies within ``search_hz`` of a line's alias, drifts of the whole picture's brightness
+    look like flicker; such a ramp is made blind to what all rows have in common.
+    """
     turns = np.array([line.turns(frame_rate_hz) for line in lines])
     place = (np.arange(rows) + 0.5) / rows
-    return np.asarray(np.exp(-2j * np.pi * place[:, None] * turns) / rows, np.complex128)
+    ramps = np.exp(-2j * np.pi * place[:, None] * turns) / rows
+    for i, line in enumerate(lines):
+        if rows > 1 and abs(line.alias_hz(frame_rate_hz)) <= search_hz:
+            ramps[:, i] -= ramps[:, i].mean()
+    return np.asarray(ramps, np.complex128)
 
 
 def project(block: RowBlock, ramps: NDArray[np.complex128]) -> NDArray[np.complex128]:

@@ -94,7 +94,7 @@ class StftTracker:
             if s.line_m is None or line.m == s.line_m
         ]
         self._lines = tuple(lines)
-        self._ramps = templates(self._lines, rate_hz, first.rows)
+        self._ramps = templates(self._lines, rate_hz, first.rows, self._finder.search_hz)
         self._buffer = SlowTime(len(self._lines), int(first.frame_pts_ns[0]))
         for block in self._waiting:
             self._take(self._buffer, block)
@@ -174,17 +174,13 @@ class StftTracker:
             return "no mains flicker stands out"
         if tone.at_edge:
             return "strongest at the edge of the search band"
-        if self._rows == 1 and not self.settings.nominal_hz and self._meets_zero(window, rate_hz):
+        near_zero = abs(window.line.alias_hz(rate_hz)) <= self._finder.search_hz
+        if self._rows == 1 and near_zero and not self.settings.nominal_hz:
             return "alias near 0 Hz, where brightness drifts: give the nominal frequency"
         limit_hz = self.settings.max_std_hz * 2.0 * self.settings.harmonic
         if tone.offset_var_hz2 > limit_hz**2:
             return "too uncertain"
         return ""
-
-    def _meets_zero(self, window: _Window, rate_hz: float) -> bool:
-        """Whether 0 Hz lies in the band searched: slow changes of brightness look like a tone."""
-        alias_hz = (window.line.carrier_hz + rate_hz / 2) % rate_hz - rate_hz / 2
-        return bool(abs(alias_hz) <= self._finder.offsets_hz[-1])
 
     def _blank(self, buffer: SlowTime, start_s: float, end_s: float, rate_hz: float) -> EnfEstimate:
         assert self._header is not None

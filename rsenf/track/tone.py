@@ -19,6 +19,10 @@ Float = NDArray[np.float64]
 # Bins of the grid per resolution cell of a Hann window of the same length: fine enough for the
 # error of quadratic interpolation to be below 1e-3 of a cell.
 OVERSAMPLING = 4
+# Cells on either side of the tone that tell the noise.
+NOISE_CELLS = 10
+# Neighbours of a peak of a Hann window are this close to it at least; else it is no such peak.
+MIN_NEIGHBOUR = 0.25
 
 
 @dataclass(frozen=True)
@@ -50,8 +54,8 @@ class ToneFinder:
 
     def __init__(self, window_s: float, search_hz: float) -> None:
         step_hz = 1.0 / (OVERSAMPLING * window_s)
-        half = max(int(np.ceil(search_hz / step_hz)), 4 * OVERSAMPLING)
-        self.window_s = window_s
+        half = max(int(np.ceil(search_hz / step_hz)), NOISE_CELLS * OVERSAMPLING)
+        self.window_s, self.search_hz = window_s, search_hz
         self.offsets_hz = np.arange(-half, half + 1) * step_hz
 
     def window(self, t_s: Float) -> Float:
@@ -120,13 +124,14 @@ class ToneFinder:
 
     @staticmethod
     def _noise(power: Float, peak: int) -> float:
-        """Mean noise power of a cell: the median beside the Hann window's main lobe.
+        """Mean noise power of a cell, from the cells on either side of the Hann main lobe.
 
         Noise power is exponentially distributed, so its mean is its median over ln 2; a median
-        isn't moved by a second line in the band.
+        isn't moved by a second line nearby. Only near cells count: noise is seldom white.
         """
-        away = np.abs(np.arange(power.size) - peak) > 2 * OVERSAMPLING
-        return float(np.median(power[away]) / np.log(2.0))
+        away = np.abs(np.arange(power.size) - peak)
+        near = (away > 2 * OVERSAMPLING) & (away <= NOISE_CELLS * OVERSAMPLING)
+        return float(np.median(power[near]) / np.log(2.0))
 
     def _frequency_variance(self, t_s: Float) -> float:
         """Variance of the frequency (Hz²) for unit noise-to-signal power in a cell.
@@ -141,6 +146,8 @@ class ToneFinder:
 
 def _parabola(three: Float) -> tuple[float, float]:
     """Vertex of a parabola through three equidistant points of the logarithm."""
+    if min(three[0], three[2]) < MIN_NEIGHBOUR * three[1]:
+        return 0.0, float(three[1])
     a, b, c = np.log(np.maximum(three, np.finfo(float).tiny))
     bend = a - 2.0 * b + c
     if bend >= 0.0:

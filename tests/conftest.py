@@ -1,0 +1,49 @@
+"""What all tests share: where the measured data is, and clips made once for the whole session."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+DATA = ROOT.parent / "shared" / "data"
+
+
+@pytest.fixture(scope="session")
+def measured_data() -> Path:
+    """Folder of the measured data; skips where it isn't there."""
+    if not DATA.is_dir():
+        pytest.skip("the measured data (../shared/data) is not here")
+    return DATA
+
+
+@pytest.fixture
+def rsenf() -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run the command line as a user would: ``rsenf("track", path)``."""
+
+    def run(
+        *words: object, timeout: float = 120, **more: object
+    ) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(  # type: ignore[call-overload, no-any-return]  # kwargs passed on
+            [sys.executable, "-m", "rsenf.cli", *map(str, words)],
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=False,
+            **more,
+        )
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated 45 s clip of 320 × 240, H.264 at good quality, its truth beside it."""
+    path = tmp_path_factory.mktemp("clip") / "clip.mp4"
+    words = ["simulate", "--out", path, "--duration-s", "45", "--size", "320x240", "--seed", "11"]
+    subprocess.run([sys.executable, "-m", "rsenf.cli", *map(str, words)], check=True, timeout=120)
+    return path

@@ -1,0 +1,103 @@
+"""Imports point one way. The picture is DESIGN's; this test is what keeps it true."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+BASE = {"errors", "timebase", "stage", "whole_file", "messages"}
+SIGNAL = {"decode", "rows", "track", "idle", "match", "model"}
+# Room -> rooms of rsenf it may import, besides itself.
+ALLOWED: dict[str, set[str]] = {
+    "errors": set(),
+    "timebase": set(),
+    "stage": set(),
+    "whole_file": {"errors"},
+    "messages": {"errors", "timebase"},
+    **dict.fromkeys(SIGNAL, BASE),
+    "reference": {*BASE, "track"},
+    "record": BASE,
+    "bus": BASE,
+    # A graph file is checked against the very settings of the stages.
+    "config": {*BASE, "bus", "rows", "track", "match", "model"},
+    "report": {*BASE, "rows", "track", "match"},
+    "run": {*BASE, *SIGNAL, "bus", "config", "record", "reference"},
+    "cli": {*BASE, *SIGNAL, "bus", "config", "record", "reference", "report", "run", "cli"},
+    "nodes": {*BASE, *SIGNAL, "bus", "config", "record", "reference", "run"},
+}
+# What a signal room must not touch, whatever it is imported through.
+NOT_FOR_SIGNALS = {"zenoh", "mcap", "yaml", "pydantic", "argparse", "rich", "subprocess"}
+
+
+def _modules() -> list[Path]:
+    return sorted([*ROOT.glob("rsenf/**/*.py"), *ROOT.glob("nodes/*.py")])
+
+
+def _room(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return "nodes" if parts[0] == "nodes" else parts[1]
+
+
+def _imports(path: Path) -> set[str]:
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            assert node.level == 0, f"{path}: relative import"
+            found.add(node.module)
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return found
+
+
+def _rooms_imported(path: Path) -> set[str]:
+    names = [n.split(".") for n in _imports(path)]
+    rooms = {parts[1] for parts in names if parts[0] == "rsenf" and len(parts) > 1}
+    return {r for r in rooms if (ROOT / "rsenf" / r).is_dir() or (ROOT / f"rsenf/{r}.py").is_file()}
+
+
+@pytest.mark.parametrize("path", _modules(), ids=lambda p: str(p.relative_to(ROOT)))
+def test_room_imports_only_what_it_may(path: Path) -> None:
+    room = _room(path)
+    if room in ("__init__",):
+        assert not _rooms_imported(path)
+        return
+    assert room in ALLOWED, f"a new room {room!r}: say here what it may import"
+    assert _rooms_imported(path) <= ALLOWED[room] | {room}
+    assert not any(n.split(".")[0] == "rsenf_nodes" for n in _imports(path))
+
+
+@pytest.mark.parametrize("room", sorted(SIGNAL))
+def test_signal_rooms_know_no_bus_config_or_wall_clock(room: str) -> None:
+    for path in (ROOT / "rsenf" / room).glob("**/*.py"):
+        names = _imports(path)
+        assert not {n.split(".")[0] for n in names} & NOT_FOR_SIGNALS, path
+        source = path.read_text(encoding="utf-8")
+        assert "time.time(" not in source, f"{path}: the wall clock is handed in"
+        assert "time.time_ns(" not in source, f"{path}: the wall clock is handed in"
+        assert "scipy.signal" not in source, f"{path}: costs 0.7 s at import"
+
+
+def test_layers_test_can_fail(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.py"
+    bad.write_text("import zenoh\nfrom rsenf.bus import keys\n", encoding="utf-8")
+    assert _rooms_imported(bad) == {"bus"}
+    assert "zenoh" in _imports(bad)
+
+
+def test_every_package_is_in_the_wheel() -> None:
+    import tomllib
+
+    listed = set(
+        tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"][
+            "packages"
+        ]
+    )
+    there = {
+        ".".join(p.parent.relative_to(ROOT).parts) for p in ROOT.glob("rsenf/**/__init__.py")
+    } | {"rsenf_nodes"}
+    assert listed == there
