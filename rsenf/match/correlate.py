@@ -63,8 +63,8 @@ def _decide(found: Search, evidence: Evidence, settings: MatchSettings) -> tuple
     if not found.peaks[1:]:
         return "no_decision", "the reference leaves no other time to compare the best one with"
     if fits and stands_out and unique:
-        against = "averaged like the estimates" if found.smoothed else "as it is"
-        return "match", f"one time fits, and no other nearly as well (reference taken {against})"
+        how = "averaged like the estimates" if found.smoothed else "as it is"
+        return "match", f"one time fits, and no other nearly as well (reference {how})"
     if stands_out and not fits:
         return "no_decision", "the best time fits better than chance, but not as well as it should"
     if not fits:

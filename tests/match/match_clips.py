@@ -1,0 +1,96 @@
+"""Grids and clips with a known truth, for the matcher's tests."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rsenf.match.kernel import average, window_kernel
+from rsenf.match.series import Grid, Track
+from rsenf.messages import EnfEstimate, Header, ReferenceBlock
+
+WINDOW_S = 20.0
+SMEAR_STD_HZ = 1.5e-3
+
+
+def wandering_grid(seconds, seed, nominal_hz=50.0):
+    """A grid's frequency at 1 s: a slow and a quick wander, each forgetting itself."""
+    rng = np.random.default_rng(seed)
+    out = np.full(seconds, nominal_hz)
+    for std_hz, memory_s in ((18e-3, 400.0), (4e-3, 25.0)):
+        keep = np.exp(-1 / memory_s)
+        kicks = rng.standard_normal(seconds) * std_hz * np.sqrt(1 - keep**2)
+        state = rng.standard_normal() * std_hz
+        for i in range(seconds):
+            state = keep * state + kicks[i]
+            out[i] += state
+    return out
+
+
+def coloured_noise(count, std_hz, rng, window_s=WINDOW_S):
+    """Estimation noise of overlapping Hann windows moved by 1 s: white noise under ``w·t``."""
+    t_s = np.arange(-window_s / 2, window_s / 2 + 1)
+    weights = np.cos(np.pi * t_s / window_s) ** 2 * t_s
+    weights /= np.sqrt(weights @ weights)
+    white = rng.standard_normal(count + t_s.size - 1)
+    return std_hz * np.convolve(white, weights, "valid")
+
+
+def clip_of(freq_hz, start_s, seconds, seed, *, std_hz=0.5e-3, ppm=0.0, nominal_hz=50.0):
+    """A track of a clip that began ``start_s`` after the first of 1 s samples.
+
+    Estimates are the grid averaged as a 20 s Hann window does, at fractional places by linear
+    interpolation, with coloured noise and a clock error.
+    """
+    rng = np.random.default_rng(seed)
+    count = round(seconds - WINDOW_S) + 1
+    smooth = average(freq_hz, window_kernel(WINDOW_S, 1.0))
+    centres_s = start_s + WINDOW_S / 2 + np.arange(count)
+    enf = np.interp(centres_s - 0.5, np.arange(freq_hz.size), smooth)
+    enf = enf + coloured_noise(count, std_hz, rng) - nominal_hz * ppm * 1e-6
+    variance = np.full(count, std_hz**2 + SMEAR_STD_HZ**2)
+    return Track(WINDOW_S / 2, 1.0, WINDOW_S, enf, variance, nominal_hz)
+
+
+def grid_from(freq_hz, *, step_s=1.0, t0_ns=0, nominal_hz=50.0):
+    return Grid("test", nominal_hz, t0_ns, step_s, np.asarray(freq_hz, float))
+
+
+def estimates_from(track, *, epoch=0, seq=0):
+    """The messages that would make this track."""
+    out = []
+    for i, (enf, var) in enumerate(zip(track.enf_hz, track.var_hz2, strict=True)):
+        centre_ns = round((track.first_s + i * track.hop_s) * 1e9)
+        half_ns = round(track.window_s / 2 * 1e9)
+        out.append(
+            EnfEstimate(
+                header=Header(run_id="r", source="site/cam", epoch=epoch, seq=seq + i),
+                method="stft",
+                nominal_hz=track.nominal_hz,
+                start_pts_ns=centre_ns - half_ns,
+                end_pts_ns=centre_ns + half_ns,
+                enf_hz=float(enf),
+                enf_var_hz2=float(var),
+                usable=bool(np.isfinite(enf)),
+            )
+        )
+    return out
+
+
+def blocks_from(grid, block=500):
+    """The messages that would bring this reference."""
+    total = grid.freq_hz.size
+    return [
+        ReferenceBlock(
+            header=Header(source="reference/test", seq=seq),
+            grid=grid.name,
+            nominal_hz=grid.nominal_hz,
+            t0_ns=grid.t0_ns,
+            step_ns=round(grid.step_s * 1e9),
+            first=first,
+            samples=min(block, total - first),
+            total=total,
+            freq_hz=grid.freq_hz[first : first + block],
+            readings=np.isfinite(grid.freq_hz[first : first + block]).astype(np.uint32),
+        )
+        for seq, first in enumerate(range(0, total, block))
+    ]
