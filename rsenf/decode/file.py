@@ -134,7 +134,8 @@ def _open(path: Path) -> InputContainer:
         with path.open("rb") as file:
             empty = not file.read(1)
     except OSError as exc:
-        raise UsageError(f"{path} can't be read: {(exc.strerror or '').lower()}") from exc
+        reason = (exc.strerror or "no access").lower()
+        raise UsageError(f"{path} can't be read: {reason}", "check the path of the video") from exc
     if empty:
         raise InputError(f"{path} is empty", _HINT)
     try:

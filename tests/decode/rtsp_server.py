@@ -17,13 +17,14 @@ from types import TracebackType
 from urllib.parse import quote
 
 SYSTEM_PYTHON = "/usr/bin/python3"
+_FAST = "tune=zerolatency speed-preset=ultrafast key-int-max=15"
+# Sliced pictures would get parameter sets before every slice, and FFmpeg take each for a picture.
+_X264 = f"x264enc sliced-threads=false {_FAST}"
 ENCODERS = {
-    "h264": "x264enc tune=zerolatency sliced-threads=false speed-preset=ultrafast key-int-max=15 ! "
-    "rtph264pay config-interval=-1",
-    "h264-no-sets": "x264enc tune=zerolatency sliced-threads=false speed-preset=ultrafast key-int-max=15 ! "
-    "video/x-h264,stream-format=avc ! rtph264pay config-interval=0",
-    "h265": "x265enc tune=zerolatency speed-preset=ultrafast key-int-max=15 ! "
-    "rtph265pay config-interval=-1",
+    "h264": f"{_X264} ! rtph264pay config-interval=-1",
+    # Parameter sets only in the session description, as many cameras do.
+    "h264-no-sets": f"{_X264} ! video/x-h264,stream-format=avc ! rtph264pay config-interval=0",
+    "h265": f"x265enc {_FAST} ! rtph265pay config-interval=-1",
     "mjpeg": "jpegenc ! rtpjpegpay",
 }
 
