@@ -162,8 +162,8 @@ def in_words(analysis: Analysis, reference: Reference) -> str:
             f"match: the recording starts at {when} ({place})" if when else f"match: {place}",
             f"  correlation {result.correlation:.4f} over {result.seconds_used:.0f} s, "
             f"{result.search_size} lags searched",
-            f"  likelihood ratio 10^{result.log10_lr:.1f} against any other time here"
-            + (f": {result.verbal}" if result.verbal else ""),
+            f"  likelihood ratio 10^{result.log10_lr:.1f} against any other time in the reference,",
+            f"  10^{result.log10_lr_absent:.1f} against a time that is not in it: {result.verbal}",
             f"  camera's clock {result.clock_ppm:+.1f} ± {result.clock_std_ppm:.1f} ppm",
         ]
     if result.claim:

@@ -80,6 +80,8 @@ def analyse(
     if head is not None:
         first_ns = head.header.pts_ns
         for message in itertools.chain([head], messages):
+            if recording.begins_with == "rows":
+                tap("rows", message)
             chain.feed(message)
             last = message
             out.seconds = (_end_ns(message) - first_ns) / 1e9

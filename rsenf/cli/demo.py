@@ -1,0 +1,180 @@
+"""See it work: simulate a clip, run the graph of processes on it, compare with the truth.
+
+Needs no network, camera, display or router. What it makes stays in --out: the clip and its truth,
+the reference, the graph, the MCAP recording and a picture.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rsenf.messages import EnfEstimate, MatchResult
+
+REFERENCE_S, STEP_S = 4 * 3600, 1.0
+REFERENCE_BEGINS = "2026-01-15T08:00:00"
+GRAPH = """\
+# The demo's graph: six processes, one camera. Try it again: rsenf run {out}/graph.yaml
+version: 1
+site: demo
+nodes:
+  decode:    {{kind: decode, camera: cam1, input: {clip}}}
+  rows:      {{kind: rows, cameras: [cam1]}}
+  track:     {{kind: track, cameras: [cam1], track: {{nominal_hz: 50}}}}
+  reference: {{kind: reference, grid: demo, input: {reference}}}
+  match:     {{kind: match, cameras: [cam1], grid: demo}}
+  record:    {{kind: record, out: {recording}, overwrite: true}}
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    parser.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="(demo)")
+    parser.add_argument("--seed", type=int, default=1, help="of the grid, the camera, the time (1)")
+    parser.add_argument("--duration-s", type=float, default=90.0, help="of the clip (90)")
+    parser.add_argument("--json", action="store_true")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the demo."""
+    from rsenf.cli.console import note, print_json
+    from rsenf.config import load_graph
+    from rsenf.errors import UsageError
+    from rsenf.run.signals import interruptible
+    from rsenf.run.supervisor import check_ended, start_graph
+    from rsenf.run.view import view_of
+
+    if args.duration_s < 40:
+        raise UsageError(f"--duration-s {args.duration_s:g} is too short to match", "at least 40")
+    out: Path = args.out
+    out.mkdir(parents=True, exist_ok=True)
+    paths = {
+        name: out / file
+        for name, file in {
+            "clip": "clip.mp4", "truth": "clip.truth.json", "reference": "reference.csv",
+            "graph": "graph.yaml", "recording": "recording.mcap", "picture": "picture.png",
+        }.items()
+    }  # fmt: skip
+    note("1/3 simulating a clip of a wall under a lamp, on a grid of its own")
+    start_s = _simulate(paths, args.seed, args.duration_s)
+    paths["graph"].write_text(GRAPH.format(out=out, **paths), encoding="utf-8")
+    note("2/3 running the graph: decode, rows, track, reference, match, record")
+    graph = load_graph(paths["graph"])
+    with (
+        view_of(graph, quiet=args.json) as view,
+        start_graph(graph, paths["graph"], view.update) as running,
+        interruptible(running.kill) as stop,
+    ):
+        view.started(running)
+        running.wait(stop)
+        if stop.is_set():
+            raise KeyboardInterrupt
+        check_ended(running)
+    note("3/3 comparing with the truth")
+    summary = _compare(paths, start_s)
+    if args.json:
+        print_json(summary)
+    else:
+        _tell(summary, paths)
+    return 0 if summary["right"] else 1
+
+
+def _simulate(paths: dict[str, Path], seed: int, duration_s: float) -> float:
+    """Write the reference, the clip hidden in it, and the truth; returns where it is hidden."""
+    import json
+
+    import numpy as np
+
+    from rsenf.model import (
+        CaptureModel,
+        GridPath,
+        Shutter,
+        render_frames,
+        synthetic_grid,
+        write_video,
+    )
+    from rsenf.whole_file import whole_file
+
+    freq_hz = synthetic_grid(seed, REFERENCE_S).freq_hz[: int(REFERENCE_S / STEP_S)]
+    begins = np.datetime64(REFERENCE_BEGINS)
+    with whole_file(paths["reference"]) as part:
+        times = begins + np.arange(freq_hz.size).astype("timedelta64[s]")
+        lines = (f"{t}Z,{f:.6f}" for t, f in zip(times, freq_hz, strict=True))
+        part.write_text("time,frequency\n" + "\n".join(lines) + "\n", encoding="utf-8")
+    start_s = float(np.random.default_rng(seed).uniform(0, REFERENCE_S - duration_s - 1))
+    model = CaptureModel(shutter=Shutter(columns=640, rows=480))
+    frames = render_frames(model, GridPath(freq_hz, STEP_S, start_s, 50.0), duration_s, seed)
+    write_video(paths["clip"], frames, model.codec)
+    with whole_file(paths["truth"]) as part:
+        part.write_text(json.dumps(frames.truth, indent=1) + "\n", encoding="utf-8")
+    return start_s
+
+
+def _compare(paths: dict[str, Path], start_s: float) -> dict[str, Any]:
+    """Read the recording back, draw the picture, and put everything beside the truth."""
+    import json
+
+    from rsenf.cli.verify import as_json
+    from rsenf.messages import EnfEstimate, MatchResult, ReferenceBlock, RowBlock
+    from rsenf.record import open_recording
+    from rsenf.report.picture import draw
+    from rsenf.report.spectrum import ThinRows
+
+    spectrum = ThinRows()
+    held: dict[type[Any], list[Any]] = {EnfEstimate: [], MatchResult: [], ReferenceBlock: []}
+    for _, message, _ in open_recording(paths["recording"]).messages():
+        if message.header.is_end:
+            continue
+        if isinstance(message, RowBlock):
+            spectrum.add(message)
+        elif type(message) in held:
+            held[type(message)].append(message)
+    estimates: list[EnfEstimate] = held[EnfEstimate]
+    result: MatchResult = held[MatchResult][-1]
+    draw(paths["picture"], spectrum, estimates, held[ReferenceBlock], result)
+    truth = json.loads(paths["truth"].read_text(encoding="utf-8"))
+    errors = enf_errors_mhz(estimates, truth)
+    verdict = as_json(result, list(result.warnings))
+    lag_error_s = result.lag_s - start_s if result.decision == "match" else None
+    return {
+        **{name: str(path) for name, path in paths.items()},
+        "estimates": len(estimates),
+        "usable": len(errors),
+        "enf_error_rms_mhz": (sum(e * e for e in errors) / len(errors)) ** 0.5 if errors else None,
+        "enf_error_max_mhz": max(map(abs, errors), default=None),
+        "true_lag_s": start_s,
+        "lag_error_s": lag_error_s,
+        "right": lag_error_s is not None and abs(lag_error_s) <= 1.0,
+        "verdict": verdict,
+    }
+
+
+def enf_errors_mhz(estimates: list[EnfEstimate], truth: dict[str, Any]) -> list[float]:
+    """Estimated ENF less the true mean over the second around the same time, in mHz."""
+    import numpy as np
+
+    # The truth holds means over whole seconds, centred on halves; an estimate is centred on a
+    # whole second: the mean of the two beside it is that of the two seconds around it.
+    t_s, enf_hz = np.array(truth["t_s"]), np.array(truth["enf_hz"])
+    usable = [e for e in estimates if e.usable and t_s[0] <= e.t_s <= t_s[-1]]
+    true_hz = np.interp([e.t_s for e in usable], t_s, enf_hz)
+    return [1e3 * (e.enf_hz - f) for e, f in zip(usable, true_hz.tolist(), strict=True)]
+
+
+def _tell(summary: dict[str, Any], paths: dict[str, Path]) -> None:
+    verdict = summary["verdict"]
+    rms, worst = summary["enf_error_rms_mhz"], summary["enf_error_max_mhz"]
+    print(f"ENF        {summary['usable']} values, one a second; error against the truth "
+          f"{rms:.2f} mHz rms, {worst:.2f} mHz at most" if rms is not None else "ENF        none")  # fmt: skip
+    if verdict["decision"] == "match":
+        print(
+            f"Time       {verdict['start_utc']} ± {verdict['lag_std_s']:.2f} s, found among "
+            f"{verdict['search_size']} lags; the truth is {summary['lag_error_s']:+.2f} s away"
+        )
+    else:
+        print(f"Time       {verdict['decision']}: {verdict['reason']}")
+    print(f"Recording  {paths['recording']}   (MCAP: opens in Foxglove)")
+    print(f"Picture    {paths['picture']}")
+    print(f"Next       rsenf verify {paths['clip']} --reference {paths['reference']}")
