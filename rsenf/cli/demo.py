@@ -165,9 +165,13 @@ def enf_errors_mhz(estimates: list[EnfEstimate], truth: dict[str, Any]) -> list[
 
 def _tell(summary: dict[str, Any], paths: dict[str, Path]) -> None:
     verdict = summary["verdict"]
-    rms, worst = summary["enf_error_rms_mhz"], summary["enf_error_max_mhz"]
-    print(f"ENF        {summary['usable']} values, one a second; error against the truth "
-          f"{rms:.2f} mHz rms, {worst:.2f} mHz at most" if rms is not None else "ENF        none")  # fmt: skip
+    rms_mhz, worst_mhz = summary["enf_error_rms_mhz"], summary["enf_error_max_mhz"]
+    print(
+        f"ENF        {summary['usable']} values, one a second; error against the truth "
+        f"{rms_mhz:.2f} mHz rms, {worst_mhz:.2f} mHz at most"
+        if summary["usable"]
+        else "ENF        no usable signal"
+    )
     if verdict["decision"] == "match":
         print(
             f"Time       {verdict['start_utc']} ± {verdict['lag_std_s']:.2f} s, found among "

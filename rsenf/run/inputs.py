@@ -50,7 +50,7 @@ class Input(ABC):
         return []
 
 
-def open_input_file(path: str | Path, *, camera: str = "") -> Input:
+def open_input_file(path: str | Path, *, camera: str = "", source: str = "") -> Input:
     """Open a recording by what it is, not by what it is called.
 
     Parameters
@@ -59,6 +59,8 @@ def open_input_file(path: str | Path, *, camera: str = "") -> Input:
         Video, ``.mcap`` or ``.npz``.
     camera : str, optional
         Which camera of an MCAP recording with several.
+    source : str, optional
+        What its messages say they come from; ``file/<name>`` unless given.
 
     Raises
     ------
@@ -76,8 +78,8 @@ def open_input_file(path: str | Path, *, camera: str = "") -> Input:
     if start.startswith(MCAP_MAGIC):
         return RecordedRows(path, camera)
     if start.startswith(b"PK") and path.suffix == ".npz":
-        return Luminance(path)
-    return Video(path)
+        return Luminance(path, source or f"file/{path.stem}")
+    return Video(path, source or f"file/{path.stem}")
 
 
 class Video(Input):
@@ -85,14 +87,14 @@ class Video(Input):
 
     begins_with = "frames"
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, source: str) -> None:
         from rsenf.decode.source import open_source
         from rsenf.decode.spec import SourceSpec
 
         self.name = path.name
         self._source = open_source(
             SourceSpec(url=str(path), kind="file"),
-            source=f"file/{path.stem}",
+            source=source,
             run_id="",
             clock_ns=time.time_ns,
         )
@@ -153,9 +155,8 @@ class Luminance(Input):
     ``luminance`` (frames,) with ``frame_rate_hz``.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.name = path.name
-        self._source = f"file/{path.stem}"
+    def __init__(self, path: Path, source: str) -> None:
+        self.name, self._source = path.name, source
         try:
             with np.load(path, allow_pickle=False) as arrays:
                 held = {k: arrays[k] for k in arrays.files if k in _ARRAYS}
