@@ -1,0 +1,44 @@
+"""The README's command blocks, so that CI runs what the README says and nothing else.
+
+Blocks are fenced ``console`` blocks; lines that begin with ``$ `` are commands. A block may be
+named by the HTML comment before it: ``<!-- test -->``. A block named ``not-run`` shows a command
+that needs something a test machine hasn't got; its reason stands in the comment.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+README = Path(__file__).resolve().parent.parent / "README.md"
+_BLOCK = re.compile(
+    r"(?:<!-- *(?P<name>[\w-]+)(?::[^>]*)? *-->\n)?```console\n(?P<body>.*?)```", re.S
+)
+
+
+@dataclass(frozen=True)
+class Block:
+    """One fenced block."""
+
+    name: str
+    line: int
+    commands: tuple[str, ...]
+
+
+def blocks() -> list[Block]:
+    """Return every command block of the README, in order."""
+    text = README.read_text(encoding="utf-8")
+    out = []
+    for match in _BLOCK.finditer(text):
+        body = match["body"].replace("\\\n", " ")
+        commands = tuple(ln[2:].strip() for ln in body.splitlines() if ln.startswith("$ "))
+        line = text.count("\n", 0, match.start("body")) + 1
+        out.append(Block(match["name"] or "", line, commands))
+    return out
+
+
+if __name__ == "__main__":
+    wanted = sys.argv[-1]
+    print("\n".join(c for b in blocks() if b.name == wanted for c in b.commands))

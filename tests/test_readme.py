@@ -1,0 +1,67 @@
+"""Every command of the README is run, in order, in one folder, as a reader would."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import ROOT
+from tests.readme import README, blocks
+
+# Run by .ci/run, which builds the environments that they describe.
+BY_CI = {"demo", "test"}
+
+
+@pytest.fixture(scope="module")
+def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder like the checkout, with the demo made, and the README's own files in it."""
+    folder = tmp_path_factory.mktemp("reader")
+    shutil.copytree(ROOT / "configs", folder / "configs")
+    text = README.read_text(encoding="utf-8")
+    for name, body in re.findall(r"<!-- file: (\S+) -->\n```python\n(.*?)```", text, re.S):
+        (folder / name).write_text(body, encoding="utf-8")
+    run("rsenf demo", folder)
+    return folder
+
+
+def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    done = subprocess.run(
+        ["bash", "-o", "pipefail", "-c", command], cwd=folder, env={**os.environ, "PATH": path},
+        capture_output=True, text=True, timeout=240, check=False,
+    )  # fmt: skip
+    # `head` closes the pipe early: that is not the command's failure.
+    assert done.returncode in ((0, 1) if "| head" in command else (0,)), done.stderr
+    assert "Traceback" not in done.stderr, done.stderr
+    return done
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(
+    ("line", "command"),
+    [
+        (block.line, command)
+        for block in blocks()
+        if block.name not in {*BY_CI, "not-run"}
+        for command in block.commands
+    ],
+)
+def test_command(line: int, command: str, reader: Path) -> None:
+    run(command, reader)
+
+
+def test_the_two_commands_are_there() -> None:
+    assert {"demo", "test"} <= {block.name for block in blocks()}
+    assert all(len(b.commands) == 1 for b in blocks() if b.name in BY_CI)
+
+
+def test_every_file_the_readme_names_exists() -> None:
+    text = README.read_text(encoding="utf-8")
+    for target in re.findall(r"\]\(((?!https?:)[^)#]+)\)", text):
+        assert (ROOT / target).exists(), target
