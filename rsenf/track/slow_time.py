@@ -73,6 +73,12 @@ class SlowTime:
         """Share of the frames whose rows are usable."""
         return float(np.mean(self._usable[part])) if part.stop > part.start else 0.0
 
+    def frame_numbers(self, part: slice) -> tuple[int, int]:
+        """First and last frame, inclusive; -1 for none."""
+        if part.stop == part.start:
+            return -1, -1
+        return int(self._number[part.start]), int(self._number[part.stop - 1])
+
     def frame_rate_hz(self, part: slice) -> float:
         """Frames per second by exact times; frames that never came are counted by their number."""
         if part.stop - part.start < 2:

@@ -18,7 +18,8 @@ from rsenf.timebase import nanoseconds
 from rsenf.track.lines import Line, candidate_lines, project, templates
 from rsenf.track.settings import TrackSettings
 from rsenf.track.slow_time import SlowTime
-from rsenf.track.tone import Tone, ToneFinder
+from rsenf.track.tone import ToneFinder
+from rsenf.track.window import LineFit, fit_lines, slow_time_amplitude
 
 # Row blocks held back until the frame rate is known well enough for the phase ramps.
 RATE_NEEDS_S = 1.0
@@ -28,16 +29,6 @@ SMEAR_STD_HZ = 1.5e-3
 # Weaker than this (levels) is rounding, not light.
 MIN_AMPLITUDE_LEVEL = 1e-4
 MIN_FILL_RATIO = 0.8
-
-
-@dataclasses.dataclass(frozen=True)
-class _Window:
-    """Everything found in one window for one line."""
-
-    line: Line
-    tone: Tone
-    constant: complex
-    noise_level2: float  # noise power per frame
 
 
 class StftTracker:
@@ -136,39 +127,17 @@ class StftTracker:
             return dataclasses.replace(
                 blank, reason=f"rows usable in only {usable_ratio:.0%} of the frames"
             )
-        t_s = buffer.times(part) - (start_s + end_s) / 2.0
         lines = (self._chosen,) if self._chosen else self._lines
-        found = self._windows(buffer, part, t_s, lines)
+        columns = {line: self._lines.index(line) for line in lines}
+        found = fit_lines(self._finder, buffer, columns, start_s, end_s)
         best = max(found, key=lambda w: (not self._why_unusable(w, rate_hz), w.tone.snr))
         reason = self._why_unusable(best, rate_hz)
-        if not reason:
-            self._chosen = best.line
-        return self._fill(blank, best, reason, buffer, (start_s + end_s) / 2.0)
+        if reason:
+            return dataclasses.replace(blank, snr_db=_decibels(best.tone.snr), reason=reason)
+        self._chosen = best.line
+        return self._fill(blank, best, buffer, (start_s + end_s) / 2.0)
 
-    def _windows(
-        self, buffer: SlowTime, part: slice, t_s: NDArray[np.float64], lines: tuple[Line, ...]
-    ) -> list[_Window]:
-        """Fit every line. Lines of one carrier share their rotations."""
-        out = []
-        weights = self._finder.window(t_s)
-        for carrier_hz in dict.fromkeys(line.carrier_hz for line in lines):
-            group = [line for line in lines if line.carrier_hz == carrier_hz]
-            columns = [self._lines.index(line) for line in group]
-            carrier = np.exp(-2j * np.pi * carrier_hz * buffer.times(part))
-            baseband = buffer.values(part)[:, columns] * carrier[:, None]
-            amplitude, power = self._finder.periodograms(baseband, carrier, t_s)
-            means = (weights * carrier.conj()) @ baseband
-            for i, line in enumerate(group):
-                tone = self._finder.strongest(power[:, i], t_s)
-                peak = int(np.argmax(power[:, i]))
-                turn = np.exp(2j * np.pi * self._finder.offsets_hz[peak] * t_s)
-                overlap = (weights * carrier.conj()) @ turn
-                noise = tone.amplitude**2 / tone.snr / (weights @ weights) if tone.snr else 0.0
-                constant = complex(means[i] - amplitude[peak, i] * overlap)
-                out.append(_Window(line, tone, constant, float(noise)))
-        return out
-
-    def _why_unusable(self, window: _Window, rate_hz: float) -> str:
+    def _why_unusable(self, window: LineFit, rate_hz: float) -> str:
         tone = window.tone
         if tone.amplitude < MIN_AMPLITUDE_LEVEL or tone.snr < self.settings.min_snr:
             return "no mains flicker stands out"
@@ -183,15 +152,19 @@ class StftTracker:
         return ""
 
     def _blank(self, buffer: SlowTime, start_s: float, end_s: float, rate_hz: float) -> EnfEstimate:
+        """Return what is known of a window before anything is found in it."""
         assert self._header is not None
+        newest = self._header
         start_ns, end_ns = (buffer.origin_ns + nanoseconds(t) for t in (start_s, end_s))
+        camera_ns = newest.camera_time_ns + start_ns - newest.pts_ns
+        frame_first, frame_last = buffer.frame_numbers(buffer.between(start_s, end_s))
         header = dataclasses.replace(
-            self._header,
+            newest,
             seq=self._hops,
             pts_ns=start_ns,
-            camera_time_ns=0,
-            frame_first=-1,
-            frame_last=-1,
+            camera_time_ns=camera_ns if newest.camera_time_ns else 0,
+            frame_first=frame_first,
+            frame_last=frame_last,
         )
         return EnfEstimate(
             header=header,
@@ -204,46 +177,23 @@ class StftTracker:
         )
 
     def _fill(
-        self, blank: EnfEstimate, best: _Window, reason: str, buffer: SlowTime, centre_s: float
+        self, blank: EnfEstimate, best: LineFit, buffer: SlowTime, centre_s: float
     ) -> EnfEstimate:
         line, tone = best.line, best.tone
         scale = 2.0 * line.harmonic
-        common: dict[str, Any] = {
-            "nominal_hz": line.nominal_hz,
-            "snr_db": float(10.0 * np.log10(tone.snr)) if 0 < tone.snr < np.inf else float("nan"),
-            "reason": reason,
-            "usable": not reason,
-        }
-        if reason:
-            return dataclasses.replace(blank, **common)
+        column = self._lines.index(line)
         return dataclasses.replace(
             blank,
-            **common,
+            nominal_hz=line.nominal_hz,
             line_m=line.m,
             line_hz=line.line_hz(blank.frame_rate_hz),
             enf_hz=line.nominal_hz + tone.offset_hz / scale,
             enf_var_hz2=tone.offset_var_hz2 / scale**2 + SMEAR_STD_HZ**2,
-            **self._amplitude(best, buffer, centre_s),
+            snr_db=_decibels(tone.snr),
+            usable=True,
+            **slow_time_amplitude(best, buffer, column, centre_s, self.settings.hop_s),
         )
 
-    def _amplitude(self, best: _Window, buffer: SlowTime, centre_s: float) -> dict[str, Any]:
-        """Complex amplitude over the window's middle hop, its texture taken off."""
-        hop_s = self.settings.hop_s
-        part = buffer.between(centre_s - hop_s / 2, centre_s + hop_s / 2)
-        count = part.stop - part.start
-        if count == 0:
-            return {}
-        column = self._lines.index(best.line)
-        carrier = np.exp(-2j * np.pi * best.line.carrier_hz * buffer.times(part))
-        amplitude = np.mean((buffer.values(part)[:, column] - best.constant) * carrier)
-        variance = np.array([best.noise_level2 / (2.0 * count)])
-        return {
-            "carrier_hz": best.line.carrier_hz,
-            "points": 1,
-            "amplitude_pts_ns": np.array([buffer.origin_ns + nanoseconds(centre_s)]),
-            "amplitude_re": np.array([amplitude.real]),
-            "amplitude_im": np.array([amplitude.imag]),
-            "amplitude_var_re": variance,
-            "amplitude_var_im": variance,
-            "amplitude_cov": np.zeros(1),
-        }
+
+def _decibels(ratio: float) -> float:
+    return float(10.0 * np.log10(ratio)) if 0 < ratio < np.inf else float("nan")

@@ -1,0 +1,88 @@
+"""One window: the tone at each line, what is constant beside it, and the flicker's amplitude."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from rsenf.timebase import nanoseconds
+from rsenf.track.lines import Line
+from rsenf.track.slow_time import SlowTime
+from rsenf.track.tone import Tone, ToneFinder
+
+
+@dataclasses.dataclass(frozen=True)
+class LineFit:
+    """What one window holds at one line.
+
+    ``constant`` is the texture's share of the slow-time series, ``noise_level2`` the noise power
+    of a single frame (levels²).
+    """
+
+    line: Line
+    tone: Tone
+    constant: complex
+    noise_level2: float
+
+
+def fit_lines(
+    finder: ToneFinder,
+    buffer: SlowTime,
+    columns: dict[Line, int],
+    start_s: float,
+    end_s: float,
+) -> list[LineFit]:
+    """Fit the lines given, each in its column of the buffer.
+
+    Lines of one harmonic differ in their ramps only: they share carrier and rotations.
+    """
+    part = buffer.between(start_s, end_s)
+    t_s = buffer.times(part) - (start_s + end_s) / 2.0
+    weights = finder.window(t_s)
+    out = []
+    for carrier_hz in dict.fromkeys(line.carrier_hz for line in columns):
+        group = [line for line in columns if line.carrier_hz == carrier_hz]
+        carrier = np.exp(-2j * np.pi * carrier_hz * buffer.times(part))
+        baseband = buffer.values(part)[:, [columns[x] for x in group]] * carrier[:, None]
+        amplitude, power = finder.periodograms(baseband, carrier, t_s)
+        means = (weights * carrier.conj()) @ baseband
+        for i, line in enumerate(group):
+            tone = finder.strongest(power[:, i], t_s)
+            peak = int(np.argmax(power[:, i]))
+            turn = np.exp(2j * np.pi * finder.offsets_hz[peak] * t_s)
+            overlap = (weights * carrier.conj()) @ turn
+            noise = tone.amplitude**2 / tone.snr / (weights @ weights) if tone.snr else 0.0
+            constant = complex(means[i] - amplitude[peak, i] * overlap)
+            out.append(LineFit(line, tone, constant, float(noise)))
+    return out
+
+
+def slow_time_amplitude(
+    fit: LineFit, buffer: SlowTime, column: int, centre_s: float, hop_s: float
+) -> dict[str, Any]:
+    """Complex amplitude over the window's middle hop, its texture taken off.
+
+    Returns
+    -------
+    dict
+        The amplitude fields of :class:`rsenf.messages.EnfEstimate`; empty without frames.
+    """
+    part = buffer.between(centre_s - hop_s / 2, centre_s + hop_s / 2)
+    count = part.stop - part.start
+    if count == 0:
+        return {}
+    carrier = np.exp(-2j * np.pi * fit.line.carrier_hz * buffer.times(part))
+    amplitude = np.mean((buffer.values(part)[:, column] - fit.constant) * carrier)
+    variance = np.array([fit.noise_level2 / (2.0 * count)])
+    return {
+        "carrier_hz": fit.line.carrier_hz,
+        "points": 1,
+        "amplitude_pts_ns": np.array([buffer.origin_ns + nanoseconds(centre_s)]),
+        "amplitude_re": np.array([amplitude.real]),
+        "amplitude_im": np.array([amplitude.imag]),
+        "amplitude_var_re": variance,
+        "amplitude_var_im": variance,
+        "amplitude_cov": np.zeros(1),
+    }
