@@ -139,13 +139,8 @@ def _open(path: Path) -> InputContainer:
     if empty:
         raise InputError(f"{path} is empty", _HINT)
     try:
-        # A whole path, so that no name is taken for a protocol; and a list of files stays local.
-        container = av.open(
-            str(path.absolute()),
-            "r",
-            options={"protocol_whitelist": "file"},
-            metadata_errors="replace",
-        )
+        # A whole path, so that no name is taken for a protocol.
+        container = av.open(str(path.absolute()), "r", metadata_errors="replace")
     except av.FFmpegError as exc:
         if lacks_index(path):
             raise InputError(

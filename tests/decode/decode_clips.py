@@ -18,7 +18,7 @@ from rsenf.messages import Frame, VideoPacket
 NTSC = Fraction(30000, 1001)
 # Encoder -> options that make it keep every bit.
 LOSSLESS = {
-    "libx264": {"qp": "0", "g": "8"},
+    "libx264": {"qp": "0", "g": "8", "sc_threshold": "0"},
     "libx265": {"x265-params": "lossless=1:log-level=none:keyint=8"},
     "libvpx-vp9": {"lossless": "1", "g": "8"},
     "ffv1": {},
@@ -54,10 +54,10 @@ def _as_frame(luma: NDArray[Any], pix_fmt: str) -> av.VideoFrame:
     height_px, width_px = luma.shape
     frame = av.VideoFrame(width_px, height_px, pix_fmt)
     for plane in frame.planes[1:]:
-        memory = np.frombuffer(plane, np.uint8)  # type: ignore[call-overload] - it is a buffer
+        memory = np.frombuffer(plane, np.uint8)
         memory[:] = 128
     plane = frame.planes[0]
-    memory = np.frombuffer(plane, np.uint8)  # type: ignore[call-overload] - it is a buffer
+    memory = np.frombuffer(plane, np.uint8)
     lines = memory.reshape(-1, plane.line_size).view(luma.dtype)
     lines[:height_px, :width_px] = luma
     return frame
@@ -153,7 +153,7 @@ def lumas_of(path: Path) -> list[NDArray[np.uint8]]:
     with av.open(str(path)) as container:
         for frame in container.decode(video=0):
             plane = frame.planes[0]
-            data, line = bytes(plane), plane.line_size  # type: ignore[call-overload] - a buffer
+            data, line = bytes(plane), plane.line_size
             rows = [data[line * row : line * row + frame.width] for row in range(frame.height)]
             lumas.append(np.frombuffer(b"".join(rows), np.uint8).reshape(frame.height, -1))
     return lumas

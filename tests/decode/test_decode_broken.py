@@ -7,7 +7,7 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
-from decode_clips import cut_short, make_clip, make_sound, only_frames, pictures, source_of
+from decode_clips import NTSC, cut_short, make_clip, make_sound, only_frames, pictures, source_of
 
 from rsenf.decode.structure import lacks_index, missing_bytes
 from rsenf.errors import EXIT_FAILED, EXIT_USAGE, InputError, RsenfError, UsageError
@@ -71,6 +71,21 @@ def test_damaged_frames_are_left_out_counted_and_keep_their_numbers(
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_damaged_packet_shifts_no_later_time(tmp_path: Path) -> None:
+    path = make_clip(tmp_path / "clip.avi", pictures(30), options={"g": "1"})
+    with av.open(str(path)) as container:
+        packets = [p for p in container.demux(video=0) if p.size]
+        start, size = packets[10].pos, packets[10].size
+    data = bytearray(path.read_bytes())
+    data[start : start + size] = bytes(size)
+    path.write_bytes(data)
+    with source_of(path) as source:
+        times_ns = [f.header.pts_ns for f in only_frames(source)]
+    whole = [round(n / NTSC * 1_000_000_000) for n in range(30)]
+    assert times_ns == whole[:10] + whole[11:]
+    assert "damaged packets: 1" in source.loss
+
+
 def error_of(path: Path) -> RsenfError:
     with pytest.raises(RsenfError) as caught:
         source_of(path)
@@ -91,12 +106,14 @@ def test_what_is_no_video_is_one_clear_error(
     notes.write_text("hello world\n" * 50)
     listing = tmp_path / "list.mp4"  # FFmpeg would open what it names
     listing.write_text("ffconcat version 1.0\nfile 'whole.mp4'\n")
+    session = tmp_path / "session.mp4"  # FFmpeg would wait for packets from the network
+    session.write_text("v=0\nc=IN IP4 127.0.0.1\nm=video 5004 RTP/AVP 26\n")
     noise = tmp_path / "noise.mp4"
     noise.write_bytes(np.random.default_rng(1).bytes(10_000))
     empty = tmp_path / "empty.mp4"
     empty.touch()
     sound = make_sound(tmp_path / "sound.mp4")
-    for path in (unfinished, text, notes, listing, noise, empty, sound):
+    for path in (unfinished, text, notes, listing, session, noise, empty, sound):
         error = error_of(path)
         assert isinstance(error, InputError)
         assert error.exit_code == EXIT_FAILED
@@ -160,6 +177,15 @@ def test_the_number_of_missing_bytes_is_exact(tmp_path: Path, suffix: str) -> No
         part = tmp_path / f"part.{suffix}"
         part.write_bytes(data[:-missing])
         assert missing_bytes(part) == missing
+
+
+def test_long_boxes_are_followed(tmp_path: Path) -> None:
+    path = tmp_path / "long.mp4"
+    head = (8).to_bytes(4, "big") + b"ftyp"
+    media = (1).to_bytes(4, "big") + b"mdat" + (1 << 33).to_bytes(8, "big")
+    path.write_bytes(head + media + bytes(100))
+    assert missing_bytes(path) == (1 << 33) - 16 - 100
+    assert lacks_index(path)
 
 
 def test_a_stream_written_without_lengths_can_not_tell(tmp_path: Path) -> None:

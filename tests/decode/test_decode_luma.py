@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import av
+import av.filter
 import numpy as np
 import pytest
 from decode_clips import frames_of, make_clip, pictures
@@ -20,7 +22,7 @@ def filled(pix_fmt: str, samples: NDArray[Any], *, step: int = 1, offset: int = 
     """A frame whose luma samples stand ``step`` apart in plane 0."""
     frame = av.VideoFrame(WIDTH_PX, HEIGHT_PX, pix_fmt)
     plane = frame.planes[0]
-    memory = np.frombuffer(plane, np.uint8)  # type: ignore[call-overload] - it is a buffer
+    memory = np.frombuffer(plane, np.uint8)
     lines = memory.reshape(-1, plane.line_size).view(samples.dtype)
     lines[:] = 77  # chroma, and padding
     lines[:HEIGHT_PX, offset : offset + step * WIDTH_PX : step] = samples
@@ -90,6 +92,20 @@ def test_bottom_up_pictures_stand_upright(tmp_path: Path) -> None:
     for frame, luma in zip(frames_of(path), lumas, strict=True):
         assert frame.luma is not None
         assert np.abs(frame.luma.astype(int) - luma).max() <= 1
+
+
+def test_lines_stored_backwards_stand_upright() -> None:
+    (luma,) = pictures(1, HEIGHT_PX, WIDTH_PX)
+    flip = av.filter.Graph()
+    flip.link_nodes(
+        flip.add_buffer(width=WIDTH_PX, height=HEIGHT_PX, format="gray", time_base=Fraction(1, 30)),
+        flip.add("vflip"),
+        flip.add("buffersink"),
+    ).configure()
+    flip.vpush(filled("gray", luma))
+    flipped = flip.vpull()
+    assert flipped.planes[0].line_size < 0  # the filter only turns the order of the lines
+    assert np.array_equal(luma_plane(flipped), luma[::-1])
 
 
 def test_ten_bit_video_is_read(tmp_path: Path) -> None:

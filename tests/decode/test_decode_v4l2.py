@@ -69,17 +69,14 @@ def open_fake(
     )
 
 
-def frames_until_lost(source: VideoSource) -> list[Any]:
-    items = []
-    with pytest.raises(SourceLost):
-        items.extend(iter_into(source, items))
-    return items
-
-
-def iter_into(source: VideoSource, items: list[Any]) -> list[Any]:
-    for item in source:
-        items.append(item)
-    return []
+def items_until_lost(source: VideoSource) -> list[Any]:
+    """All it gives before it is given up, which it must be."""
+    items: list[Any] = []
+    try:
+        items.extend(source)
+    except SourceLost:
+        return items
+    raise AssertionError("it ended without an error")
 
 
 def raw(luma: NDArray[np.uint8], fourcc: str) -> NDArray[Any]:
@@ -106,7 +103,7 @@ def test_luma_of_every_format(fourcc: str) -> None:
     if fourcc == "MJPG":
         lumas = [cv2.imdecode(i.ravel(), cv2.IMREAD_GRAYSCALE) for i in images]
     source = open_fake(FakeCapture(images, fourcc))
-    frames = only_frames(frames_until_lost(source))
+    frames = only_frames(items_until_lost(source))
     assert len(frames) == 4
     for frame, luma in zip(frames, lumas, strict=True):
         assert np.array_equal(frame.luma, luma)
@@ -117,7 +114,7 @@ def test_luma_of_every_format(fourcc: str) -> None:
 def test_jpeg_packets_are_the_cameras_own() -> None:
     images = [raw(y, "MJPG") for y in pictures(3, HEIGHT_PX, WIDTH_PX)]
     source = open_fake(FakeCapture(images, "MJPG"), with_packets=True)
-    packets = only_packets(frames_until_lost(source))
+    packets = only_packets(items_until_lost(source))
     assert source.info.packets_recordable
     assert [p.data for p in packets] == [i.tobytes() for i in images]
     assert {(p.codec, p.keyframe) for p in packets} == {("mjpeg", True)}
@@ -127,7 +124,7 @@ def test_a_broken_jpeg_is_counted_and_leaves_a_gap() -> None:
     images = [raw(y, "MJPG") for y in pictures(4, HEIGHT_PX, WIDTH_PX)]
     images[2] = np.frombuffer(b"\xff\xd8 no picture", np.uint8).reshape(1, -1)
     source = open_fake(FakeCapture(images, "MJPG"))
-    frames = only_frames(frames_until_lost(source))
+    frames = only_frames(items_until_lost(source))
     assert [f.header.seq for f in frames] == [0, 1, 3]
     assert "damaged frames and packets: 1" in source.loss
 
@@ -136,7 +133,7 @@ def test_the_drivers_clock_is_taken_where_it_moves() -> None:
     images = [raw(y, "YUYV") for y in pictures(4, HEIGHT_PX, WIDTH_PX)]
     times_ms = [5000.0, 5033.366, 5066.733, 5100.1]
     source = open_fake(FakeCapture(images, times_ms=times_ms))
-    frames = only_frames(frames_until_lost(source))
+    frames = only_frames(items_until_lost(source))
     assert [f.header.pts_ns for f in frames] == [round(t * 1000) * 1000 for t in times_ms]
     assert source.warnings == []
 
@@ -144,7 +141,7 @@ def test_the_drivers_clock_is_taken_where_it_moves() -> None:
 def test_otherwise_the_time_of_arrival_from_the_first() -> None:
     images = [raw(y, "YUYV") for y in pictures(4, HEIGHT_PX, WIDTH_PX)]
     source = open_fake(FakeCapture(images))
-    frames = only_frames(frames_until_lost(source))
+    frames = only_frames(items_until_lost(source))
     assert [f.header.pts_ns for f in frames] == [n * 33_000_000 for n in range(4)]
     assert frames[0].header.arrival_time_ns == 10**18
     assert any("no times" in line for line in source.warnings)
