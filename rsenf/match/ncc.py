@@ -20,7 +20,7 @@ from rsenf.messages.schema import FloatArray
 
 BoolArray = NDArray[np.bool_]
 
-MIN_FFT = 1 << 16  # measured: two thirds of the time of 2^20, which falls out of the cache
+MIN_FFT = 1 << 16  # measured: a quarter of the time of 2^20, which falls out of the cache
 ROUNDING = 1e-11  # of the series' own variance: below it a variance is rounding, not signal
 
 

@@ -10,6 +10,7 @@ from rsenf.messages.schema import FloatArray
 NOMINALS_HZ = (50.0, 60.0)
 NEAR_HZ = 1.5  # no grid strays further from its nominal frequency and stays connected
 MIN_VALUES = 2
+TYPICAL_DEVIATION_MHZ = 100.0  # the median of hours of a grid is well within; mains volts aren't
 
 
 def nominal_of(freq_hz: FloatArray, where: str, asked_hz: float | None) -> float:
@@ -56,7 +57,7 @@ def _cure(typical: float, spread: float) -> str:
         return "looks like millihertz: divide by 1000"
     if abs(typical) <= NEAR_HZ and spread <= 2 * NEAR_HZ:
         return "looks like deviations from the nominal frequency: add 50 or 60"
-    if abs(typical) <= 1e3 * NEAR_HZ and spread <= 2e3 * NEAR_HZ:
+    if abs(typical) <= TYPICAL_DEVIATION_MHZ and spread <= 2e3 * NEAR_HZ:
         return "looks like deviations in mHz: divide by 1000 and add 50 or 60"
     return "is it the right column? See --column"
 
