@@ -31,8 +31,8 @@ def match_ncc(
             coverage_ratio=found.coverage_ratio,
         )
     best, evidence = found.peaks[0], weigh(found, track, settings)
-    decision, reason = _decide(found, evidence, settings)
     lag_std_s, offset_std_hz = _errors(best, track.window_s)
+    decision, reason = _decide(found, evidence, lag_std_s, settings)
     values = independent_values(best.seconds, track.window_s)
     return Finding(
         decision=decision,
@@ -55,7 +55,9 @@ def match_ncc(
     )
 
 
-def _decide(found: Search, evidence: Evidence, settings: MatchSettings) -> tuple[str, str]:
+def _decide(
+    found: Search, evidence: Evidence, lag_std_s: float, settings: MatchSettings
+) -> tuple[str, str]:
     """Return the decision and its reason."""
     fits = evidence.fit >= settings.min_fit
     stands_out = evidence.chance <= settings.max_chance
@@ -63,6 +65,10 @@ def _decide(found: Search, evidence: Evidence, settings: MatchSettings) -> tuple
     if not found.peaks[1:]:
         return "no_decision", "the reference leaves no other time to compare the best one with"
     if fits and stands_out and unique:
+        if not lag_std_s <= settings.tolerance_s:  # NaN where the peak has no curvature
+            return "no_decision", (
+                f"one time stands out, but its place is uncertain by over {settings.tolerance_s:g} s"
+            )
         how = "averaged like the estimates" if found.smoothed else "as it is"
         return "match", f"one time fits, and no other nearly as well (reference {how})"
     if stands_out and not fits:

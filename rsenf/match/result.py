@@ -31,6 +31,7 @@ def result_of(
     method: str,
     grid: Grid,
     track: Track | None,
+    jumps: int,
     settings: MatchSettings,
     claimed_utc_ns: int,
     final: bool,
@@ -63,7 +64,10 @@ def result_of(
         verbal=finding.verbal,
         final=final,
         candidates=candidates,
-        warnings=tuple(_warnings(finding, grid, track, claim_lag_s, claimed_utc_ns, settings)),
+        warnings=(
+            *_jump_warning(jumps),
+            *_warnings(finding, grid, track, claim_lag_s, claimed_utc_ns, settings),
+        ),
     )
 
 
@@ -79,6 +83,12 @@ def _claim(finding: Finding, claim_lag_s: float, settings: MatchSettings) -> str
         near = abs(finding.lag_s - claim_lag_s) <= settings.tolerance_s
         return "supported" if near else "refuted"
     return "refuted" if finding.claim_fit < settings.min_fit else "undecidable"
+
+
+def _jump_warning(jumps: int) -> list[str]:
+    if not jumps:
+        return []
+    return [f"{jumps} estimates jump away from their neighbours: left out"]
 
 
 def _warnings(

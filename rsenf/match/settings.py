@@ -37,7 +37,8 @@ class MatchSettings:
         Chance, were the clip from that time, of a residual as large as that found, below which the
         best time does not fit.
     tolerance_s : float
-        How far a claimed start may be from the one found.
+        How far a claimed start may be from the one found, and the largest standard error of a
+        match.
     candidates : int
         How many candidates to report.
     """

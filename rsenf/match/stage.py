@@ -9,6 +9,7 @@ import numpy as np
 
 from rsenf.errors import UsageError
 from rsenf.match.correlate import match_ncc
+from rsenf.match.jumps import without_jumps
 from rsenf.match.matcher import Finding, Matcher, nothing_to_decide
 from rsenf.match.result import claimed_lag_s, result_of
 from rsenf.match.series import Grid, Track, grid_of, track_of
@@ -114,7 +115,7 @@ class Match:
         return sum(b.samples for b in blocks) >= total
 
     def _result(self, estimates: list[EnfEstimate], *, final: bool) -> MatchResult:
-        track = track_of(estimates) if estimates else None
+        track, jumps = without_jumps(track_of(estimates)) if estimates else (None, 0)
         grid = grid_of(list(self._blocks.values())) if self._blocks else None
         header = _header(estimates, self._published)
         self._published += 1
@@ -124,6 +125,7 @@ class Match:
             method=self.method,
             grid=grid or Grid(self.grid, NAN, 0, 1.0, np.empty(0)),
             track=track,
+            jumps=jumps,
             settings=self.settings,
             claimed_utc_ns=self.claimed_utc_ns,
             final=final,

@@ -155,3 +155,10 @@ def test_a_reference_no_longer_than_the_clip():
 def test_a_stuck_reference_decides_nothing():
     found = match_ncc(clip_of(DAY, 3000, 300, 15), grid_from(np.full(4000, 50.0)), SETTINGS)
     assert found.decision != "match"
+
+
+def test_a_time_that_is_not_sharp_is_not_a_match():
+    """A grid that hardly moves fits over seconds: the peak is there, its place isn't."""
+    found = match_ncc(clip_of(DAY, 5000, 300, 4), grid_from(DAY), MatchSettings(tolerance_s=0.001))
+    assert found.decision == "no_decision"
+    assert "uncertain by over" in found.reason

@@ -184,3 +184,16 @@ def test_misuse_is_refused():
     with pytest.raises(UsageError, match=r"600\.0 s.*540\.0 s"):
         check_lengths(600, 540)
     check_lengths(540, 600)
+
+
+def test_wrong_peaks_of_a_tracker_do_not_hide_the_time():
+    enf = CLIP.enf_hz.copy()
+    wrong = np.random.default_rng(6).random(enf.size) < 0.04
+    enf[wrong] += 0.1
+    clip = dataclasses.replace(CLIP, enf_hz=enf)
+    (result,) = run([*blocks_from(GRID), *estimates_from(clip)])
+    assert result.decision == "match"
+    assert result.lag_s == pytest.approx(START_S, abs=0.5)
+    assert result.warnings == (
+        f"{wrong.sum()} estimates jump away from their neighbours: left out",
+    )
