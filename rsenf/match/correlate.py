@@ -67,7 +67,8 @@ def _decide(
     if fits and stands_out and unique:
         if not lag_std_s <= settings.tolerance_s:  # NaN where the peak has no curvature
             return "no_decision", (
-                f"one time stands out, but its place is uncertain by over {settings.tolerance_s:g} s"
+                "one time stands out, but its place is uncertain by over "
+                f"{settings.tolerance_s:g} s"
             )
         how = "averaged like the estimates" if found.smoothed else "as it is"
         return "match", f"one time fits, and no other nearly as well (reference {how})"

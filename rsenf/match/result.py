@@ -88,7 +88,7 @@ def _claim(finding: Finding, claim_lag_s: float, settings: MatchSettings) -> str
 def _jump_warning(jumps: int) -> list[str]:
     if not jumps:
         return []
-    return [f"{jumps} estimates jump away from their neighbours: left out"]
+    return [f"estimates that jump away from their neighbours, left out: {jumps}"]
 
 
 def _warnings(

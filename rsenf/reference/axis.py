@@ -62,8 +62,8 @@ def to_axis(t_ns: Int64Array, freq_hz: FloatArray, step_s: float | None, where: 
     off = np.abs(off_ns) > OFF_GRID_RATIO * step_ns
     if off.any():
         notes.append(
-            f"{off.sum()} time stamps off the {step_ns / NS_PER_S:g} s grid by up to "
-            f"{np.abs(off_ns).max() / NS_PER_S:.3g} s: taken for the nearest sample"
+            f"time stamps off the {step_ns / NS_PER_S:g} s grid by up to "
+            f"{np.abs(off_ns).max() / NS_PER_S:.3g} s, taken for the nearest sample: {off.sum()}"
         )
     freq, readings, more = _merge(index, freq_hz, total)
     return Axis(int(t0_ns), step_ns / NS_PER_S, freq, readings, notes + more)
@@ -116,10 +116,10 @@ def _merge(
     readings[sample] = count
     notes = []
     if np.any(count > 1):
-        notes.append(f"{(count > 1).sum()} samples have more than one reading: averaged")
+        notes.append(f"samples with more than one reading, averaged: {(count > 1).sum()}")
     if np.any(spread > AGREE_HZ):
         notes.append(
-            f"{(spread > AGREE_HZ).sum()} samples whose readings disagree by more than "
-            f"{AGREE_HZ * 1e3:g} mHz: taken as gaps"
+            f"samples whose readings disagree by more than {AGREE_HZ * 1e3:g} mHz, "
+            f"taken as gaps: {(spread > AGREE_HZ).sum()}"
         )
     return freq, readings, notes

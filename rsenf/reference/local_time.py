@@ -55,9 +55,9 @@ def to_utc(local_ns: Int64Array, timezone: str) -> tuple[Int64Array, BoolArray, 
     offset_s = np.where(second, late, early)
     notes = []
     if missing.any():
-        notes.append(f"{missing.sum()} times that don't exist in {timezone}: left out")
+        notes.append(f"times that don't exist in {timezone}, left out: {missing.sum()}")
     if undecided.any():
-        notes.append(f"{undecided.sum()} times that come twice in {timezone}: left out")
+        notes.append(f"times that come twice in {timezone}, left out: {undecided.sum()}")
     return local_ns - offset_s * NS_PER_S, ~missing & ~undecided, notes
 
 

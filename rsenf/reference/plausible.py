@@ -33,7 +33,7 @@ def nominal_of(freq_hz: FloatArray, where: str, asked_hz: float | None) -> float
     ok = np.isfinite(freq_hz)
     if ok.sum() < MIN_VALUES:
         raise ReferenceFormatError(
-            f"{where}: {ok.sum()} numbers in the frequency column", "is it the right column?"
+            f"{where}: numbers in the frequency column: {ok.sum()}", "is it the right column?"
         )
     typical = float(np.median(freq_hz[ok]))
     nominal = next((n for n in NOMINALS_HZ if abs(typical - n) <= NEAR_HZ), None)
@@ -67,5 +67,5 @@ def without_outliers(freq_hz: FloatArray, nominal_hz: float) -> tuple[FloatArray
     out = np.isfinite(freq_hz) & (np.abs(np.nan_to_num(freq_hz, nan=0.0) - nominal_hz) > NEAR_HZ)
     if not out.any():
         return freq_hz, []
-    note = f"{out.sum()} values more than {NEAR_HZ:g} Hz from {nominal_hz:g} Hz: taken as gaps"
+    note = f"values over {NEAR_HZ:g} Hz from {nominal_hz:g} Hz, taken as gaps: {out.sum()}"
     return np.where(out, np.nan, freq_hz), [note]

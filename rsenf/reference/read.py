@@ -115,7 +115,7 @@ def _from_table(
     raw = numbers(table.frequency)
     freq, notes = raw, list(table.notes)
     if np.isnan(raw).any():
-        notes.append(f"{np.isnan(raw).sum()} values that are no numbers: taken as gaps")
+        notes.append(f"values that are no numbers, taken as gaps: {np.isnan(raw).sum()}")
     nominal = nominal_of(raw, path.name, asked)
     freq, outliers = without_outliers(raw, nominal)
     notes += outliers
@@ -136,9 +136,11 @@ def _timed(
     times = read_times(table.time, where, timezone)
     notes = list(times.notes)
     if not times.ok.all():
-        notes.append(f"{(~times.ok).sum()} rows without a time that can be used: left out")
+        notes.append(f"rows without a time that can be used, left out: {(~times.ok).sum()}")
     if times.ok.sum() < 2:
-        raise ReferenceFormatError(f"{where}: {times.ok.sum()} rows with a time", "need two")
+        raise ReferenceFormatError(
+            f"{where}: rows with a time: {times.ok.sum()}", "at least two are needed"
+        )
     axis = to_axis(times.t_ns[times.ok], freq_hz[times.ok], step_s, where)
     t0_ns = axis.t0_ns if times.absolute else 0
     return Axis(t0_ns, axis.step_s, axis.freq_hz, axis.readings, notes + axis.notes)
@@ -166,6 +168,6 @@ def _gap_notes(axis: Axis) -> list[str]:
         return []
     missing = sum(gaps)
     return [
-        f"{len(gaps)} gaps, {missing * axis.step_s:g} s in all "
+        f"gaps: {len(gaps)}, {missing * axis.step_s:g} s in all "
         f"({missing / axis.freq_hz.size:.0%}), the longest {max(gaps) * axis.step_s:g} s"
     ]

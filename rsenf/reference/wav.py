@@ -71,7 +71,7 @@ def demodulate(path: Path, nominal_hz: float | None = None) -> Demodulated:
     if wav.channels > 1:
         notes.append(f"first of {wav.channels} channels used")
     if not good.all():
-        notes.append(f"{(~good).sum()} seconds without a clear tone: taken as gaps")
+        notes.append(f"seconds without a clear tone, taken as gaps: {(~good).sum()}")
     return Demodulated(
         np.where(good, nominal + offset_hz / harmonic, np.nan), nominal, harmonic, notes
     )

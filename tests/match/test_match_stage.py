@@ -195,5 +195,5 @@ def test_wrong_peaks_of_a_tracker_do_not_hide_the_time():
     assert result.decision == "match"
     assert result.lag_s == pytest.approx(START_S, abs=0.5)
     assert result.warnings == (
-        f"{wrong.sum()} estimates jump away from their neighbours: left out",
+        f"estimates that jump away from their neighbours, left out: {wrong.sum()}",
     )

@@ -52,7 +52,7 @@ def test_gaps_are_counted_and_kept(tmp_path):
     assert reference.gaps == 2
     assert np.isnan(reference.freq_hz[100:130]).all()
     assert reference.valid_samples == 269
-    assert "2 gaps, 31 s in all (10%), the longest 30 s" in reference.notes
+    assert "gaps: 2, 31 s in all (10%), the longest 30 s" in reference.notes
     assert reference.duration_s == 300
     assert reference.end_ns == T0_NS + 300 * S
 
@@ -67,8 +67,8 @@ def test_duplicates_are_averaged_or_distrusted(tmp_path):
     assert reference.readings[[9, 10, 20]].tolist() == [1, 2, 2]
     assert reference.duplicates == 2
     notes = " / ".join(reference.notes)
-    assert "2 samples have more than one reading" in notes
-    assert "1 samples whose readings disagree by more than 5 mHz" in notes
+    assert "samples with more than one reading, averaged: 2" in notes
+    assert "disagree by more than 5 mHz, taken as gaps: 1" in notes
     assert "sorted" in notes
 
 
@@ -89,8 +89,8 @@ def test_what_is_no_number_is_a_gap(tmp_path):
     reference = read_stamped(tmp_path, stamps(50), freq)
     assert np.flatnonzero(np.isnan(reference.freq_hz)).tolist() == [3, 7, 8, 30]
     assert reference.readings[[3, 7, 8, 30]].tolist() == [0, 0, 0, 0]
-    assert "3 values that are no numbers: taken as gaps" in reference.notes
-    assert "1 values more than 1.5 Hz from 50 Hz: taken as gaps" in reference.notes
+    assert "values that are no numbers, taken as gaps: 3" in reference.notes
+    assert "values over 1.5 Hz from 50 Hz, taken as gaps: 1" in reference.notes
 
 
 def test_what_is_no_time_is_left_out(tmp_path):
@@ -98,7 +98,9 @@ def test_what_is_no_time_is_left_out(tmp_path):
     times[5], times[6] = "yesterday", ""
     reference = read_stamped(tmp_path, times, values(50))
     assert np.flatnonzero(np.isnan(reference.freq_hz)).tolist() == [5, 6]
-    assert any("2 rows without a time" in note for note in reference.notes)
+    assert any(
+        "rows without a time that can be used, left out: 2" in note for note in reference.notes
+    )
 
 
 def test_a_wrong_date_does_not_fill_the_memory(tmp_path):

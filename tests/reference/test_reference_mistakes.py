@@ -32,7 +32,7 @@ def rows(freq):
         ("Hz\n50,01\n50,02\n", "1 columns in the header, 2", "decimal comma"),
         ("50,01\n50,02\n50,00\n", "no header and 2 columns", "frequency"),
         ("1,2,3\n1,2,3\n", "no header and 3 columns", "frequency"),
-        ("time,frequency\n2022-01-01 00:00:00,50.0\n", "1 numbers", "right column"),
+        ("time,frequency\n2022-01-01 00:00:00,50.0\n", "frequency column: 1", "right column"),
         ("hello world\nthis is prose\n", "no frequency column", "frequency"),
     ],
 )

@@ -64,7 +64,7 @@ def test_seconds_without_a_tone_are_gaps(tmp_path):
     assert np.isnan(reference.freq_hz[40:50]).all()
     assert np.isfinite(np.delete(reference.freq_hz, np.arange(40, 50))).all()
     assert (reference.readings == np.isfinite(reference.freq_hz)).all()
-    assert any("10 seconds without a clear tone" in note for note in reference.notes)
+    assert any("without a clear tone, taken as gaps: 10" in note for note in reference.notes)
 
 
 def test_a_start_can_be_given(tmp_path):
