@@ -5,9 +5,13 @@ from __future__ import annotations
 import argparse
 import difflib
 import importlib
+import io
 import os
+import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
 
 from rsenf import __version__
 from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_USAGE, RsenfError
@@ -24,6 +28,7 @@ VERBS = {
     "record": "write what is on a bus to an MCAP file",
     "explain": "explain a message, an error or an exit code; write the schemas",
 }
+DEBUG = "--debug"
 
 
 class _Parser(argparse.ArgumentParser):
@@ -34,15 +39,25 @@ class _Parser(argparse.ArgumentParser):
         raise SystemExit(EXIT_USAGE)
 
 
-def _top_parser() -> _Parser:
+def _parser(prog: str, description: str | None, epilog: str = "") -> _Parser:
     parser = _Parser(
-        prog="rsenf",
-        description="Reads the electric network frequency out of rolling-shutter video.",
-        epilog="'rsenf VERB --help' tells more.   New here? Start with: rsenf demo",
+        prog=prog,
+        description=description,
+        epilog=epilog,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    # Shown only: it is taken out of the words before they are parsed, wherever it stands.
+    parser.add_argument(DEBUG, action="store_true", help="show the traceback of an error")
+    return parser
+
+
+def _top_parser() -> _Parser:
+    parser = _parser(
+        "rsenf",
+        "Reads the electric network frequency out of rolling-shutter video.",
+        "'rsenf VERB --help' tells more.   New here? Start with: rsenf demo",
+    )
     parser.add_argument("--version", action="version", version=f"rsenf {__version__}")
-    parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
     verbs = parser.add_argument_group("verbs")
     for verb, line in VERBS.items():
         # Shown only: the verb itself is looked up below, so that a typing error gets a hint.
@@ -61,23 +76,12 @@ def _unknown(verb: str) -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
-    debug = bool(words) and words[0] == "--debug"
-    if debug:
-        words = words[1:]
-    if not words or words[0].startswith("-"):
-        _top_parser().parse_args(words or ["--help"])
-        return EXIT_USAGE
-    if words[0] not in VERBS:
-        return _unknown(words[0])
-    # Set before NumPy is imported: its threads fight the decoder's, and cost many times their gain.
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-    module = importlib.import_module(f"rsenf.cli.{words[0]}")
-    parser = _Parser(prog=f"rsenf {words[0]}", description=module.__doc__)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    module.add_arguments(parser)
+    debug = DEBUG in words
     try:
-        return int(module.run(parser.parse_args(words[1:])))
+        with _surroundings():
+            code = _call([word for word in words if word != DEBUG])
+            sys.stdout.flush()
+            return code
     except RsenfError as exc:
         if debug:
             raise
@@ -89,9 +93,56 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_INTERRUPTED
     except BrokenPipeError:
         # Whoever read our output has gone ('rsenf track … | head'): nothing to say, nobody to hear.
-        sys.stderr.close()
+        _forget_stdout()
+        return EXIT_FAILED
+    except OSError as exc:
+        if exc.filename is None:  # as likely as not it was the output that failed
+            _forget_stdout()
+        if debug:
+            raise
+        where = f"{exc.filename}: " if exc.filename else ""
+        print(f"rsenf: {where}{exc.strerror or exc}", file=sys.stderr)
         return EXIT_FAILED
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def _call(words: list[str]) -> int:
+    """Call the verb with its arguments."""
+    try:
+        if not words or words[0].startswith("-"):
+            _top_parser().parse_args(words or ["--help"])
+            return EXIT_USAGE
+        if words[0] not in VERBS:
+            return _unknown(words[0])
+        module = importlib.import_module(f"rsenf.cli.{words[0]}")
+        parser = _parser(f"rsenf {words[0]}", module.__doc__)
+        module.add_arguments(parser)
+        return int(module.run(parser.parse_args(words[1:])))
+    except SystemExit as exc:  # argparse's way to end, after --help and after an error
+        return int(exc.code or 0)
+
+
+@contextmanager
+def _surroundings() -> Iterator[None]:
+    """Set up what every verb needs of its process; a SIGTERM ends a verb as Ctrl-C does."""
+    # Set before NumPy is imported: its threads fight the decoder's, and cost many times their gain.
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # for terminals without ± and –
+    before = signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def _forget_stdout() -> None:
+    """Let what can't be written go; Python would try again at exit, and complain."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)

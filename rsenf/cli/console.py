@@ -1,4 +1,4 @@
-"""What the verbs share: progress on a terminal, JSON without NaN, arguments in common."""
+"""What the verbs share: words on stderr, progress on a terminal, JSON, arguments in common."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def progress_bar(what: str, total_s: float | None) -> Iterator[Callable[[float],
         yield lambda seconds: bar.update(task, completed=seconds)
 
 
+def say(text: str) -> None:
+    """Tell a person what went wrong or is under way, on stderr."""
+    print(f"rsenf: {text}", file=sys.stderr, flush=True)
+
+
 def note(text: str) -> None:
-    """Tell a person something, on stderr."""
-    print(f"rsenf: {text}", file=sys.stderr)
-
-
-def number(value: float) -> float | None:
-    """Make a float fit for JSON: null for what is unknown or not finite."""
-    return float(value) if math.isfinite(value) else None
+    """Tell a person what else to know, on stderr."""
+    print(f"note: {text}", file=sys.stderr)
 
 
 def print_json(value: Any, *, indent: int | None = 2) -> None:
@@ -46,14 +46,20 @@ def print_json(value: Any, *, indent: int | None = 2) -> None:
     print(json.dumps(value, indent=indent, allow_nan=False))
 
 
-def utc_text(t_ns: int) -> str | None:
-    """ISO 8601 with milliseconds; None for an unknown time."""
-    if not t_ns:
-        return None
-    from datetime import UTC, datetime
+def positive(text: str) -> float:
+    """Argument type: a finite number above zero."""
+    value = float(text)
+    if not (math.isfinite(value) and value > 0):
+        raise argparse.ArgumentTypeError(f"{text} is not a finite number above 0")
+    return value
 
-    moment = datetime.fromtimestamp(t_ns // 10**9, UTC)
-    return f"{moment:%Y-%m-%dT%H:%M:%S}.{t_ns % 10**9 // 10**6:03d}Z"
+
+def count(text: str) -> int:
+    """Argument type: 0, 1, 2 …"""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is below 0")
+    return value
 
 
 def add_signal_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,9 +75,13 @@ def add_signal_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--line", type=int, metavar="M", help="line k·f0 + M·F_r; the strongest otherwise"
     )
-    group.add_argument("--read-out", choices=("rows", "columns"), default="rows")
+    group.add_argument(
+        "--read-out", choices=("rows", "columns"), default="rows", help="columns: turned camera"
+    )
     group.add_argument("--no-mask", action="store_true", help="keep pixels that move")
-    group.add_argument("--camera", default="", help="camera of an MCAP recording with several")
+    group.add_argument(
+        "--camera", default="", metavar="NAME", help="of an MCAP recording with several"
+    )
 
 
 def signal_settings(args: argparse.Namespace, nominal_hz: float | None) -> tuple[Any, Any]:
@@ -96,9 +106,15 @@ def signal_settings(args: argparse.Namespace, nominal_hz: float | None) -> tuple
 def add_reference_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of every verb that reads a grid reference."""
     group = parser.add_argument_group("reference")
-    group.add_argument("--timezone", help="of its times, e.g. Europe/Paris; UTC otherwise")
-    group.add_argument("--step-s", type=float, help="between its values, when it has no times")
-    group.add_argument("--column", help="that holds the frequency, when not found by its name")
+    group.add_argument(
+        "--timezone", metavar="ZONE", help="of its times, e.g. Europe/Paris; UTC otherwise"
+    )
+    group.add_argument(
+        "--step-s", type=positive, metavar="S", help="between its values, when it has no times"
+    )
+    group.add_argument(
+        "--column", metavar="NAME", help="that holds the frequency, when not found by its name"
+    )
     group.add_argument(
         "--stamp",
         choices=("start", "centre"),

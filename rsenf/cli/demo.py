@@ -7,6 +7,7 @@ the reference, the graph, the MCAP recording and a picture.
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,9 +15,10 @@ if TYPE_CHECKING:
     from rsenf.messages import EnfEstimate, MatchResult
 
 REFERENCE_S, STEP_S = 4 * 3600, 1.0
+SHORTEST_S, LONGEST_S = 60, 3600
 REFERENCE_BEGINS = "2026-01-15T08:00:00"
 GRAPH = """\
-# The demo's graph: six processes, one camera. Try it again: rsenf run {out}/graph.yaml
+# The demo's graph: six processes, one camera. Again: rsenf run {again}
 version: 1
 site: demo
 nodes:
@@ -31,23 +33,29 @@ nodes:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
+    from rsenf.cli.console import count, positive
+
     parser.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="(demo)")
-    parser.add_argument("--seed", type=int, default=1, help="of the grid, the camera, the time (1)")
-    parser.add_argument("--duration-s", type=float, default=90.0, help="of the clip (90)")
-    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--seed", type=count, default=1, metavar="N",
+                        help="of the grid, the camera, the time (1)")  # fmt: skip
+    parser.add_argument("--duration-s", type=positive, default=90.0, metavar="S",
+                        help="of the clip (90)")  # fmt: skip
+    parser.add_argument("--json", action="store_true", help="what came out, as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the demo."""
-    from rsenf.cli.console import note, print_json
+    from rsenf.cli.console import print_json, say
     from rsenf.config import load_graph
     from rsenf.errors import UsageError
     from rsenf.run.signals import interruptible
     from rsenf.run.supervisor import check_ended, start_graph
     from rsenf.run.view import view_of
 
-    if args.duration_s < 40:
-        raise UsageError(f"--duration-s {args.duration_s:g} is too short to match", "at least 40")
+    if not SHORTEST_S <= args.duration_s <= LONGEST_S:
+        raise UsageError(
+            f"--duration-s {args.duration_s:g} suits no demo", f"{SHORTEST_S} to {LONGEST_S}"
+        )
     out: Path = args.out
     out.mkdir(parents=True, exist_ok=True)
     paths = {
@@ -57,10 +65,10 @@ def run(args: argparse.Namespace) -> int:
             "graph": "graph.yaml", "recording": "recording.mcap", "picture": "picture.png",
         }.items()
     }  # fmt: skip
-    note("1/3 simulating a clip of a wall under a lamp, on a grid of its own")
+    say("1/3 simulating a clip of a wall under a lamp, on a grid of its own")
     start_s = _simulate(paths, args.seed, args.duration_s)
-    paths["graph"].write_text(GRAPH.format(out=out, **paths), encoding="utf-8")
-    note("2/3 running the graph: decode, rows, track, reference, match, record")
+    _write_graph(paths)
+    say("2/3 running the graph: decode, rows, track, reference, match, record")
     graph = load_graph(paths["graph"])
     with (
         view_of(graph, quiet=args.json) as view,
@@ -72,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
         if stop.is_set():
             raise KeyboardInterrupt
         check_ended(running)
-    note("3/3 comparing with the truth")
+    say("3/3 comparing with the truth")
     summary = _compare(paths, start_s)
     if args.json:
         print_json(summary)
@@ -81,12 +89,22 @@ def run(args: argparse.Namespace) -> int:
     return 0 if summary["right"] else 1
 
 
+def _write_graph(paths: dict[str, Path]) -> None:
+    """Write the graph, with whole paths, so that it runs from any folder."""
+    import json
+
+    quoted = {name: json.dumps(str(path.absolute())) for name, path in paths.items()}
+    again = shlex.quote(str(paths["graph"]))
+    paths["graph"].write_text(GRAPH.format(again=again, **quoted), encoding="utf-8")
+
+
 def _simulate(paths: dict[str, Path], seed: int, duration_s: float) -> float:
     """Write the reference, the clip hidden in it, and the truth; returns where it is hidden."""
     import json
 
     import numpy as np
 
+    from rsenf.cli.console import progress_bar
     from rsenf.model import (
         CaptureModel,
         GridPath,
@@ -106,7 +124,9 @@ def _simulate(paths: dict[str, Path], seed: int, duration_s: float) -> float:
     start_s = float(np.random.default_rng(seed).uniform(0, REFERENCE_S - duration_s - 1))
     model = CaptureModel(shutter=Shutter(columns=640, rows=480))
     frames = render_frames(model, GridPath(freq_hz, STEP_S, start_s, 50.0), duration_s, seed)
-    write_video(paths["clip"], frames, model.codec)
+    rate_hz = float(frames.frame_rate)
+    with progress_bar("filming", duration_s) as show:
+        write_video(paths["clip"], frames, model.codec, lambda done: show(done / rate_hz))
     with whole_file(paths["truth"]) as part:
         part.write_text(json.dumps(frames.truth, indent=1) + "\n", encoding="utf-8")
     return start_s
@@ -116,11 +136,11 @@ def _compare(paths: dict[str, Path], start_s: float) -> dict[str, Any]:
     """Read the recording back, draw the picture, and put everything beside the truth."""
     import json
 
-    from rsenf.cli.verify import as_json
     from rsenf.messages import EnfEstimate, MatchResult, ReferenceBlock, RowBlock
     from rsenf.record import open_recording
     from rsenf.report.picture import draw
     from rsenf.report.spectrum import ThinRows
+    from rsenf.report.verdict import verdict_json
 
     spectrum = ThinRows()
     held: dict[type[Any], list[Any]] = {EnfEstimate: [], MatchResult: [], ReferenceBlock: []}
@@ -136,7 +156,7 @@ def _compare(paths: dict[str, Path], start_s: float) -> dict[str, Any]:
     draw(paths["picture"], spectrum, estimates, held[ReferenceBlock], result)
     truth = json.loads(paths["truth"].read_text(encoding="utf-8"))
     errors = enf_errors_mhz(estimates, truth)
-    verdict = as_json(result, list(result.warnings))
+    verdict = verdict_json(result, list(result.warnings))
     lag_error_s = result.lag_s - start_s if result.decision == "match" else None
     return {
         **{name: str(path) for name, path in paths.items()},
@@ -179,6 +199,7 @@ def _tell(summary: dict[str, Any], paths: dict[str, Path]) -> None:
         )
     else:
         print(f"Time       {verdict['decision']}: {verdict['reason']}")
+    clip, reference = (shlex.quote(str(paths[name])) for name in ("clip", "reference"))
     print(f"Recording  {paths['recording']}   (MCAP: opens in Foxglove)")
     print(f"Picture    {paths['picture']}")
-    print(f"Next       rsenf verify {paths['clip']} --reference {paths['reference']}")
+    print(f"Next       rsenf verify {clip} --reference {reference}")

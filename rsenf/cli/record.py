@@ -10,13 +10,15 @@ import argparse
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
+    from rsenf.cli.console import positive
+
     parser.add_argument("--connect", action="append", required=True, metavar="ENDPOINT",
                         help="of the bus, for example tcp/127.0.0.1:7447")  # fmt: skip
     parser.add_argument("--out", required=True, metavar="FILE.mcap")
     parser.add_argument("--site", default="*", help="of the graph (any)")
     parser.add_argument("--topics", action="append", metavar="KEYEXPR",
                         help="below the site, for example cam1/track (all)")  # fmt: skip
-    parser.add_argument("--duration-s", type=float, help="stop after this long")
+    parser.add_argument("--duration-s", type=positive, metavar="S", help="stop after this long")
     parser.add_argument("--overwrite", action="store_true")
     parser.add_argument("--json", action="store_true")
 
@@ -28,7 +30,7 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.bus.inbox import Inbox
     from rsenf.bus.keys import ROOT, health_key
     from rsenf.bus.zenoh_bus import BusSettings, open_bus
-    from rsenf.cli.console import note, print_json
+    from rsenf.cli.console import print_json, say
     from rsenf.record.writer import Recorder
     from rsenf.run.recording import DELIVERY, record_until
     from rsenf.run.signals import interruptible
@@ -45,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
             bus.subscribe(inbox, f"{ROOT}/{args.site}/{key_expr}", DELIVERY)
         if not args.topics:
             bus.subscribe(inbox, health_key(args.site, "*"), DELIVERY)
-        note(f"recording to {args.out}; Ctrl-C ends it")
+        say(f"recording to {args.out}; Ctrl-C ends it")
         record_until(recorder, inbox, lambda: stop.is_set() or time.monotonic() > deadline)
     c = inbox.counters
     if args.json:

@@ -23,9 +23,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run a graph until it ends or is interrupted."""
-    from rsenf.cli.console import note, print_json
+    from rsenf.cli.console import note, print_json, say
     from rsenf.config import load_graph
     from rsenf.errors import EXIT_DONE, NodeFailed
+    from rsenf.report.verdict import verdict_words
     from rsenf.run.signals import interruptible
     from rsenf.run.supervisor import check_ended, start_graph
     from rsenf.run.view import view_of
@@ -48,16 +49,18 @@ def run(args: argparse.Namespace) -> int:
         print_json(_as_json(running))
     else:
         for source, result in running.results.items():
-            print(f"{source}: {result.decision} {result.reason}".rstrip())
+            print(f"{source}: {verdict_words(result)}")
+            for line in result.warnings:
+                note(line)
     if failure:
         raise failure
     if interrupted:
-        note("stopped")
+        say("stopped")
     return code or EXIT_DONE
 
 
 def _as_json(running: GraphRun) -> dict[str, Any]:
-    from rsenf.cli.verify import as_json
+    from rsenf.report.verdict import verdict_json
 
     return {
         "run_id": running.run_id,
@@ -66,7 +69,7 @@ def _as_json(running: GraphRun) -> dict[str, Any]:
             for n in running.nodes.values()
         },
         "results": {
-            source: as_json(result, list(result.warnings))
+            source: verdict_json(result, list(result.warnings))
             for source, result in running.results.items()
         },
     }

@@ -8,8 +8,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,35 +17,38 @@ if TYPE_CHECKING:
     from rsenf.model import CaptureModel, GridPath
 
 _ROWS_SUFFIX = ".npz"
-_DURATION_S = 60.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options."""
+    """Arguments of the verb."""
+    from rsenf.cli.console import count, positive
+
     parser.add_argument(
         "--out", type=Path, required=True, metavar="X",
         help="X.mp4, .mov, .mkv, .avi or .webm for video, X.npz for row means",
     )  # fmt: skip
     what = parser.add_argument_group("the clip")
-    what.add_argument("--duration-s", type=float, metavar="S", help="length (default: 60)")
-    what.add_argument("--seed", type=int, default=1, help="of everything random (default: 1)")
-    what.add_argument("--strips", type=int, default=1, help="of each row in X.npz (default: 1)")
+    what.add_argument("--duration-s", type=positive, default=60.0, metavar="S", help="length (60)")
+    what.add_argument("--seed", type=count, default=1, metavar="N", help="of everything random (1)")
+    what.add_argument("--strips", type=int, default=1, metavar="N", help="of each row in X.npz (1)")
     grid = parser.add_argument_group("the grid")
-    grid.add_argument("--reference", type=Path, metavar="REF", help="measured; default: drawn")
-    grid.add_argument("--start-s", type=float, default=0.0, help="where on it (default: 0)")
-    grid.add_argument("--nominal-hz", type=float, choices=(50.0, 60.0), help="default: 50, or REF")
-    grid.add_argument("--timezone", help="of REF's times, for example Europe/Paris")
-    grid.add_argument("--step-s", type=float, help="of REF, where it has no times")
+    grid.add_argument(
+        "--reference", type=Path, metavar="REF", help="measured; drawn at random otherwise"
+    )
+    grid.add_argument("--start-s", type=float, default=0.0, metavar="S", help="where on it (0)")
+    grid.add_argument("--nominal-hz", type=float, choices=(50.0, 60.0), help="50, or that of REF")
+    grid.add_argument("--timezone", metavar="ZONE", help="of REF's times, for example Europe/Paris")
+    grid.add_argument("--step-s", type=positive, metavar="S", help="of REF, where it has no times")
     camera = parser.add_argument_group("the capture, over the model file")
     camera.add_argument("--model", type=Path, metavar="FILE", help="YAML; see configs/model")
-    camera.add_argument("--lamp", help="led, halogen, incandescent, cfl or ideal")
+    camera.add_argument("--lamp", metavar="KIND", help="led, halogen, incandescent, cfl or ideal")
     camera.add_argument("--size", type=_size, metavar="1280x720")
     camera.add_argument("--frame-rate", metavar="30000/1001")
-    camera.add_argument("--idle-ratio", type=float, help="0 to 0.99")
-    camera.add_argument("--clock-ppm", type=float, help="fast > 0")
-    camera.add_argument("--codec", help="h264, h265, vp9 or mjpeg")
-    camera.add_argument("--bitrate", type=_bits, metavar="150k", help="default: constant quality")
-    camera.add_argument("--preset", help="the encoder's effort, for example medium")
+    camera.add_argument("--idle-ratio", type=float, metavar="RATIO", help="0 to 0.99")
+    camera.add_argument("--clock-ppm", type=float, metavar="PPM", help="fast > 0")
+    camera.add_argument("--codec", metavar="NAME", help="h264, h265, vp9 or mjpeg")
+    camera.add_argument("--bitrate", type=_bits, metavar="150k", help="constant quality otherwise")
+    camera.add_argument("--preset", metavar="NAME", help="the encoder's effort, for example medium")
     camera.add_argument("--lossless", action="store_true", default=None)
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
@@ -64,13 +66,12 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.errors import EXIT_DONE
     from rsenf.model import synthetic_grid
 
-    duration_s = _DURATION_S if args.duration_s is None else args.duration_s
     model = _model(args)
     grid = _measured(args) if args.reference else synthetic_grid(
-        args.seed, duration_s + 1, nominal_hz=args.nominal_hz or 50.0, start_s=args.start_s
+        args.seed, args.duration_s + 1, nominal_hz=args.nominal_hz or 50.0, start_s=args.start_s
     )  # fmt: skip
     write = _write_rows if args.out.suffix == _ROWS_SUFFIX else _write_video
-    truth = write(args, model, grid, duration_s)
+    truth = write(args, model, grid)
     _report(args, truth)
     return EXIT_DONE
 
@@ -107,39 +108,39 @@ def _over(part: Any, given: dict[str, object]) -> Any:
 
 
 def _measured(args: argparse.Namespace) -> GridPath:
+    from rsenf.cli.console import note
     from rsenf.model import GridPath
     from rsenf.reference import read_reference
 
     reference = read_reference(
         args.reference, timezone=args.timezone, step_s=args.step_s, nominal_hz=args.nominal_hz
     )
-    for note in reference.notes:
-        print(f"note: {args.reference}: {note}", file=sys.stderr)
+    for line in reference.notes:
+        note(f"{args.reference}: {line}")
     return GridPath(reference.freq_hz, reference.step_s, args.start_s, reference.nominal_hz)
 
 
-def _write_rows(
-    args: argparse.Namespace, model: CaptureModel, grid: GridPath, duration_s: float
-) -> dict[str, Any]:
+def _write_rows(args: argparse.Namespace, model: CaptureModel, grid: GridPath) -> dict[str, Any]:
     import numpy as np
 
     from rsenf.model import simulate_rows
     from rsenf.whole_file import whole_file
 
-    data = simulate_rows(model, grid, duration_s, args.seed, strips=args.strips)
+    data = simulate_rows(model, grid, args.duration_s, args.seed, strips=args.strips)
     with _truth_beside(args.out, data.truth), whole_file(args.out) as part, part.open("wb") as file:
         np.savez(file, rows=data.level, frame_time_s=data.frame_time_s)
     return data.truth
 
 
-def _write_video(
-    args: argparse.Namespace, model: CaptureModel, grid: GridPath, duration_s: float
-) -> dict[str, Any]:
+def _write_video(args: argparse.Namespace, model: CaptureModel, grid: GridPath) -> dict[str, Any]:
+    from rsenf.cli.console import progress_bar
     from rsenf.model import render_frames, write_video
 
-    frames = render_frames(model, grid, duration_s, args.seed)
-    with _truth_beside(args.out, frames.truth), _progress(frames.frames) as step:
-        write_video(args.out, frames, model.codec, step)
+    frames = render_frames(model, grid, args.duration_s, args.seed)
+    rate_hz = float(frames.frame_rate)
+    bar = progress_bar("filming", frames.frames / rate_hz)
+    with _truth_beside(args.out, frames.truth), bar as show:
+        write_video(args.out, frames, model.codec, lambda done: show(done / rate_hz))
     return frames.truth
 
 
@@ -157,35 +158,23 @@ def _truth_path(out: Path) -> Path:
     return out.with_suffix(".truth.json")
 
 
-@contextmanager
-def _progress(frames: int) -> Iterator[Callable[[int], None] | None]:
-    """Show a bar on the terminal; without a terminal, nothing."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("filming", total=frames)
-        yield lambda done: bar.update(task, completed=done)
-
-
 def _report(args: argparse.Namespace, truth: dict[str, Any]) -> None:
+    from rsenf.cli.console import note, print_json
+
     kept = ("frames", "duration_s", "frame_rate_hz", "nominal_hz", "idle_ratio", "read_out_time_s",
             "clock_ppm", "reference_start_s", "seed", "notes")  # fmt: skip
     result = {"out": str(args.out), "truth": str(_truth_path(args.out))}
     result |= {key: truth[key] for key in kept}
     if args.json:
-        print(json.dumps(result))
+        print_json(result)
         return
     print(
         f"{args.out}: {truth['frames']} frames, {truth['duration_s']:.3f} s at "
         f"{truth['frame_rate']} fps, {truth['nominal_hz']:g} Hz grid, idle {truth['idle_ratio']:g}"
     )
     print(f"{_truth_path(args.out)}: what is true of it")
-    for note in truth["notes"]:
-        print(f"note: {note}", file=sys.stderr)
+    for line in truth["notes"]:
+        note(line)
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -9,9 +9,12 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rsenf.messages import EnfEstimate
     from rsenf.run.inline import Analysis
 
@@ -27,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Track a recording."""
-    from rsenf.cli.console import note, print_json, progress_bar, signal_settings
+    from rsenf.cli.console import note, print_json, progress_bar, say, signal_settings
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
     from rsenf.run.inline import analyse
     from rsenf.run.inputs import open_input_file
@@ -40,18 +43,21 @@ def run(args: argparse.Namespace) -> int:
         for estimate in analysis.estimates:
             print_json(as_json(estimate), indent=None)
     else:
-        _print_table(analysis)
+        _print_table(analysis.estimates)
     for line in analysis.warnings:
         note(line)
-    note(summary(analysis, track.window_s))
+    if any(e.usable for e in analysis.estimates):
+        note(summary(analysis))
+    else:
+        say(f"{args.input}: {summary(analysis)}")
     if analysis.loss:
-        note(analysis.loss)
+        say(f"{args.input}: {analysis.loss}")
     return EXIT_LOSS if analysis.loss else EXIT_DONE
 
 
 def as_json(estimate: EnfEstimate) -> dict[str, Any]:
-    """Return the stable keys of one second, and the reason where it is not usable."""
-    from rsenf.cli.console import number
+    """Return the stable keys of one second, and a few more."""
+    from rsenf.report.verdict import number
 
     std_hz = math.sqrt(estimate.enf_var_hz2) if estimate.enf_var_hz2 >= 0 else math.nan
     return {
@@ -61,34 +67,41 @@ def as_json(estimate: EnfEstimate) -> dict[str, Any]:
         "snr_db": number(estimate.snr_db),
         "usable": estimate.usable,
         "reason": estimate.reason,
+        "epoch": estimate.header.epoch,
     }
 
 
-def _print_table(analysis: Analysis) -> None:
-    print("   t_s     enf_hz   ± mHz  snr_db")
-    for estimate in analysis.estimates:
+def _print_table(estimates: Sequence[EnfEstimate]) -> None:
+    if estimates:
+        print(" t (s)   ENF (Hz)   ± mHz  SNR (dB)")
+    for estimate in estimates:
         if estimate.usable:
             std_mhz = 1e3 * math.sqrt(estimate.enf_var_hz2)
-            values = f"{estimate.enf_hz:10.5f} {std_mhz:7.2f} {estimate.snr_db:7.1f}"
+            values = f"{estimate.enf_hz:10.5f} {std_mhz:7.2f} {estimate.snr_db:9.1f}"
         else:
-            values = f"         –       –       –   {estimate.reason}"
+            values = f"         –       –         –   {estimate.reason}"
         print(f"{estimate.t_s:6.1f} {values}")
 
 
-def summary(analysis: Analysis, window_s: float) -> str:
-    """One line on what was found."""
-    if not analysis.estimates:
+def summary(analysis: Analysis) -> str:
+    """One line on what was found of the ENF."""
+    from rsenf.track import TrackSettings
+
+    estimates = analysis.estimates
+    if not estimates:
         return (
             f"too short to tell: {analysis.seconds:.1f} s of video, the first value needs "
-            f"{window_s:.0f} s"
+            f"{TrackSettings.window_s:.0f} s"
         )
-    usable = [e for e in analysis.estimates if e.usable]
+    usable = [e for e in estimates if e.usable]
     if not usable:
-        reasons = sorted({e.reason for e in analysis.estimates})
-        return f"no usable signal in {analysis.seconds:.0f} s of video: {'; '.join(reasons)}"
+        # What is wrong with the rows themselves explains best why no window of them is of use.
+        (rows, _), *_ = analysis.row_reasons.most_common(1)
+        (reason, _), *_ = Counter(e.reason for e in estimates).most_common(1)
+        return f"no usable signal in {analysis.seconds:.0f} s of video: {rows or reason}"
     last = usable[-1]
     return (
-        f"{len(usable)} of {len(analysis.estimates)} values usable; {last.nominal_hz:.0f} Hz grid, "
+        f"{len(usable)} of {len(estimates)} values usable; {last.nominal_hz:.0f} Hz grid, "
         f"harmonic {last.harmonic} on the line at {last.line_hz:.1f} Hz, "
         f"{last.frame_rate_hz:.3f} frames/s"
     )

@@ -8,12 +8,16 @@ claimed time is supported, refuted or undecidable.
 from __future__ import annotations
 
 import argparse
+from collections import defaultdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsenf.messages import MatchResult
+    from collections.abc import Mapping, Sequence
+
+    from rsenf.messages import ReferenceBlock
     from rsenf.reference import Reference
+    from rsenf.report.spectrum import ThinRows
     from rsenf.run.inline import Analysis
 
 
@@ -30,24 +34,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--method", default="ncc", metavar="NAME", help="matcher (ncc)")
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw what was compared")
-    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--json", action="store_true", help="the verdict as JSON")
     add_reference_arguments(parser)
     add_signal_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Verify a recording's time."""
-    from rsenf.cli.console import note, print_json, progress_bar, signal_settings
+    from rsenf.cli.console import note, print_json, say
+    from rsenf.cli.track import summary
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
-    from rsenf.match.matcher import check_lengths
-    from rsenf.match.stage import Match
-    from rsenf.reference import read_reference, reference_blocks
-    from rsenf.report.spectrum import ThinRows
-    from rsenf.run.inline import analyse
-    from rsenf.run.inputs import open_input_file
+    from rsenf.reference import read_reference
+    from rsenf.report.verdict import verdict_json, verdict_words
 
     claimed_ns = _claimed_ns(args.start)
-    recording = open_input_file(args.input, camera=args.camera)
+    _check_picture(args.picture)
     reference = read_reference(
         args.reference,
         timezone=args.timezone,
@@ -55,15 +56,42 @@ def run(args: argparse.Namespace) -> int:
         column=args.column,
         stamp=args.stamp,
     )
-    if recording.duration_s:
-        check_lengths(recording.duration_s, reference.duration_s)
-    blocks = list(reference_blocks(reference, source="reference/file", run_id=""))
+    analysis = _analyse(args, reference, claimed_ns)
+    result = analysis.result
+    warnings = [*result.warnings, *analysis.warnings, *reference.notes]
+    usable = any(e.usable for e in analysis.estimates)
+    if not args.nominal_hz and (result.decision == "no_match" or not usable):
+        warnings.append(f"looked for a {reference.nominal_hz:.0f} Hz grid, as the reference's is")
+    if args.json:
+        print_json(verdict_json(result, [*warnings, *filter(None, [analysis.loss])]))
+    else:
+        print(verdict_words(result))
+        for line in warnings:
+            note(line)
+    if not usable:
+        say(f"{args.input}: {summary(analysis)}")
+    if analysis.loss:
+        say(f"{args.input}: {analysis.loss}")
+    return EXIT_LOSS if analysis.loss else EXIT_DONE
+
+
+def _analyse(args: argparse.Namespace, reference: Reference, claimed_ns: int) -> Analysis:
+    from rsenf.cli.console import progress_bar, signal_settings
+    from rsenf.match.stage import Match
+    from rsenf.reference import reference_blocks
+    from rsenf.report.spectrum import ThinRows
+    from rsenf.run.inline import analyse
+    from rsenf.run.inputs import open_input_file
+
+    recording = open_input_file(args.input, camera=args.camera)
+    _check_lengths(args, recording.duration_s or 0.0, reference)
+    blocks = list(reference_blocks(reference, source="reference/file"))
     rows, track = signal_settings(args, reference.nominal_hz)
-    spectrum = ThinRows()
+    spectra: dict[int, ThinRows] = defaultdict(ThinRows)  # by epoch
 
     def tap(topic: str, message: Any) -> None:
-        if args.picture and topic == "rows" and not message.header.is_end:
-            spectrum.add(message)
+        if args.picture and topic == "rows":
+            spectra[message.header.epoch].add(message)
 
     with progress_bar("verifying", recording.duration_s) as progress:
         analysis = analyse(
@@ -75,28 +103,50 @@ def run(args: argparse.Namespace) -> int:
             progress=progress,
             tap=tap,
         )
-    check_lengths(analysis.seconds, reference.duration_s)
-    assert analysis.result is not None
+    _check_lengths(args, max(analysis.stretches_s, default=0.0), reference)
     if args.picture:
-        from rsenf.report.picture import draw
+        _draw(args.picture, analysis, spectra, blocks)
+    return analysis
 
-        draw(args.picture, spectrum, analysis.estimates, blocks, analysis.result)
-    warnings = [*analysis.result.warnings, *analysis.warnings, *reference.notes]
-    if analysis.loss:
-        warnings.append(analysis.loss)
-    if args.json:
-        print_json(as_json(analysis.result, warnings))
-    else:
-        print(in_words(analysis, reference))
-        for line in warnings:
-            note(line)
-        if args.picture:
-            note(f"picture: {args.picture}")
-    return EXIT_LOSS if analysis.loss else EXIT_DONE
+
+def _draw(
+    path: Path,
+    analysis: Analysis,
+    spectra: Mapping[int, ThinRows],
+    blocks: Sequence[ReferenceBlock],
+) -> None:
+    from rsenf.cli.console import note
+    from rsenf.report.picture import draw
+
+    result = analysis.result
+    epoch = result.header.epoch
+    estimates = [e for e in analysis.estimates if e.header.epoch == epoch]
+    draw(path, spectra[epoch], estimates, blocks, result)
+    note(f"picture: {path}")
+
+
+def _check_picture(path: Path | None) -> None:
+    """Refuse early what would fail at the end."""
+    from rsenf.errors import UsageError
+
+    if path is not None and not path.absolute().parent.is_dir():
+        raise UsageError(f"--picture {path}: no such folder", "make it first")
+
+
+def _check_lengths(args: argparse.Namespace, clip_s: float, reference: Reference) -> None:
+    """Refuse a reference that can't hold the clip."""
+    from rsenf.errors import UsageError
+
+    if clip_s > reference.duration_s:
+        raise UsageError(
+            f"{args.reference} covers {reference.duration_s:.1f} s, less than the {clip_s:.1f} s "
+            f"of {args.input}",
+            "give a reference that covers all of the time in question",
+        )
 
 
 def _claimed_ns(text: str | None) -> int:
-    from datetime import UTC, datetime
+    from datetime import UTC, datetime, timedelta
 
     from rsenf.errors import UsageError
 
@@ -107,65 +157,5 @@ def _claimed_ns(text: str | None) -> int:
     except ValueError as exc:
         raise UsageError(f"--start {text!r} is not a time", "e.g. 2022-09-17T14:05:00Z") from exc
     moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-    return int(moment.timestamp()) * 10**9 + moment.microsecond * 1000
-
-
-def as_json(result: MatchResult, warnings: list[str]) -> dict[str, Any]:
-    """Return the stable keys of a verdict."""
-    from rsenf.cli.console import number, utc_text
-
-    return {
-        "decision": result.decision,
-        "reason": result.reason,
-        "lag_s": number(result.lag_s),
-        "lag_std_s": number(result.lag_std_s),
-        "start_utc": utc_text(result.start_utc_ns),
-        "correlation": number(result.correlation),
-        "log10_lr": number(result.log10_lr),
-        "log10_lr_absent": number(result.log10_lr_absent),
-        "claim": result.claim or None,
-        "verbal": result.verbal,
-        "clock_ppm": number(result.clock_ppm),
-        "clock_std_ppm": number(result.clock_std_ppm),
-        "residual_std_hz": number(result.residual_std_hz),
-        "expected_std_hz": number(result.expected_std_hz),
-        "search_size": result.search_size,
-        "seconds_used": result.seconds_used,
-        "idle_ratio": number(result.idle_ratio),
-        "method": result.method,
-        "candidates": [
-            {
-                "lag_s": number(c.lag_s),
-                "start_utc": utc_text(c.start_utc_ns),
-                "correlation": number(c.correlation),
-                "clock_ppm": number(c.clock_ppm),
-                "log10_lr": number(c.log10_lr),
-                "seconds_used": c.seconds_used,
-            }
-            for c in result.candidates
-        ],
-        "warnings": warnings,
-    }
-
-
-def in_words(analysis: Analysis, reference: Reference) -> str:
-    """Say the verdict to a person."""
-    from rsenf.cli.console import utc_text
-
-    result = analysis.result
-    assert result is not None
-    lines = [f"{result.decision}: {result.reason}" if result.reason else result.decision]
-    if result.decision == "match":
-        when = utc_text(result.start_utc_ns)
-        place = f"lag {result.lag_s:.2f} ± {result.lag_std_s:.2f} s"
-        lines = [
-            f"match: the recording starts at {when} ({place})" if when else f"match: {place}",
-            f"  correlation {result.correlation:.4f} over {result.seconds_used:.0f} s, "
-            f"{result.search_size} lags searched",
-            f"  likelihood ratio 10^{result.log10_lr:.1f} against any other time in the reference,",
-            f"  10^{result.log10_lr_absent:.1f} against a time that is not in it: {result.verbal}",
-            f"  camera's clock {result.clock_ppm:+.1f} ± {result.clock_std_ppm:.1f} ppm",
-        ]
-    if result.claim:
-        lines.append(f"  claimed start {utc_text(result.claimed_utc_ns)}: {result.claim}")
-    return "\n".join(lines)
+    since = moment - datetime(1970, 1, 1, tzinfo=UTC)
+    return since // timedelta(microseconds=1) * 1000

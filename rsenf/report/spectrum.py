@@ -6,51 +6,119 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.messages import RowBlock
+from rsenf.timebase import nanoseconds
 
 # Row means kept for each frame: enough for lines up to 240 Hz at 30 frames/s, little to keep.
 KEPT_ROWS = 16
-WINDOW_S, STEP_S = 10.0, 2.0
+TOP_HZ = 240.0
+WINDOW_S, STEPS_PER_WINDOW = 10.0, 5
+# More windows than this are averaged in pairs: hours of video take no more room than minutes.
+MAX_COLUMNS = 512
 
 
 class ThinRows:
-    """Row means averaged down to a few a frame, so that hours of video fit in memory."""
+    """Spectrogram of row means averaged down to a few a frame, in bounded memory.
+
+    The series is the paper's: rows of all frames one after the other, as if none were missing
+    between frames. Within each window a row's own mean is taken off, and with it the picture's
+    texture.
+    """
 
     def __init__(self) -> None:
-        self._parts: list[NDArray[np.float32]] = []
         self.frame_rate_hz = float("nan")
-        self._span = (0, 0, 0, 0)
+        self.seconds = 0.0
+        self._rows: NDArray[np.float32] = np.empty((0, 0), np.float32)  # of the current window
+        self._first = (0, 0)  # number and time of the first frame
+        self._window = 0  # frames in a window, once the frame rate is known
+        self._columns: list[NDArray[np.float64]] = []  # power, each the mean of some windows
+        self._merged = 1
+        self._open: list[NDArray[np.float64]] = []  # windows of the next column
 
     def add(self, block: RowBlock) -> None:
-        """Take in a block of rows."""
-        rows = block.level.mean(axis=2)
-        count = min(KEPT_ROWS, block.rows)
-        edges = np.arange(count) * block.rows // count
-        sizes = np.diff(np.append(edges, block.rows))
-        thin = np.add.reduceat(rows, edges, axis=1) / sizes
-        self._parts.append(thin.astype(np.float32))
-        first_n, first_ns = self._span[:2] if len(self._parts) > 1 else _ends(block, 0)
-        last_n, last_ns = _ends(block, -1)
-        self._span = (first_n, first_ns, last_n, last_ns)
-        if last_ns > first_ns:
-            self.frame_rate_hz = (last_n - first_n) * 1e9 / (last_ns - first_ns)
+        """Take in a block of rows; those of another picture size are left out."""
+        thin = _thinned(block)
+        if not self._rows.size:
+            self._rows = thin[:0]
+            self._first = int(block.frame_number[0]), int(block.frame_pts_ns[0])
+        if thin.shape[1] != self._rows.shape[1]:
+            return
+        self._rows = np.concatenate([self._rows, thin])
+        frames = int(block.frame_number[-1]) - self._first[0]
+        elapsed_ns = int(block.frame_pts_ns[-1]) - self._first[1]
+        self.seconds = elapsed_ns / 1e9
+        if not self._window and elapsed_ns > 0:
+            self.frame_rate_hz = frames / self.seconds
+            if elapsed_ns >= nanoseconds(WINDOW_S):
+                self._window = len(self._rows)
+        while self._window and len(self._rows) >= self._window:
+            self._take(_power(self._rows[: self._window], self.frame_rate_hz))
+            self._rows = self._rows[self._step :]
+
+    @property
+    def _step(self) -> int:
+        return max(self._window // STEPS_PER_WINDOW, 1)
+
+    def _take(self, power: NDArray[np.float64]) -> None:
+        """Average a window's spectrum into the open column; merge columns when there are many."""
+        self._open.append(power)
+        if len(self._open) < self._merged:
+            return
+        self._columns.append(np.mean(self._open, axis=0))
+        self._open = []
+        if len(self._columns) == MAX_COLUMNS:
+            pairs = zip(self._columns[::2], self._columns[1::2], strict=True)
+            self._columns = [(a + b) / 2 for a, b in pairs]
+            self._merged *= 2
+
+    @property
+    def kept_rows(self) -> int:
+        """Row means kept for each frame; 1 when the input has no more."""
+        return int(self._rows.shape[1])
+
+    def seen_hz(self, line_hz: float) -> float:
+        """Where a line of the rows' series lies among the frequencies that are kept."""
+        rate_hz = self.frame_rate_hz * self.kept_rows
+        return abs(line_hz - rate_hz * round(line_hz / rate_hz))
 
     def spectrogram(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Times (s), frequencies (Hz) and level (dB, shape frequencies × times).
+        """Return the level of every frequency at every time.
 
-        The series is the paper's: rows of all frames one after the other, as if none were missing
-        between frames. Each row's own mean is taken off, and with it the picture's texture.
+        Returns
+        -------
+        t_s : ndarray, shape (times,)
+            Centres of the windows, uniform, from the first frame.
+        f_hz : ndarray, shape (frequencies,)
+            From 0, uniform, up to 240 Hz or what the rows can show.
+        level_db : ndarray, shape (frequencies, times)
+            Relative to a line of one 8-bit level.
+
+        Raises
+        ------
+        ValueError
+            When there are fewer than two frames.
         """
-        rows = np.concatenate(self._parts)
-        series = (rows - rows.mean(axis=0)).reshape(-1).astype(np.float64)
-        rate_hz = self.frame_rate_hz * rows.shape[1]
-        size = int(min(WINDOW_S * rate_hz, series.size))
-        step = max(int(STEP_S * rate_hz), 1)
-        starts = np.arange(0, series.size - size + 1, step)
-        weights = np.hanning(size)
-        power = np.stack([np.abs(np.fft.rfft(series[s : s + size] * weights)) ** 2 for s in starts])
-        level_db = 10.0 * np.log10(power.T / np.sum(weights) ** 2 * 4.0 + 1e-9)
-        return (starts + size / 2) / rate_hz, np.fft.rfftfreq(size, 1.0 / rate_hz), level_db
+        if not np.isfinite(self.frame_rate_hz):
+            raise ValueError("fewer than two frames")
+        window = self._window or len(self._rows)  # a clip shorter than a window is one itself
+        columns = self._columns or [_power(self._rows, self.frame_rate_hz)]
+        first = window / 2 + (self._merged - 1) / 2 * self._step
+        centres = first + np.arange(len(columns), dtype=np.float64) * self._merged * self._step
+        f_hz = np.arange(len(columns[0]), dtype=np.float64) * self.frame_rate_hz / window
+        return centres / self.frame_rate_hz, f_hz, 10.0 * np.log10(np.stack(columns, axis=1) + 1e-9)
 
 
-def _ends(block: RowBlock, which: int) -> tuple[int, int]:
-    return int(block.frame_number[which]), int(block.frame_pts_ns[which])
+def _thinned(block: RowBlock) -> NDArray[np.float32]:
+    """Average rows down to a few a frame, (frames, kept rows)."""
+    rows = block.level.mean(axis=2)
+    edges = np.arange(min(KEPT_ROWS, block.rows)) * block.rows // min(KEPT_ROWS, block.rows)
+    sizes = np.diff(np.append(edges, block.rows))
+    return np.asarray(np.add.reduceat(rows, edges, axis=1) / sizes, np.float32)
+
+
+def _power(rows: NDArray[np.float32], frame_rate_hz: float) -> NDArray[np.float64]:
+    """Power spectrum of rows one after the other, in squared amplitudes, up to ``TOP_HZ``."""
+    series = (rows - rows.mean(axis=0)).reshape(-1).astype(np.float64)
+    weights = np.hanning(series.size)
+    spectrum = np.fft.rfft(series * weights)
+    shown = int(TOP_HZ * len(rows) / frame_rate_hz) + 1
+    return np.asarray(np.abs(spectrum[:shown] * 2.0 / weights.sum()) ** 2, np.float64)

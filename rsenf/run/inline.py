@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from rsenf.messages import EnfEstimate, Frame, Header, Mark, MatchResult, RowBlock
+from rsenf.messages import EnfEstimate, Frame, Header, Mark, MatchResult, ReferenceBlock, RowBlock
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inputs import Input
 from rsenf.run.runner import Chain, Runner
@@ -17,13 +17,40 @@ from rsenf.track import TrackSettings, make_tracker
 
 @dataclass
 class Analysis:
-    """What came out of a recording."""
+    """What came out of a recording.
+
+    Attributes
+    ----------
+    estimates : list of EnfEstimate
+        Those that the tracker stands behind, in order.
+    results : list of MatchResult
+        One for each stretch of the recording.
+    stretches_s : list of float
+        Length of each stretch; a source that restarted has several.
+    row_reasons : Counter of str
+        Blocks of rows by why they are of no use; those of use under ''.
+    loss : str
+        What could not be read, in one line; empty when all was.
+    warnings : list of str
+        What to say about the recording, one line each.
+    """
 
     estimates: list[EnfEstimate] = field(default_factory=list)
-    result: MatchResult | None = None
+    results: list[MatchResult] = field(default_factory=list)
+    stretches_s: list[float] = field(default_factory=list)
+    row_reasons: Counter[str] = field(default_factory=Counter)
     loss: str = ""
     warnings: list[str] = field(default_factory=list)
-    seconds: float = 0.0
+
+    @property
+    def seconds(self) -> float:
+        """From first to last frame, over all stretches."""
+        return sum(self.stretches_s)
+
+    @property
+    def result(self) -> MatchResult:
+        """Result of the stretch that tells most."""
+        return max(self.results, key=lambda r: r.seconds_used)
 
 
 def analyse(
@@ -32,7 +59,7 @@ def analyse(
     rows: RowsSettings,
     track: TrackSettings,
     make_match: Callable[[], Stage] | None = None,
-    reference: list[Any] | None = None,
+    reference: Sequence[ReferenceBlock] = (),
     progress: Callable[[float], None] = lambda seconds: None,
     tap: Callable[[str, Any], None] = lambda topic, message: None,
 ) -> Analysis:
@@ -46,49 +73,78 @@ def analyse(
         Settings of the stages.
     make_match : callable, optional
         Builds the match stage; none to stop at the estimates.
-    reference : list of ReferenceBlock, optional
+    reference : sequence of ReferenceBlock
         What the match stage compares with.
     progress : callable, optional
         Told how many seconds of the recording are done.
     tap : callable, optional
-        Called with every message between stages.
+        Called with the topic and every message between stages.
+
+    Raises
+    ------
+    InputError
+        When nothing of the recording can be read.
     """
     out = Analysis()
 
     def listen(topic: str, message: Any) -> None:
+        if message.header.is_end:
+            return
         tap(topic, message)
-        if isinstance(message, EnfEstimate) and not message.header.is_end:
+        if isinstance(message, RowBlock):
+            out.row_reasons[message.reason] += 1
+        if isinstance(message, EnfEstimate) and message.rank == 0:
             out.estimates.append(message)
-        if isinstance(message, MatchResult) and not message.header.is_end:
-            out.result = message
+        if isinstance(message, MatchResult):
+            out.results.append(message)
 
-    runners = []
+    chain = Chain(_runners(recording, rows, track, make_match, reference), listen)
+    last: Frame | RowBlock | None = None
+    for message in recording.messages():
+        if isinstance(message, RowBlock):
+            listen("rows", message)
+        chain.feed(message)
+        if last is None or message.header.epoch != last.header.epoch:
+            first_ns = message.header.pts_ns
+            out.stretches_s.append(0.0)
+        last = message
+        out.stretches_s[-1] = (_end_ns(message) - first_ns) / 1e9
+        progress(out.seconds)
+    chain.feed(_end_after(last, recording))
+    out.loss, out.warnings = recording.loss, list(recording.warnings)
+    if len(out.stretches_s) > 1:
+        out.warnings.append(f"the source restarted: {len(out.stretches_s)} stretches")
+    return out
+
+
+def _runners(
+    recording: Input,
+    rows: RowsSettings,
+    track: TrackSettings,
+    make_match: Callable[[], Stage] | None,
+    reference: Sequence[ReferenceBlock],
+) -> list[Runner]:
+    """Return the stages that a recording needs, the match stage with its reference."""
+    runners = [Runner("track", lambda: make_tracker(track))]
     if recording.begins_with == "frames":
         from rsenf.rows.stage import Rows
 
-        runners.append(Runner("rows", lambda: Rows(rows)))
-    runners.append(Runner("track", lambda: make_tracker(track)))
+        runners.insert(0, Runner("rows", lambda: Rows(rows)))
     if make_match:
         match = Runner("match", make_match, inputs=2)
-        for block in reference or []:
+        for block in reference:
             match.feed(block)
         match.end(Header())
         runners.append(match)
-    chain = Chain(runners, listen)
-    messages = recording.messages()
-    head = next(messages, None)
-    if head is not None:
-        first_ns = head.header.pts_ns
-        for message in itertools.chain([head], messages):
-            if recording.begins_with == "rows":
-                tap("rows", message)
-            chain.feed(message)
-            last = message
-            out.seconds = (_end_ns(message) - first_ns) / 1e9
-            progress(out.seconds)
-        chain.feed(type(last)(header=last.header.numbered(last.header.seq + 1, Mark.END)))
-    out.loss, out.warnings = recording.loss, recording.warnings
-    return out
+    return runners
+
+
+def _end_after(last: Frame | RowBlock | None, recording: Input) -> Frame | RowBlock:
+    """Return the mark that ends the stream."""
+    if last is None:
+        kind = Frame if recording.begins_with == "frames" else RowBlock
+        return kind(header=Header(mark=Mark.END))
+    return type(last)(header=last.header.numbered(last.header.seq + 1, Mark.END))
 
 
 def _end_ns(message: Frame | RowBlock) -> int:

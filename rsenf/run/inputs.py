@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import time
-import zipfile
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import Frame, Header, Mark, RowBlock
@@ -69,17 +65,31 @@ def open_input_file(path: str | Path, *, camera: str = "", source: str = "") -> 
     InputError
         When it holds nothing that can be analysed.
     """
+    if "://" in str(path) or Path(path).is_char_device():
+        from rsenf.config import redact
+
+        raise UsageError(f"{redact(str(path))} is a live source", "name it in a graph for 'run'")
     path = Path(path)
     if not path.is_file():
-        what = "is a folder" if path.is_dir() else "no such file"
-        raise UsageError(f"{path}: {what}")
-    with path.open("rb") as file:
-        start = file.read(8)
-    if start.startswith(MCAP_MAGIC):
+        if path.is_dir():
+            raise UsageError(f"{path} is a folder", "name a file in it")
+        raise UsageError(f"{path}: no such file", "look for a misspelling")
+    kind = path.suffix.lower()
+    if kind == ".mcap" or _start_of(path).startswith(MCAP_MAGIC):
         return RecordedRows(path, camera)
-    if start.startswith(b"PK") and path.suffix == ".npz":
+    if kind == ".npz":
+        from rsenf.run.npz import Luminance
+
         return Luminance(path, source or f"file/{path.stem}")
     return Video(path, source or f"file/{path.stem}")
+
+
+def _start_of(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(len(MCAP_MAGIC))
+    except OSError as exc:
+        raise UsageError(f"{path} can't be read: {exc.strerror}", "check its rights") from exc
 
 
 class Video(Input):
@@ -124,84 +134,49 @@ class RecordedRows(Input):
     def __init__(self, path: Path, camera: str) -> None:
         from rsenf.record.reader import open_recording
 
-        self.name = path.name
+        self.name, self._path = path.name, path
         self._recording = open_recording(path)
-        topics = [t for t in self._recording.topics if t.endswith("/rows")]
-        wanted = [t for t in topics if not camera or t.split("/")[-2] == camera]
-        if len(wanted) != 1:
-            names = ", ".join(t.split("/")[-2] for t in topics) or "none"
+        topics = {t.split("/")[-2]: t for t in self._recording.topics if t.endswith("/rows")}
+        if not topics:
+            cut = "" if self._recording.complete else "is cut short and "
             raise InputError(
-                f"{path}: {len(wanted)} cameras with row blocks fit (there are: {names})",
-                "choose one with --camera" if wanted else "was 'rows' recorded?",
+                f"{path} {cut}holds no row blocks", "record 'rows', or give the video itself"
             )
-        self._topic = wanted[0]
+        names = ", ".join(topics)
+        if not camera and len(topics) > 1:
+            raise UsageError(f"{path} has several cameras: {names}", "choose one with --camera")
+        if camera and camera not in topics:
+            raise UsageError(f"{path} has no row blocks of camera {camera!r}", f"only of: {names}")
+        self._topic = topics[camera or names]
+        self._missing = 0
 
-    def messages(self) -> Iterator[Any]:
-        """Yield its row blocks."""
-        for _, message, _ in self._recording.messages([self._topic]):
-            if message.header.mark == Mark.DATA:
+    def messages(self) -> Iterator[RowBlock]:
+        """Yield its row blocks, as many as can be read."""
+        epoch, due = 0, 0
+        for _, message, _ in self._recording.messages([self._topic], tolerant=True):
+            header: Header = message.header
+            if header.epoch != epoch:
+                epoch, due = header.epoch, 0
+            self._missing += max(header.seq - due, 0)
+            due = header.seq + 1
+            if header.mark == Mark.DATA:
                 yield message
+        if not due and self._recording.loss:
+            raise InputError(f"{self._path}: none of its row blocks can be read", self.loss)
 
     @property
     def loss(self) -> str:
         """What the file lacks."""
-        return str(self._recording.loss) if self._recording.loss else ""
+        loss, lost = self._recording.loss, []
+        if not self._recording.complete:
+            lost.append(f"the recording is cut short: its last {loss.cut_bytes} bytes are no use")
+        if loss.damaged:
+            lost.append(f"damaged parts, left out: {loss.damaged}")
+        if loss.rejected:
+            lost.append(f"messages that can't be read: {loss.rejected}")
+        return "; ".join(lost)
 
-
-class Luminance(Input):
-    """Luminance that was sampled elsewhere, in an ``.npz`` file.
-
-    Either ``rows`` (frames × rows, or frames × rows × strips) with ``frame_time_s`` (frames,), or
-    ``luminance`` (frames,) with ``frame_rate_hz``.
-    """
-
-    def __init__(self, path: Path, source: str) -> None:
-        self.name, self._source = path.name, source
-        try:
-            with np.load(path, allow_pickle=False) as arrays:
-                held = {k: arrays[k] for k in arrays.files if k in _ARRAYS}
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as exc:
-            raise InputError(f"{path}: not an .npz that can be read ({exc})") from exc
-        self._level, self._time_s, self._axis = _luminance(path, held)
-        self.duration_s = float(self._time_s[-1] - self._time_s[0])
-
-    def messages(self) -> Iterator[RowBlock]:
-        """Cut the arrays into row blocks."""
-        from rsenf.rows.luminance import blocks_from_luminance
-
-        header = Header(source=self._source)
-        return blocks_from_luminance(self._level, self._time_s, header, read_out_axis=self._axis)
-
-
-_ARRAYS = ("rows", "frame_time_s", "luminance", "frame_rate_hz")
-
-
-def _luminance(
-    path: Path, held: dict[str, NDArray[Any]]
-) -> tuple[NDArray[Any], NDArray[np.float64], str]:
-    """Return level (frames, rows, strips), frame times and read-out axis of checked arrays."""
-    if "rows" in held and "frame_time_s" in held:
-        level, axis = held["rows"], "rows"
-        level = level[:, :, None] if level.ndim == 2 else level
-        time_s = np.asarray(held["frame_time_s"], np.float64)
-    elif "luminance" in held and "frame_rate_hz" in held:
-        level, axis = held["luminance"].reshape(-1, 1, 1), "frame"
-        rate_hz = float(held["frame_rate_hz"])
-        if not rate_hz > 0:
-            raise InputError(f"{path}: frame_rate_hz is {rate_hz}")
-        time_s = np.arange(len(level)) / rate_hz
-    else:
-        raise InputError(
-            f"{path}: holds {', '.join(held) or 'none of the arrays needed'}",
-            "needed: 'rows' with 'frame_time_s', or 'luminance' with 'frame_rate_hz'",
-        )
-    if level.ndim != 3 or not level.size or time_s.shape != level.shape[:1]:
-        raise InputError(
-            f"{path}: shapes {level.shape} and {time_s.shape} are not (frames, rows, strips) and "
-            "(frames,)"
-        )
-    if not (np.isfinite(level).all() and np.isfinite(time_s).all()):
-        raise InputError(f"{path}: holds values that are not finite")
-    if len(time_s) > 1 and not (np.diff(time_s) > 0).all():
-        raise InputError(f"{path}: frame_time_s does not increase throughout")
-    return level, time_s, axis
+    @property
+    def warnings(self) -> list[str]:
+        """Row blocks that never reached the recording."""
+        return [f"row blocks that were not recorded: {self._missing}"] if self._missing else []

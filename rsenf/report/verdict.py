@@ -1,0 +1,132 @@
+"""A verdict on the time of recording, as JSON and in words."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from rsenf.messages import Candidate, MatchResult
+
+
+def number(value: float) -> float | None:
+    """Make a float fit for JSON: null for what is unknown or not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
+def utc_text(t_ns: int) -> str | None:
+    """ISO 8601 with milliseconds; None for an unknown time."""
+    if not t_ns:
+        return None
+    from datetime import UTC, datetime
+
+    moment = datetime.fromtimestamp(t_ns // 10**9, UTC)
+    return f"{moment:%Y-%m-%dT%H:%M:%S}.{t_ns % 10**9 // 10**6:03d}Z"
+
+
+def verdict_json(result: MatchResult, warnings: list[str]) -> dict[str, Any]:
+    """Return the stable keys of a verdict, and some more.
+
+    Parameters
+    ----------
+    result : MatchResult
+        The verdict.
+    warnings : list of str
+        All that a reader should know, the result's own warnings among it.
+    """
+    return {
+        "decision": result.decision,
+        "reason": result.reason,
+        "lag_s": number(result.lag_s),
+        "lag_std_s": number(result.lag_std_s),
+        "start_utc": utc_text(result.start_utc_ns),
+        "correlation": number(result.correlation),
+        "log10_lr": number(result.log10_lr),
+        "log10_lr_absent": number(result.log10_lr_absent),
+        "claim": result.claim or None,
+        "verbal": result.verbal,
+        "clock_ppm": number(result.clock_ppm),
+        "clock_std_ppm": number(result.clock_std_ppm),
+        "residual_std_hz": number(result.residual_std_hz),
+        "expected_std_hz": number(result.expected_std_hz),
+        "search_size": result.search_size,
+        "seconds_used": result.seconds_used,
+        "idle_ratio": number(result.idle_ratio),
+        "method": result.method,
+        "candidates": [_candidate_json(c) for c in result.candidates],
+        "warnings": warnings,
+    }
+
+
+def _candidate_json(candidate: Candidate) -> dict[str, Any]:
+    return {
+        "lag_s": number(candidate.lag_s),
+        "start_utc": utc_text(candidate.start_utc_ns),
+        "correlation": number(candidate.correlation),
+        "clock_ppm": number(candidate.clock_ppm),
+        "log10_lr": number(candidate.log10_lr),
+        "seconds_used": candidate.seconds_used,
+    }
+
+
+def verdict_words(result: MatchResult) -> str:
+    """Say a verdict to a person, in a few lines."""
+    lines = [_headline(result)]
+    if math.isfinite(result.lag_s):
+        lines += [f"  {name:15} {text}" for name, text in _details(result)]
+    if result.claim:
+        lines.append(f"  {'claimed start':15} {utc_text(result.claimed_utc_ns)}: {result.claim}")
+    return "\n".join(lines)
+
+
+def _headline(result: MatchResult) -> str:
+    if result.decision == "match":
+        return f"match: the recording begins {_when(result)}"
+    return f"{result.decision}: {result.reason}"
+
+
+def _when(result: MatchResult) -> str:
+    error = f" ± {result.lag_std_s:.2f}" if math.isfinite(result.lag_std_s) else ""
+    place = f"{result.lag_s:.2f}{error} s into the reference"
+    utc = utc_text(result.start_utc_ns)
+    return f"{utc}, {place}" if utc else place
+
+
+def _details(result: MatchResult) -> list[tuple[str, str]]:
+    """Return what the verdict rests on: pairs of a name and a line."""
+    matches = result.decision == "match"
+    details = [] if matches else [("best fit", _when(result))]
+    details.append((
+        "how well",
+        f"correlation {result.correlation:.4f} (1 is perfect) over {result.seconds_used:.0f} s "
+        "of usable signal",
+    ))  # fmt: skip
+    if math.isfinite(result.log10_lr):
+        details.append((
+            "other times",
+            f"{result.search_size} compared; the next best is {_less_likely(result.log10_lr)}",
+        ))  # fmt: skip
+    if math.isfinite(result.log10_lr_absent):
+        details.append((
+            "elsewhere",
+            f"a time outside this reference is {_less_likely(result.log10_lr_absent)}",
+        ))  # fmt: skip
+    if result.verbal:
+        details.append(("in all", result.verbal))
+    if matches:
+        std = result.clock_std_ppm
+        error = f" ± {std:.1f}" if math.isfinite(std) else ""
+        details.append(
+            ("camera's clock", f"{result.clock_ppm:+.1f}{error} ppm (12 ppm is a second a day)")
+        )
+    elif result.decision == "no_decision":
+        details.append(("what may help", "a longer recording, or a reference of fewer hours"))
+    return details
+
+
+def _less_likely(log10_lr: float) -> str:
+    """Say the log10 of a likelihood ratio against something."""
+    size = abs(log10_lr)
+    if size < 0.3:
+        return "about as likely"
+    times = f"{10**size:.0f}" if size < 3 else f"10^{size:.1f}"
+    return f"{times} times {'less' if log10_lr > 0 else 'more'} likely"

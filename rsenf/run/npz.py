@@ -1,0 +1,92 @@
+"""Luminance that was sampled elsewhere, in an ``.npz`` file."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.errors import InputError
+from rsenf.messages import Header, RowBlock
+from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.run.inputs import Input
+
+_ARRAYS = ("rows", "frame_time_s", "luminance", "frame_rate_hz")
+_NEEDED = (
+    "needed: 'rows' (frames × rows, or frames × rows × strips) with 'frame_time_s' (frames), "
+    "or 'luminance' (frames) with 'frame_rate_hz'"
+)
+# What NumPy and the ZIP reader raise, between them, of files that aren't whole.
+_NOT_READABLE = (
+    OSError,
+    ValueError,
+    KeyError,
+    EOFError,
+    RuntimeError,
+    MemoryError,
+    zlib.error,
+    zipfile.BadZipFile,
+)
+
+
+class Luminance(Input):
+    """Luminance that was sampled elsewhere.
+
+    Either ``rows`` (frames × rows, or frames × rows × strips) with ``frame_time_s`` (frames,), or
+    ``luminance`` (frames,) with ``frame_rate_hz``.
+
+    Raises
+    ------
+    InputError
+        When the file can't be read, or its arrays don't fit each other.
+    """
+
+    def __init__(self, path: Path, source: str) -> None:
+        self.name, self._source = path.name, source
+        try:
+            with np.load(path, allow_pickle=False) as arrays:
+                held = {name: arrays[name] for name in arrays.files if name in _ARRAYS}
+        except _NOT_READABLE as exc:
+            raise InputError(f"{path} is no .npz file that can be read", "write it again") from exc
+        self._level, self._time_s, self._axis = _luminance(path, held)
+        self.duration_s = float(self._time_s[-1] - self._time_s[0])
+
+    def messages(self) -> Iterator[RowBlock]:
+        """Cut the arrays into row blocks."""
+        header = Header(source=self._source)
+        return blocks_from_luminance(self._level, self._time_s, header, read_out_axis=self._axis)
+
+
+def _luminance(
+    path: Path, held: dict[str, NDArray[Any]]
+) -> tuple[NDArray[Any], NDArray[np.float64], str]:
+    """Return level (frames, rows, strips), frame times and read-out axis of checked arrays."""
+    for name, array in held.items():
+        if array.dtype.kind not in "fiu":
+            raise InputError(f"{path}: '{name}' holds {array.dtype}, not numbers", _NEEDED)
+    if {"rows", "frame_time_s"} <= held.keys():
+        level, axis, least, most = held["rows"], "rows", 2, 3
+        time_s = held["frame_time_s"].astype(np.float64)
+    elif {"luminance", "frame_rate_hz"} <= held.keys():
+        level, axis, least, most = held["luminance"], "frame", 1, 1
+        time_s = np.arange(level.size) / _rate_hz(path, held["frame_rate_hz"])
+    else:
+        raise InputError(f"{path} holds {', '.join(held) or 'nothing of use'}", _NEEDED)
+    if not (least <= level.ndim <= most and level.size and time_s.shape == level.shape[:1]):
+        raise InputError(f"{path}: shapes {level.shape} and {time_s.shape} don't fit", _NEEDED)
+    if not (np.isfinite(level).all() and np.isfinite(time_s).all()):
+        raise InputError(f"{path} holds values that are not finite", "leave such frames out")
+    if not (np.diff(time_s) > 0).all():
+        raise InputError(f"{path}: frame_time_s does not rise throughout", "sort its frames")
+    return level.reshape(level.shape + (1,) * (3 - level.ndim)), time_s, axis
+
+
+def _rate_hz(path: Path, rate_hz: NDArray[Any]) -> float:
+    if rate_hz.size != 1 or not 0 < rate_hz.item() < np.inf:
+        raise InputError(f"{path}: frame_rate_hz is {rate_hz}", "one number above 0 is needed")
+    return float(rate_hz.item())
