@@ -8,15 +8,15 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsenf.model import CaptureModel, GridPath
+    from rsenf.model import CaptureModel, Codec, GridPath
 
-_ROWS_SUFFIX = ".npz"
+# Commas part parameters, but not within a list such as at_frames=[10,20].
+_COMMA = re.compile(r",(?![^\[]*\])")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,31 +25,48 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument(
         "--out", type=Path, required=True, metavar="X",
-        help="X.mp4, .mov, .mkv, .avi or .webm for video, X.npz for row means",
+        help="X.mp4, .mov, .mkv, .avi or .webm for video; X.npz or X.mcap for row means",
     )  # fmt: skip
     what = parser.add_argument_group("the clip")
     what.add_argument("--duration-s", type=positive, default=60.0, metavar="S", help="length (60)")
     what.add_argument("--seed", type=count, default=1, metavar="N", help="of everything random (1)")
-    what.add_argument("--strips", type=int, default=1, metavar="N", help="of each row in X.npz (1)")
-    grid = parser.add_argument_group("the grid")
-    grid.add_argument(
-        "--reference", type=Path, metavar="REF", help="measured; drawn at random otherwise"
+    what.add_argument(
+        "--strips", type=int, default=1, metavar="N", help="of each row, in row means (1)"
     )
+    what.add_argument("--site", default="simulated", metavar="NAME", help="in X.mcap (simulated)")
+    what.add_argument("--camera", default="camera", metavar="NAME", help="in X.mcap (camera)")
+    grid = parser.add_argument_group("the grid")
+    grid.add_argument("--reference", type=Path, metavar="REF", help="measured; drawn otherwise")
     grid.add_argument("--start-s", type=float, default=0.0, metavar="S", help="where on it (0)")
     grid.add_argument("--nominal-hz", type=float, choices=(50.0, 60.0), help="50, or that of REF")
     grid.add_argument("--timezone", metavar="ZONE", help="of REF's times, for example Europe/Paris")
     grid.add_argument("--step-s", type=positive, metavar="S", help="of REF, where it has no times")
     camera = parser.add_argument_group("the capture, over the model file")
     camera.add_argument("--model", type=Path, metavar="FILE", help="YAML; see configs/model")
-    camera.add_argument("--lamp", metavar="KIND", help="led, halogen, incandescent, cfl or ideal")
+    camera.add_argument(
+        "--lamp", metavar="KIND", help="led, halogen, sodium, cfl, ideal and others"
+    )
     camera.add_argument("--size", type=_size, metavar="1280x720")
     camera.add_argument("--frame-rate", metavar="30000/1001")
     camera.add_argument("--idle-ratio", type=float, metavar="RATIO", help="0 to 0.99")
     camera.add_argument("--clock-ppm", type=float, metavar="PPM", help="fast > 0")
-    camera.add_argument("--codec", metavar="NAME", help="h264, h265, vp9 or mjpeg")
-    camera.add_argument("--bitrate", type=_bits, metavar="150k", help="constant quality otherwise")
-    camera.add_argument("--preset", metavar="NAME", help="the encoder's effort, for example medium")
-    camera.add_argument("--lossless", action="store_true", default=None)
+    camera.add_argument(
+        "--effect", action="append", default=[], metavar="NAME:PARAMETER=VALUE,...",
+        help="one of the catalogue, in place of the model file's own of that name; repeatable",
+    )  # fmt: skip
+    camera.add_argument(
+        "--effects", action="append", default=[], type=Path, metavar="FILE.py",
+        help="adds your own effects to the catalogue; configs/model/my_effect.py is a template",
+    )  # fmt: skip
+    coding = parser.add_argument_group("the encoder, over the model file")
+    coding.add_argument("--codec", metavar="NAME", help="h264, h265, vp9 or mjpeg")
+    coding.add_argument("--bitrate", type=_bits, metavar="150k", help="constant quality otherwise")
+    coding.add_argument("--preset", metavar="NAME", help="its effort, for example medium")
+    coding.add_argument("--lossless", action="store_true", default=None)
+    coding.add_argument(
+        "--encodings", type=_labels, metavar="lossless,150k,...",
+        help="X.lossless.mp4, X.150k.mp4, ... of one and the same clip, filmed once",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
@@ -63,16 +80,27 @@ def run(args: argparse.Namespace) -> int:
     RecordingError
         When a file can't be written.
     """
-    from rsenf.errors import EXIT_DONE
-    from rsenf.model import synthetic_grid
+    from rsenf.cli.simulated_files import SimulatedClip
+    from rsenf.errors import EXIT_DONE, UsageError
+    from rsenf.model import load_effects, synthetic_grid
 
+    for path in args.effects:
+        load_effects(path)
     model = _model(args)
     grid = _measured(args) if args.reference else synthetic_grid(
         args.seed, args.duration_s + 1, nominal_hz=args.nominal_hz or 50.0, start_s=args.start_s
     )  # fmt: skip
-    write = _write_rows if args.out.suffix == _ROWS_SUFFIX else _write_video
-    truth = write(args, model, grid)
-    _report(args, truth)
+    clip = SimulatedClip(args.out, model, grid, args.duration_s, args.seed)
+    rows = args.out.suffix in (".npz", ".mcap")
+    if rows and args.encodings:
+        raise UsageError(f"{args.out}: row means aren't encoded", "--encodings is for video")
+    if not rows:
+        truth = clip.write_videos(_codecs(model, args.encodings))
+    elif args.out.suffix == ".npz":
+        truth = clip.write_arrays(args.strips)
+    else:
+        truth = clip.write_recording(args.strips, args.site, args.camera)
+    _report(args, clip.truth_path, truth)
     return EXIT_DONE
 
 
@@ -84,8 +112,7 @@ def _model(args: argparse.Namespace) -> CaptureModel:
     columns, rows = args.size or (None, None)
     rate = parse_frame_rate(args.frame_rate) if args.frame_rate else None
     shutter = {
-        "frame_rate": rate, "rows": rows, "columns": columns,
-        "idle_ratio": args.idle_ratio, "clock_ppm": args.clock_ppm,
+        "frame_rate": rate, "rows": rows, "columns": columns, "idle_ratio": args.idle_ratio,
     }  # fmt: skip
     codec = {
         "name": args.codec, "bitrate_bps": args.bitrate,
@@ -94,17 +121,57 @@ def _model(args: argparse.Namespace) -> CaptureModel:
     encoding = model.codec
     if args.bitrate or args.lossless:  # either replaces what the model file says of both
         encoding = dataclasses.replace(encoding, bitrate_bps=None, lossless=False)
-    return dataclasses.replace(
+    model = dataclasses.replace(
         model,
         light=_over(model.light, {"lamp": args.lamp}),
         shutter=_over(model.shutter, shutter),
         codec=_over(encoding, codec),
     )
+    if args.clock_ppm is not None:
+        model = model.with_effect("clock_skew", clock_ppm=args.clock_ppm)
+    return _with_effects(model, args.effect)
 
 
 def _over(part: Any, given: dict[str, object]) -> Any:
     """Return a part of the model with what was given on the command line."""
     return dataclasses.replace(part, **{k: v for k, v in given.items() if v is not None})
+
+
+def _with_effects(model: CaptureModel, told: list[str]) -> CaptureModel:
+    """Add effects; the first of each name takes the place of the model file's."""
+    first_of: set[str] = set()
+    for text in told:
+        name, _, given = text.partition(":")
+        values = dict(_value(pair, text) for pair in _COMMA.split(given) if pair)
+        model = model.with_effect(name, keep=name in first_of, **values)
+        first_of.add(name)
+    return model
+
+
+def _value(pair: str, text: str) -> tuple[str, object]:
+    """Read ``parameter=value``; values are written as in JSON, plain words without quotes."""
+    from rsenf.errors import UsageError
+
+    name, equals, value = pair.partition("=")
+    if not (name and equals and value):
+        raise UsageError(f"--effect {text}: {pair!r} is not PARAMETER=VALUE")
+    try:
+        return name, json.loads(value)
+    except json.JSONDecodeError:
+        return name, value
+
+
+def _codecs(model: CaptureModel, labels: list[str] | None) -> dict[str, Codec]:
+    """Encodings by the label in their files' names; the model's own has none."""
+    if not labels:
+        return {"": model.codec}
+    plain = dataclasses.replace(model.codec, bitrate_bps=None, lossless=False)
+    return {
+        label: dataclasses.replace(plain, lossless=True)
+        if label == "lossless"
+        else dataclasses.replace(plain, bitrate_bps=_bits(label))
+        for label in labels
+    }
 
 
 def _measured(args: argparse.Namespace) -> GridPath:
@@ -120,59 +187,22 @@ def _measured(args: argparse.Namespace) -> GridPath:
     return GridPath(reference.freq_hz, reference.step_s, args.start_s, reference.nominal_hz)
 
 
-def _write_rows(args: argparse.Namespace, model: CaptureModel, grid: GridPath) -> dict[str, Any]:
-    import numpy as np
-
-    from rsenf.model import simulate_rows
-    from rsenf.whole_file import whole_file
-
-    data = simulate_rows(model, grid, args.duration_s, args.seed, strips=args.strips)
-    with _truth_beside(args.out, data.truth), whole_file(args.out) as part, part.open("wb") as file:
-        np.savez(file, rows=data.level, frame_time_s=data.frame_time_s)
-    return data.truth
-
-
-def _write_video(args: argparse.Namespace, model: CaptureModel, grid: GridPath) -> dict[str, Any]:
-    from rsenf.cli.console import progress_bar
-    from rsenf.model import render_frames, write_video
-
-    frames = render_frames(model, grid, args.duration_s, args.seed)
-    rate_hz = float(frames.frame_rate)
-    bar = progress_bar("filming", frames.frames / rate_hz)
-    with _truth_beside(args.out, frames.truth), bar as show:
-        write_video(args.out, frames, model.codec, lambda done: show(done / rate_hz))
-    return frames.truth
-
-
-@contextmanager
-def _truth_beside(out: Path, truth: dict[str, Any]) -> Iterator[None]:
-    """Let the truth appear when the clip has."""
-    from rsenf.whole_file import whole_file
-
-    with whole_file(_truth_path(out)) as part:
-        part.write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
-        yield
-
-
-def _truth_path(out: Path) -> Path:
-    return out.with_suffix(".truth.json")
-
-
-def _report(args: argparse.Namespace, truth: dict[str, Any]) -> None:
+def _report(args: argparse.Namespace, truth_path: Path, truth: dict[str, Any]) -> None:
     from rsenf.cli.console import note, print_json
 
     kept = ("frames", "duration_s", "frame_rate_hz", "nominal_hz", "idle_ratio", "read_out_time_s",
             "clock_ppm", "reference_start_s", "seed", "notes")  # fmt: skip
-    result = {"out": str(args.out), "truth": str(_truth_path(args.out))}
+    result = {"out": str(args.out), "files": truth["files"], "truth": str(truth_path)}
     result |= {key: truth[key] for key in kept}
     if args.json:
         print_json(result)
         return
     print(
-        f"{args.out}: {truth['frames']} frames, {truth['duration_s']:.3f} s at "
-        f"{truth['frame_rate']} fps, {truth['nominal_hz']:g} Hz grid, idle {truth['idle_ratio']:g}"
+        f"{', '.join(f['name'] for f in truth['files'])}: {truth['frames']} frames, "
+        f"{truth['duration_s']:.3f} s at {truth['frame_rate']} fps, "
+        f"{truth['nominal_hz']:g} Hz grid, idle {truth['idle_ratio']:g}"
     )
-    print(f"{_truth_path(args.out)}: what is true of it")
+    print(f"{truth_path}: what is true of it")
     for line in truth["notes"]:
         note(line)
 
@@ -193,3 +223,11 @@ def _bits(text: str) -> int:
         return round(float(number) * factor)
     except (ValueError, OverflowError):
         raise argparse.ArgumentTypeError(f"{text!r} is not a bit rate like 150k or 2M") from None
+
+
+def _labels(text: str) -> list[str]:
+    labels = [label.strip() for label in text.split(",")]
+    for label in labels:
+        if label != "lossless":
+            _bits(label)
+    return labels

@@ -2,32 +2,37 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from rsenf.model import parameters
 from rsenf.model.codec import Codec
-from rsenf.model.delivery import Delivery
+from rsenf.model.effects.base import Effect, SceneEffect
+from rsenf.model.effects.catalogue import effect_named, read_effects, write_effects
+from rsenf.model.effects.harmonics import Harmonics
 from rsenf.model.light import Light
 from rsenf.model.parameters import ParameterError
 from rsenf.model.scene import Scene
 from rsenf.model.sensor import Sensor
 from rsenf.model.shutter import Shutter
 
-VERSION = 1
+VERSION = 2
 
 
 @dataclass(frozen=True, kw_only=True)
 class CaptureModel:
-    """Light × scene × shutter × sensor × delivery × codec."""
+    """Light × scene × shutter × sensor × codec, plain, and the effects that it has beyond them."""
 
     name: str = "default"
     light: Light = field(default_factory=Light)
     scene: Scene = field(default_factory=Scene)
     shutter: Shutter = field(default_factory=Shutter)
     sensor: Sensor = field(default_factory=Sensor)
-    delivery: Delivery = field(default_factory=Delivery)
     codec: Codec = field(default_factory=Codec)
+    effects: tuple[Effect, ...] = ()
 
     def validate(self) -> None:
         """Check every parameter.
@@ -37,22 +42,62 @@ class CaptureModel:
         ParameterError
             Naming the first that isn't plausible.
         """
-        parameters.validate(self)
-        self.shutter.validate()
+        for part in ("light", "scene", "shutter", "sensor", "codec"):
+            parameters.validate(getattr(self, part), (part,))
         self.codec.validate()
-        self.light.series()
+        for n, effect in enumerate(self.effects):
+            path = ("effects", n, effect.name)
+            parameters.validate(effect, path)
+            try:
+                effect.check(self.shutter)
+            except ParameterError as exc:
+                raise exc.below(path) from exc
+        if sum(isinstance(e, SceneEffect) for e in self.effects) > 1:
+            raise ParameterError(("effects",), "put more than one thing in front of the wall")
 
-    def effects(self) -> list[dict[str, object]]:
-        """Named effects of this capture, each with its parameters, in the order light meets them.
+    def with_effect(self, name: str, *, keep: bool = False, **values: Any) -> CaptureModel:
+        """Return the model with one effect more.
 
-        Names are those of the catalogue of effects; what an encoder adds is not known before.
+        Parameters
+        ----------
+        name : str
+            Of the catalogue.
+        keep : bool, optional
+            Whether it joins those of its name, such as lamps, instead of taking their place.
+        **values
+            Its parameters; the others keep their defaults.
+
+        Raises
+        ------
+        ParameterError
+            For an unknown effect or parameter, or a value that isn't plausible.
         """
-        moving = self.scene.moving.effects() if self.scene.moving else []
-        return self.light.effects() + moving + self.shutter.effects() + self.delivery.effects()
+        effect = parameters.from_dict(effect_named(name), values, ("effects", name))
+        others = tuple(e for e in self.effects if keep or e.name != name)
+        return dataclasses.replace(self, effects=(*others, effect))
+
+    def named_effects(self, f0_hz: float) -> list[dict[str, object]]:
+        """Name the effects of this capture, as its truth does.
+
+        A lamp that isn't a pure tone has ``harmonics`` of its own. What a real encoder adds is
+        not known before.
+
+        Parameters
+        ----------
+        f0_hz : float
+            Nominal illumination frequency.
+        """
+        found: list[dict[str, object]] = [
+            {"name": e.name, "parameters": e.to_dict()} for e in self.effects
+        ]
+        if not any(isinstance(e, Harmonics) for e in self.effects):
+            found = [*self._lamp_harmonics(f0_hz), *found]
+        return found
 
     def to_dict(self) -> dict[str, Any]:
         """Return the model as plain values, with the version of their layout."""
-        return {"version": VERSION, **parameters.to_dict(self)}
+        parts = {k: v for k, v in parameters.to_dict(self).items() if k != "effects"}
+        return {"version": VERSION, **parts, "effects": write_effects(self.effects)}
 
     @classmethod
     def from_dict(cls, data: Any) -> CaptureModel:
@@ -71,6 +116,21 @@ class CaptureModel:
                 f"is {data.get('version')!r}, this program reads {VERSION}",
                 f"a model file begins with 'version: {VERSION}'",
             )
-        model = parameters.from_dict(cls, {k: v for k, v in data.items() if k != "version"})
+        effects = read_effects(data.get("effects", ()))
+        parts = {k: v for k, v in data.items() if k not in ("version", "effects")}
+        model = dataclasses.replace(parameters.from_dict(cls, parts), effects=effects)
         model.validate()
         return model
+
+    def _lamp_harmonics(self, f0_hz: float) -> list[dict[str, object]]:
+        series = self.light.series(f0_hz)
+        if not np.abs(series[0]) or not np.abs(series[1:]).any():
+            return []
+        others = np.zeros(2, np.complex128)
+        others[: series.size - 1] = series[1:3] / series[0]
+        sizes, phases = np.abs(others).tolist(), np.angle(others).tolist()
+        own = Harmonics(
+            second_ratio=sizes[0], third_ratio=sizes[1],
+            second_phase_rad=phases[0], third_phase_rad=phases[1],
+        )  # fmt: skip
+        return [{"name": own.name, "parameters": own.to_dict()}]

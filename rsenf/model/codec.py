@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
+from rsenf.model import parameters
 from rsenf.model.parameters import ParameterError, parameter
 
 ENCODERS = {"h264": "libx264", "h265": "libx265", "vp9": "libvpx-vp9", "mjpeg": "mjpeg"}
@@ -41,6 +43,10 @@ class Codec:
             raise ParameterError(
                 ("codec", "lossless"), "can't be had from mjpeg", "use h264, h265 or vp9"
             )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its parameters as plain values."""
+        return parameters.to_dict(self)
 
     def options(self) -> dict[str, str]:
         """Private options of the encoder, in FFmpeg's words."""

@@ -1,6 +1,6 @@
-"""A capture as numbers: for each block of frames, which arrive, when, and how bright each row is.
+"""A capture as numbers: for each block of frames, which arrive, when, and how bright each line is.
 
-Both depths start here, so they share grid, light, shutter and delivery to the last bit.
+Both depths start here, so they share grid, light, shutter, delivery and effects to the last bit.
 """
 
 from __future__ import annotations
@@ -9,25 +9,28 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.model.capture_model import CaptureModel
-from rsenf.model.delivery import Int64Array
+from rsenf.model.chain import Chain
+from rsenf.model.clip import Int64Array
 from rsenf.model.grid import FloatArray, GridPath
-from rsenf.model.light import relative_level
+from rsenf.model.line_light import LineLight
 
 BLOCK_FRAMES = 64
 
 
 @dataclass(frozen=True, eq=False)
 class Exposure:
-    """One block of delivered frames."""
+    """The delivered frames of one block of captured ones."""
 
     block: int
-    stamp: Int64Array  # (frames,) presentation time in frame periods
-    start_s: FloatArray  # (frames,) true time of row 0
-    gain: NDArray[np.float32]  # (frames, rows) light relative to its mean
+    captured: int  # frames of the block, before delivery
+    index: Int64Array  # (frames,) which of them each delivered frame is
+    pts: Int64Array  # (frames,) presentation time in units of the clip's time base
+    start_s: FloatArray  # (frames,) true time of line 0
+    shift_px: FloatArray  # (frames, 2) how far the scene stands from its place
+    light: LineLight  # of the delivered frames
 
 
 class Capture:
@@ -54,12 +57,13 @@ class Capture:
         self, model: CaptureModel, grid: GridPath, duration_s: float | None, seed: int
     ) -> None:
         model.validate()
-        shutter = model.shutter
         if seed < 0:
             raise UsageError(f"the seed is {seed}, not 0 or more")
-        if duration_s is None:
-            duration_s = (grid.length_s - 1) * shutter.clock_factor
+        shutter = model.shutter
         self.model, self.grid, self.seed = model, grid, seed
+        self.clock_factor = Chain(model, 1, seed).clip().clock_factor
+        if duration_s is None:
+            duration_s = (grid.length_s - 1) * self.clock_factor
         self.captured = max(round(duration_s * shutter.frame_rate), 0)
         self.duration_s = float(self.captured / shutter.frame_rate)
         if not self.captured:
@@ -71,29 +75,58 @@ class Capture:
                 "shorten the clip or start it earlier",
             )
         self.phase_rad = model.light.drawn_phase_rad(seed)
-        self.dropped = model.delivery.dropped(self.captured, shutter.frame_rate, seed)
+        chain = self.chain()
+        self.exponent = chain.exponent
+        self.clip = chain.clip()
+        first = chain.read_out(0, np.arange(1), self.clip)
+        self.read_out_s, self.exposure_s = first.read_out_s, first.exposure_s
 
     @property
     def true_duration_s(self) -> float:
         """Length of the clip in true seconds."""
-        return self.duration_s / self.model.shutter.clock_factor
+        return self.duration_s / self.clock_factor
 
     @property
     def delivered(self) -> int:
         """Frames that arrive."""
-        return self.captured - self.dropped.size
+        return self.clip.number.size
+
+    def chain(self) -> Chain:
+        """Return the effects, fresh: they remember how far they are."""
+        return Chain(self.model, self.captured, self.seed)
 
     def exposures(self) -> Iterator[Exposure]:
         """Yield the clip block by block; blocks are cut at fixed numbers of captured frames."""
-        shutter, series = self.model.shutter, self.model.light.series()
-        exposure_s = shutter.exposure_s / shutter.clock_factor
+        chain, clip = self.chain(), self.clip
+        series = chain.series(2 * self.grid.nominal_hz)
+        shake_px = self._shake_px()
+        pts = clip.pts()
         for block, first in enumerate(range(0, self.captured, BLOCK_FRAMES)):
             number = np.arange(first, min(first + BLOCK_FRAMES, self.captured))
-            number = number[~np.isin(number, self.dropped)]
-            row_start_s = shutter.row_start_s(number)
+            read_out = chain.read_out(block, number, clip)
+            start_s = (read_out.start_s[:, None] + read_out.line_s) / self.clock_factor
+            exposure_s = read_out.exposure_s / self.clock_factor
+            light = LineLight(
+                block, number, start_s, exposure_s, self.grid, series, self.phase_rad,
+                np.empty(0, np.float32),
+            )  # fmt: skip
+            light.level = light.lamp()
+            begin, end = np.searchsorted(clip.number, [first, first + BLOCK_FRAMES])
+            index = clip.number[begin:end] - first
             yield Exposure(
                 block=block,
-                stamp=self.model.delivery.stamp(number, self.dropped),
-                start_s=row_start_s[:, 0],
-                gain=relative_level(series, self.phase_rad, self.grid, row_start_s, exposure_s),
+                captured=number.size,
+                index=index,
+                pts=pts[begin:end],
+                start_s=read_out.start_s[index] / self.clock_factor,
+                shift_px=(read_out.shift_px + shake_px[number])[index],
+                light=chain.coded(chain.light(light).take(index)),
             )
+
+    def _shake_px(self) -> FloatArray:
+        """How far the camera's movement shifts the scene, in the order of the read-out."""
+        shutter = self.model.shutter
+        shift_px = self.model.scene.shift_px(
+            self.captured, 1 / float(shutter.frame_rate), self.seed
+        )
+        return shift_px[:, ::-1] if shutter.read_out == "columns" else shift_px

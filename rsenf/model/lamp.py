@@ -2,16 +2,23 @@
 
 Harmonic ``k`` is at ``2·k`` times the grid frequency, whatever lights on each half-wave does.
 Sizes and shapes are typical ones, not measurements of one product: flicker of filament lamps is
-6 to 11 % at 100 to 120 Hz, electronic ballasts leave a few per cent, and LED drivers range from
-nothing to everything (IEEE Std 1789-2015 discusses all of them); the filament's heat capacity
-smooths its light to nearly a pure tone, while smoothed rectifiers leave sharper crests.
+6 to 11 % at 100 to 120 Hz, electronic ballasts leave a few per cent, discharge lamps on magnetic
+ballasts nearly go out twice a cycle, and LED drivers range from nothing to everything (IEEE Std
+1789-2015 discusses all of them).
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
-IDEAL_HARMONICS = 8
+import numpy as np
+
+from rsenf.model.grid import FloatArray
+
+HARMONICS = 8
+_FINE = 4096  # samples of a waveform that is given as a curve
 
 
 @dataclass(frozen=True)
@@ -39,10 +46,65 @@ def rectified_cosine(harmonics: int) -> Lamp:
     return Lamp(sizes[0], tuple(a / sizes[0] for a in sizes[1:]), (0.0,) * (harmonics - 1))
 
 
-LAMPS = {
-    "ideal": rectified_cosine(IDEAL_HARMONICS),
-    "led": Lamp(0.10, (0.06, 0.02), (0.9, 1.7)),
-    "halogen": Lamp(0.08, (0.015,), (0.6,)),
-    "incandescent": Lamp(0.10, (0.010,), (0.6,)),
-    "cfl": Lamp(0.03, (0.25, 0.10), (1.2, 2.4)),
+def filament(f0_hz: float, time_constant_s: float, exponent: float = 2.1) -> Lamp:
+    """Return the light of a hot wire.
+
+    The power swings fully, as ``1 + cos φ``; the wire's heat capacity leaves of it
+    ``1/√(1 + (2πf_0τ)²)``; and visible light follows the heat with a power, which is what gives
+    a filament its small second harmonic (light goes as voltage to the 3.4, power as voltage to
+    the 1.6, the lighting engineers' rule; hence 2.1).
+    """
+    swing = 1 / math.hypot(1, 2 * math.pi * f0_hz * time_constant_s)
+    return sampled((1 + swing * np.cos(_phase())) ** exponent)
+
+
+def discharge(afterglow: float = 0.08) -> Lamp:
+    """Light of an arc on a magnetic ballast: it nearly goes out at each zero of the current."""
+    return sampled(afterglow + np.abs(np.cos(_phase() / 2)) ** 1.5)
+
+
+def direct_led(threshold: float = 0.3) -> Lamp:
+    """Light of an LED string without a capacitor, dark while the mains is below its voltage."""
+    return sampled(np.maximum(np.abs(np.cos(_phase() / 2)) - threshold, 0))
+
+
+def capacitor_led(ripple: float = 0.12, recharge: float = 0.2) -> Lamp:
+    """Light of an LED behind a rectifier and a capacitor, a sawtooth.
+
+    It is charged in a share ``recharge`` of each half-wave and falls in the rest; ``ripple`` is
+    from top to bottom, over the mean.
+    """
+    turn = _phase() / (2 * math.pi)
+    saw = np.where(turn < recharge, turn / recharge, (1 - turn) / (1 - recharge))
+    return sampled(1 + ripple * (saw - 0.5))
+
+
+def sampled(wave: FloatArray) -> Lamp:
+    """Return the lamp whose light over one period is a curve of equally spaced samples."""
+    lines = np.fft.rfft(wave)[: HARMONICS + 1] / wave.size
+    turned = lines[1:] * np.exp(-1j * np.angle(lines[1]) * np.arange(1, HARMONICS + 1))
+    sizes, phases = np.abs(turned), np.angle(turned)
+    return Lamp(
+        float(2 * sizes[0] / lines[0].real),
+        tuple((sizes[1:] / sizes[0]).tolist()),
+        tuple(phases[1:].tolist()),
+    )
+
+
+def _phase() -> FloatArray:
+    return np.arange(_FINE, dtype=np.float64) * (2 * math.pi / _FINE)
+
+
+# Each from the illumination frequency, on which thermal lag depends.
+LAMPS: dict[str, Callable[[float], Lamp]] = {
+    "tone": lambda f0_hz: Lamp(0.10),
+    "ideal": lambda f0_hz: rectified_cosine(HARMONICS),
+    "led": lambda f0_hz: Lamp(0.10, (0.06, 0.02), (0.9, 1.7)),
+    "led_capacitor": lambda f0_hz: capacitor_led(),
+    "led_direct": lambda f0_hz: direct_led(),
+    "led_two_stage": lambda f0_hz: Lamp(0.005, (0.1,), (0.5,)),
+    "halogen": lambda f0_hz: filament(f0_hz, 0.042),
+    "incandescent": lambda f0_hz: filament(f0_hz, 0.033),
+    "cfl": lambda f0_hz: Lamp(0.03, (0.25, 0.10), (1.2, 2.4)),
+    "sodium": lambda f0_hz: discharge(),
 }

@@ -1,4 +1,4 @@
-"""The light on the scene, averaged over each row's exposure."""
+"""The light on the scene, averaged over each line's exposure."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rsenf.model.grid import FloatArray, GridPath
 from rsenf.model.lamp import LAMPS
-from rsenf.model.parameters import ParameterError, parameter
+from rsenf.model.parameters import parameter
 from rsenf.model.seeds import generator
 
 
@@ -22,68 +22,43 @@ class Light:
     flicker_ratio: float | None = parameter(
         None, "amplitude of harmonic 1 over the lamp's mean; None is the lamp's own", low=0, high=1
     )
-    harmonic_ratios: tuple[float, ...] | None = parameter(
-        None, "harmonics 2, 3, … relative to the first; None is the lamp's own", low=-1, high=1
-    )
-    harmonic_phases_rad: tuple[float, ...] | None = parameter(
-        None,
-        "their phases at the crest of harmonic 1; None is the lamp's own, or 0",
-        low=-7,
-        high=7,
-    )
     daylight_ratio: float = parameter(0.0, "share of the mean light that is steady", low=0, high=1)
     phase_rad: float | None = parameter(
         None, "of harmonic 1 at the first frame's start; None draws it", low=-7, high=7
     )
 
     def drawn_phase_rad(self, seed: int) -> float:
-        """Phase of harmonic 1 when row 0 of the first frame begins."""
+        """Phase of harmonic 1 when line 0 of the first frame begins."""
         if self.phase_rad is not None:
             return self.phase_rad
         return float(generator(seed, "light phase").uniform(-math.pi, math.pi))
 
-    def series(self) -> NDArray[np.complex128]:
+    def series(self, f0_hz: float = 100.0) -> NDArray[np.complex128]:
         """Complex amplitudes (harmonics,) relative to the mean light, harmonic 1 real.
 
-        Raises
-        ------
-        ParameterError
-            When the phases don't match the harmonics in number.
+        Parameters
+        ----------
+        f0_hz : float, optional
+            Nominal illumination frequency, which thermal lag depends on.
         """
-        own = LAMPS[self.lamp]
+        own = LAMPS[self.lamp](f0_hz)
         first = own.flicker_ratio if self.flicker_ratio is None else self.flicker_ratio
-        ratios, phases = own.harmonic_ratios, own.harmonic_phases_rad
-        if self.harmonic_ratios is not None:
-            ratios, phases = self.harmonic_ratios, (0.0,) * len(self.harmonic_ratios)
-        if self.harmonic_phases_rad is not None:
-            phases = self.harmonic_phases_rad
-        if len(phases) != len(ratios):
-            raise ParameterError(
-                ("light", "harmonic_phases_rad"), f"has {len(phases)} phases, not {len(ratios)}"
-            )
-        relative = np.concatenate(([1.0], np.multiply(ratios, np.exp(1j * np.array(phases)))))
+        others = np.multiply(own.harmonic_ratios, np.exp(1j * np.array(own.harmonic_phases_rad)))
+        relative = np.concatenate(([1.0], others))
         return np.asarray(relative * (first * (1 - self.daylight_ratio)), dtype=np.complex128)
-
-    def effects(self) -> list[dict[str, object]]:
-        """Name what this light has beyond a pure tone."""
-        sizes = np.abs(self.series())
-        if sizes.size < 2 or not sizes[1:].any():
-            return []
-        second, third = (float(sizes[k] / sizes[0]) if sizes.size > k else 0.0 for k in (1, 2))
-        return [{"name": "harmonics", "parameters": {"second_ratio": second, "third_ratio": third}}]
 
 
 def relative_level(
     series: NDArray[np.complex128],
     phase_rad: float,
     grid: GridPath,
-    row_start_s: FloatArray,
+    line_start_s: FloatArray,
     exposure_s: float,
 ) -> NDArray[np.float32]:
-    """Mean light of each row's exposure, relative to the light's own mean.
+    """Mean light of each line's exposure, relative to the light's own mean.
 
     A box of length ``T_e`` leaves harmonic ``k`` its phase at the middle of the exposure and
-    ``sinc(k·f_0·T_e)`` of its size; ``f_0`` is taken once a frame, at its middle row.
+    ``sinc(k·f_0·T_e)`` of its size; ``f_0`` is taken once a frame, at its middle line.
 
     Parameters
     ----------
@@ -93,16 +68,16 @@ def relative_level(
         Phase of harmonic 1 at time zero.
     grid : GridPath
         The grid's frequency.
-    row_start_s : ndarray of float64 (frames, rows)
-        When each row's exposure begins, true time.
+    line_start_s : ndarray of float64 (frames, lines)
+        When each line's exposure begins, true time.
     exposure_s : float
         True length of the exposure.
 
     Returns
     -------
-    ndarray of float32 (frames, rows)
+    ndarray of float32 (frames, lines)
     """
-    middle_s = row_start_s + exposure_s / 2
+    middle_s = line_start_s + exposure_s / 2
     turns = 2 * grid.cycles(middle_s) + phase_rad / (2 * math.pi)
     angle = ((turns - np.floor(turns)) * (2 * math.pi)).astype(np.float32)
     tone = np.empty(angle.shape, np.complex64)

@@ -16,6 +16,7 @@ from rsenf.model.seeds import generator
 BANK = 1 << 22
 
 Float32Array = NDArray[np.float32]
+Int64Array = NDArray[np.int64]
 
 
 class NoiseBank:
@@ -36,10 +37,10 @@ class NoiseBank:
         ring = np.concatenate((bank, bank[: columns - 1]))
         self._rows = np.lib.stride_tricks.sliding_window_view(ring, columns)
 
-    def places(self, rng: np.random.Generator, shape: tuple[int, ...]) -> NDArray[np.int64]:
+    def places(self, rng: np.random.Generator, shape: tuple[int, ...]) -> Int64Array:
         """Draw where in the bank rows begin."""
         return rng.integers(0, BANK, shape)
 
-    def rows(self, places: NDArray[np.int64]) -> Float32Array:
+    def rows(self, places: Int64Array) -> Float32Array:
         """Noise of the rows that begin at the places, shape ``(len(places), columns)``, a copy."""
         return self._rows[places]

@@ -17,15 +17,19 @@ from rsenf.errors import UsageError
 from rsenf.model.frame_rate import parse_frame_rate
 
 P = TypeVar("P")
-Path = tuple[str, ...]
+KeyPath = tuple[str | int, ...]
 
 
 class ParameterError(UsageError):
     """A parameter that can't be so; ``path`` names it, from the model's top down."""
 
-    def __init__(self, path: Path, problem: str, hint: str = "") -> None:
-        super().__init__(f"model: {'.'.join(path) or 'the top level'} {problem}", hint)
-        self.path = path
+    def __init__(self, path: KeyPath, problem: str, hint: str = "") -> None:
+        super().__init__(f"model: {'.'.join(map(str, path)) or 'the top level'} {problem}", hint)
+        self.path, self.problem = path, problem
+
+    def below(self, path: KeyPath) -> ParameterError:
+        """Return the same error seen from further up."""
+        return ParameterError((*path, *self.path), self.problem, self.hint)
 
 
 def parameter(
@@ -54,7 +58,7 @@ def parameter(
     )
 
 
-def validate(part: Any, path: Path = ()) -> None:
+def validate(part: Any, path: KeyPath = ()) -> None:
     """Check every parameter of a part, and of the parts in it.
 
     Raises
@@ -76,7 +80,7 @@ def to_dict(part: Any) -> dict[str, Any]:
     return {f.name: _plain(getattr(part, f.name)) for f in dataclasses.fields(part)}
 
 
-def from_dict(cls: type[P], data: Any, path: Path = ()) -> P:
+def from_dict(cls: type[P], data: Any, path: KeyPath = ()) -> P:
     """Build a part from a dictionary; what isn't in it keeps its default.
 
     Raises
@@ -99,7 +103,7 @@ def from_dict(cls: type[P], data: Any, path: Path = ()) -> P:
     return part
 
 
-def _check(value: Any, meta: types.MappingProxyType[Any, Any], path: Path) -> None:
+def _check(value: Any, meta: types.MappingProxyType[Any, Any], path: KeyPath) -> None:
     low, high, choices = meta["low"], meta["high"], meta["choices"]
     if choices and value not in choices:
         near = difflib.get_close_matches(str(value), choices, n=1)
@@ -117,7 +121,7 @@ def _plain(value: Any) -> Any:
     return [_plain(v) for v in value] if isinstance(value, tuple) else value
 
 
-def _read(hint: Any, value: Any, path: Path) -> Any:
+def _read(hint: Any, value: Any, path: KeyPath) -> Any:
     if isinstance(hint, types.UnionType):
         if value is None:
             return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,15 +13,20 @@ from rsenf.errors import UsageError
 from rsenf.model.capture_model import CaptureModel
 from rsenf.model.exposures import Capture
 from rsenf.model.grid import FloatArray, GridPath
-from rsenf.model.scene import View, strip_edges
+from rsenf.model.line_light import LineLight
+from rsenf.model.scene import Float32Array
 from rsenf.model.seeds import generator
 from rsenf.model.sensor import QUANTISATION_VAR, WHITE
 from rsenf.model.truth import truth_of
+from rsenf.model.view import strip_edges
 
 
 @dataclass(frozen=True, eq=False)
 class RowData:
-    """Row means of a clip and what is true of it."""
+    """Row means of a clip and what is true of it.
+
+    Where the read-out runs along the columns, 'rows' are columns, from left to right.
+    """
 
     frame_time_s: FloatArray  # (frames,) presentation time, camera's clock
     level: NDArray[np.float32]  # (frames, rows, strips) 8-bit levels
@@ -28,13 +34,19 @@ class RowData:
 
 
 def simulate_rows(
-    model: CaptureModel, grid: GridPath, duration_s: float, seed: int, *, strips: int = 1
+    model: CaptureModel,
+    grid: GridPath,
+    duration_s: float,
+    seed: int,
+    *,
+    strips: int = 1,
+    progress: Callable[[int], None] | None = None,
 ) -> RowData:
     """Simulate the row means of a clip, before any codec.
 
     The noise of a mean is the pixels' own over the square root of their number; quantisation to
     eight bits counts as noise of a twelfth of a level squared, which is right where the sensor's
-    noise is at least half a level.
+    noise is at least half a level. Single pixels that are brighter than white are not seen to be.
 
     Parameters
     ----------
@@ -48,6 +60,8 @@ def simulate_rows(
         Seed of everything random.
     strips : int, optional
         Into how many strips each row is divided, left to right.
+    progress : callable, optional
+        Called with the number of frames done so far, after each block.
 
     Raises
     ------
@@ -55,22 +69,35 @@ def simulate_rows(
         When the model isn't plausible, or the clip doesn't fit on the grid path.
     """
     capture = Capture(model, grid, duration_s, seed)
-    shutter, sensor = model.shutter, model.sensor
-    if not 1 <= strips <= shutter.columns:
-        raise UsageError(f"{strips} strips don't fit in {shutter.columns} columns")
-    view = View(model.scene, shutter.rows, shutter.columns, seed)
-    pixels = np.diff(strip_edges(shutter.columns, strips)).astype(np.float32)
-    level = np.empty((capture.delivered, shutter.rows, strips), np.float32)
-    stamp = np.empty(capture.delivered, np.int64)
+    lines, across_px = model.shutter.lines, model.shutter.across_px
+    if not 1 <= strips <= across_px:
+        raise UsageError(f"{strips} strips don't fit in {across_px} pixels")
+    view = capture.chain().view()
+    places = view.strip_places(strips)
+    pixels = np.diff(strip_edges(across_px, strips)).astype(np.float32)
+    level = np.empty((capture.delivered, lines, strips), np.float32)
     done = 0
     for exposed in capture.exposures():
-        part = slice(done, done + len(exposed.stamp))
-        clean = view.strip_means(exposed.start_s, strips) * exposed.gain[:, :, None]
-        noise = generator(seed, "row noise", exposed.block).standard_normal(
-            clean.shape, dtype=np.float32
-        )
-        noise *= np.sqrt((sensor.variance(clean) + np.float32(QUANTISATION_VAR)) / pixels)
-        level[part] = np.clip(clean + noise, 0, WHITE)
-        stamp[part] = exposed.stamp
+        part = slice(done, done + exposed.index.size)
+        if exposed.index.size:
+            clean = view.strip_means(exposed.start_s, exposed.shift_px, strips)
+            clean = clean * _strip_light(exposed.light, places)
+            noise = generator(seed, "row noise", exposed.block).standard_normal(
+                (exposed.captured, lines, strips), dtype=np.float32
+            )[exposed.index]
+            variance = model.sensor.variance(clean, capture.exponent) + np.float32(QUANTISATION_VAR)
+            noise *= np.sqrt(variance / pixels)
+            if exposed.light.offset is not None:
+                clean += exposed.light.offset[:, None]
+            level[part] = np.clip(clean + noise, 0, WHITE)
         done = part.stop
-    return RowData(stamp / float(shutter.frame_rate), level, truth_of(capture))
+        if progress is not None:
+            progress(done)
+    return RowData(capture.clip.stamp_s(), level, truth_of(capture))
+
+
+def _strip_light(light: LineLight, places: Float32Array) -> Float32Array:
+    """Light on the strips: (frames, lines, strips), or (frames, lines, 1) where all is one."""
+    if light.slope is None:
+        return light.level[:, :, None]
+    return light.level[:, :, None] + light.slope[:, :, None] * places

@@ -1,4 +1,4 @@
-"""What the camera looks at: a still, textured wall, and perhaps something that moves over it."""
+"""What the camera looks at: a textured wall, held more or less still."""
 
 from __future__ import annotations
 
@@ -7,14 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.model.moving import MovingBox
 from rsenf.model.parameters import parameter
 from rsenf.model.seeds import generator
+from rsenf.model.wander import wander
 
 Float32Array = NDArray[np.float32]
-Region = tuple[slice, slice]
 
 _DARKEST, _BRIGHTEST = 4.0, 240.0  # room for noise and flicker before the eight bits end
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shake:
+    """A camera that isn't held still: the picture moves, the read-out doesn't know of it."""
+
+    shake_px: float = parameter(0.5, "rms of the movement, in each direction", low=0, high=20)
+    time_constant_s: float = parameter(0.1, "of a tremor; 0.1 s is a hand's", low=0, high=60)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,76 +33,34 @@ class Scene:
         0.08, "standard deviation of the texture over the mean", low=0, high=0.5
     )
     vignetting_ratio: float = parameter(0.2, "light lost in the corners", low=0, high=0.9)
-    moving: MovingBox | None = None
+    shake: Shake | None = None
 
-
-class View:
-    """The scene as levels under the mean light, for one size of frame.
-
-    Attributes
-    ----------
-    wall : ndarray of float32 (rows, columns)
-    box : ndarray of float32 (box rows, box columns) or None
-    """
-
-    def __init__(self, scene: Scene, rows: int, columns: int, seed: int) -> None:
+    def wall(self, rows: int, columns: int, seed: int) -> Float32Array:
+        """Draw the wall under the mean light: levels (rows, columns)."""
         down = np.linspace(-1, 1, rows, dtype=np.float32)[:, None]
         across = np.linspace(-1, 1, columns, dtype=np.float32)
-        fall_off = 1 - scene.vignetting_ratio * (down**2 + across**2) / 2
-        wall = (1 + scene.texture_ratio * _texture(rows, columns, seed, "wall")) * fall_off
-        self.wall = _levels(wall, scene.mean_level)
-        self.moving = scene.moving
-        self.box: Float32Array | None = None
-        if scene.moving is not None:
-            height, width = scene.moving.size_px(rows, columns)
-            box = 1 + scene.moving.texture_ratio * _texture(height, width, seed, "box")
-            self.box = _levels(box, scene.mean_level * scene.moving.level_ratio)
+        fall_off = 1 - self.vignetting_ratio * (down**2 + across**2) / 2
+        relative = (1 + self.texture_ratio * texture(rows, columns, seed, "wall")) * fall_off
+        return levels(relative, self.mean_level)
 
-    def box_region(self, t_s: float) -> Region | None:
-        """Rows and columns that the box covers in a frame that begins at a time."""
-        if self.moving is None or self.box is None:
-            return None
-        rows, columns = self.wall.shape
-        top, left = self.moving.top_px(rows), self.moving.left_px(t_s, columns)
-        return slice(top, top + self.box.shape[0]), slice(left, left + self.box.shape[1])
-
-    def strip_means(self, t_s: NDArray[np.float64], strips: int) -> Float32Array:
-        """Mean level of each row's strips, in frames that begin at the times.
-
-        Returns
-        -------
-        ndarray of float32 (frames, rows, strips), or (1, rows, strips) when nothing moves
-        """
-        edges = strip_edges(self.wall.shape[1], strips)
-        sums = np.add.reduceat(self.wall, edges[:-1], axis=1, dtype=np.float64)
-        if self.box is None:
-            return (sums / np.diff(edges)).astype(np.float32)[None]
-        out = np.repeat(sums[None], len(t_s), axis=0)
-        before = _running(self.wall)
-        box_before = _running(self.box)
-        for n, t in enumerate(t_s.tolist()):
-            down, across = self.box_region(t) or (slice(0), slice(0))
-            cut = np.clip(edges, across.start, across.stop)
-            out[n, down] += np.diff(box_before[:, cut - across.start] - before[down][:, cut])
-        return (out / np.diff(edges)).astype(np.float32)
+    def shift_px(self, frames: int, step_s: float, seed: int) -> NDArray[np.float64]:
+        """Draw how far the picture stands from its place, down and to the right: (frames, 2)."""
+        if self.shake is None:
+            return np.zeros((frames, 2))
+        held = self.shake
+        return held.shake_px * np.stack([
+            wander(generator(seed, f"camera shake {way}"), frames, step_s, held.time_constant_s)
+            for way in ("down", "right")
+        ], axis=1)  # fmt: skip
 
 
-def strip_edges(columns: int, strips: int) -> NDArray[np.int64]:
-    """Columns where strips begin, and the end of the last: (strips + 1,)."""
-    return np.round(np.linspace(0, columns, strips + 1)).astype(np.int64)
-
-
-def _running(levels: Float32Array) -> NDArray[np.float64]:
-    """Sum of each row up to, not including, a column."""
-    return np.cumsum(np.pad(levels, ((0, 0), (1, 0))), axis=1, dtype=np.float64)
-
-
-def _levels(relative: NDArray[np.floating], mean_level: float) -> Float32Array:
+def levels(relative: NDArray[np.floating], mean_level: float) -> Float32Array:
+    """Scale a picture to a mean level, and keep it off both ends of the eight bits."""
     scaled = relative * (mean_level / relative.mean())
     return np.asarray(np.clip(scaled, _DARKEST, _BRIGHTEST), np.float32)
 
 
-def _texture(rows: int, columns: int, seed: int, name: str) -> Float32Array:
+def texture(rows: int, columns: int, seed: int, name: str) -> Float32Array:
     """Octaves of smooth noise, coarse ones strongest; mean 0, standard deviation 1."""
     import cv2
 

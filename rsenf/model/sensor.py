@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,8 @@ from rsenf.model.parameters import parameter
 WHITE = 255.0
 QUANTISATION_VAR = 1 / 12  # of a uniform error of one level
 
-A = TypeVar("A", float, NDArray[np.float32])
+Float32Array = NDArray[np.float32]
+_DARK = 1.0  # below this level a power law's slope means nothing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +23,24 @@ class Sensor:
     white_e: float = parameter(12000.0, "electrons of a pixel at level 255", low=100, high=1e6)
     read_noise_e: float = parameter(15.0, "read noise, electrons rms", low=0, high=1000)
 
-    def variance(self, level: A) -> A:
-        """Noise variance of a pixel, levels², at a level; quantisation not included."""
-        return level * (WHITE / self.white_e) + (self.read_noise_e * WHITE / self.white_e) ** 2
+    def variance(self, level: Float32Array, exponent: float = 1.0) -> Float32Array:
+        """Noise variance of a pixel, levels², at a level; quantisation not included.
+
+        Parameters
+        ----------
+        level : ndarray of float32
+            8-bit level as it leaves the camera.
+        exponent : float, optional
+            Of the power law by which it left the sensor: the noise is the sensor's own, at the
+            light that gave this level, times the law's slope there.
+        """
+        if exponent == 1:
+            return self._linear(level)
+        light = (np.maximum(level, np.float32(_DARK)) / WHITE) ** (1 / exponent)
+        slope = exponent * light ** (exponent - 1)
+        variance = self._linear(np.asarray(light * WHITE, np.float32)) * slope * slope
+        return np.asarray(variance, np.float32)
+
+    def _linear(self, level: Float32Array) -> Float32Array:
+        read_noise = self.read_noise_e * WHITE / self.white_e
+        return np.asarray(level * (WHITE / self.white_e) + read_noise**2)

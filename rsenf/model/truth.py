@@ -9,12 +9,12 @@ import numpy as np
 
 from rsenf.model.exposures import Capture
 
-VERSION = 1
+VERSION = 2
 MEAN_S = 1.0
 _CLOCK = (
-    "true seconds since row 0 of the first frame began; each enf_hz is the grid's mean over "
-    "[t_s - 0.5, t_s + 0.5), in true Hz. read_out_time_s and duration_s are in the camera's clock, "
-    "which counts (1 + clock_ppm/1e6) seconds in a true second"
+    "true seconds since line 0 of the first frame began; each enf_hz is the grid's mean over "
+    "[t_s - 0.5, t_s + 0.5), in true Hz. read_out_time_s, exposure_s, duration_s and the stamps "
+    "are in the camera's clock, which counts (1 + clock_ppm/1e6) seconds in a true second"
 )
 
 
@@ -22,26 +22,36 @@ def truth_of(capture: Capture) -> dict[str, Any]:
     """Return the truth of a capture as plain values, ready for JSON.
 
     ``reference_start_s`` is the start of the first frame less the beginning of the grid path's
-    first sample, so it is the lag that a time-of-recording search should find.
+    first sample, so it is the lag that a time-of-recording search should find. ``idle_ratio`` and
+    ``read_out_time_s`` are those of the picture, after any crop. ``frame_start_s`` holds the true
+    start of each delivered frame, or null where captured frame ``n`` begins at
+    ``n / frame_rate_hz`` camera seconds.
     """
-    shutter, grid = capture.model.shutter, capture.grid
+    model, grid, clip = capture.model, capture.grid, capture.clip
+    rate_hz = float(model.shutter.frame_rate)
     begin_s = np.arange(math.floor(capture.true_duration_s / MEAN_S), dtype=np.float64) * MEAN_S
     gaps = grid.gaps_within(capture.true_duration_s)
     return {
         "version": VERSION,
         "seed": capture.seed,
         "frames": capture.delivered,
-        "frame_rate": str(shutter.frame_rate),
-        "frame_rate_hz": float(shutter.frame_rate),
+        "frame_rate": str(model.shutter.frame_rate),
+        "frame_rate_hz": rate_hz,
         "duration_s": capture.duration_s,
         "nominal_hz": grid.nominal_hz,
-        "idle_ratio": shutter.idle_ratio,
-        "read_out_time_s": shutter.read_out_time_s,
-        "clock_ppm": shutter.clock_ppm,
+        "read_out_axis": "columns" if model.shutter.read_out == "columns" else "rows",
+        "idle_ratio": 1 - capture.read_out_s * rate_hz,
+        "read_out_time_s": capture.read_out_s,
+        "exposure_s": capture.exposure_s,
+        "clock_ppm": round((capture.clock_factor - 1) * 1e6, 6),
         "reference_start_s": grid.start_s,
         "light_phase_rad": capture.phase_rad,
-        "effects": capture.model.effects(),
-        "dropped_frames": capture.dropped.tolist(),
+        "effects": model.named_effects(2 * grid.nominal_hz),
+        "dropped_frames": clip.dropped().tolist(),
+        "duplicated_frames": clip.duplicated().tolist(),
+        "frame_start_s": (
+            (clip.start_s[clip.number] / capture.clock_factor).tolist() if clip.irregular else None
+        ),
         "bridged_gaps_s": [list(gap) for gap in gaps],
         "notes": [
             f"the grid path has no value from {a:g} to {b:g} s; the light follows a line there"
@@ -50,5 +60,5 @@ def truth_of(capture: Capture) -> dict[str, Any]:
         "t_s_clock": _CLOCK,
         "t_s": (begin_s + MEAN_S / 2).tolist(),
         "enf_hz": grid.mean_hz(begin_s, begin_s + MEAN_S).tolist(),
-        "model": capture.model.to_dict(),
+        "model": model.to_dict(),
     }

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -65,21 +66,52 @@ def write_video(
     RecordingError
         When the file can't be written.
     """
-    _check(path, frames, codec)
-    import av
+    return write_videos({path: codec}, frames, progress)
 
+
+def write_videos(
+    codecs: Mapping[Path, Codec],
+    frames: FrameStream,
+    progress: Callable[[int], None] | None = None,
+) -> int:
+    """Encode a clip into several files at once, each by its codec; it is rendered once.
+
+    Otherwise as :func:`write_video`; the files appear when all are complete.
+    """
+    for path, codec in codecs.items():
+        _check(path, frames, codec)
     written = 0
-    with whole_file(path) as part, av.open(str(part), "w") as container:
-        stream = _open_stream(container, frames, codec)
+    with ExitStack() as open_files:
+        encoders = [
+            open_files.enter_context(_encoder(path, frames, codec))
+            for path, codec in codecs.items()
+        ]
         for pts, luma in frames:
-            picture = _picture(luma, stream.pix_fmt or "yuv420p")
-            picture.pts, picture.time_base = pts, frames.time_base
-            container.mux(stream.encode(picture))
+            for encode in encoders:
+                encode(pts, luma)
             written += 1
             if progress is not None:
                 progress(written)
-        container.mux(stream.encode(None))
     return written
+
+
+@contextmanager
+def _encoder(
+    path: Path, frames: FrameStream, codec: Codec
+) -> Iterator[Callable[[int, NDArray[np.uint8]], None]]:
+    """Yield what takes one frame after the other; the file is complete at the end."""
+    import av
+
+    with whole_file(path) as part, av.open(str(part), "w") as container:
+        stream = _open_stream(container, frames, codec)
+
+        def encode(pts: int, luma: NDArray[np.uint8]) -> None:
+            picture = _picture(luma, stream.pix_fmt or "yuv420p")
+            picture.pts, picture.time_base = pts, frames.time_base
+            container.mux(stream.encode(picture))
+
+        yield encode
+        container.mux(stream.encode(None))
 
 
 def _check(path: Path, frames: FrameStream, codec: Codec) -> None:

@@ -12,31 +12,40 @@ from rsenf.errors import UsageError
 from rsenf.model import (
     CaptureModel,
     Codec,
-    Delivery,
     Light,
-    MovingBox,
     ParameterError,
     Scene,
+    Shake,
     Shutter,
     parse_frame_rate,
 )
+from rsenf.model.effects.clock_skew import ClockSkew
+from rsenf.model.effects.frame_drop import FrameDrop
+from rsenf.model.effects.moving_object import MovingObject
+from rsenf.model.effects.second_lamp import SecondLamp
 
 CONFIGS = sorted((Path(__file__).parents[2] / "configs/model").glob("*.yaml"))
 
 RICH = CaptureModel(
     name="rich",
-    light=Light(lamp="cfl", harmonic_ratios=(0.2, 0.1), daylight_ratio=0.3, phase_rad=1.0),
-    scene=Scene(moving=MovingBox(period_s=3.0)),
-    shutter=Shutter(frame_rate=Fraction(24000, 1001), clock_ppm=-20.0),
-    delivery=Delivery(drops_per_min=2.0, retimed=True),
+    light=Light(lamp="cfl", daylight_ratio=0.3, phase_rad=1.0),
+    scene=Scene(shake=Shake(shake_px=0.3)),
+    shutter=Shutter(frame_rate=Fraction(24000, 1001), read_out="columns"),
     codec=Codec(name="h265", bitrate_bps=150_000, preset="medium"),
+    effects=(
+        MovingObject(period_s=3.0),
+        ClockSkew(clock_ppm=-20.0),
+        FrameDrop(at_frames=(7, 90)),
+        SecondLamp(weight=0.1),
+        SecondLamp(weight=0.2, phase_rad=-2.0),
+    ),
 )
 
 
 @pytest.mark.parametrize("model", [CaptureModel(), RICH])
 def test_to_a_dictionary_and_back_through_json(model: CaptureModel) -> None:
     data = json.loads(json.dumps(model.to_dict()))
-    assert data["version"] == 1
+    assert data["version"] == 2
     assert CaptureModel.from_dict(data) == model
 
 
@@ -60,26 +69,40 @@ def test_the_paper_s_model() -> None:
     [
         ({"shuter": {}}, "shuter", "did you mean 'shutter'"),
         ({"shutter": {"idle_ration": 0.3}}, "shutter.idle_ration", "did you mean 'idle_ratio'"),
-        ({"scene": {"moving": {"perod_s": 3}}}, "scene.moving.perod_s", "did you mean 'period_s'"),
+        ({"scene": {"shake": {"shak_px": 3}}}, "scene.shake.shak_px", "did you mean 'shake_px'"),
         ({"light": {"zzz": 1}}, "light.zzz", "known: lamp, "),
         ({"light": {"lamp": "hallogen"}}, "light.lamp", "did you mean 'halogen'"),
         ({"light": {"daylight_ratio": 1.4}}, "light.daylight_ratio", "not between 0 and 1"),
-        ({"light": {"harmonic_ratios": [0.1, 3]}}, "light.harmonic_ratios", "is 3.0, not between"),
         ({"shutter": {"rows": 720.5}}, "shutter.rows", "not of the kind int"),
         ({"shutter": {"rows": True}}, "shutter.rows", "not of the kind int"),
-        ({"shutter": {"exposure_s": float("nan")}}, "shutter.exposure_s", "is nan"),
-        ({"shutter": {"exposure_s": 0.2}}, "shutter.exposure_s", "longer than a frame"),
+        ({"shutter": {"idle_ratio": float("nan")}}, "shutter.idle_ratio", "is nan"),
+        ({"effects": {"gamma": {}}}, "effects", "not a list"),
+        ({"effects": ["gamma"]}, "effects.0", "not one 'name: {parameter: value}'"),
+        ({"effects": [{"gama": {}}]}, "effects.0.gama", "did you mean 'gamma'"),
+        ({"effects": [{"gamma": {"exp": 2}}]}, "effects.0.gamma.exp", "known: exponent"),
+        ({"effects": [{"gamma": 2}]}, "effects.0.gamma", "is 2, not a mapping"),
+        (
+            {"effects": [{"gamma": None}, {"exposure": {"exposure_s": 0.2}}]},
+            "effects.1.exposure.exposure_s",
+            "longer than a frame",
+        ),
+        (
+            {"effects": [{"frame_drop": {"at_frames": [1, 0]}}]},
+            "effects.0.frame_drop.at_frames",
+            "is 0, not between",
+        ),
+        ({"effects": [{"moving_object": {}}] * 2}, "effects", "more than one thing"),
         ({"shutter": {"frame_rate": "fast"}}, "shutter.frame_rate", "'fast', not a frame rate"),
         ({"shutter": {"frame_rate": 5000}}, "shutter.frame_rate", "not between 1 and 1000"),
         ({"shutter": 5}, "shutter", "is 5, not a mapping"),
         ({"codec": {"bitrate_bps": "150k"}}, "codec.bitrate_bps", "not of the kind int"),
-        ({"version": 2}, "version", "this program reads 1"),
+        ({"version": 1}, "version", "this program reads 2"),
     ],
 )
 def test_what_a_model_can_t_say(data: dict[str, object], path: str, says: str) -> None:
     with pytest.raises(ParameterError) as caught:
-        CaptureModel.from_dict({"version": 1, **data})
-    assert ".".join(caught.value.path) == path
+        CaptureModel.from_dict({"version": 2, **data})
+    assert ".".join(map(str, caught.value.path)) == path
     assert path in str(caught.value)
     assert says in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -87,21 +110,35 @@ def test_what_a_model_can_t_say(data: dict[str, object], path: str, says: str) -
 
 
 def test_a_model_needs_its_version() -> None:
-    with pytest.raises(UsageError, match="begins with 'version: 1'"):
+    with pytest.raises(UsageError, match="begins with 'version: 2'"):
         CaptureModel.from_dict({"shutter": {}})
 
 
 def test_every_parameter_says_what_it_is() -> None:
-    for part in (Light, Scene, MovingBox, Shutter, Delivery, Codec):
+    for part in (Light, Scene, Shake, Shutter, Codec):
         for f in dataclasses.fields(part):
-            assert f.name == "moving" or f.metadata["doc"], f"{part.__name__}.{f.name}"
+            assert f.name == "shake" or f.metadata["doc"], f"{part.__name__}.{f.name}"
 
 
-def test_effects_have_the_catalogue_s_names() -> None:
-    names = [e["name"] for e in RICH.effects()]
-    assert names == ["harmonics", "moving_object", "exposure", "clock_skew", "frame_drop"]
-    plain = CaptureModel(light=Light(harmonic_ratios=()), shutter=Shutter(exposure_s=0.0))
-    assert plain.effects() == []
+def test_the_truth_names_effects_and_what_the_lamp_has_of_its_own() -> None:
+    named = RICH.named_effects(100.0)
+    names = [e["name"] for e in named]
+    assert names == ["harmonics", *(e.name for e in RICH.effects)]
+    own = named[0]["parameters"]
+    assert (own["second_ratio"], own["third_ratio"]) == pytest.approx((0.25, 0.10))
+    assert named[2]["parameters"] == {"clock_ppm": -20.0}
+    tone = CaptureModel(light=Light(lamp="tone"))
+    assert tone.named_effects(100.0) == []
+    given = RICH.with_effect("harmonics", second_ratio=0.01).named_effects(100.0)
+    assert [e["parameters"]["second_ratio"] for e in given if e["name"] == "harmonics"] == [0.01]
+
+
+def test_an_effect_takes_the_place_of_those_of_its_name() -> None:
+    model = RICH.with_effect("second_lamp", weight=0.3)
+    assert [e.to_dict()["weight"] for e in model.effects if e.name == "second_lamp"] == [0.3]
+    assert len(model.effects) == len(RICH.effects) - 1
+    with pytest.raises(ParameterError, match=r"effects\.gamma\.exponent is 9\.0, not between"):
+        RICH.with_effect("gamma", exponent=9)
 
 
 @pytest.mark.parametrize(

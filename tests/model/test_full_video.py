@@ -6,21 +6,22 @@ import numpy as np
 import pytest
 
 from rsenf.model import (
+    CATALOGUE,
     CaptureModel,
-    Delivery,
     GridPath,
     Light,
-    MovingBox,
     Scene,
     Sensor,
+    Shake,
     Shutter,
     render_frames,
     simulate_rows,
     synthetic_grid,
 )
+from rsenf.model.exposures import Capture
 
 GRID = synthetic_grid(4, 30)
-SMALL = Shutter(rows=160, columns=320, exposure_s=0.002)
+SMALL = Shutter(rows=160, columns=320)
 
 
 def row_means(frames: object, strips: int = 1) -> np.ndarray:
@@ -29,18 +30,46 @@ def row_means(frames: object, strips: int = 1) -> np.ndarray:
     )
 
 
-@pytest.mark.parametrize("moving", [None, MovingBox(period_s=2.0, top_ratio=0.8)])
-def test_both_depths_agree_within_their_noise(moving: MovingBox | None) -> None:
-    model = CaptureModel(
-        scene=Scene(moving=moving), shutter=SMALL, delivery=Delivery(drops_per_min=60)
+def plain(**parts: object) -> CaptureModel:
+    return CaptureModel(shutter=SMALL, **parts)
+
+
+RICH = (
+    plain(light=Light(lamp="sodium"), scene=Scene(shake=Shake(shake_px=2.0), mean_level=80.0))
+    .with_effect("gamma", exponent=0.7)
+    .with_effect("second_lamp", weight=0.3)
+    .with_effect("row_banding", banding_ratio=0.02)
+    .with_effect("image_wobble", wobble_rows=3.0)
+    .with_effect("moving_object", period_s=2.0, top_ratio=0.8)
+    .with_effect("frame_drop", drops_per_min=60)
+    .with_effect("frame_duplicate", duplicates_per_min=60)
+    .with_effect("codec_lowpass", gain=0.3)
+)
+UPRIGHT = CaptureModel(
+    shutter=Shutter(rows=160, columns=320, read_out="columns"), scene=Scene(shake=Shake())
+).with_effect("moving_object")
+
+
+@pytest.mark.parametrize(
+    "model",
+    [plain(), RICH, UPRIGHT, *(plain().with_effect(name) for name in CATALOGUE)],
+    ids=["plain", "rich", "upright", *CATALOGUE],
+)
+def test_both_depths_agree_within_their_noise(model: CaptureModel) -> None:
+    frames = render_frames(model, GRID, 4.0, 9)
+    rows = simulate_rows(model, GRID, 4.0, 9, strips=4)
+    turned = model.shutter.read_out == "columns"
+    times, planes = zip(
+        *((p * float(frames.time_base), y.T.copy() if turned else y.copy()) for p, y in frames),
+        strict=True,
     )
-    frames = render_frames(model, GRID, 5.0, 9)
-    rows = simulate_rows(model, GRID, 5.0, 9, strips=4)
-    video = row_means(frames, strips=4)
+    video = row_means(enumerate(planes), strips=4)
     assert frames.truth == rows.truth
+    assert times == pytest.approx(rows.frame_time_s, abs=6e-7)
     assert video.shape == rows.level.shape
-    pixel_var = model.sensor.variance(rows.level.astype(np.float64)) + 1 / 12
-    scaled = (video - rows.level) / np.sqrt(2 * pixel_var / 80)
+    exponent = Capture(model, GRID, 4.0, 9).exponent
+    pixel_var = model.sensor.variance(rows.level, exponent).astype(np.float64) + 1 / 12
+    scaled = (video - rows.level) / np.sqrt(2 * pixel_var * 4 / model.shutter.across_px)
     assert np.std(scaled) == pytest.approx(1.0, abs=0.03)
     assert np.max(np.abs(scaled)) < 6
     # No row, strip or frame differs systematically.
@@ -50,12 +79,12 @@ def test_both_depths_agree_within_their_noise(moving: MovingBox | None) -> None:
 
 
 def test_noise_of_the_rendered_rows_is_white_and_of_the_right_size() -> None:
-    dark = Light(flicker_ratio=0.0, harmonic_ratios=())
+    dark = Light(flicker_ratio=0.0)
     model = CaptureModel(light=dark, shutter=SMALL)
     noise = row_means(render_frames(model, GRID, 12.0, 2))[:, :, 0]
     noise -= noise.mean(axis=0)
     level = simulate_rows(model, GRID, 1.0, 2).level.mean()
-    variance = (model.sensor.variance(float(level)) + 1 / 12) / 320
+    variance = (float(model.sensor.variance(level)) + 1 / 12) / 320
     samples = noise.size
     assert np.var(noise) == pytest.approx(variance, rel=0.05)
     for lag in (1, 2, 3, 7, 30):
@@ -72,7 +101,7 @@ def test_noise_of_the_rendered_rows_is_white_and_of_the_right_size() -> None:
 def test_a_frame_is_an_exact_multiple_of_the_last_without_noise() -> None:
     # Rounded once to the nearest level, clipped, neither offset nor gain.
     model = CaptureModel(
-        light=Light(flicker_ratio=0.9, harmonic_ratios=()), shutter=SMALL,
+        light=Light(lamp="tone", flicker_ratio=0.9), shutter=SMALL,
         scene=Scene(mean_level=200.0), sensor=Sensor(white_e=1e6, read_noise_e=0.0),
     )  # fmt: skip
     frames = render_frames(model, GRID, 1.0, 1)
@@ -84,7 +113,9 @@ def test_a_frame_is_an_exact_multiple_of_the_last_without_noise() -> None:
 
 
 def test_pts_are_frame_numbers_with_holes_where_frames_were_dropped() -> None:
-    model = CaptureModel(shutter=Shutter(rows=16, columns=16), delivery=Delivery(drops_per_min=300))
+    model = CaptureModel(shutter=Shutter(rows=16, columns=16)).with_effect(
+        "frame_drop", drops_per_min=300, retimed=False
+    )
     frames = render_frames(model, GRID, 4.0, 1)
     pts = [p for p, _ in frames]
     assert frames.truth["dropped_frames"]
@@ -109,10 +140,9 @@ def test_without_a_duration_it_films_to_the_end_of_the_path() -> None:
 
 
 def test_the_box_moves_and_hides_the_wall() -> None:
-    box = MovingBox(width_ratio=0.25, height_ratio=0.5, top_ratio=0.25, period_s=4.0)
-    still, moving = (
-        CaptureModel(scene=Scene(moving=m), shutter=SMALL, light=Light(flicker_ratio=0.0))
-        for m in (None, box)
+    still = CaptureModel(shutter=SMALL, light=Light(flicker_ratio=0.0))
+    moving = still.with_effect(
+        "moving_object", width_ratio=0.25, height_ratio=0.5, top_ratio=0.25, period_s=4.0
     )
     differing = []
     for (_, a), (_, b) in zip(

@@ -3,7 +3,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.errors import UsageError
 from rsenf.model import GridPath, Light
 from rsenf.model.lamp import LAMPS, rectified_cosine
 from rsenf.model.light import relative_level
@@ -60,7 +59,7 @@ def test_the_ideal_lamp_is_a_rectified_cosine() -> None:
     )
     assert light == pytest.approx(np.abs(np.cos(phase / 2)) * np.pi / 2, abs=4e-3)
     # The amplitude ratio of 5 that the second harmonic of |cos| light sets.
-    assert -1 / LAMPS["ideal"].harmonic_ratios[0] == pytest.approx(5.0)
+    assert -1 / LAMPS["ideal"](100.0).harmonic_ratios[0] == pytest.approx(5.0)
 
 
 def test_daylight_takes_its_share_of_the_flicker() -> None:
@@ -69,15 +68,44 @@ def test_daylight_takes_its_share_of_the_flicker() -> None:
     assert full[0] == pytest.approx(0.10)
 
 
-def test_own_harmonics_replace_the_lamp_s() -> None:
-    light = Light(flicker_ratio=0.3, harmonic_ratios=(0.5,))
-    assert light.series() == pytest.approx([0.3, 0.15])
-    assert Light(harmonic_ratios=()).series() == pytest.approx([0.1])
+def test_a_filament_lags_behind_its_power() -> None:
+    # The heat balance of a wire, stepped in time: C·dT/dt = power − losses, light as T to the 2.1.
+    for f0_hz, time_constant_s, lamp in ((100.0, 0.033, "incandescent"), (120.0, 0.042, "halogen")):
+        step_s = 1e-5
+        t_s = np.arange(0, 1.0, step_s)
+        power = 1 + np.cos(2 * np.pi * f0_hz * t_s)
+        heat, light = 1.0, np.empty(t_s.size)
+        for k, p in enumerate(power.tolist()):
+            heat += (p - heat) * step_s / time_constant_s
+            light[k] = heat**2.1
+        whole = light[t_s.size // 2 :]  # 50 or 60 cycles, settled
+        lines = np.abs(np.fft.rfft(whole)) / whole.size
+        first = round(f0_hz / 2)
+        got = Light(lamp=lamp).series(f0_hz)
+        assert abs(got[0]) == pytest.approx(2 * lines[first] / lines[0], rel=0.01)
+        assert abs(got[1]) == pytest.approx(2 * lines[2 * first] / lines[0], rel=0.02)
 
 
-def test_phases_without_harmonics_are_refused() -> None:
-    with pytest.raises(UsageError, match="harmonic_phases_rad has 2 phases, not 1"):
-        Light(harmonic_ratios=(0.5,), harmonic_phases_rad=(0.1, 0.2)).series()
+def test_a_60_hz_filament_flickers_less() -> None:
+    at_50, at_60 = (abs(Light(lamp="halogen").series(f0)[0]) for f0 in (100.0, 120.0))
+    assert at_60 / at_50 == pytest.approx(100 / 120, rel=0.01)
+
+
+def test_lamps_that_are_given_as_curves() -> None:
+    # Rebuilt from its series, a curve is itself as far as eight harmonics go; the crest is at 0.
+    phase = np.linspace(0, 2 * np.pi, 2000, endpoint=False)
+    for lamp, curve in (
+        ("sodium", 0.08 + np.abs(np.cos(phase / 2)) ** 1.5),
+        ("led_direct", np.maximum(np.abs(np.cos(phase / 2)) - 0.3, 0)),
+    ):
+        series = Light(lamp=lamp).series()
+        light = 1 + sum(
+            np.real(a * np.exp(1j * (k + 1) * phase)) for k, a in enumerate(series.tolist())
+        )
+        assert light == pytest.approx(curve / curve.mean(), abs=0.06)
+    saw = LAMPS["led_capacitor"](100.0)
+    assert 0.03 < saw.flicker_ratio < 0.06
+    assert saw.harmonic_ratios[0] > 0.3
 
 
 def test_the_phase_is_drawn_from_the_seed_or_given() -> None:

@@ -8,7 +8,6 @@ import pytest
 from rsenf.errors import UsageError
 from rsenf.model import (
     CaptureModel,
-    Delivery,
     GridPath,
     Light,
     Scene,
@@ -18,14 +17,14 @@ from rsenf.model import (
     synthetic_grid,
 )
 
-PURE = Light(flicker_ratio=0.5, harmonic_ratios=(), phase_rad=0.4)
+PURE = Light(lamp="tone", flicker_ratio=0.5, phase_rad=0.4)
 FLAT = Scene(texture_ratio=0.0, vignetting_ratio=0.0)
 QUIET = Sensor(white_e=1e6, read_noise_e=0.0)
 STEADY = GridPath(np.full(20, 50.0))
 
 
 def plain(**shutter: object) -> CaptureModel:
-    base = {"rows": 240, "columns": 320, "exposure_s": 0.0, **shutter}
+    base = {"rows": 240, "columns": 320, **shutter}
     return CaptureModel(light=PURE, scene=FLAT, sensor=QUIET, shutter=Shutter(**base))
 
 
@@ -55,7 +54,7 @@ def test_lines_of_the_concatenated_rows(
 @pytest.mark.parametrize("frame_rate", [Fraction(30000, 1001), Fraction(25), Fraction(60000, 1001)])
 def test_each_row_is_where_the_shutter_puts_it(frame_rate: Fraction) -> None:
     # T_n + l·T_ro/L + T_e/2, with T_ro = (1 - ρ)/F_r, against the waveform written out.
-    model = plain(frame_rate=frame_rate, idle_ratio=0.3, exposure_s=0.003)
+    model = plain(frame_rate=frame_rate, idle_ratio=0.3).with_effect("exposure", exposure_s=0.003)
     rows = simulate_rows(model, STEADY, 3.0, 1)
     n, row = np.mgrid[: len(rows.level), :240]
     t_s = n / float(frame_rate) + row / 240 * 0.7 / float(frame_rate) + 0.0015
@@ -64,21 +63,9 @@ def test_each_row_is_where_the_shutter_puts_it(frame_rate: Fraction) -> None:
     assert rows.frame_time_s == pytest.approx(np.arange(len(n)) / float(frame_rate), abs=1e-12)
 
 
-@pytest.mark.parametrize("clock_ppm", [-300.0, 300.0])
-def test_a_fast_clock_makes_the_enf_read_low(clock_ppm: float) -> None:
-    rows = simulate_rows(plain(clock_ppm=clock_ppm), STEADY, 10.0, 1)
-    t_s = rows.frame_time_s[:, None] + np.arange(240) / 240 * rows.truth["read_out_time_s"]
-    flicker = rows.level[:, :, 0] - rows.level.mean()
-    phase = np.unwrap(np.angle(np.mean(flicker * np.exp(-2j * np.pi * 100 * t_s), axis=1)))
-    slope = np.polyfit(rows.frame_time_s, phase, 1)[0]
-    seen_hz = (100 + slope / (2 * np.pi)) / 2
-    assert seen_hz == pytest.approx(50 / (1 + clock_ppm * 1e-6), abs=2e-4)
-    assert (seen_hz < 50) == (clock_ppm > 0)
-
-
 def test_noise_has_the_size_that_the_sensor_says() -> None:
     sensor = Sensor(white_e=5000.0, read_noise_e=30.0)
-    light = Light(flicker_ratio=0.0, harmonic_ratios=())
+    light = Light(flicker_ratio=0.0)
     model = CaptureModel(
         light=light, scene=FLAT, sensor=sensor, shutter=Shutter(rows=120, columns=320)
     )
@@ -106,24 +93,25 @@ def test_strips_average_to_the_row() -> None:
     assert np.std(many[0, 60]) > 1  # the wall is textured
 
 
-@pytest.mark.parametrize("retimed", [False, True])
-def test_dropped_frames_leave_a_hole_or_are_hidden(retimed: bool) -> None:
-    delivery = Delivery(drops_per_min=120.0, retimed=retimed)
-    model = CaptureModel(
-        light=PURE, scene=FLAT, sensor=QUIET, delivery=delivery,
-        shutter=Shutter(rows=64, columns=320, exposure_s=0.0),
-    )  # fmt: skip
-    rows = simulate_rows(model, STEADY, 10.0, 3)
-    dropped = rows.truth["dropped_frames"]
-    assert len(dropped) == pytest.approx(20, abs=12)
-    assert len(rows.level) == rows.truth["frames"] == 300 - len(dropped)
-    kept = np.setdiff1d(np.arange(300), dropped)
-    whole = simulate_rows(
-        CaptureModel(light=PURE, scene=FLAT, sensor=QUIET, shutter=model.shutter), STEADY, 10.0, 3
-    )
-    assert rows.level == pytest.approx(whole.level[kept], abs=0.2)
-    expected = np.arange(len(kept)) if retimed else kept
-    assert rows.frame_time_s == pytest.approx(expected * 1001 / 30000, abs=1e-12)
+@pytest.mark.parametrize("read_out", ["columns", "global"])
+def test_other_shutters(read_out: str) -> None:
+    model = plain(rows=64, columns=96, read_out=read_out, idle_ratio=0.3)
+    rows = simulate_rows(model, STEADY, 3.0, 1)
+    lines, line_s = (96, 0.7 * 1001 / 30000 / 96) if read_out == "columns" else (64, 0.0)
+    assert rows.level.shape == (90, lines, 1)
+    n, line = np.mgrid[:90, :lines]
+    wave = 110 * (1 + 0.5 * np.cos(2 * np.pi * 100 * (n * 1001 / 30000 + line * line_s) + 0.4))
+    assert rows.level[:, :, 0] == pytest.approx(wave, abs=0.3)
+    assert rows.truth["read_out_time_s"] == pytest.approx(lines * line_s)
+    assert rows.truth["idle_ratio"] == pytest.approx(0.3 if read_out == "columns" else 1.0)
+    assert rows.truth["read_out_axis"] == ("columns" if read_out == "columns" else "rows")
+
+
+def test_progress_ends_with_all_frames() -> None:
+    seen: list[int] = []
+    rows = simulate_rows(plain(rows=16, columns=16), STEADY, 5.0, 1, progress=seen.append)
+    assert seen == sorted(seen)
+    assert seen[-1] == len(rows.level) == 150
 
 
 def test_a_clip_longer_than_its_path_is_refused() -> None:

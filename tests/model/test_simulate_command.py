@@ -6,12 +6,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 
 from rsenf.cli import simulate
 from rsenf.errors import ConfigError, UsageError
 from rsenf.model import GridPath
+from rsenf.record import open_recording
 
 SMALL = ["--size", "160x120", "--duration-s", "3"]
 
@@ -42,7 +44,8 @@ def test_a_video_and_its_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert len(truth["enf_hz"]) == 3
     assert "true seconds" in truth["t_s_clock"]
     assert {"name": "clock_skew", "parameters": {"clock_ppm": 40.0}} in truth["effects"]
-    assert truth["model"]["version"] == 1
+    assert truth["model"]["version"] == 2
+    assert truth["files"] == [{"name": "clip.mp4", "codec": truth["model"]["codec"]}]
 
 
 def test_rows_and_their_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -53,6 +56,60 @@ def test_rows_and_their_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         assert data["rows"].dtype == np.float32
         assert data["frame_time_s"] == pytest.approx(np.arange(75) / 25)
     assert "75 frames" in capsys.readouterr().out
+
+
+def test_a_recording_of_row_blocks(tmp_path: Path) -> None:
+    clip = ["--seed", 3, "--strips", 2, "--effect", "frame_drop:at_frames=[20],retimed=false"]
+    run("--out", tmp_path / "clip.npz", *SMALL, *clip)
+    run("--out", tmp_path / "clip.mcap", *SMALL, *clip, "--site", "lab", "--camera", "left")
+    recording = open_recording(tmp_path / "clip.mcap")
+    assert list(recording.topics) == ["rsenf/lab/left/rows"]
+    blocks = [message for _, message, _ in recording.messages()]
+    with np.load(tmp_path / "clip.npz") as data:
+        assert np.array_equal(np.concatenate([b.level for b in blocks]), data["rows"])
+        times_s = np.concatenate([b.frame_pts_ns for b in blocks]) / 1e9
+        assert times_s == pytest.approx(data["frame_time_s"], abs=1e-9)
+    assert {b.read_out_axis for b in blocks} == {"rows"}
+    assert json.loads((tmp_path / "clip.truth.json").read_text())["dropped_frames"] == [20]
+
+
+def test_several_encodings_of_one_clip(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "clip.mkv"
+    code = run("--out", out, *SMALL, "--encodings", "lossless,150k,50k", "--json")
+    assert code == 0
+    names = ["clip.lossless.mkv", "clip.150k.mkv", "clip.50k.mkv"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([*names, "clip.truth.json"])
+    files = json.loads((tmp_path / "clip.truth.json").read_text())["files"]
+    assert [f["name"] for f in files] == names
+    assert [f["codec"]["lossless"] for f in files] == [True, False, False]
+    assert [f["codec"]["bitrate_bps"] for f in files] == [None, 150_000, 50_000]
+    assert [f["name"] for f in json.loads(capsys.readouterr().out)["files"]] == names
+    run("--out", tmp_path / "alone.mkv", *SMALL, "--bitrate", "50k")
+    # The same frames went to each encoder: coded alone, the clip has the same pictures.
+    assert _packets(tmp_path / "alone.mkv") == _packets(tmp_path / "clip.50k.mkv")
+
+
+def _packets(path: Path) -> list[bytes]:
+    with av.open(str(path)) as container:
+        return [bytes(packet) for packet in container.demux(video=0)]
+
+
+def test_effects_from_the_command_line(tmp_path: Path) -> None:
+    model = tmp_path / "m.yaml"
+    model.write_text(
+        "version: 2\nshutter: {rows: 64, columns: 64}\nlight: {lamp: tone}\n"
+        "effects:\n  - exposure: {exposure_s: 0.004}\n  - gamma: {exponent: 1.1}\n"
+    )
+    run("--out", tmp_path / "c.npz", "--model", model, "--duration-s", 1, "--clock-ppm", 20,
+        "--effect", "gamma:exponent=1.3", "--effect", "reverse_readout",
+        "--effect", "second_lamp:weight=0.1,phase_rad=-1", "--effect", "second_lamp")  # fmt: skip
+    effects = json.loads((tmp_path / "c.truth.json").read_text())["effects"]
+    told = [(e["name"], next(iter(e["parameters"].values()), None)) for e in effects]
+    assert told == [
+        ("exposure", 0.004), ("clock_skew", 20.0), ("gamma", 1.3), ("reverse_readout", None),
+        ("second_lamp", 0.1), ("second_lamp", 0.1),
+    ]  # fmt: skip
+    assert effects[4]["parameters"]["phase_rad"] == -1.0
 
 
 @pytest.fixture
@@ -94,7 +151,7 @@ def test_a_reference_shorter_than_the_clip(tmp_path: Path, reference: Path) -> N
 
 def test_the_command_line_goes_over_the_model_file(tmp_path: Path) -> None:
     model = tmp_path / "m.yaml"
-    model.write_text("version: 1\nname: mine\nshutter: {rows: 64, idle_ratio: 0.1}\n"
+    model.write_text("version: 2\nname: mine\nshutter: {rows: 64, idle_ratio: 0.1}\n"
                      "codec: {lossless: true}\n")  # fmt: skip
     run("--out", tmp_path / "c.mp4", "--model", model, "--duration-s", 1, "--idle-ratio", 0.2,
         "--bitrate", "150k")  # fmt: skip
@@ -106,7 +163,7 @@ def test_the_command_line_goes_over_the_model_file(tmp_path: Path) -> None:
 
 def test_a_misspelled_key_is_named_with_its_line(tmp_path: Path) -> None:
     model = tmp_path / "m.yaml"
-    model.write_text("version: 1\nshutter:\n  rows: 64\n  idle_ration: 0.1\n")
+    model.write_text("version: 2\nshutter:\n  rows: 64\n  idle_ration: 0.1\n")
     with pytest.raises(ConfigError, match=r"m\.yaml:4: .*idle_ration.*did you mean 'idle_ratio'"):
         run("--out", tmp_path / "c.mp4", "--model", model)
 
@@ -119,12 +176,29 @@ def test_a_misspelled_key_is_named_with_its_line(tmp_path: Path) -> None:
         (["--idle-ratio", "1.2"], "shutter.idle_ratio is 1.2"),
         (["--frame-rate", "quick"], "not a frame rate"),
         (["--bitrate", "150k", "--lossless"], "excludes codec.bitrate_bps"),
+        (["--effect", "gama"], "did you mean 'gamma'"),
+        (["--effect", "gamma:exponent"], "'exponent' is not PARAMETER=VALUE"),
+        (["--effect", "gamma:exponent=steep"], "effects.gamma.exponent is 'steep', not of the"),
+        (["--effect", "exposure:exposure_s=0.5"], "longer than a frame"),
+        (["--effects", "nowhere.py"], "nowhere.py: not a Python file"),
     ],
 )
 def test_options_that_can_t_be_meant(tmp_path: Path, options: list[str], says: str) -> None:
     with pytest.raises(UsageError, match=says):
         run("--out", tmp_path / "c.mp4", *SMALL, *options)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_row_means_aren_t_encoded(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="row means aren't encoded"):
+        run("--out", tmp_path / "c.npz", *SMALL, "--encodings", "150k")
+
+
+def test_an_effect_s_mistake_is_named_with_its_line(tmp_path: Path) -> None:
+    model = tmp_path / "m.yaml"
+    model.write_text("version: 2\neffects:\n  - reverse_readout:\n  - gamma:\n      exponnt: 2\n")
+    with pytest.raises(ConfigError, match=r"m\.yaml:5: .*exponnt"):
+        run("--out", tmp_path / "c.mp4", "--model", model)
 
 
 def test_an_unknown_kind_of_file(tmp_path: Path) -> None:

@@ -12,20 +12,24 @@ from rsenf.errors import RecordingError, UsageError
 from rsenf.model import (
     CaptureModel,
     Codec,
-    Delivery,
+    Effect,
     FrameStream,
     Shutter,
     render_frames,
     synthetic_grid,
     write_video,
 )
+from rsenf.model.effects.frame_drop import FrameDrop
+from rsenf.model.effects.frame_duplicate import FrameDuplicate
+from rsenf.model.effects.timestamp_jitter import TimestampJitter
+from rsenf.model.effects.variable_frame_rate import VariableFrameRate
 
 GRID = synthetic_grid(1, 30)
 
 
-def clip(frame_rate: Fraction = Fraction(30000, 1001), **parts: object) -> FrameStream:
+def clip(frame_rate: Fraction = Fraction(30000, 1001), *effects: Effect) -> FrameStream:
     shutter = Shutter(rows=120, columns=160, frame_rate=frame_rate)
-    return render_frames(CaptureModel(shutter=shutter, **parts), GRID, 1.5, 3)
+    return render_frames(CaptureModel(shutter=shutter, effects=effects), GRID, 1.5, 3)
 
 
 def read(path: Path) -> tuple[list[Fraction], list[np.ndarray], str]:
@@ -52,11 +56,21 @@ def test_times_are_exact(tmp_path: Path, suffix: str, codec: str, frame_rate: Fr
     assert read(path)[0] == [n / frame_rate for n in range(frames.frames)]
 
 
-def test_times_with_frames_dropped(tmp_path: Path) -> None:
-    frames = clip(delivery=Delivery(drops_per_min=600))
+@pytest.mark.parametrize(
+    "effect",
+    [
+        FrameDrop(drops_per_min=600, retimed=False),
+        FrameDuplicate(duplicates_per_min=600),
+        TimestampJitter(jitter_s=0.002),
+        VariableFrameRate(rate_ratio=0.05, time_constant_s=0.2),
+    ],
+)
+def test_times_that_aren_t_regular(tmp_path: Path, effect: Effect) -> None:
+    frames = clip(Fraction(30000, 1001), effect)
     write_video(tmp_path / "clip.mp4", frames, Codec(preset="medium"))  # with B frames
-    assert frames.truth["dropped_frames"]
-    assert read(tmp_path / "clip.mp4")[0] == [pts * frames.time_base for pts, _ in frames]
+    wanted = [pts * frames.time_base for pts, _ in frames]
+    assert wanted != [n * Fraction(1001, 30000) for n in range(45)]
+    assert read(tmp_path / "clip.mp4")[0] == wanted
 
 
 @pytest.mark.parametrize("suffix", [".mkv", ".webm"])

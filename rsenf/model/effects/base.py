@@ -1,0 +1,190 @@
+"""What an effect is: parameters, and an ``apply`` at one place of the capture.
+
+The places, in the order that light and frames pass them. What an effect is given there, it changes
+in place, or returns anew where a type to return is written::
+
+    FrameEffect      Clip       when each frame begins, and how fast the camera's clock is
+    ReadOutEffect    ReadOut    when each line of a block of frames is exposed, how long, and where
+                                the picture stands
+    WaveformEffect   series     the lamp's Fourier series                        -> series
+    LightEffect      LineLight  the light on each line of a block of frames
+    SceneEffect      wall       the picture under the mean light                 -> Patch
+    SensorEffect     LineLight  what the sensor makes of the light
+    ToneEffect       exponent   the power law by which levels leave the camera   -> exponent
+    DeliveryEffect   Clip       which frames arrive, and what their stamps say
+    CodecEffect      LineLight  what an encoder leaves of the light, in delivered frames
+
+An effect is a frozen dataclass whose fields are made by :func:`rsenf.model.parameters.parameter`:
+default, one line of text, plausible range, and the unit in the name. Its docstring says in one
+paragraph what it does to the data. ``configs/model/my_effect.py`` is a template for one's own.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.model import parameters
+from rsenf.model.clip import Clip
+from rsenf.model.grid import FloatArray
+from rsenf.model.line_light import LineLight
+from rsenf.model.readout import ReadOut
+from rsenf.model.scene import Float32Array
+from rsenf.model.seeds import generator
+from rsenf.model.shutter import Shutter
+from rsenf.model.view import Patch
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One effect in one simulated clip: what it may know, its random numbers and its memory.
+
+    Attributes
+    ----------
+    label : str
+        Name of the effect, and which of its kind it is.
+    shutter : Shutter
+        The plain shutter, before any effect.
+    frames : int
+        Frames that are captured.
+    mean_level : float
+        8-bit level of the scene under the mean light.
+    seed : int
+        Seed of the simulation.
+    memory : dict
+        Whatever the effect keeps from one block to the next.
+    """
+
+    label: str
+    shutter: Shutter
+    frames: int
+    mean_level: float
+    seed: int
+    memory: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def step_s(self) -> float:
+        """Frame period."""
+        return 1 / float(self.shutter.frame_rate)
+
+    def rng(self, block: int = 0) -> np.random.Generator:
+        """Return the effect's own random numbers, for a block or for the whole clip."""
+        return generator(self.seed, f"effect {self.label}", block)
+
+    def kept(self, make: Callable[[np.random.Generator], FloatArray]) -> FloatArray:
+        """Draw a series for the whole clip once, and return it from then on."""
+        if "series" not in self.memory:
+            self.memory["series"] = make(self.rng())
+        return np.asarray(self.memory["series"])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect(ABC):
+    """Something that a plain capture doesn't do.
+
+    Attributes
+    ----------
+    name : str
+        By which model files and results call it.
+    source : str
+        Where it is described, or what it is known from.
+    confused_with : tuple of str
+        Effects (or fitted parameters) whose data can look the same.
+    told_apart_by : str
+        Which data or further measurement decides between them.
+    """
+
+    name: ClassVar[str]
+    source: ClassVar[str]
+    confused_with: ClassVar[tuple[str, ...]]
+    told_apart_by: ClassVar[str]
+
+    def check(self, shutter: Shutter) -> None:  # noqa: B027 # most effects fit every shutter
+        """Check what no single range can.
+
+        Raises
+        ------
+        ParameterError
+            With a path from the effect down.
+        """
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its parameters as plain values."""
+        return parameters.to_dict(self)
+
+
+class FrameEffect(Effect):
+    """Acts on when frames begin, or on the camera's clock."""
+
+    @abstractmethod
+    def apply(self, clip: Clip, run: Run) -> None:
+        """Change ``clip.start_s``, ``clip.stamp_offset_s`` or ``clip.clock_factor``."""
+
+
+class ReadOutEffect(Effect):
+    """Acts on when, how long and where lines are exposed."""
+
+    @abstractmethod
+    def apply(self, read_out: ReadOut, run: Run) -> None:
+        """Change any of the read-out's arrays or times."""
+
+
+class WaveformEffect(Effect):
+    """Acts on the waveform of the lamp."""
+
+    @abstractmethod
+    def apply(self, series: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return other complex amplitudes (harmonics,), relative to the mean light."""
+
+
+class LightEffect(Effect):
+    """Acts on the light that reaches the scene."""
+
+    @abstractmethod
+    def apply(self, light: LineLight, run: Run) -> None:
+        """Change ``light.level`` or ``light.slope``."""
+
+
+class SceneEffect(Effect):
+    """Puts something in front of the wall; a capture has room for one of these."""
+
+    @abstractmethod
+    def apply(self, wall: Float32Array, run: Run) -> Patch:
+        """Return what to put in front of it, as levels under the mean light."""
+
+
+class SensorEffect(Effect):
+    """Acts on what the sensor makes of the light."""
+
+    @abstractmethod
+    def apply(self, light: LineLight, run: Run) -> None:
+        """Change the light by a gain, or ``light.offset``."""
+
+
+class ToneEffect(Effect):
+    """Acts on the curve from light to level."""
+
+    @abstractmethod
+    def apply(self, exponent: float) -> float:
+        """Return another exponent of ``level = 255 · (light / 255)^exponent``."""
+
+
+class DeliveryEffect(Effect):
+    """Acts on which frames arrive, and when their stamps say."""
+
+    @abstractmethod
+    def apply(self, clip: Clip, run: Run) -> None:
+        """Change ``clip.number``, ``clip.slot`` or ``clip.stamp_offset_s``."""
+
+
+class CodecEffect(Effect):
+    """Acts as an encoder would on the flicker of the delivered frames, without one."""
+
+    @abstractmethod
+    def apply(self, light: LineLight, run: Run) -> None:
+        """Change ``light.level`` and ``light.slope``; frames come in order, block by block."""

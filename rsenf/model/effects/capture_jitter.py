@@ -1,0 +1,32 @@
+"""Frames that begin a little early or late."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rsenf.model.clip import Clip
+from rsenf.model.effects.base import FrameEffect, Run
+from rsenf.model.parameters import parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaptureJitter(FrameEffect):
+    """Each frame begins early or late at random, and its stamp doesn't say so.
+
+    All rows of a frame shift together: the phase of every harmonic jitters from frame to frame,
+    white, ``k`` times as much for harmonic ``k``.
+    """
+
+    name = "capture_jitter"
+    source = "frame starts that software triggers; 1 to 500 µs"
+    confused_with = ("timestamp_jitter", "image_wobble")
+    told_apart_by = (
+        "stamps that jitter along, and the texture of the scene: it stands still here, and moves "
+        "with an image that wobbles"
+    )
+
+    jitter_s: float = parameter(1e-4, "rms", low=0, high=5e-3)
+
+    def apply(self, clip: Clip, run: Run) -> None:
+        """Move the starts, white."""
+        clip.start_s = clip.start_s + self.jitter_s * run.rng().standard_normal(run.frames)

@@ -1,0 +1,29 @@
+"""The error of the camera's clock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rsenf.model.clip import Clip
+from rsenf.model.effects.base import FrameEffect, Run
+from rsenf.model.parameters import parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClockSkew(FrameEffect):
+    """The camera's clock is fast (> 0) or slow by a constant share.
+
+    A camera second is ``1 / (1 + clock_ppm·1e-6)`` true seconds: frames, lines and exposures all
+    are that much shorter than their stamps say, and the ENF reads low by the same share.
+    """
+
+    name = "clock_skew"
+    source = "crystal oscillators, 10 to 100 ppm; 62 to 76 ppm measured on a GoPro"
+    confused_with = ("variable_frame_rate", "grid frequency")
+    told_apart_by = "a reference of the grid's frequency, or a second clock in the recording"
+
+    clock_ppm: float = parameter(30.0, "error of the clock, fast > 0", low=-1e4, high=1e4)
+
+    def apply(self, clip: Clip, run: Run) -> None:
+        """Run the clock faster."""
+        clip.clock_factor *= 1 + self.clock_ppm * 1e-6

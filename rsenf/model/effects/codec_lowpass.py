@@ -1,0 +1,42 @@
+"""Flicker that an encoder follows too slowly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.model.effects.base import CodecEffect, Run
+from rsenf.model.line_light import LineLight
+from rsenf.model.parameters import parameter
+from rsenf.model.scene import Float32Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class CodecLowpass(CodecEffect):
+    """Predicted frames take over only a share of what changed: ``y += gain · (x − y)``.
+
+    The flicker passes a first-order low-pass at its alias frequency: with ``z = exp(2πj·f/F_r)``
+    it keeps ``gain / (1 − (1 − gain)/z)``. An alias at 0 Hz passes whole, one near half the frame
+    rate hardly.
+    """
+
+    name = "codec_lowpass"
+    source = "SCIENCE: first-order picture of H.264 at 50 to 150 kbit/s"
+    confused_with = ("flicker_ratio", "gop_attenuation", "exposure")
+    told_apart_by = "harmonics, whose aliases are elsewhere, lose other shares"
+
+    gain: float = parameter(0.3, "share of a change that a frame takes over", low=0.001, high=1)
+
+    def apply(self, light: LineLight, run: Run) -> None:
+        """Run the recursion down the delivered frames, line by line."""
+        light.level = self._follow(light.level, "level", run)
+        if light.slope is not None:
+            light.slope = self._follow(light.slope, "slope", run)
+
+    def _follow(self, wanted: Float32Array, what: str, run: Run) -> Float32Array:
+        gain, out = np.float32(self.gain), np.empty_like(wanted)
+        for n, frame in enumerate(wanted):
+            held = run.memory.get(what, frame)
+            out[n] = run.memory[what] = held + gain * (frame - held)
+        return out

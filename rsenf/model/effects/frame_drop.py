@@ -1,0 +1,45 @@
+"""Frames lost on their way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.model.clip import Clip
+from rsenf.model.effects.base import DeliveryEffect, Run
+from rsenf.model.effects.events import event_frames
+from rsenf.model.parameters import parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameDrop(DeliveryEffect):
+    """Now and then a captured frame never arrives.
+
+    Where stamps run on as if nothing was lost, the phase of the flicker's alias steps forward by
+    the light's turns in a frame period, ``2π·f_0/F_r``, at each loss, and the clip ends early.
+    Where they don't, a hole stays in the stamps and nothing else shows.
+    """
+
+    name = "frame_drop"
+    source = "network cameras, overloaded recorders; FFmpeg's fps and select filters"
+    confused_with = ("frame_duplicate", "clock_skew")
+    told_apart_by = (
+        "the sign of the phase step; where the alias is at 0 Hz (25 fps at 50 Hz) there is none, "
+        "and only motion in the scene or a second clock tells"
+    )
+
+    drops_per_min: float = parameter(1.0, "frames lost per minute, on average", low=0, high=600)
+    at_frames: tuple[int, ...] = parameter(
+        (), "exactly these captured frames instead", low=1, high=1e9
+    )
+    retimed: bool = parameter(True, "stamps run on as if nothing was lost; else they leave a hole")
+
+    def apply(self, clip: Clip, run: Run) -> None:
+        """Take the frames out of what is delivered."""
+        lost = event_frames(self.drops_per_min, self.at_frames, run)
+        kept = ~np.isin(clip.number, lost)
+        before = np.cumsum(~kept)[kept]
+        clip.number, clip.slot = clip.number[kept], clip.slot[kept]
+        if self.retimed:
+            clip.slot = clip.slot - before

@@ -1,0 +1,50 @@
+"""Frames that are delivered twice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.model.clip import Clip
+from rsenf.model.effects.base import DeliveryEffect, Run
+from rsenf.model.effects.events import event_frames
+from rsenf.model.parameters import parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameDuplicate(DeliveryEffect):
+    """Now and then a frame arrives a second time, in the place of one that should have followed.
+
+    The two are the same to the last bit (before an encoder). Where all later frames move on by a
+    slot to make room, the phase of the flicker's alias steps back by ``2π·f_0/F_r``; where the
+    copy stands for a frame that was lost, the flicker stands still for one frame and goes on.
+    """
+
+    name = "frame_duplicate"
+    source = "conversion to a constant frame rate; FFmpeg's fps filter"
+    confused_with = ("frame_drop", "clock_skew")
+    told_apart_by = "the sign of the phase step; two equal frames side by side"
+
+    duplicates_per_min: float = parameter(
+        1.0, "frames repeated per minute, on average", low=0, high=600
+    )
+    at_frames: tuple[int, ...] = parameter(
+        (), "exactly these captured frames instead", low=1, high=1e9
+    )
+    retimed: bool = parameter(
+        True, "later frames move on by a slot; else the copy hides the next frame"
+    )
+
+    def apply(self, clip: Clip, run: Run) -> None:
+        """Deliver the frames twice."""
+        twice = np.isin(clip.number, event_frames(self.duplicates_per_min, self.at_frames, run))
+        if self.retimed:
+            source = np.repeat(np.arange(twice.size), 1 + twice)
+            again = np.diff(source, prepend=-1) == 0
+            clip.slot = (clip.slot + np.cumsum(twice) - twice)[source] + again
+            clip.number = clip.number[source]
+        else:
+            hidden = np.flatnonzero(twice[:-1]) + 1
+            clip.number = clip.number.copy()
+            clip.number[hidden] = clip.number[hidden - 1]

@@ -1,0 +1,29 @@
+"""The camera's tone curve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rsenf.model.effects.base import ToneEffect
+from rsenf.model.parameters import parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gamma(ToneEffect):
+    """Levels leave the camera by a power law, ``255 · (light / 255)^exponent``.
+
+    The relative flicker grows by the exponent, and a pure tone gets a second harmonic of
+    ``(exponent − 1)/4`` times its relative size. The same curve bends noise: its size against the
+    level is no longer the sensor's.
+    """
+
+    name = "gamma"
+    source = "ITU-R BT.709 and sRGB transfer curves; FFmpeg's eq filter"
+    confused_with = ("harmonics",)
+    told_apart_by = "noise against level, or flicker in bright against dark regions"
+
+    exponent: float = parameter(1.2, "of the power law", low=0.3, high=3.0)
+
+    def apply(self, exponent: float) -> float:
+        """Multiply: one power law after another is a power law."""
+        return exponent * self.exponent

@@ -1,0 +1,40 @@
+"""Flicker that fades from one key frame to the next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.model.effects.base import CodecEffect, Run
+from rsenf.model.line_light import LineLight
+from rsenf.model.parameters import parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class GopAttenuation(CodecEffect):
+    """After each key frame a little more of the flicker is lost, until the next brings it back.
+
+    The flicker's size is a sawtooth in time: side lines at multiples of the key frames' rate about
+    every line of the flicker, none at the direct current.
+    """
+
+    name = "gop_attenuation"
+    source = "H.264 and H.265 groups of pictures of 12 to 300 frames"
+    confused_with = ("codec_lowpass", "interharmonic")
+    told_apart_by = "the period, which the container's key frames tell"
+
+    loss_ratio: float = parameter(
+        0.05, "share of the flicker lost at the end of a group", low=0, high=1
+    )
+    period_frames: int = parameter(30, "frames from key frame to key frame", low=2, high=3000)
+
+    def apply(self, light: LineLight, run: Run) -> None:
+        """Draw the light towards its mean, more with each frame since the last key frame."""
+        first = run.memory.get("delivered", 0)
+        run.memory["delivered"] = first + len(light.level)
+        age = (first + np.arange(len(light.level))) % self.period_frames
+        keep = (1 - self.loss_ratio * age / (self.period_frames - 1)).astype(np.float32)[:, None]
+        light.level = 1 + keep * (light.level - 1)
+        if light.slope is not None:
+            light.slope = keep * light.slope

@@ -1,0 +1,44 @@
+"""Harmonics of the light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.model.effects.base import WaveformEffect
+from rsenf.model.parameters import parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class Harmonics(WaveformEffect):
+    """The light isn't a pure tone: it has lines at two and three times the illumination frequency.
+
+    Each line ``k·f_0`` repeats at ``k·f_0 ± m·F_r`` in the concatenated rows, with its own
+    ``sinc(k·c − m)``, and ramps ``k`` times as fast down the frame. It replaces what the lamp has
+    of its own above the first harmonic.
+    """
+
+    name = "harmonics"
+    source = "IEEE Std 1789-2015; Fourier series of |cos| for rectified light"
+    confused_with = ("gamma", "pwm_tone")
+    told_apart_by = (
+        "gamma bends all levels alike: compare bright with dark regions, and noise with level; "
+        "a PWM tone doesn't follow the mains"
+    )
+
+    second_ratio: float = parameter(0.05, "2nd harmonic over the 1st", low=0, high=1)
+    third_ratio: float = parameter(0.0, "3rd harmonic over the 1st", low=0, high=1)
+    second_phase_rad: float = parameter(
+        0.0, "phase of the 2nd where the 1st has its crest", low=-7, high=7
+    )
+    third_phase_rad: float = parameter(
+        0.0, "phase of the 3rd where the 1st has its crest", low=-7, high=7
+    )
+
+    def apply(self, series: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Keep the first harmonic; the others are these."""
+        second = self.second_ratio * np.exp(1j * self.second_phase_rad)
+        third = self.third_ratio * np.exp(1j * self.third_phase_rad)
+        return np.asarray(series[0] * np.array([1.0, second, third]))

@@ -1,0 +1,44 @@
+"""A picture that stands on other lines of the sensor from frame to frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rsenf.model.effects.base import ReadOutEffect, Run
+from rsenf.model.parameters import parameter
+from rsenf.model.readout import ReadOut
+from rsenf.model.wander import wander
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageWobble(ReadOutEffect):
+    """The window that is cut out of the sensor moves up and down.
+
+    Each line of the picture then comes from a line of the sensor that was read earlier or later,
+    so the flicker's phase moves by ``2π·f_0`` times the shift's line times. What the stabilisation
+    didn't compensate moves the texture too.
+    """
+
+    name = "image_wobble"
+    source = "electronic image stabilisation; 0.1 to 20 rows"
+    confused_with = ("capture_jitter", "timestamp_jitter")
+    told_apart_by = "the texture moves along; with perfect stabilisation nothing tells"
+
+    wobble_rows: float = parameter(1.0, "rms of the shift", low=0, high=30)
+    time_constant_s: float = parameter(0.02, "of the movement; 0 is white", low=0, high=60)
+    residual_ratio: float = parameter(
+        1.0, "share of the shift that the picture shows", low=0, high=1
+    )
+
+    def apply(self, read_out: ReadOut, run: Run) -> None:
+        """Read each line when its place on the sensor is read, and move the scene against it."""
+        rows = (
+            self.wobble_rows
+            * run.kept(lambda rng: wander(rng, run.frames, run.step_s, self.time_constant_s))[
+                read_out.number
+            ]
+        )
+        read_out.line_s = read_out.line_s + rows[:, None] * (
+            read_out.read_out_s / run.shutter.lines
+        )
+        read_out.shift_px[:, 0] -= self.residual_ratio * rows

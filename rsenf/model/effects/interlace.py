@@ -1,0 +1,34 @@
+"""Two half pictures woven into one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.model.effects.base import ReadOutEffect, Run
+from rsenf.model.parameters import parameter
+from rsenf.model.readout import ReadOut
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interlace(ReadOutEffect):
+    """Even and odd lines come from two fields, half a frame period apart.
+
+    Each field is read like a frame of half the lines, at the same time for a line. Neighbouring
+    lines then differ in phase by ``π·f_0/F_r`` less what the other field's place makes up for, a
+    comb at the finest pattern that lines can show.
+    """
+
+    name = "interlace"
+    source = "PAL, NTSC and 1080i cameras; FFmpeg's interlace filter"
+    confused_with = ("row_banding", "readout_drift")
+    told_apart_by = "lines taken apart by parity; the comb turns with the flicker"
+
+    bottom_first: bool = parameter(False, "odd lines come first")
+
+    def apply(self, read_out: ReadOut, run: Run) -> None:
+        """Read the lines of one field, then those of the other."""
+        line = np.arange(run.shutter.lines)
+        second_field = line % 2 == (0 if self.bottom_first else 1)
+        read_out.line_s = read_out.line_s[:, line // 2] + second_field * (run.step_s / 2)

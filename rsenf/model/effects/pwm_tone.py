@@ -1,0 +1,39 @@
+"""The ripple of a dimmer or a driver that doesn't follow the mains."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.model.effects.base import LightEffect, Run
+from rsenf.model.line_light import LineLight
+from rsenf.model.parameters import parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class PwmTone(LightEffect):
+    """The light carries a tone of a fixed frequency, far above the flicker.
+
+    It is a line at its own frequency and at all its distances of whole frame rates, which stays
+    where it is when the grid's frequency moves. It can't be seen where the exposure holds a whole
+    number of its periods, and is taken for texture where it is a multiple of the frame rate.
+    """
+
+    name = "pwm_tone"
+    source = "pulse-width dimming, 200 Hz to 25 kHz; IEEE Std 1789-2015"
+    confused_with = ("interharmonic", "harmonics")
+    told_apart_by = (
+        "its phase ramp down the rows tells its frequency up to aliases of the line rate"
+    )
+
+    tone_hz: float = parameter(1000.0, "frequency", low=100, high=50_000)
+    depth_ratio: float = parameter(0.01, "amplitude over the mean light", low=0, high=1)
+
+    def apply(self, light: LineLight, run: Run) -> None:
+        """Add the tone; its phase at the start is drawn."""
+        phase_rad = run.rng().uniform(-math.pi, math.pi)
+        light.level = light.level + np.float32(self.depth_ratio) * light.tone(
+            self.tone_hz, phase_rad
+        )

@@ -1,0 +1,28 @@
+"""Read-out from the last line to the first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rsenf.model.effects.base import ReadOutEffect, Run
+from rsenf.model.readout import ReadOut
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReverseReadout(ReadOutEffect):
+    """The shutter rolls from the bottom to the top, as in a camera mounted upside down.
+
+    The phase ramp of every harmonic down the frame changes its sign.
+    """
+
+    name = "reverse_readout"
+    source = "cameras mounted upside down, some phones' front cameras; vflip"
+    confused_with = ("grid frequency",)
+    told_apart_by = (
+        "where the alias is at 0 Hz (25 fps at 50 Hz) direction and the sign of the ENF's "
+        "deviation can't be told apart without a reference"
+    )
+
+    def apply(self, read_out: ReadOut, run: Run) -> None:
+        """Turn the order round."""
+        read_out.line_s = read_out.line_s[:, ::-1]

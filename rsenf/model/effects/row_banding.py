@@ -1,0 +1,33 @@
+"""A fixed pattern of bright and dark rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.model.effects.base import Run, SensorEffect
+from rsenf.model.line_light import LineLight
+from rsenf.model.parameters import parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class RowBanding(SensorEffect):
+    """The read-out adds to every line a constant of its own, white down the frame.
+
+    Unlike texture it isn't lit: the flicker doesn't modulate it, so each line's flicker is smaller
+    or larger against its static level than that of its neighbours.
+    """
+
+    name = "row_banding"
+    source = "fixed-pattern noise of column-parallel converters (EMVA 1288, DSNU); 0.05 to 1 %"
+    confused_with = ("texture", "daylight")
+    told_apart_by = "light of another level: the pattern stays, texture follows"
+
+    banding_ratio: float = parameter(0.003, "rms over the mean level", low=0, high=0.2)
+
+    def apply(self, light: LineLight, run: Run) -> None:
+        """Add the pattern, the same in every frame."""
+        pattern = run.kept(lambda rng: rng.standard_normal(run.shutter.lines))
+        offset = (self.banding_ratio * run.mean_level * pattern).astype(np.float32)
+        light.offset = offset if light.offset is None else light.offset + offset

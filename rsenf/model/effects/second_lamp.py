@@ -1,0 +1,43 @@
+"""Another lamp on another phase of the mains."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.model.effects.base import LightEffect, Run
+from rsenf.model.line_light import LineLight
+from rsenf.model.parameters import parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class SecondLamp(LightEffect):
+    """A lamp of the same kind on another mains phase lights part of the scene.
+
+    The light of both adds. Where their shares are the same all over the line, the sum is one lamp
+    of another phase and depth; where they change from left to right, so does the phase of the
+    flicker. It takes the place of ``weight`` of the light there was.
+    """
+
+    name = "second_lamp"
+    source = "three-phase supply: light phases 2π/3 apart at the illumination frequency"
+    confused_with = ("light phase", "flicker_ratio")
+    told_apart_by = "strips from left to right; in row means alone it can't be seen"
+
+    weight: float = parameter(0.1, "its mean share of the light", low=0, high=1)
+    phase_rad: float = parameter(
+        2 * math.pi / 3, "how far its first harmonic is ahead", low=-7, high=7
+    )
+    tilt_ratio: float = parameter(
+        1.0, "its share rises along a line by twice this, from 1 − tilt to 1 + tilt", low=-1, high=1
+    )
+
+    def apply(self, light: LineLight, run: Run) -> None:
+        """Mix it in, more at one end of the lines than at the other."""
+        change = np.float32(self.weight) * (light.lamp(self.phase_rad) - light.level)
+        light.level = light.level + change
+        if self.tilt_ratio:
+            slope = np.float32(2 * self.tilt_ratio) * change
+            light.slope = slope if light.slope is None else light.slope + slope

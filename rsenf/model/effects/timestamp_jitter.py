@@ -1,0 +1,35 @@
+"""Stamps that aren't the time of capture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.model.clip import Clip
+from rsenf.model.effects.base import DeliveryEffect, Run
+from rsenf.model.parameters import parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimestampJitter(DeliveryEffect):
+    """Frames are captured in time, but their stamps are early or late at random.
+
+    Who believes the stamps sees the phase of the flicker jitter by ``2π·f_0`` times the stamp's
+    error; who counts frames sees nothing. Errors stop short of half a frame period, so that
+    stamps never run backwards.
+    """
+
+    name = "timestamp_jitter"
+    source = "RTP arrival stamps, software stamping; 0.1 to 5 ms"
+    confused_with = ("capture_jitter", "image_wobble")
+    told_apart_by = "the stamps themselves against the flicker's phase: the jitter is in both"
+
+    jitter_s: float = parameter(1e-3, "rms", low=0, high=0.02)
+
+    def apply(self, clip: Clip, run: Run) -> None:
+        """Move the stamps."""
+        error_s = self.jitter_s * run.rng().standard_normal(run.frames)
+        error_s[0] = 0  # the clip's time begins with its first stamp
+        most_s = 0.45 * run.step_s
+        clip.stamp_offset_s += np.clip(error_s, -most_s, most_s)

@@ -1,0 +1,39 @@
+"""A frame rate that wanders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.model.clip import Clip
+from rsenf.model.effects.base import FrameEffect, Run
+from rsenf.model.parameters import parameter
+from rsenf.model.wander import wander
+
+
+@dataclass(frozen=True, kw_only=True)
+class VariableFrameRate(FrameEffect):
+    """The time from frame to frame changes slowly and at random; lines are as quick as ever.
+
+    The alias moves by ``f_0`` times the relative change. Honest stamps tell it all; where they
+    run on evenly, the ENF seems to move as the frame rate did.
+    """
+
+    name = "variable_frame_rate"
+    source = "phones that lengthen frames in dim light; oscillators that warm up, 1e-6 to 1e-4"
+    confused_with = ("clock_skew", "grid frequency")
+    told_apart_by = "the stamps, or a reference of the grid's frequency"
+
+    rate_ratio: float = parameter(1e-5, "rms of the relative change", low=0, high=0.2)
+    time_constant_s: float = parameter(10.0, "over which it forgets", low=0, high=3600)
+    stamped: bool = parameter(True, "the stamps say so; else they run on evenly")
+
+    def apply(self, clip: Clip, run: Run) -> None:
+        """Add up the periods."""
+        change = wander(run.rng(), run.frames, run.step_s, self.time_constant_s)
+        periods = np.maximum(self.rate_ratio * change, -0.9) * run.step_s
+        late_s = np.concatenate(([0.0], np.cumsum(periods)[:-1]))
+        clip.start_s = clip.start_s + late_s
+        if self.stamped:
+            clip.stamp_offset_s += late_s

@@ -1,0 +1,91 @@
+"""How bright the light is on each line of a block of frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.model.clip import Int64Array
+from rsenf.model.grid import FloatArray, GridPath
+from rsenf.model.light import relative_level
+
+Float32Array = NDArray[np.float32]
+
+
+@dataclass(eq=False)
+class LineLight:
+    """Light of a block of frames, relative to its own mean; times are true seconds.
+
+    Attributes
+    ----------
+    block : int
+        Number of the block.
+    number : ndarray of int64 (frames,)
+        Number of each frame as it was captured.
+    start_s : ndarray of float64 (frames, lines)
+        When each line's exposure begins.
+    exposure_s : float
+        How long it lasts.
+    grid : GridPath
+        The grid's frequency.
+    series : ndarray of complex128 (harmonics,)
+        The lamp's waveform.
+    phase_rad : float
+        Its phase at time zero.
+    level : ndarray of float32 (frames, lines)
+        The light at the middle of each line.
+    slope : ndarray of float32 (frames, lines) or None
+        What is added from the first to the last pixel of a line, in equal steps; None is nothing.
+    offset : ndarray of float32 (lines,) or None
+        8-bit levels that the read-out adds to each line; None is nothing.
+    """
+
+    block: int
+    number: Int64Array
+    start_s: FloatArray
+    exposure_s: float
+    grid: GridPath
+    series: NDArray[np.complex128]
+    phase_rad: float
+    level: Float32Array
+    slope: Float32Array | None = None
+    offset: Float32Array | None = None
+
+    def lamp(self, phase_rad: float = 0.0) -> Float32Array:
+        """Light of one such lamp whose waveform is ``phase_rad`` ahead, relative to its mean."""
+        return relative_level(
+            self.series, self.phase_rad + phase_rad, self.grid, self.start_s, self.exposure_s
+        )
+
+    def tone(self, freq_hz: float, phase_rad: float) -> Float32Array:
+        """Cosine of unit size and fixed frequency, as the exposure leaves it."""
+        turns = freq_hz * (self.start_s + self.exposure_s / 2) + phase_rad / (2 * np.pi)
+        size = np.sinc(freq_hz * self.exposure_s)
+        return np.asarray(size * np.cos(2 * np.pi * (turns % 1.0)), np.float32)
+
+    def scale(self, gain: FloatArray | Float32Array) -> None:
+        """Multiply all light by a gain that each line or frame shares (broadcastable)."""
+        self.level = np.asarray(self.level * gain, np.float32)
+        if self.slope is not None:
+            self.slope = np.asarray(self.slope * gain, np.float32)
+
+    def bend(self, exponent: float) -> None:
+        """Pass the light through a power law; the slope to first order, which it is small enough
+        for.
+        """
+        if exponent == 1:
+            return
+        self.level = np.maximum(self.level, np.float32(1e-6))
+        if self.slope is not None:
+            self.slope = np.asarray(exponent * self.level ** (exponent - 1) * self.slope)
+        self.level = np.asarray(self.level**exponent)
+
+    def take(self, index: Int64Array) -> LineLight:
+        """Return the same light for some of the frames, perhaps some of them twice."""
+        return LineLight(
+            self.block, self.number[index], self.start_s[index], self.exposure_s, self.grid,
+            self.series, self.phase_rad, self.level[index],
+            None if self.slope is None else self.slope[index], self.offset,
+        )  # fmt: skip
