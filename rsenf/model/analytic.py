@@ -1,0 +1,166 @@
+"""The paper's line model: where the flicker's lines are in the row series, and how strong.
+
+The row series is the rows of all frames one after the other, at ``F_r·L`` rows per second. A light
+at ``f_0`` with harmonics ``k`` appears in it at ``k·f_0 − m·F_r`` for every whole ``m`` (Eqs. 12
+and 19, ``Eq_Case1_f`` and ``Eq_Case2_f``: ``m`` below and above 0), with the amplitude
+``M/L·|F_m|``: the gain of Eq. 7 at that frequency, and ``M/L`` because Eq. 6 squeezes the
+frequency axis, so that what remains of a line stands the higher. With ``c = k·f_0·ρ/F_r`` this is
+
+    |sin(π(c − m)) / (L·sin(π(c − m)/L))|  →  |sinc(c − m)|   for many rows.
+
+Two things the paper leaves out:
+
+* A line below 0 Hz is seen at its absolute value. The bound ``m < f_0/F_r`` (Eq. 20, ``Eq_S2``)
+  drops these folded lines; ``folded=False`` does as the paper.
+* Lines that fall on each other add as complex numbers, so their sum depends on the light's phase.
+  Where ``F_r`` divides ``2·f_0`` every line is such a sum. Lines at 0 Hz merge with the steady
+  light and are never listed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rsenf.errors import UsageError
+from rsenf.model.analytic_filter_bank import FloatArray, branch_gain
+from rsenf.model.lamp import rectified_cosine
+
+ROWS = 720
+COSINE = (1.0,)
+RECTIFIED = (1.0, *rectified_cosine(8).harmonic_ratios)  # |cos|, the paper's: 1, −1/5, 3/35, …
+_SAME_HZ = 1e-6  # lines this close are one line
+PHASES_RAD: FloatArray = np.linspace(0, 2 * math.pi, 2048, endpoint=False)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One of the lines that fall on a frequency."""
+
+    harmonic: int  # k, of the light
+    m: int  # at k·f_0 − m·F_r
+    turns: int  # how often the light's phase enters: k, or −k when folded
+    gain: complex  # complex amplitude when that phase is 0
+
+
+@dataclass(frozen=True)
+class SpectralLine:
+    """A line of the row series, relative to harmonic 1 of the light.
+
+    ``amplitude`` is the root of the mean square over all phases of the light; where nothing else
+    falls on the line, as usual, that is simply its amplitude. ``harmonic`` and ``m`` are those of
+    its strongest part.
+    """
+
+    freq_hz: float
+    amplitude: float
+    harmonic: int
+    m: int
+    parts: tuple[Part, ...]
+
+    def at_phase(self, phase_rad: ArrayLike) -> FloatArray:
+        """Amplitude for given phases of the light's harmonic 1 at the start of a frame."""
+        phase = np.asarray(phase_rad)
+        total = sum(p.gain * np.exp(1j * p.turns * phase) for p in self.parts)
+        return np.asarray(np.abs(total), np.float64)
+
+    def amplitude_range(self) -> tuple[float, float]:
+        """Smallest and largest amplitude over all phases of the light."""
+        if len(self.parts) == 1:
+            return self.amplitude, self.amplitude
+        sizes = self.at_phase(PHASES_RAD)
+        return float(sizes.min()), float(sizes.max())
+
+
+def lines(
+    frame_rate_hz: float,
+    f0_hz: float,
+    idle_ratio: float,
+    *,
+    rows: int = ROWS,
+    harmonics: Sequence[complex] = COSINE,
+    exposure_s: float = 0.0,
+    folded: bool = True,
+    top_hz: float = math.inf,
+) -> tuple[SpectralLine, ...]:
+    """List the lines of the row series, strongest first: Eq. 21 (``Shifted_ENF``), completed.
+
+    Parameters
+    ----------
+    frame_rate_hz : float
+        ``F_r``.
+    f0_hz : float
+        Illumination frequency, twice the grid's.
+    idle_ratio : float
+        ``ρ``, from 0 to less than 1.
+    rows : int, optional
+        ``L``; lines lie below ``F_r·L/2``.
+    harmonics : sequence of complex, optional
+        The light's harmonics 1, 2, … at the crest of harmonic 1: ``COSINE``, ``RECTIFIED``, as
+        many of either as matter, or those of :meth:`rsenf.model.Light.series`.
+    exposure_s : float, optional
+        ``T_e``: harmonic ``k`` is multiplied by ``sinc(k·f_0·T_e)`` and delayed by ``T_e/2``.
+    folded : bool, optional
+        False drops the lines below 0 Hz, as Eq. 20 (``Eq_S2``) does.
+    top_hz : float, optional
+        List lines below this frequency only.
+
+    Raises
+    ------
+    UsageError
+        When there can't be such a capture.
+    """
+    if not (frame_rate_hz > 0 and f0_hz > 0 and rows >= 2 and exposure_s >= 0):
+        raise UsageError("frame rate, illumination frequency, rows and exposure must be positive")
+    if not 0 <= idle_ratio < 1:
+        raise UsageError(f"an idle ratio of {idle_ratio:g} is not from 0 to less than 1")
+    top_hz = min(top_hz, frame_rate_hz * rows / 2)
+    found: list[tuple[float, Part]] = []
+    for k, size in enumerate(harmonics, 1):
+        blur = np.sinc(k * f0_hz * exposure_s) * np.exp(1j * math.pi * k * f0_hz * exposure_s)
+        found += _of_harmonic(k, size * blur, frame_rate_hz, f0_hz, idle_ratio, rows, top_hz)
+    together = _together(part for part in found if folded or part[1].turns > 0)
+    return tuple(sorted(together, key=lambda line: -line.amplitude))
+
+
+def _of_harmonic(
+    k: int,
+    size: complex,
+    frame_rate_hz: float,
+    f0_hz: float,
+    idle_ratio: float,
+    rows: int,
+    top_hz: float,
+) -> list[tuple[float, Part]]:
+    """Frequency and part of every line of one harmonic between 0 Hz and ``top_hz``."""
+    frames_hz = k * f0_hz / frame_rate_hz
+    span = min(top_hz / frame_rate_hz, rows / 2)
+    m = np.arange(math.ceil(frames_hz - span), math.floor(frames_hz + span) + 1)
+    signed_hz = k * f0_hz - m * frame_rate_hz
+    inside = (np.abs(signed_hz) > _SAME_HZ) & (np.abs(signed_hz) < top_hz)
+    m, signed_hz = m[inside], signed_hz[inside]
+    capacity = rows / (1 - idle_ratio)
+    omega = 2 * math.pi * signed_hz / (frame_rate_hz * rows)
+    gain = size * branch_gain(omega, -m, rows, capacity) * (capacity / rows)
+    return [
+        (abs(hz), Part(k, number, k, g) if hz > 0 else Part(k, number, -k, g.conjugate()))
+        for hz, number, g in zip(signed_hz.tolist(), m.tolist(), gain.tolist(), strict=True)
+    ]
+
+
+def _together(found: Iterable[tuple[float, Part]]) -> Iterator[SpectralLine]:
+    """Put the parts that fall on each other into one line."""
+    last_hz, parts = -math.inf, list[Part]()
+    for freq_hz, part in [*sorted(found, key=lambda f: f[0]), (math.inf, None)]:
+        if parts and freq_hz - last_hz > _SAME_HZ:
+            chief = max(parts, key=lambda p: abs(p.gain))
+            amplitude = math.sqrt(sum(abs(p.gain) ** 2 for p in parts))
+            yield SpectralLine(last_hz, amplitude, chief.harmonic, chief.m, tuple(parts))
+            parts = []
+        last_hz = freq_hz
+        if part is not None:
+            parts.append(part)
