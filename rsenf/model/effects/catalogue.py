@@ -49,7 +49,7 @@ CATALOGUE: dict[str, type[Effect]] = {
     )
 }  # fmt: skip
 
-_TOLD = ("name", "source", "confused_with", "told_apart_by")
+_TOLD = ("__doc__", "name", "source", "confused_with", "told_apart_by")
 
 
 def effect_named(name: str, path: KeyPath = ("effects",)) -> type[Effect]:
@@ -93,11 +93,11 @@ def register(effect: type[Effect]) -> None:
     UsageError
         When it doesn't say what every effect says of itself.
     """
-    missing = [what for what in _TOLD if not hasattr(effect, what)]
-    if missing or inspect.isabstract(effect) or not (effect.__doc__ or "").strip():
-        lacks = ", ".join(missing) or "a docstring, or an apply()"
+    missing = [what for what in _TOLD if not getattr(effect, what, None)]
+    missing += ["apply"] if inspect.isabstract(effect) else []
+    if missing:
         raise UsageError(
-            f"the effect {effect.__name__} lacks {lacks}",
+            f"the effect {effect.__name__} lacks {', '.join(missing)}",
             "configs/model/my_effect.py is a template",
         )
     CATALOGUE[effect.name] = effect
