@@ -20,11 +20,16 @@ from rsenf.model.sensor import Sensor
 from rsenf.model.shutter import Shutter
 
 VERSION = 2
+_PARTS = ("light", "scene", "shutter", "sensor", "codec")
 
 
 @dataclass(frozen=True, kw_only=True)
 class CaptureModel:
-    """Light × scene × shutter × sensor × codec, plain, and the effects that it has beyond them."""
+    """Light × scene × shutter × sensor × codec, plain, and the effects that it has beyond them.
+
+    ``provenance`` is whatever is to be known of where the model comes from, such as the data it
+    was fitted to and the uncertainties of its parameters; the simulation doesn't read it.
+    """
 
     name: str = "default"
     light: Light = field(default_factory=Light)
@@ -33,6 +38,7 @@ class CaptureModel:
     sensor: Sensor = field(default_factory=Sensor)
     codec: Codec = field(default_factory=Codec)
     effects: tuple[Effect, ...] = ()
+    provenance: dict[str, Any] = field(default_factory=dict, compare=False)
 
     def validate(self) -> None:
         """Check every parameter.
@@ -42,7 +48,7 @@ class CaptureModel:
         ParameterError
             Naming the first that isn't plausible.
         """
-        for part in ("light", "scene", "shutter", "sensor", "codec"):
+        for part in _PARTS:
             parameters.validate(getattr(self, part), (part,))
         self.codec.validate()
         for n, effect in enumerate(self.effects):
@@ -96,8 +102,10 @@ class CaptureModel:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the model as plain values, with the version of their layout."""
-        parts = {k: v for k, v in parameters.to_dict(self).items() if k != "effects"}
-        return {"version": VERSION, **parts, "effects": write_effects(self.effects)}
+        parts = {part: parameters.to_dict(getattr(self, part)) for part in _PARTS}
+        told = {"version": VERSION, "name": self.name, **parts}
+        told["effects"] = write_effects(self.effects)
+        return told | ({"provenance": self.provenance} if self.provenance else {})
 
     @classmethod
     def from_dict(cls, data: Any) -> CaptureModel:

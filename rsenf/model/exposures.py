@@ -21,7 +21,7 @@ BLOCK_FRAMES = 64
 
 
 @dataclass(frozen=True, eq=False)
-class Exposure:
+class ExposedBlock:
     """The delivered frames of one block of captured ones."""
 
     block: int
@@ -95,7 +95,7 @@ class Capture:
         """Return the effects, fresh: they remember how far they are."""
         return Chain(self.model, self.captured, self.seed)
 
-    def exposures(self) -> Iterator[Exposure]:
+    def exposures(self) -> Iterator[ExposedBlock]:
         """Yield the clip block by block; blocks are cut at fixed numbers of captured frames."""
         chain, clip = self.chain(), self.clip
         series = chain.series(2 * self.grid.nominal_hz)
@@ -113,7 +113,7 @@ class Capture:
             light.level = light.lamp()
             begin, end = np.searchsorted(clip.number, [first, first + BLOCK_FRAMES])
             index = clip.number[begin:end] - first
-            yield Exposure(
+            yield ExposedBlock(
                 block=block,
                 captured=number.size,
                 index=index,

@@ -137,7 +137,7 @@ def _read(hint: Any, value: Any, path: KeyPath) -> Any:
         return tuple(_read(typing.get_args(hint)[0], v, path) for v in value)
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
-    if type(value) is not hint:
-        kind = getattr(hint, "__name__", "list")
-        raise ParameterError(path, f"is {value!r}, not of the kind {kind}")
+    kind = typing.get_origin(hint) or hint
+    if type(value) is not kind:
+        raise ParameterError(path, f"is {value!r}, not of the kind {kind.__name__}")
     return value

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.model.exposures import Exposure
+from rsenf.model.exposures import ExposedBlock
 from rsenf.model.line_light import LineLight
 from rsenf.model.noise import Float32Array, Int64Array, NoiseBank
 from rsenf.model.sensor import Sensor
@@ -50,7 +50,7 @@ class Renderer:
         """Draw which noise each line of some frames has: (frames, lines)."""
         return self._bank.places(rng, (frames, self._lines))
 
-    def render(self, exposed: Exposure, frame: int, noise_places: Int64Array) -> Luma:
+    def render(self, exposed: ExposedBlock, frame: int, noise_places: Int64Array) -> Luma:
         """Render one frame of a block: (lines, pixels), valid until the next."""
         import cv2
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.model.capture_model import CaptureModel
-from rsenf.model.exposures import Capture
+from rsenf.model.exposures import Capture, ExposedBlock
 from rsenf.model.grid import FloatArray, GridPath
 from rsenf.model.line_light import LineLight
 from rsenf.model.scene import Float32Array
@@ -40,6 +40,7 @@ def simulate_rows(
     seed: int,
     *,
     strips: int = 1,
+    noise: bool = True,
     progress: Callable[[int], None] | None = None,
 ) -> RowData:
     """Simulate the row means of a clip, before any codec.
@@ -60,6 +61,8 @@ def simulate_rows(
         Seed of everything random.
     strips : int, optional
         Into how many strips each row is divided, left to right.
+    noise : bool, optional
+        Whether the sensor adds its own; without, rows are what they are on average.
     progress : callable, optional
         Called with the number of frames done so far, after each block.
 
@@ -82,14 +85,12 @@ def simulate_rows(
         if exposed.index.size:
             clean = view.strip_means(exposed.start_s, exposed.shift_px, strips)
             clean = clean * _strip_light(exposed.light, places)
-            noise = generator(seed, "row noise", exposed.block).standard_normal(
-                (exposed.captured, lines, strips), dtype=np.float32
-            )[exposed.index]
-            variance = model.sensor.variance(clean, capture.exponent) + np.float32(QUANTISATION_VAR)
-            noise *= np.sqrt(variance / pixels)
+            if noise:
+                variance = model.sensor.variance(clean, capture.exponent) + QUANTISATION_VAR
+                clean = clean + np.sqrt(variance / pixels) * _unit_noise(seed, exposed, clean.shape)
             if exposed.light.offset is not None:
                 clean += exposed.light.offset[:, None]
-            level[part] = np.clip(clean + noise, 0, WHITE)
+            level[part] = np.clip(clean, 0, WHITE)
         done = part.stop
         if progress is not None:
             progress(done)
@@ -101,3 +102,10 @@ def _strip_light(light: LineLight, places: Float32Array) -> Float32Array:
     if light.slope is None:
         return light.level[:, :, None]
     return light.level[:, :, None] + light.slope[:, :, None] * places
+
+
+def _unit_noise(seed: int, exposed: ExposedBlock, shape: tuple[int, ...]) -> Float32Array:
+    """Draw noise for every captured frame, so that a frame that comes twice comes with its own."""
+    rng = generator(seed, "row noise", exposed.block)
+    drawn = rng.standard_normal((exposed.captured, *shape[1:]), dtype=np.float32)
+    return np.asarray(drawn[exposed.index])

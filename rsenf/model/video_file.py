@@ -41,7 +41,8 @@ def write_video(
 ) -> int:
     """Encode a clip into a file, which appears only when it is complete.
 
-    Presentation times are exact in mp4, mov and avi; Matroska and WebM keep whole milliseconds.
+    Presentation times are exact in mp4 and mov, and in avi as long as they are whole frame
+    periods; otherwise avi, as Matroska and WebM always, is right within a millisecond.
 
     Parameters
     ----------

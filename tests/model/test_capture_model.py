@@ -49,6 +49,17 @@ def test_to_a_dictionary_and_back_through_json(model: CaptureModel) -> None:
     assert CaptureModel.from_dict(data) == model
 
 
+def test_where_a_model_comes_from_is_kept() -> None:
+    told = {"fitted_to": "clip.npz", "std": {"effects.1.clock_skew.clock_ppm": 0.4}}
+    model = CaptureModel.from_dict({**RICH.to_dict(), "provenance": told})
+    assert model.provenance == told
+    assert CaptureModel.from_dict(model.to_dict()).provenance == told
+    assert model == RICH  # it says nothing of the capture
+    assert "provenance" not in RICH.to_dict()
+    with pytest.raises(ParameterError, match=r"provenance is 3, not of the kind dict"):
+        CaptureModel.from_dict({"version": 2, "provenance": 3})
+
+
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda p: p.stem)
 def test_the_model_files_load_and_carry_their_name(path: Path) -> None:
     model = CaptureModel.from_dict(yaml.safe_load(path.read_text()))

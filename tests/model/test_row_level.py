@@ -77,6 +77,16 @@ def test_noise_has_the_size_that_the_sensor_says() -> None:
     assert abs(np.mean(noise[:, :, 1:] * noise[:, :, :-1])) < 0.02 * variance
 
 
+def test_without_noise_rows_are_their_means() -> None:
+    clean = simulate_rows(plain(), STEADY, 2.0, 1, noise=False).level
+    noisy = [simulate_rows(plain(), STEADY, 2.0, 1).level]
+    many = CaptureModel(light=PURE, scene=FLAT, shutter=Shutter(rows=240, columns=320))
+    noisy += [simulate_rows(many, STEADY, 2.0, seed).level for seed in range(40)]
+    assert noisy[0] == pytest.approx(clean, abs=0.12)
+    assert np.mean(noisy[1:], axis=0) == pytest.approx(clean, abs=0.09)
+    assert np.array_equal(clean, simulate_rows(many, STEADY, 2.0, 9, noise=False).level)
+
+
 def test_same_seed_same_rows_and_a_longer_clip_begins_with_the_shorter() -> None:
     grid = synthetic_grid(2, 30)
     short, again, long = (simulate_rows(plain(), grid, d, 5).level for d in (4, 4, 11))
