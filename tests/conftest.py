@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.hidden_clip import HiddenClip, hide_clip
+
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT.parent / "shared" / "data"
 
@@ -21,7 +23,7 @@ def measured_data() -> Path:
     return DATA
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def rsenf() -> Callable[..., subprocess.CompletedProcess[str]]:
     """Run the command line as a user would: ``rsenf("track", path)``."""
 
@@ -47,3 +49,26 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     words = ["simulate", "--out", path, "--duration-s", "45", "--size", "320x240", "--seed", "11"]
     subprocess.run([sys.executable, "-m", "rsenf.cli", *map(str, words)], check=True, timeout=120)
     return path
+
+
+@pytest.fixture(scope="session")
+def hidden(tmp_path_factory: pytest.TempPathFactory) -> HiddenClip:
+    """Two minutes of rows, hidden in a two-hour reference."""
+    return hide_clip(tmp_path_factory.mktemp("hidden"))
+
+
+@pytest.fixture(scope="session")
+def recording(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An MCAP recording of the clip's way through separate processes: decode, rows and track."""
+    folder = tmp_path_factory.mktemp("recording")
+    graph = folder / "graph.yaml"
+    graph.write_text(
+        "version: 1\nsite: test\nnodes:\n"
+        f'  decode: {{kind: decode, camera: cam1, input: "{clip}"}}\n'
+        "  rows: {kind: rows, cameras: [cam1]}\n"
+        "  track: {kind: track, cameras: [cam1]}\n"
+        f'  record: {{kind: record, out: "{folder / "cam1.mcap"}"}}\n'
+    )
+    words = [sys.executable, "-m", "rsenf.cli", "run", graph, "--quiet"]
+    subprocess.run([*map(str, words)], check=True, timeout=120)
+    return folder / "cam1.mcap"

@@ -135,7 +135,10 @@ class RecordedRows(Input):
         from rsenf.record.reader import open_recording
 
         self.name, self._path = path.name, path
-        self._recording = open_recording(path)
+        try:
+            self._recording = open_recording(path)
+        except InputError as exc:
+            raise InputError(exc.message, exc.hint or "give the video itself") from exc
         topics = {t.split("/")[-2]: t for t in self._recording.topics if t.endswith("/rows")}
         if not topics:
             cut = "" if self._recording.complete else "is cut short and "
