@@ -6,22 +6,18 @@ X.truth.json beside the clip says what is true of it: enough to judge any estima
 from __future__ import annotations
 
 import argparse
-import dataclasses
-import json
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsenf.model import CaptureModel, Codec, GridPath
-
-# Commas part parameters, but not within a list such as at_frames=[10,20].
-_COMMA = re.compile(r",(?![^\[]*\])")
+    from rsenf.model import GridPath
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     from rsenf.cli.console import count, positive
+    from rsenf.cli.effect_list import ListEffects
+    from rsenf.cli.simulated_model import bits, labels, size
 
     parser.add_argument(
         "--out", type=Path, required=True, metavar="X",
@@ -46,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     camera.add_argument(
         "--lamp", metavar="KIND", help="led, halogen, sodium, cfl, ideal and others"
     )
-    camera.add_argument("--size", type=_size, metavar="1280x720")
+    camera.add_argument("--size", type=size, metavar="1280x720")
     camera.add_argument("--frame-rate", metavar="30000/1001")
     camera.add_argument("--idle-ratio", type=float, metavar="RATIO", help="0 to 0.99")
     camera.add_argument("--clock-ppm", type=float, metavar="PPM", help="fast > 0")
@@ -60,12 +56,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     coding = parser.add_argument_group("the encoder, over the model file")
     coding.add_argument("--codec", metavar="NAME", help="h264, h265, vp9 or mjpeg")
-    coding.add_argument("--bitrate", type=_bits, metavar="150k", help="constant quality otherwise")
+    coding.add_argument("--bitrate", type=bits, metavar="150k", help="constant quality otherwise")
     coding.add_argument("--preset", metavar="NAME", help="its effort, for example medium")
     coding.add_argument("--lossless", action="store_true", default=None)
     coding.add_argument(
-        "--encodings", type=_labels, metavar="lossless,150k,...",
+        "--encodings", type=labels, metavar="lossless,150k,...",
         help="X.lossless.mp4, X.150k.mp4, ... of one and the same clip, filmed once",
+    )  # fmt: skip
+    parser.add_argument(
+        "--list-effects", action=ListEffects, nargs=0, help="print the catalogue of effects and end"
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
@@ -81,12 +80,13 @@ def run(args: argparse.Namespace) -> int:
         When a file can't be written.
     """
     from rsenf.cli.simulated_files import SimulatedClip
+    from rsenf.cli.simulated_model import codecs_of, model_of
     from rsenf.errors import EXIT_DONE, UsageError
     from rsenf.model import load_effects, synthetic_grid
 
     for path in args.effects:
         load_effects(path)
-    model = _model(args)
+    model = model_of(args)
     grid = _measured(args) if args.reference else synthetic_grid(
         args.seed, args.duration_s + 1, nominal_hz=args.nominal_hz or 50.0, start_s=args.start_s
     )  # fmt: skip
@@ -95,83 +95,13 @@ def run(args: argparse.Namespace) -> int:
     if rows and args.encodings:
         raise UsageError(f"{args.out}: row means aren't encoded", "--encodings is for video")
     if not rows:
-        truth = clip.write_videos(_codecs(model, args.encodings))
+        truth = clip.write_videos(codecs_of(model, args.encodings))
     elif args.out.suffix == ".npz":
         truth = clip.write_arrays(args.strips)
     else:
         truth = clip.write_recording(args.strips, args.site, args.camera)
     _report(args, clip.truth_path, truth)
     return EXIT_DONE
-
-
-def _model(args: argparse.Namespace) -> CaptureModel:
-    from rsenf.config.model_file import load_model
-    from rsenf.model import CaptureModel, parse_frame_rate
-
-    model = load_model(args.model) if args.model else CaptureModel()
-    columns, rows = args.size or (None, None)
-    rate = parse_frame_rate(args.frame_rate) if args.frame_rate else None
-    shutter = {
-        "frame_rate": rate, "rows": rows, "columns": columns, "idle_ratio": args.idle_ratio,
-    }  # fmt: skip
-    codec = {
-        "name": args.codec, "bitrate_bps": args.bitrate,
-        "lossless": args.lossless, "preset": args.preset,
-    }  # fmt: skip
-    encoding = model.codec
-    if args.bitrate or args.lossless:  # either replaces what the model file says of both
-        encoding = dataclasses.replace(encoding, bitrate_bps=None, lossless=False)
-    model = dataclasses.replace(
-        model,
-        light=_over(model.light, {"lamp": args.lamp}),
-        shutter=_over(model.shutter, shutter),
-        codec=_over(encoding, codec),
-    )
-    if args.clock_ppm is not None:
-        model = model.with_effect("clock_skew", clock_ppm=args.clock_ppm)
-    return _with_effects(model, args.effect)
-
-
-def _over(part: Any, given: dict[str, object]) -> Any:
-    """Return a part of the model with what was given on the command line."""
-    return dataclasses.replace(part, **{k: v for k, v in given.items() if v is not None})
-
-
-def _with_effects(model: CaptureModel, told: list[str]) -> CaptureModel:
-    """Add effects; the first of each name takes the place of the model file's."""
-    first_of: set[str] = set()
-    for text in told:
-        name, _, given = text.partition(":")
-        values = dict(_value(pair, text) for pair in _COMMA.split(given) if pair)
-        model = model.with_effect(name, keep=name in first_of, **values)
-        first_of.add(name)
-    return model
-
-
-def _value(pair: str, text: str) -> tuple[str, object]:
-    """Read ``parameter=value``; values are written as in JSON, plain words without quotes."""
-    from rsenf.errors import UsageError
-
-    name, equals, value = pair.partition("=")
-    if not (name and equals and value):
-        raise UsageError(f"--effect {text}: {pair!r} is not PARAMETER=VALUE")
-    try:
-        return name, json.loads(value)
-    except json.JSONDecodeError:
-        return name, value
-
-
-def _codecs(model: CaptureModel, labels: list[str] | None) -> dict[str, Codec]:
-    """Encodings by the label in their files' names; the model's own has none."""
-    if not labels:
-        return {"": model.codec}
-    plain = dataclasses.replace(model.codec, bitrate_bps=None, lossless=False)
-    return {
-        label: dataclasses.replace(plain, lossless=True)
-        if label == "lossless"
-        else dataclasses.replace(plain, bitrate_bps=_bits(label))
-        for label in labels
-    }
 
 
 def _measured(args: argparse.Namespace) -> GridPath:
@@ -205,29 +135,3 @@ def _report(args: argparse.Namespace, truth_path: Path, truth: dict[str, Any]) -
     print(f"{truth_path}: what is true of it")
     for line in truth["notes"]:
         note(line)
-
-
-def _size(text: str) -> tuple[int, int]:
-    columns, _, rows = text.lower().partition("x")
-    try:
-        return int(columns), int(rows)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a size like 1280x720") from None
-
-
-def _bits(text: str) -> int:
-    number, factor = text, 1
-    if text[-1:].lower() in ("k", "m"):
-        number, factor = text[:-1], {"k": 1_000, "m": 1_000_000}[text[-1].lower()]
-    try:
-        return round(float(number) * factor)
-    except (ValueError, OverflowError):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a bit rate like 150k or 2M") from None
-
-
-def _labels(text: str) -> list[str]:
-    labels = [label.strip() for label in text.split(",")]
-    for label in labels:
-        if label != "lossless":
-            _bits(label)
-    return labels

@@ -22,7 +22,7 @@ do is an effect, and stands nowhere else.
 
 from rsenf.model.capture_model import CaptureModel
 from rsenf.model.codec import Codec
-from rsenf.model.effects import CATALOGUE, Effect, load_effects
+from rsenf.model.effects import CATALOGUE, Effect, load_effects, make_effect
 from rsenf.model.frame_rate import parse_frame_rate
 from rsenf.model.full_video import FrameStream, render_frames
 from rsenf.model.grid import GridPath
@@ -50,6 +50,7 @@ __all__ = [
     "Shake",
     "Shutter",
     "load_effects",
+    "make_effect",
     "parse_frame_rate",
     "render_frames",
     "simulate_rows",

@@ -11,7 +11,7 @@ import numpy as np
 from rsenf.model import parameters
 from rsenf.model.codec import Codec
 from rsenf.model.effects.base import Effect, SceneEffect
-from rsenf.model.effects.catalogue import effect_named, read_effects, write_effects
+from rsenf.model.effects.catalogue import make_effect, read_effects, write_effects
 from rsenf.model.effects.harmonics import Harmonics
 from rsenf.model.light import Light
 from rsenf.model.parameters import ParameterError
@@ -61,15 +61,13 @@ class CaptureModel:
         if sum(isinstance(e, SceneEffect) for e in self.effects) > 1:
             raise ParameterError(("effects",), "put more than one thing in front of the wall")
 
-    def with_effect(self, name: str, *, keep: bool = False, **values: Any) -> CaptureModel:
-        """Return the model with one effect more.
+    def with_effect(self, name: str, /, **values: Any) -> CaptureModel:
+        """Return the model with one effect, in place of those of its name.
 
         Parameters
         ----------
         name : str
             Of the catalogue.
-        keep : bool, optional
-            Whether it joins those of its name, such as lamps, instead of taking their place.
         **values
             Its parameters; the others keep their defaults.
 
@@ -78,9 +76,16 @@ class CaptureModel:
         ParameterError
             For an unknown effect or parameter, or a value that isn't plausible.
         """
-        effect = parameters.from_dict(effect_named(name), values, ("effects", name))
-        others = tuple(e for e in self.effects if keep or e.name != name)
-        return dataclasses.replace(self, effects=(*others, effect))
+        return self.without(name).plus(make_effect(name, values))
+
+    def without(self, name: str) -> CaptureModel:
+        """Return the model without the effects of a name."""
+        kept = tuple(e for e in self.effects if e.name != name)
+        return dataclasses.replace(self, effects=kept)
+
+    def plus(self, *effects: Effect) -> CaptureModel:
+        """Return the model with more effects, beside those it has."""
+        return dataclasses.replace(self, effects=self.effects + effects)
 
     def named_effects(self, f0_hz: float) -> list[dict[str, object]]:
         """Name the effects of this capture, as its truth does.

@@ -43,4 +43,4 @@ class Sensor:
 
     def _linear(self, level: Float32Array) -> Float32Array:
         read_noise = self.read_noise_e * WHITE / self.white_e
-        return np.asarray(level * (WHITE / self.white_e) + read_noise**2)
+        return np.asarray(np.maximum(level, 0) * (WHITE / self.white_e) + read_noise**2)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rsenf.errors import UsageError
-from rsenf.model import CATALOGUE, CaptureModel, Light, Scene, Shutter, load_effects
+from rsenf.model import CATALOGUE, CaptureModel, Light, Scene, Shutter, load_effects, make_effect
 from rsenf.model.effects import Effect, base
 from tests.model.bare import RATE_HZ, bare, film
 
@@ -100,7 +100,7 @@ def test_two_of_a_kind_have_their_own_numbers() -> None:
     two = film(
         bare(flicker=0.0)
         .with_effect("auto_exposure", gain_ratio=0.02)
-        .with_effect("auto_exposure", keep=True, gain_ratio=0.02)
+        .plus(make_effect("auto_exposure", {"gain_ratio": 0.02}))
     )
     first = one.level.mean(axis=(1, 2)) / 110
     second = two.level.mean(axis=(1, 2)) / 110 / first

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import subprocess
 import sys
@@ -12,7 +13,7 @@ import pytest
 
 from rsenf.cli import simulate
 from rsenf.errors import ConfigError, UsageError
-from rsenf.model import GridPath
+from rsenf.model import CATALOGUE, GridPath
 from rsenf.record import open_recording
 
 SMALL = ["--size", "160x120", "--duration-s", "3"]
@@ -177,6 +178,7 @@ def test_a_misspelled_key_is_named_with_its_line(tmp_path: Path) -> None:
         (["--frame-rate", "quick"], "not a frame rate"),
         (["--bitrate", "150k", "--lossless"], "excludes codec.bitrate_bps"),
         (["--effect", "gama"], "did you mean 'gamma'"),
+        (["--effect", "gamma:name=2"], "effects.gamma.name is not a known key"),
         (["--effect", "gamma:exponent"], "'exponent' is not PARAMETER=VALUE"),
         (["--effect", "gamma:exponent=steep"], "effects.gamma.exponent is 'steep', not of the"),
         (["--effect", "exposure:exposure_s=0.5"], "longer than a frame"),
@@ -187,6 +189,18 @@ def test_options_that_can_t_be_meant(tmp_path: Path, options: list[str], says: s
     with pytest.raises(UsageError, match=says):
         run("--out", tmp_path / "c.mp4", *SMALL, *options)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_catalogue_can_be_read(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        run("--list-effects")
+    assert ended.value.code == 0
+    out = capsys.readouterr().out
+    for name, effect in CATALOGUE.items():
+        assert f"\n{name}\n" in "\n" + out
+        assert all(f"    {f.name} = " in out for f in dataclasses.fields(effect))
+    assert "    gain_ratio = 0.002: rms of the gain about 1, 0 to 0.3" in out
+    assert max(map(len, out.splitlines())) <= 130
 
 
 def test_row_means_aren_t_encoded(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from rsenf.model.effects.base import (
     ToneEffect,
     WaveformEffect,
 )
-from rsenf.model.effects.catalogue import CATALOGUE, effect_named, load_effects, register
+from rsenf.model.effects.catalogue import CATALOGUE, load_effects, make_effect, register
 
 __all__ = [
     "CATALOGUE",
@@ -28,7 +28,7 @@ __all__ = [
     "SensorEffect",
     "ToneEffect",
     "WaveformEffect",
-    "effect_named",
     "load_effects",
+    "make_effect",
     "register",
 ]

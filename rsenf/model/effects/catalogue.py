@@ -52,19 +52,30 @@ CATALOGUE: dict[str, type[Effect]] = {
 _TOLD = ("__doc__", "name", "source", "confused_with", "told_apart_by")
 
 
-def effect_named(name: str, path: KeyPath = ("effects",)) -> type[Effect]:
-    """Look an effect up.
+def make_effect(name: str, values: Any, path: KeyPath = ()) -> Effect:
+    """Build an effect of the catalogue from plain values; what isn't given keeps its default.
+
+    Parameters
+    ----------
+    name : str
+        Of the effect.
+    values : dict
+        Its parameters.
+    path : tuple, optional
+        Where they stand in a model file; ``effects.<name>`` unless given.
 
     Raises
     ------
     ParameterError
-        With the nearest name there is.
+        For an unknown effect or parameter, with the nearest there is, or a value that isn't
+        plausible.
     """
+    path = path or ("effects", name)
     if name not in CATALOGUE:
         near = difflib.get_close_matches(name, CATALOGUE, n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(CATALOGUE)}"
-        raise ParameterError(path, f"names {name!r}, which is no effect", hint)
-    return CATALOGUE[name]
+        raise ParameterError(path, "is no effect", hint)
+    return parameters.from_dict(CATALOGUE[name], values, path)
 
 
 def read_effects(data: Any) -> tuple[Effect, ...]:
@@ -136,5 +147,4 @@ def _read(entry: Any, path: KeyPath) -> Effect:
     if not isinstance(entry, dict) or len(entry) != 1:
         raise ParameterError(path, f"is {entry!r}, not one 'name: {{parameter: value}}'")
     ((name, values),) = entry.items()
-    cls = effect_named(str(name), (*path, str(name)))
-    return parameters.from_dict(cls, {} if values is None else values, (*path, str(name)))
+    return make_effect(str(name), {} if values is None else values, (*path, str(name)))
