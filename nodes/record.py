@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import sys
-import threading
 import time
 
 from rsenf.bus.inbox import Received
 from rsenf.bus.keys import ROOT, health_key
 from rsenf.config.graph import RecordNode
-from rsenf.record.provenance import input_facts
 from rsenf.record.writer import Recorder
 from rsenf.run.node import NodeProcess, run_node
-from rsenf.run.recording import DELIVERY, Ending, input_files, record_until, run_info
-
-HASH_LINGER_S = 0.8
+from rsenf.run.recording import DELIVERY, Ending, InputHashes, record_until, run_info
 
 
 def body(node: NodeProcess) -> None:
@@ -28,16 +24,10 @@ def body(node: NodeProcess) -> None:
         compress=config.compress,
         overwrite=config.overwrite,
     ) as recorder:
-        for key_expr in config.topics:
-            node.subscribe(f"{ROOT}/{node.graph.site}/{key_expr}", DELIVERY)
-        node.subscribe(health_key(node.graph.site, "*"), DELIVERY)
-        ending = Ending(node)
-        hashes: list[dict[str, str]] = []
-        hashing = threading.Thread(
-            target=lambda: hashes.extend(input_facts(p) for p in input_files(node.graph)),
-            daemon=True,
-        )
-        hashing.start()
+        key_exprs = [f"{ROOT}/{node.graph.site}/{below}" for below in config.topics]
+        for key_expr in (*key_exprs, health_key(node.graph.site, "*")):
+            node.subscribe(key_expr, DELIVERY)
+        ending, hashes = Ending(node, key_exprs), InputHashes(node.graph)
         node.ready()
 
         def note(received: Received) -> None:
@@ -45,10 +35,9 @@ def body(node: NodeProcess) -> None:
             ending.note(received.key, received.message.header)
 
         record_until(recorder, node.inbox, ending.reached, note)
-        hashing.join(HASH_LINGER_S)
-        for facts in hashes:
+        for facts in hashes.facts(node.stop):
             recorder.add_metadata("rsenf.input", facts)
-        node.say("running", f"{config.out}: {node.inbox.counters.received} messages")
+    node.say("running", f"{config.out}: {node.inbox.counters.received} messages")
 
 
 if __name__ == "__main__":

@@ -6,27 +6,35 @@ import sys
 from dataclasses import dataclass
 
 from rsenf.bus.frames import FrameReceiver
-from rsenf.bus.inbox import Received
+from rsenf.bus.inbox import Counters, Received
 from rsenf.bus.keys import camera_key
 from rsenf.config.graph import RowsNode
+from rsenf.errors import SchemaMismatch
 from rsenf.rows.stage import Rows
 from rsenf.run.node import NodeProcess, run_node
 from rsenf.run.pump import Lane, pump
 from rsenf.run.runner import Runner
 
 
-@dataclass
+@dataclass(kw_only=True)
 class RowsLane(Lane):
     """A lane whose messages get their pixels from the ring, and give them back."""
 
     frames: FrameReceiver
+    counters: Counters
 
     def feed(self, received: Received) -> None:
         """Sample one frame."""
-        frame = self.frames.open(received.message)
-        if frame is not None:
-            super().feed(Received(received.key, frame, received.payload))
-            self.frames.done()
+        try:
+            frame = self.frames.open(received.message)
+        except SchemaMismatch:
+            self.counters.rejected += 1
+            return
+        if frame is None:
+            self.counters.dropped += 1
+            return
+        super().feed(Received(received.key, frame, received.payload))
+        self.frames.done()
 
 
 def body(node: NodeProcess) -> None:
@@ -41,6 +49,7 @@ def body(node: NodeProcess) -> None:
                 publisher=node.publisher(camera, "rows"),
                 inputs={key: node.sender_of("frames", camera)},
                 frames=FrameReceiver(),
+                counters=node.inbox.counters,
             )
         )
     node.ready()

@@ -23,7 +23,7 @@ ALLOWED: dict[str, set[str]] = {
     "record": BASE,
     "bus": BASE,
     # A graph file is checked against the very settings of the stages.
-    "config": {*BASE, "bus", "rows", "track", "match", "model"},
+    "config": {*BASE, "bus", "decode", "rows", "track", "match", "model"},
     "report": {*BASE, "rows", "track", "match"},
     "run": {*BASE, *SIGNAL, "bus", "config", "record", "reference"},
     "cli": {*BASE, *SIGNAL, "bus", "config", "record", "reference", "report", "run", "cli"},

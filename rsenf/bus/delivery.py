@@ -12,31 +12,39 @@ class Delivery:
     Parameters
     ----------
     lossless : bool
-        The sender waits for slow receivers, and each receiver for its own queue. Otherwise the
-        oldest waiting message is dropped and counted.
+        For a sender: wait for slow receivers, rather than drop. For a receiver: let senders that
+        wait do so while its queue is full, rather than drop the oldest; what was sent to be
+        dropped is dropped in any case.
     queue : int
-        Messages that may wait at a receiver.
+        Messages of a key that may wait at a receiver.
     history : int
-        Messages that the sender keeps for those who join late or again.
+        Messages that a sender keeps for those who join late or again, and whether a receiver asks
+        for them.
+    urgent : bool
+        Overtakes other topics on the way.
     """
 
     lossless: bool
     queue: int
     history: int
+    urgent: bool = False
 
 
 # Recording and replay wait, live pictures don't; estimates are small and are kept.
 FRAMES_FILE = Delivery(lossless=True, queue=16, history=0)
-FRAMES_LIVE = Delivery(lossless=False, queue=4, history=0)
+FRAMES_LIVE = Delivery(lossless=False, queue=16, history=0)
+VIDEO = Delivery(lossless=True, queue=64, history=0)
 SIGNALS = Delivery(lossless=True, queue=1024, history=600)
 ROWS = Delivery(lossless=True, queue=256, history=64)
-HEALTH = Delivery(lossless=False, queue=256, history=1)
+# A node's last word decides whether it has finished or was lost: it must not be dropped, and not
+# come long after the node's token has gone.
+HEALTH = Delivery(lossless=True, queue=256, history=1, urgent=True)
+# For those who only look: they never make a sender wait.
+LOOKING = Delivery(lossless=False, queue=256, history=1)
 
 
 def delivery_of(topic: str, *, live: bool = False) -> Delivery:
     """Delivery class of a topic of a live source or of a file."""
-    if topic in ("frames", "video"):
+    if topic == "frames":
         return FRAMES_LIVE if live else FRAMES_FILE
-    if topic == "rows":
-        return ROWS
-    return HEALTH if topic == "health" else SIGNALS
+    return {"video": VIDEO, "rows": ROWS, "health": HEALTH}.get(topic, SIGNALS)

@@ -8,9 +8,11 @@ import time
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
+from rsenf.bus.bus import Publisher
 from rsenf.bus.ring import RingReader, RingWriter
-from rsenf.bus.zenoh_bus import Publisher
+from rsenf.errors import NodeFailed, SchemaMismatch
 from rsenf.messages import Frame, Header, Mark
 
 
@@ -20,29 +22,22 @@ class FrameSender:
     Parameters
     ----------
     publisher : Publisher
-        For the descriptors, or the whole frames.
+        For the descriptors, or the whole frames. When its topic is lossless, the ring is too.
     ring_name : str
         Name for the shared-memory ring; empty to put the pixels in the message.
     slots : int
         Planes the ring holds.
-    lossless : bool
-        Wait for the reader.
-    give_up : callable
-        Says when waiting is in vain.
+    reader_gone : callable
+        Says when waiting for the reader is in vain.
     """
 
     def __init__(
-        self,
-        publisher: Publisher,
-        ring_name: str,
-        slots: int,
-        *,
-        lossless: bool,
-        give_up: Callable[[], bool],
+        self, publisher: Publisher, ring_name: str, slots: int, reader_gone: Callable[[], bool]
     ) -> None:
         self._publisher = publisher
-        self._ring_name, self._slots, self._lossless = ring_name, slots, lossless
-        self._give_up = give_up
+        self._ring_name, self._slots = ring_name, slots
+        self._lossless = publisher.delivery.lossless
+        self._reader_gone = reader_gone
         self._ring: RingWriter | None = None
         self._rings = 0
 
@@ -53,7 +48,7 @@ class FrameSender:
             raise ValueError("a frame without its luma plane")
         if self._ring_name:
             ring = self._ring_for(luma.size)
-            slot, ticket = ring.write(luma, self._give_up)
+            slot, ticket = ring.write(luma, self._reader_gone)
             frame = dataclasses.replace(
                 frame, luma=None, ring=ring.path.name, ring_slot=slot, ring_ticket=ticket
             )
@@ -65,8 +60,7 @@ class FrameSender:
         """Return the ring; a new one when the picture has grown."""
         if self._ring is None or self._ring.slot_bytes < plane_bytes:
             self._wait_until_read()
-            if self._ring:
-                self._ring.close()
+            self.close()
             self._rings += 1
             name = f"{self._ring_name}-{os.getpid()}-{self._rings}"
             self._ring = RingWriter(name, self._slots, plane_bytes, lossless=self._lossless)
@@ -74,18 +68,19 @@ class FrameSender:
 
     def finish(self, last: Header) -> None:
         """Mark the end of the stream, after the last frame or in its place."""
-        header = last.numbered(last.seq + 1, Mark.END)
-        self._publisher.send(Frame(header=header))
+        self._publisher.send(Frame(header=last.numbered(last.seq + 1, Mark.END)))
         self._wait_until_read()
 
     def _wait_until_read(self) -> None:
-        while self._ring and self._lossless and not self._ring.drained() and not self._give_up():
-            time.sleep(0.005)
+        if self._ring and self._lossless:
+            while not self._ring.drained() and not self._reader_gone():
+                time.sleep(0.005)
 
     def close(self) -> None:
         """Remove the ring."""
         if self._ring:
             self._ring.close()
+            self._ring = None
 
 
 class FrameReceiver:
@@ -93,29 +88,51 @@ class FrameReceiver:
 
     def __init__(self) -> None:
         self._ring: RingReader | None = None
+        self._seen_ring = False
         self._taken: Frame | None = None
-        self.overwritten = 0
 
     def open(self, frame: Frame) -> Frame | None:
-        """Return the frame with its ``luma``; None when it was overwritten before it was read."""
+        """Return the frame with its ``luma``; None when it was overwritten before it was read.
+
+        Raises
+        ------
+        NodeFailed
+            When its ring is not on this host.
+        SchemaMismatch
+            When the pixels don't fit the size they are said to have.
+        """
         if frame.header.is_end:
             return frame
         if not frame.ring:
-            luma = np.frombuffer(frame.pixels, np.uint8).reshape(frame.height_px, frame.width_px)
-            return dataclasses.replace(frame, pixels=b"", luma=luma)
+            return dataclasses.replace(frame, pixels=b"", luma=_plane(frame))
+        ring = self._ring_of(frame)
+        if ring is None:
+            return None
+        luma = ring.view(frame.ring_slot, frame.ring_ticket, frame.height_px, frame.width_px)
+        if luma is None:
+            return None
+        self._taken = frame
+        if not ring.lossless:
+            # A live writer doesn't wait: take a copy, and see whether it was whole.
+            luma = luma.copy()
+            if not self.done():
+                return None
+        return dataclasses.replace(frame, ring="", ring_slot=0, ring_ticket=0, luma=luma)
+
+    def _ring_of(self, frame: Frame) -> RingReader | None:
+        """Return the ring a frame is in; None when a live writer has removed it already."""
         if self._ring is None or self._ring.path.name != frame.ring:
             self.close()
-            self._ring = RingReader(frame.ring)
-        plane = self._ring.view(frame.ring_slot, frame.ring_ticket, frame.height_px, frame.width_px)
-        self._taken = frame
-        if plane is not None and not self._ring.lossless:
-            # A live writer doesn't wait: take a copy, and see whether it was whole.
-            plane = plane.copy()
-            plane = plane if self.done() else None
-        if plane is None:
-            self.overwritten += 1
-            return None
-        return dataclasses.replace(frame, ring="", ring_slot=0, ring_ticket=0, luma=plane)
+            try:
+                self._ring = RingReader(frame.ring)
+            except FileNotFoundError:
+                if self._seen_ring:
+                    return None
+                raise NodeFailed(
+                    f"no frame ring {frame.ring} on this host", "use 'frames: tcp' between hosts"
+                ) from None
+            self._seen_ring = True
+        return self._ring
 
     def done(self) -> bool:
         """Give the last plane back; False when it was overwritten meanwhile."""
@@ -129,3 +146,11 @@ class FrameReceiver:
         if self._ring:
             self._ring.close()
             self._ring = None
+
+
+def _plane(frame: Frame) -> NDArray[np.uint8]:
+    """Return the plane that a frame carries itself."""
+    plane = np.frombuffer(frame.pixels, np.uint8)
+    if not 0 < plane.size == frame.height_px * frame.width_px:
+        raise SchemaMismatch(f"{plane.size} pixels of {frame.width_px}×{frame.height_px}")
+    return plane.reshape(frame.height_px, frame.width_px)

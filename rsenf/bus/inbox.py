@@ -7,23 +7,40 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 from rsenf.bus.delivery import Delivery
+from rsenf.bus.keys import TOPICS, topic_of
 from rsenf.errors import SchemaMismatch
-from rsenf.messages import class_for, decode
+from rsenf.messages import Header, class_for, decode
 
 
 @dataclass(frozen=True)
 class Envelope:
-    """A message as it travels: its key, what it is said to be, its bytes, and which sender."""
+    """A message as it travels.
+
+    Parameters
+    ----------
+    key : str
+        Where it was sent to.
+    encoding : str
+        What it is said to be.
+    payload : bytes
+        The message.
+    sender : str
+        Session that sent it: one sender's numbers say nothing about another's.
+    droppable : bool
+        Whether the sender rather lost it than waited.
+    """
 
     key: str
     encoding: str
     payload: bytes
     sender: str
+    droppable: bool = False
 
 
 @dataclass(frozen=True)
@@ -37,7 +54,21 @@ class Received:
 
 @dataclass
 class Counters:
-    """What happened to the messages of one inbox."""
+    """What happened to the messages of one inbox.
+
+    Attributes
+    ----------
+    received : int
+        Accepted and handed out.
+    dropped : int
+        Dropped here, by the rules of their delivery class.
+    missed : int
+        Never came, by sequence number, without being dropped here.
+    rejected : int
+        Foreign, broken, or of another version.
+    duplicates : int
+        Came twice, as history and live.
+    """
 
     received: int = 0
     dropped: int = 0
@@ -57,7 +88,8 @@ class Inbox:
     def __init__(self) -> None:
         self.counters = Counters()
         self._items: deque[Envelope] = deque()
-        self._waiting: dict[str, int] = {}
+        self._waiting: Counter[str] = Counter()
+        self._dropped: Counter[tuple[str, str]] = Counter()
         self._last: dict[tuple[str, str], tuple[str, int, int]] = {}
         self._closed = False
         self._change = threading.Condition()
@@ -65,24 +97,31 @@ class Inbox:
     def put(self, item: Envelope, delivery: Delivery) -> None:
         """Add an envelope, by the rules of its delivery class. Called by the transport."""
         with self._change:
-            while self._waiting.get(item.key, 0) >= delivery.queue and not self._closed:
-                if not delivery.lossless:
+            while self._waiting[item.key] >= delivery.queue and not self._closed:
+                if item.droppable or not delivery.lossless:
                     self._drop_oldest(item.key)
-                    break
-                self._change.wait(0.5)
-            if self._closed:
-                return
+                else:
+                    self._change.wait()
+            self._add(item)
+
+    def put_all(self, items: Iterable[Envelope]) -> None:
+        """Add envelopes, however many wait: whoever asks for a history isn't reading yet."""
+        for item in items:
+            with self._change:
+                self._add(item)
+
+    def _add(self, item: Envelope) -> None:
+        if not self._closed:
             self._items.append(item)
-            self._waiting[item.key] = self._waiting.get(item.key, 0) + 1
+            self._waiting[item.key] += 1
             self._change.notify_all()
 
     def _drop_oldest(self, key: str) -> None:
-        for i, item in enumerate(self._items):
-            if item.key == key:
-                del self._items[i]
-                self._waiting[key] -= 1
-                self.counters.dropped += 1
-                return
+        oldest = next(item for item in self._items if item.key == key)
+        self._items.remove(oldest)
+        self._waiting[key] -= 1
+        self._dropped[key, oldest.sender] += 1
+        self.counters.dropped += 1
 
     def receive(self, timeout_s: float) -> Received | None:
         """Return the next acceptable message, or None when none came in time or all is closed."""
@@ -109,25 +148,32 @@ class Inbox:
 
     def _accept(self, item: Envelope) -> Received | None:
         """Decode and check the sequence; None for what is foreign, broken or already seen."""
-        try:
-            message = decode(class_for(item.encoding), item.payload)
-        except SchemaMismatch:
+        message = _opened(item)
+        if message is None:
             self.counters.rejected += 1
             return None
-        header = message.header
-        if header is None:
-            self.counters.rejected += 1
+        with self._change:
+            follows = self._follows((item.key, item.sender), message.header)
+        if not follows:
+            self.counters.duplicates += 1
             return None
-        stream, place = (item.key, item.sender), (header.run_id, header.epoch, header.seq)
-        last = self._last.get(stream)
-        if last is not None and last[:2] == place[:2]:
-            if header.seq <= last[2]:
-                self.counters.duplicates += 1
-                return None
-            self.counters.missed += header.seq - last[2] - 1
-        self._last[stream] = place
         self.counters.received += 1
         return Received(item.key, message, item.payload)
+
+    def _follows(self, stream: tuple[str, str], header: Header) -> bool:
+        """Count what is missing before a message; False when it came before."""
+        last, place = self._last.get(stream), (header.run_id, header.epoch, header.seq)
+        if last is not None and last[:2] == place[:2]:
+            absent = header.seq - last[2] - 1
+            if absent < 0:
+                return False
+            dropped = min(absent, self._dropped[stream])
+            self._dropped[stream] -= dropped
+            self.counters.missed += absent - dropped
+        else:
+            self._dropped.pop(stream, None)
+        self._last[stream] = place
+        return True
 
     @property
     def depth(self) -> int:
@@ -144,3 +190,14 @@ class Inbox:
         with self._change:
             self._closed = True
             self._change.notify_all()
+
+
+def _opened(item: Envelope) -> Any:
+    """Return the message in an envelope; None when it isn't what its topic carries."""
+    try:
+        cls = class_for(item.encoding)
+        message = decode(cls, item.payload)
+    except SchemaMismatch:
+        return None
+    fits = TOPICS.get(topic_of(item.key), cls) is cls
+    return message if fits and getattr(message, "header", None) is not None else None

@@ -3,19 +3,49 @@
 from __future__ import annotations
 
 import re
+from typing import Any
+
+from rsenf.errors import UsageError
+from rsenf.messages import (
+    Alarm,
+    DiscoveryVerdict,
+    EnfEstimate,
+    Frame,
+    Health,
+    IdleEstimate,
+    Liveness,
+    MatchResult,
+    ReferenceBlock,
+    RowBlock,
+    VideoPacket,
+)
 
 ROOT = "rsenf"
-# What a camera's stages publish. 'video' is the compressed picture as it came, for recording.
-TOPICS = ("frames", "video", "rows", "track", "idle", "match", "live", "alarm", "discover")
 REFERENCE = "reference"
 NODES = "@nodes"
 
-_CHUNK = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+# What travels under which topic. 'video' is the compressed picture as it came, for recording.
+TOPICS: dict[str, type[Any]] = {
+    "frames": Frame,
+    "video": VideoPacket,
+    "rows": RowBlock,
+    "track": EnfEstimate,
+    "idle": IdleEstimate,
+    "match": MatchResult,
+    "live": Liveness,
+    "alarm": Alarm,
+    "discover": DiscoveryVerdict,
+    REFERENCE: ReferenceBlock,
+    "health": Health,
+}
+
+NAME_PATTERN = "[A-Za-z0-9][A-Za-z0-9_.-]*"
+NAME_RULE = "letters, digits, '-', '_' and '.', beginning with a letter or digit"
 
 
 def is_name(text: str) -> bool:
     """Whether a site, camera, grid or node may be called so: one key chunk, no wild cards."""
-    return _CHUNK.fullmatch(text) is not None
+    return re.fullmatch(NAME_PATTERN, text) is not None
 
 
 def camera_key(site: str, camera: str, topic: str) -> str:
@@ -47,3 +77,26 @@ def topic_of(key: str) -> str:
     """Last chunk of a camera's key, or 'reference'."""
     parts = key.split("/")
     return REFERENCE if len(parts) > 2 and parts[2] == REFERENCE else parts[-1]
+
+
+def source_of(key: str) -> str:
+    """What the messages of a topic say they come from: ``<site>/<camera>``."""
+    return "/".join(key.split("/")[1:3])
+
+
+def matches(key_expr: str, key: str) -> bool:
+    """Whether a key expression with wild cards covers a key.
+
+    Raises
+    ------
+    UsageError
+        When it is none.
+    """
+    import zenoh
+
+    try:
+        return bool(zenoh.KeyExpr(key_expr).includes(zenoh.KeyExpr(key)))
+    except zenoh.ZError as exc:
+        raise UsageError(
+            f"{key_expr!r} is no key expression", "such as 'cam1/track', 'cam1/*' or '**'"
+        ) from exc

@@ -28,7 +28,7 @@ _MAGIC = 0x52534E4652494E47  # 'RSNFRING'
 _VERSION = 1
 # magic, version, slots, bytes of a slot, lossless; then tickets and receipts.
 _HEAD = 5
-_POLL_S = 0.0002
+_POLL_S = 0.001
 
 
 def ring_directory() -> Path:
@@ -70,37 +70,38 @@ class RingWriter(_Ring):
         Largest plane.
     lossless : bool
         Wait for the reader rather than overwrite what it hasn't read.
+
+    Raises
+    ------
+    NodeFailed
+        When there is no room for it.
     """
 
     def __init__(self, name: str, slots: int, slot_bytes: int, *, lossless: bool) -> None:
         path = ring_directory() / name
         size = 8 * (_HEAD + 2 * slots) + slots * slot_bytes
-        with path.open("xb+") as file:
-            # Reserve the memory now: a full /dev/shm must fail here, not as a bus error later.
-            os.posix_fallocate(file.fileno(), 0, size)
-            memory = mmap.mmap(file.fileno(), size)
-        super().__init__(path, memory, slots, slot_bytes)
+        super().__init__(path, _reserve(path, size), slots, slot_bytes)
         self._lossless = lossless
         self._written = 0
-        self.overwritten = 0
         self._head[:] = (_MAGIC, _VERSION, slots, slot_bytes, int(lossless))
 
-    def write(self, luma: NDArray[np.uint8], give_up: Callable[[], bool]) -> tuple[int, int]:
+    def write(self, luma: NDArray[np.uint8], reader_gone: Callable[[], bool]) -> tuple[int, int]:
         """Copy a plane into the next slot; returns the slot and its ticket.
 
-        Raises
-        ------
-        NodeFailed
-            When a lossless writer waits for the reader and ``give_up()`` says so.
+        Parameters
+        ----------
+        luma : ndarray of uint8
+            Plane of any shape and line padding, not larger than a slot.
+        reader_gone : callable
+            Asked while a lossless writer waits for the reader. A reader that is gone will never
+            give its planes back: they are taken from it.
         """
         slot = self._written % self._ticket.size
-        while self._receipt[slot] != self._ticket[slot]:
-            if not self._lossless:
-                self.overwritten += 1
-                break
-            if give_up():
-                raise NodeFailed("nobody reads the frames any more")
-            time.sleep(_POLL_S)
+        while self._lossless and self._receipt[slot] != self._ticket[slot]:
+            if reader_gone():
+                self._receipt[:] = self._ticket
+            else:
+                time.sleep(_POLL_S)
         self._written += 1
         # An overwritten plane must not look whole while it is being replaced.
         self._ticket[slot] = -self._written
@@ -119,18 +120,40 @@ class RingWriter(_Ring):
         super().close()
 
 
+def _reserve(path: Path, size: int) -> mmap.mmap:
+    """Create a file for this user alone, with all its memory: later it would be a bus error."""
+    file = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600)
+    try:
+        os.posix_fallocate(file, 0, size)
+        return mmap.mmap(file, size)
+    except OSError as exc:
+        path.unlink()
+        raise NodeFailed(
+            f"no room for {size / 2**20:.0f} MiB of frames in {path.parent} ({exc.strerror})",
+            "enlarge it, set fewer 'ring_slots', or use 'frames: tcp'",
+        ) from exc
+    finally:
+        os.close(file)
+
+
 class RingReader(_Ring):
-    """Reader's end."""
+    """Reader's end.
+
+    Raises
+    ------
+    FileNotFoundError
+        When there is no such ring, or no more.
+    SchemaMismatch
+        When it isn't a ring of this version.
+    """
 
     def __init__(self, name: str) -> None:
-        path = ring_directory() / name
-        try:
-            with path.open("rb+") as file:
-                memory = mmap.mmap(file.fileno(), 0)
-        except OSError as exc:
-            raise NodeFailed(f"no frame ring {name} on this host", "use 'frames: tcp'") from exc
-        head = [int(x) for x in np.frombuffer(memory, np.int64, _HEAD)]
-        magic, version, slots, slot_bytes, lossless = head
+        path = ring_directory() / Path(name).name
+        with path.open("rb+") as file:
+            memory = mmap.mmap(file.fileno(), 0)
+        magic, version, slots, slot_bytes, lossless = np.frombuffer(
+            memory, np.int64, _HEAD
+        ).tolist()
         if (magic, version) != (_MAGIC, _VERSION):
             raise SchemaMismatch(f"{name} is not a frame ring of version {_VERSION}")
         super().__init__(path, memory, slots, slot_bytes)
@@ -139,10 +162,19 @@ class RingReader(_Ring):
     def view(
         self, slot: int, ticket: int, height_px: int, width_px: int
     ) -> NDArray[np.uint8] | None:
-        """Plane of a ticket, not copied, or None when it was overwritten meanwhile."""
+        """Plane of a ticket, not copied, or None when it was overwritten meanwhile.
+
+        Raises
+        ------
+        SchemaMismatch
+            When there is no such slot, or no plane of that size in it.
+        """
+        size = height_px * width_px
+        if not (0 <= slot < self._ticket.size and 0 < size <= self.slot_bytes):
+            raise SchemaMismatch(f"{self.path.name} has no slot {slot} of {size} bytes")
         if self._ticket[slot] != ticket:
             return None
-        return self._planes[slot, : height_px * width_px].reshape(height_px, width_px)
+        return self._planes[slot, :size].reshape(height_px, width_px)
 
     def release(self, slot: int, ticket: int) -> bool:
         """Give the slot back; False when the plane changed while it was read."""

@@ -1,16 +1,15 @@
 """The bus over Zenoh.
 
-Three things that Zenoh leaves to its user are settled here (see also the README's page on the
-bus): a sender that blocks must not be cut off after five seconds; who joins late subscribes, asks
-for the history, and drops what came twice; and a session is always closed, or the interpreter
-hangs at its exit.
+What Zenoh leaves to its user is settled here: a sender that waits must not be cut off after five
+seconds; a router all of whose receiving threads wait must not hold up the very messages they wait
+for; who joins late subscribes, asks for the history, and drops what came twice; and a session is
+always closed, or the interpreter hangs at its exit.
 """
 
 from __future__ import annotations
 
 import json
-import threading
-from collections import deque
+import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -18,15 +17,20 @@ from typing import Any
 
 import zenoh
 
+from rsenf.bus.bus import Publisher, Subscription
 from rsenf.bus.delivery import Delivery
 from rsenf.bus.inbox import Envelope, Inbox
-from rsenf.errors import RsenfError
-from rsenf.messages import encode, encoding_of
+from rsenf.errors import RsenfError, UsageError
 
 HISTORY_TIMEOUT_S = 2.0
+CONNECT_TIMEOUT_MS = 5000
 # Zenoh closes a link on which a blocked sender waits longer than this, and later messages vanish
 # without a word. A slow recorder is no reason to lose data: an hour.
 WAIT_BEFORE_CLOSE_US = 3_600_000_000
+# A thread that hands a message on waits for its receiver. With Zenoh's two threads, two frames
+# waiting for the node that samples them would keep that node's own row blocks from coming in,
+# and all would stand still: a router needs a thread for each of its links.
+ROUTER_THREADS = 64
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,8 @@ class BusSettings:
         'client' connects to a router; ``rsenf run`` opens one of its own in mode 'router'.
     connect, listen : tuple of str
         Zenoh endpoints, for example ``tcp/127.0.0.1:7447``.
+    multicast : bool
+        Look for routers and peers in the local network.
     zenoh : mapping
         Any further Zenoh settings by their path (``transport/link/tls/…``): certificates, users.
     """
@@ -50,6 +56,15 @@ class BusSettings:
     zenoh: Mapping[str, Any] = field(default_factory=dict)
 
 
+def setting_problem(path: str, value: Any) -> str:
+    """Say what is wrong with a Zenoh setting, without its value; empty when nothing is."""
+    try:
+        zenoh.Config().insert_json5(path, json.dumps(value))
+    except zenoh.ZError as exc:
+        return f"no setting of Zenoh: {str(exc).rpartition(' at /')[0]}"
+    return ""
+
+
 def _config(settings: BusSettings) -> zenoh.Config:
     values: dict[str, Any] = {
         "mode": settings.mode,
@@ -57,75 +72,48 @@ def _config(settings: BusSettings) -> zenoh.Config:
         "listen/endpoints": list(settings.listen),
         "scouting/multicast/enabled": settings.multicast,
         "scouting/gossip/enabled": settings.multicast,
-        "connect/timeout_ms": 5000,
+        "connect/timeout_ms": CONNECT_TIMEOUT_MS,
         "connect/exit_on_failure": True,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": WAIT_BEFORE_CLOSE_US,
+        # Without anybody to look for, opening needn't wait half a second for answers.
+        **({} if settings.multicast else {"scouting/delay": 0}),
         **settings.zenoh,
     }
     config = zenoh.Config()
     for path, value in values.items():
-        try:
-            config.insert_json5(path, json.dumps(value))
-        except zenoh.ZError as exc:
-            raise RsenfError(f"bus setting {path}: {value!r} is not accepted ({exc})") from exc
+        if problem := setting_problem(path, value):
+            raise UsageError(f"bus setting {path}: {problem}")
+        config.insert_json5(path, json.dumps(value))
     return config
 
 
-class Publisher:
-    """Sends the messages of one key, and keeps the last of them for those who join late."""
-
+class _ZenohPublisher(Publisher):
     def __init__(self, session: zenoh.Session, key: str, delivery: Delivery) -> None:
-        self.sent = 0
-        self.key = key
-        self._sender = str(session.zid())
-        self._history: deque[tuple[bytes, str]] = deque(maxlen=delivery.history)
-        self._lock = threading.Lock()
-        control = (
-            zenoh.CongestionControl.BLOCK if delivery.lossless else zenoh.CongestionControl.DROP
+        super().__init__(key, delivery, str(session.zid()))
+        self._publisher = session.declare_publisher(
+            key,
+            congestion_control=_BLOCK if delivery.lossless else zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.REAL_TIME if delivery.urgent else zenoh.Priority.DEFAULT,
         )
-        self._publisher = session.declare_publisher(key, congestion_control=control)
         self._queryable = session.declare_queryable(key, self._answer) if delivery.history else None
 
-    def send(self, message: Any) -> bytes:
-        """Send a message; returns the bytes sent."""
-        payload, encoding = encode(message), encoding_of(type(message))
-        with self._lock:
-            self._history.append((payload, encoding))
-        self._publisher.put(payload, encoding=encoding, attachment=self._sender)
-        self.sent += 1
-        return payload
+    def _put(self, item: Envelope) -> None:
+        self._publisher.put(item.payload, encoding=item.encoding, attachment=item.sender)
 
     def _answer(self, query: zenoh.Query) -> None:
-        with query, self._lock:
-            for payload, encoding in self._history:
-                query.reply(self.key, payload, encoding=encoding, attachment=self._sender)
+        with query:
+            for item in self.history():
+                query.reply(
+                    item.key,
+                    item.payload,
+                    encoding=item.encoding,
+                    attachment=item.sender,
+                    congestion_control=_BLOCK,
+                )
 
 
-class _Subscription:
-    """One key expression of an inbox: live messages wait until the history has come."""
-
-    def __init__(self, inbox: Inbox, delivery: Delivery) -> None:
-        self._inbox, self._delivery = inbox, delivery
-        self._held: list[Envelope] | None = [] if delivery.history else None
-        self._lock = threading.Lock()
-
-    def on_sample(self, sample: zenoh.Sample) -> None:
-        item = _envelope(sample)
-        with self._lock:
-            if self._held is not None:
-                self._held.append(item)
-                return
-        self._inbox.put(item, self._delivery)
-
-    def catch_up(self, replies: Iterator[Envelope]) -> None:
-        for item in replies:
-            self._inbox.put(item, self._delivery)
-        # Held messages go in under the lock, so that no newer one can overtake them.
-        with self._lock:
-            for item in self._held or []:
-                self._inbox.put(item, self._delivery)
-            self._held = None
+_BLOCK = zenoh.CongestionControl.BLOCK
 
 
 def _envelope(sample: zenoh.Sample) -> Envelope:
@@ -134,12 +122,13 @@ def _envelope(sample: zenoh.Sample) -> Envelope:
         str(sample.key_expr),
         str(sample.encoding),
         sample.payload.to_bytes(),
-        attachment.to_string() if attachment is not None else "",
+        attachment.to_bytes().decode(errors="replace") if attachment is not None else "",
+        droppable=sample.congestion_control != _BLOCK,
     )
 
 
 class ZenohBus:
-    """Publishers, inboxes and liveliness over one Zenoh session. Made by :func:`open_bus`."""
+    """A :class:`rsenf.bus.bus.Bus` over one Zenoh session. Made by :func:`open_bus`."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
@@ -149,21 +138,27 @@ class ZenohBus:
 
     def publisher(self, key: str, delivery: Delivery) -> Publisher:
         """Open a key for sending."""
-        return Publisher(self._session, key, delivery)
+        return _ZenohPublisher(self._session, key, delivery)
 
     def subscribe(self, inbox: Inbox, key_expr: str, delivery: Delivery) -> None:
         """Let an inbox receive a key expression, its history included, in order."""
         self._inboxes.append(inbox)
-        subscription = _Subscription(inbox, delivery)
-        self._declared.append(self._session.declare_subscriber(key_expr, subscription.on_sample))
-        if delivery.history:
-            replies = self._session.get(
-                key_expr,
-                timeout=HISTORY_TIMEOUT_S,
-                consolidation=zenoh.ConsolidationMode.NONE,
-                target=zenoh.QueryTarget.ALL,
+        subscription = Subscription(inbox, delivery)
+        self._declared.append(
+            self._session.declare_subscriber(
+                key_expr, lambda sample: subscription.take(_envelope(sample))
             )
-            subscription.catch_up(_envelope(r.ok) for r in replies if r.ok is not None)
+        )
+        subscription.catch_up(self._history(key_expr) if delivery.history else ())
+
+    def _history(self, key_expr: str) -> Iterator[Envelope]:
+        replies = self._session.get(
+            key_expr,
+            timeout=HISTORY_TIMEOUT_S,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            target=zenoh.QueryTarget.ALL,
+        )
+        return (_envelope(reply.ok) for reply in replies if reply.ok is not None)
 
     def declare_alive(self, key: str) -> None:
         """Show a liveliness token for as long as this process lives."""
@@ -190,20 +185,33 @@ def open_bus(settings: BusSettings) -> Iterator[ZenohBus]:
 
     Raises
     ------
+    UsageError
+        When a setting isn't one of Zenoh's.
     RsenfError
         When the endpoints can't be reached, or refuse these credentials.
     """
-    ends = ", ".join(settings.connect or settings.listen) or "the local network"
+    config = _config(settings)
+    if settings.mode == "router":
+        os.environ.setdefault("ZENOH_RUNTIME", f"(rx: (worker_threads: {ROUTER_THREADS}))")
     try:
-        session = zenoh.open(_config(settings))
+        session = zenoh.open(config)
     except zenoh.ZError as exc:
-        raise RsenfError(
-            f"no bus at {ends}",
-            "is the router running, the address right, and the certificate or password accepted?",
-        ) from exc
+        raise _unreachable(settings) from exc
     bus = ZenohBus(session)
     try:
         yield bus
     finally:
         bus.close()
         session.close()  # type: ignore[no-untyped-call]  # zenoh's stub leaves it bare
+
+
+def _unreachable(settings: BusSettings) -> RsenfError:
+    if settings.listen:
+        return RsenfError(
+            f"no bus can be opened at {', '.join(settings.listen)}",
+            "is the address one of this host's, and the port free?",
+        )
+    return RsenfError(
+        f"no bus at {', '.join(settings.connect) or 'the local network'}",
+        "is the router running, the address right, and the certificate or password accepted?",
+    )

@@ -1,10 +1,12 @@
 """Config: one schema, loaded from YAML, every problem with its file and line."""
 
 from pathlib import Path
+from typing import Any
 
 from rsenf.config.check import check
 from rsenf.config.graph import Graph
-from rsenf.config.secrets import redact
+from rsenf.config.secrets import hide, redact
+from rsenf.config.wiring import problems
 from rsenf.config.yaml_lines import YamlText
 from rsenf.errors import ConfigError
 
@@ -19,10 +21,14 @@ def load_graph(path: str | Path) -> Graph:
     """
     document = YamlText(Path(path))
     graph = check(document, Graph)
-    problems = [f"{document.place(at)}: {text}" for at, text in graph.problems()]
-    if problems:
-        raise ConfigError(problems)
+    if found := problems(graph):
+        raise ConfigError([f"{document.place(at)}: {'.'.join(at)}: {t}" for at, t in found])
     return graph
 
 
-__all__ = ["Graph", "load_graph", "redact"]
+def shown(graph: Graph) -> dict[str, Any]:
+    """Return a graph as it was read, defaults included and secrets hidden, as plain data."""
+    return dict(hide(graph.model_dump(mode="json")))
+
+
+__all__ = ["Graph", "load_graph", "redact", "shown"]

@@ -8,11 +8,15 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from rsenf.config.secrets import redact
+from rsenf.config.secrets import is_secret, redact
 from rsenf.config.yaml_lines import KeyPath, YamlText
 from rsenf.errors import ConfigError
 
 Model = TypeVar("Model", bound=BaseModel)
+_Schema = dict[str, Any]
+
+_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
+_MISSING = ("missing", "missing_argument")
 
 
 def check(document: YamlText, model: type[Model]) -> Model:
@@ -26,68 +30,90 @@ def check(document: YamlText, model: type[Model]) -> Model:
     if not isinstance(document.data, dict):
         raise ConfigError([f"{document.path}:1: not a mapping of keys to values"])
     try:
-        return model.model_validate(document.data)
+        read = model.model_validate(document.data)
     except ValidationError as exc:
         schema = model.model_json_schema()
-        raise ConfigError([_line(document, schema, error) for error in exc.errors()]) from exc
+        found = [_finding(document, schema, error) for error in exc.errors()]
+        # A value that could not be filled in or read is one problem, not two.
+        fresh = [f"{document.place(at)}: {t}" for at, t in found if at not in document.problems]
+        raise ConfigError(document.report() + fresh) from exc
+    if document.problems:
+        raise ConfigError(document.report())
+    return read
 
 
-def _line(document: YamlText, schema: dict[str, Any], error: ErrorDetails) -> str:
-    path = _path_in_yaml(document.data, error["loc"])
-    name = ".".join(str(p) for p in path) or "file"
-    kind, context = error["type"], error.get("ctx", {})
-    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
-        unknown, allowed = str(path[-1]), _allowed(schema, error["loc"][:-1])
-        text = f"unknown key {unknown!r}{_nearest(unknown, allowed)}; allowed: {', '.join(allowed)}"
-    elif kind in ("missing", "missing_argument"):
-        text = f"{name}: key {str(error['loc'][-1])!r} is missing"
-    elif kind in ("literal_error", "union_tag_invalid"):
-        choices = str(context.get("expected", context.get("expected_tags", "")))
-        read = str(context.get("tag", error["input"]))
-        words = [w.strip(" '\"") for w in choices.replace(" or ", ",").split(",")]
-        text = f"{name}: {read!r} is not one of {choices}{_nearest(read, words)}"
+def _finding(document: YamlText, schema: _Schema, error: ErrorDetails) -> tuple[KeyPath, str]:
+    """Where in the file an error is, and what to say of it."""
+    kind, context, last = error["type"], error.get("ctx", {}), str(error["loc"][-1])
+    path, node = _follow(document.data, schema, error["loc"])
+    name = ".".join(map(str, path)) or "file"
+    if kind in _UNKNOWN:
+        _, parent = _follow(document.data, schema, error["loc"][:-1])
+        allowed = sorted(parent.get("properties", {}))
+        above = ".".join(map(str, path[:-1]))
+        text = f"{above + ': ' if above else ''}unknown key {last!r}{_nearest(last, allowed)}"
+        text += f"; allowed: {', '.join(allowed)}"
+    elif kind in _MISSING:
+        text = f"{name}: key {last!r} is missing"
     elif kind == "union_tag_not_found":
-        text = f"{name}: key 'kind' is missing"
+        text = f"{name}: key 'kind' is missing; one of {', '.join(_choices(node))}"
+    elif kind == "union_tag_invalid":
+        path, read = (*path, "kind"), str(context["tag"])
+        text = _not_one_of(f"{name}.kind", read, _choices(node))
+    elif kind == "literal_error":
+        words = context["expected"].replace(" or ", ", ").replace("'", "").split(", ")
+        text = _not_one_of(name, str(error["input"]), words)
     else:
-        reason = error["msg"].removeprefix("Value error, ")
-        shown = "" if isinstance(error["input"], dict) else f" (read: {error['input']!r})"
-        text = f"{name}: {reason}{shown}"
-    return redact(f"{document.place(path)}: {text}")
+        reason = error["msg"].removeprefix("Value error, ").replace("valid tuple", "list")
+        hidden = isinstance(error["input"], dict | BaseModel) or is_secret(name)
+        text = f"{name}: {reason}" + ("" if hidden else f" (read: {error['input']!r})")
+    return path, redact(text)
 
 
-def _path_in_yaml(data: Any, loc: tuple[int | str, ...]) -> KeyPath:
-    """Return the part of pydantic's location that names keys of the file, not kinds of a union."""
+def _follow(data: Any, schema: _Schema, loc: tuple[int | str, ...]) -> tuple[KeyPath, _Schema]:
+    """Follow pydantic's location: the keys of the file on its way, and the schema at its end.
+
+    Where several kinds are possible pydantic names the kind it took, and where a key itself is
+    wrong it says so: neither is a key of the file.
+    """
     path: list[int | str] = []
+    node = _plain(schema, schema)
     for part in loc:
+        if part == "[key]":
+            break
+        kinds = node.get("discriminator", {}).get("mapping")
+        if kinds or "oneOf" in node:
+            branches = [{"$ref": kinds[part]}] if kinds else node["oneOf"]
+            plain = [_plain(schema, b) for b in branches]
+            node = next((b for b in plain if ("properties" in b) == isinstance(data, dict)), {})
+            continue
         inside = dict(enumerate(data)) if isinstance(data, list) else data
-        if isinstance(inside, dict) and part in inside:
-            data = inside[part]
-            path.append(part)
-    return tuple(path)
+        if not isinstance(inside, dict) or part not in inside:
+            break
+        data = inside[part]
+        path.append(part)
+        by_pattern = next(iter(node.get("patternProperties", {}).values()), {})
+        below = node.get("properties", {}).get(part) or node.get("items") or by_pattern
+        node = _plain(schema, below)
+    return tuple(path), node
 
 
-def _allowed(schema: dict[str, Any], loc: tuple[int | str, ...]) -> list[str]:
-    """Keys that the schema allows at a location."""
-    node = schema
-    for part in loc:
-        node = _resolve(schema, node)
-        mapping = node.get("discriminator", {}).get("mapping", {})
-        if part in mapping:
-            node = {"$ref": mapping[part]}
-        elif part in node.get("properties", {}):
-            node = node["properties"][part]
-        else:
-            node = node.get("additionalProperties") or node.get("items") or node
-    return sorted(_resolve(schema, node).get("properties", {}))
-
-
-def _resolve(schema: dict[str, Any], node: dict[str, Any]) -> dict[str, Any]:
-    while "$ref" in node or "anyOf" in node:
+def _plain(schema: _Schema, node: Any) -> _Schema:
+    """Return a schema node itself, not a reference to it or the choice between it and null."""
+    while isinstance(node, dict) and ("$ref" in node or "anyOf" in node):
         if "anyOf" in node:
-            node = next((n for n in node["anyOf"] if n.get("type") != "null"), {})
+            node = next(n for n in node["anyOf"] if n.get("type") != "null")
         else:
             node = schema["$defs"][node["$ref"].rsplit("/", 1)[-1]]
-    return node
+    return node if isinstance(node, dict) else {}
+
+
+def _choices(node: _Schema) -> list[str]:
+    return list(node.get("discriminator", {}).get("mapping", {}))
+
+
+def _not_one_of(name: str, read: str, choices: list[str]) -> str:
+    return f"{name}: {read!r} is not one of {', '.join(choices)}{_nearest(read, choices)}"
 
 
 def _nearest(word: str, choices: list[str]) -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
 
-from rsenf.bus.keys import is_name
+from rsenf.bus.keys import NAME_PATTERN, NAME_RULE, REFERENCE, is_name
 from rsenf.match.settings import MatchSettings
 from rsenf.rows.settings import RowsSettings
 from rsenf.track.settings import TrackSettings
@@ -14,10 +14,25 @@ from rsenf.track.settings import TrackSettings
 N = TypeVar("N")
 
 
-_NAMES = "letters, digits, '-', '_' and '.', beginning with a letter or digit"
-_READS = {"rows": "frames", "track": "rows", "match": "track"}
+def _named(text: str) -> str:
+    if not is_name(text):
+        raise ValueError(f"no name: {NAME_RULE}")
+    return text
 
-Name = Annotated[str, Field(min_length=1, max_length=64)]
+
+def _not_reserved(text: str) -> str:
+    if text == REFERENCE:
+        raise ValueError(f"{REFERENCE!r} is taken: the references of the grids go by it")
+    return text
+
+
+# Part of a key on the bus.
+Name = Annotated[
+    str,
+    AfterValidator(_named),
+    Field(max_length=64, json_schema_extra={"pattern": f"^{NAME_PATTERN}$"}),
+]
+Camera = Annotated[Name, AfterValidator(_not_reserved)]
 
 
 class Strict(BaseModel):
@@ -35,6 +50,11 @@ class BusConfig(Strict):
     multicast: bool = False
     zenoh: dict[str, Any] = Field({}, description="any Zenoh settings by path, for example TLS")
 
+    @property
+    def is_elsewhere(self) -> bool:
+        """Whether the bus is somebody else's, rather than a router of the run's own."""
+        return bool(self.connect) or self.multicast
+
 
 class SimulatedInput(Strict):
     """The simulator in place of a camera."""
@@ -48,14 +68,19 @@ class SimulatedInput(Strict):
     step_s: float | None = Field(None, gt=0)
 
 
+# Told apart by their form, so that a problem in one isn't reported as two.
+Input = Annotated[
+    Annotated[str, Tag("path")] | Annotated[SimulatedInput, Tag("simulated")],
+    Discriminator(lambda read: "simulated" if isinstance(read, dict | BaseModel) else "path"),
+]
+
+
 class DecodeNode(Strict):
     """Opens a video, a camera or the simulator, and sends its frames."""
 
     kind: Literal["decode"]
-    camera: Name
-    input: str | SimulatedInput = Field(
-        description="path, rtsp://…, v4l2:/dev/video0, or a simulated input"
-    )
+    camera: Camera
+    input: Input = Field(description="path, rtsp://…, v4l2:/dev/video0, or a simulated input")
     frames: Literal["ring", "tcp", "fused"] = Field(
         "ring", description="shared memory, over the bus, or rows taken in this process"
     )
@@ -73,7 +98,7 @@ class RowsNode(Strict):
     """Takes row means of the steady pixels."""
 
     kind: Literal["rows"]
-    cameras: tuple[Name, ...] = Field(min_length=1)
+    cameras: tuple[Camera, ...] = Field(min_length=1)
     rows: RowsSettings = RowsSettings()
 
 
@@ -81,7 +106,7 @@ class TrackNode(Strict):
     """Estimates the ENF."""
 
     kind: Literal["track"]
-    cameras: tuple[Name, ...] = Field(min_length=1)
+    cameras: tuple[Camera, ...] = Field(min_length=1)
     track: TrackSettings = TrackSettings()
 
 
@@ -102,7 +127,7 @@ class MatchNode(Strict):
     """Compares ENF with a reference."""
 
     kind: Literal["match"]
-    cameras: tuple[Name, ...] = Field(min_length=1)
+    cameras: tuple[Camera, ...] = Field(min_length=1)
     grid: Name
     method: str = "ncc"
     interim_every_s: float = Field(0.0, ge=0, description="0: a result at the end only")
@@ -132,44 +157,11 @@ class Graph(Strict):
     version: Literal[1] = Field(description="version of this file's format")
     site: Name
     bus: BusConfig = BusConfig()
-    nodes: dict[str, Node] = Field(min_length=1)
-
-    def problems(self) -> list[tuple[tuple[str, ...], str]]:
-        """What doesn't fit together: where in the file, and what."""
-        named = [(("site",), self.site), *((("nodes", n), n) for n in self.nodes)]
-        for name, node in self.nodes.items():
-            if isinstance(node, DecodeNode):
-                named.append((("nodes", name, "camera"), node.camera))
-            if isinstance(node, ReferenceNode):
-                named.append((("nodes", name, "grid"), node.grid))
-        out = [(at, f"{text!r} is no name: {_NAMES}") for at, text in named if not is_name(text)]
-        # With a bus of somebody else's, what is missing here may be sent there.
-        return out if self.bus.connect else out + self._unfed()
-
-    def _unfed(self) -> list[tuple[tuple[str, ...], str]]:
-        """Return every node whose input nobody sends."""
-        sent = {pair for node in self.nodes.values() for pair in outputs(node)}
-        out: list[tuple[tuple[str, ...], str]] = []
-        for name, node in self.nodes.items():
-            if isinstance(node, RowsNode | TrackNode | MatchNode):
-                topic = _READS[node.kind]
-                for camera in node.cameras:
-                    if (topic, camera) not in sent:
-                        text = f"nobody sends the {topic} of camera {camera!r}"
-                        out.append((("nodes", name, "cameras"), text))
-            if isinstance(node, MatchNode) and ("reference", node.grid) not in sent:
-                text = f"nobody sends the reference {node.grid!r}"
-                out.append((("nodes", name, "grid"), text))
-        return out
+    nodes: dict[Name, Node] = Field(min_length=1)
 
     def of(self, kind: type[N]) -> list[N]:
         """Return the nodes of a kind, in the order of the file."""
         return [n for n in self.nodes.values() if isinstance(n, kind)]
-
-    @property
-    def cameras(self) -> list[str]:
-        """Cameras whose frames this graph opens."""
-        return [n.camera for n in self.of(DecodeNode)]
 
 
 def outputs(node: Any) -> list[tuple[str, str]]:

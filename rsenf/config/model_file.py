@@ -23,6 +23,8 @@ def load_model(path: Path) -> CaptureModel:
     from rsenf.model import CaptureModel, ParameterError
 
     document = YamlText(path)
+    if document.problems:
+        raise ConfigError(document.report())
     try:
         return CaptureModel.from_dict(document.data)
     except ParameterError as exc:

@@ -3,19 +3,41 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
-_IN_URL = re.compile(r"(?<=://)[^/@\s'\"]+@")
-_IN_YAML = re.compile(
-    r"(?im)^(\s*[\w/-]*(?:password|secret|token|passphrase)[\w/-]*\s*:\s*)(\S.*)$"
+from rsenf.decode.spec import redact as redact_addresses
+
+_SECRET = r"password|passwd|passphrase|secret|token|private_key"
+_SECRET_KEY = re.compile(_SECRET, re.IGNORECASE)
+# A key that sounds like a secret, in YAML, JSON or prose, and what is written after it.
+_PAIR = re.compile(
+    rf"""([\w./-]*(?:{_SECRET})[\w./-]*["']?\s*[:=]\s*)("[^"]*"|'[^']*'|[^\s,}}\]]+)""",
+    re.IGNORECASE,
 )
 
 
+def is_secret(key: str) -> bool:
+    """Whether what a key holds is not to be shown."""
+    return _SECRET_KEY.search(key) is not None
+
+
 def redact(text: str) -> str:
-    """Hide credentials in URLs, and the values of keys that sound like secrets.
+    """Hide credentials in addresses, and the values of keys that sound like secrets.
+
+    For lines of text. What is still structured goes through :func:`hide`, which can't miss.
 
     Examples
     --------
     >>> redact("rtsp://admin:hunter2@10.0.0.7/cam")
     'rtsp://***@10.0.0.7/cam'
     """
-    return _IN_YAML.sub(r"\1'***'", _IN_URL.sub("***@", text))
+    return _PAIR.sub(r"\1'***'", redact_addresses(text))
+
+
+def hide(value: Any) -> Any:
+    """Return plain data (dicts, lists, scalars) with its secrets replaced by ``***``."""
+    if isinstance(value, dict):
+        return {k: "***" if is_secret(str(k)) and v else hide(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [hide(v) for v in value]
+    return redact_addresses(value) if isinstance(value, str) else value

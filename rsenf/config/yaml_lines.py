@@ -1,4 +1,4 @@
-"""YAML with the line of every key, environment variables filled in, duplicate keys refused."""
+"""YAML with the line of every key, environment variables filled in, duplicate keys noted."""
 
 from __future__ import annotations
 
@@ -24,37 +24,51 @@ class YamlText:
     path : Path
         File to read.
 
+    Attributes
+    ----------
+    data : object
+        The document: dicts, lists and scalars.
+    problems : dict
+        Keys that stand twice, variables that aren't set, values that can't be read, by the path
+        of the key. Whoever checks the data reports them along with its own findings.
+
     Raises
     ------
     UsageError
         When there is no such file.
     ConfigError
-        When it isn't YAML, repeats a key, or names a variable that isn't set.
+        When it isn't YAML at all.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.lines: dict[KeyPath, int] = {}
-        self.problems: list[str] = []
+        self.problems: dict[KeyPath, str] = {}
+        self._loader = yaml.SafeLoader("")
         try:
-            self.text = path.read_text(encoding="utf-8")
-            root = yaml.compose(self.text, Loader=yaml.SafeLoader)
+            text = path.read_text(encoding="utf-8")
+            root = yaml.compose(text, Loader=yaml.SafeLoader)
+            self.data: Any = self._value(root, ()) if root is not None else None
         except FileNotFoundError as exc:
             raise UsageError(f"no such file: {path}") from exc
         except (OSError, UnicodeDecodeError) as exc:
             raise UsageError(f"{path} can't be read as text ({exc})") from exc
         except yaml.MarkedYAMLError as exc:
-            line = exc.problem_mark.line + 1 if exc.problem_mark else 1
-            raise ConfigError([f"{path}:{line}: not YAML: {exc.problem}"]) from exc
-        self.data: Any = self._value(root, ()) if root is not None else None
-        if self.problems:
-            raise ConfigError(self.problems)
+            raise ConfigError([f"{path}:{_syntax_error(exc, text)}"]) from exc
+        except yaml.YAMLError as exc:
+            raise ConfigError([f"{path}:1: not YAML: {str(exc).splitlines()[0]}"]) from exc
+        except RecursionError as exc:
+            raise ConfigError([f"{path}:1: nested without end"]) from exc
 
     def place(self, key_path: KeyPath) -> str:
         """``file:line`` of a key, or of the nearest key above it."""
         while key_path and key_path not in self.lines:
             key_path = key_path[:-1]
         return f"{self.path}:{self.lines.get(key_path, 1)}"
+
+    def report(self) -> list[str]:
+        """One line for each of the problems."""
+        return [f"{self.place(at)}: {text}" for at, text in self.problems.items()]
 
     def _value(self, node: yaml.Node, at: KeyPath) -> Any:
         self.lines.setdefault(at, node.start_mark.line + 1)
@@ -67,25 +81,40 @@ class YamlText:
     def _mapping(self, node: yaml.MappingNode, at: KeyPath) -> dict[str, Any]:
         out: dict[str, Any] = {}
         for key_node, value_node in node.value:
-            key, line = str(key_node.value), key_node.start_mark.line + 1
+            key = str(key_node.value)
+            self.lines[(*at, key)] = key_node.start_mark.line + 1
             if key in out:
-                self.problems.append(f"{self.path}:{line}: key {key!r} stands here twice")
-            self.lines[(*at, key)] = line
+                self.problems[(*at, key)] = f"key {key!r} stands here twice"
             out[key] = self._value(value_node, (*at, key))
         return out
 
     def _scalar(self, node: yaml.Node, at: KeyPath) -> Any:
-        text = str(node.value)
-        if "${" not in text:
-            return yaml.SafeLoader("").construct_object(node)
-        filled = _VARIABLE.sub(lambda m: self._variable(m, at), text)
-        # A variable may hold a number: read what came out as YAML would have.
-        return yaml.safe_load(filled) if filled else filled
+        if "${" in node.value:
+            node.value = _VARIABLE.sub(lambda m: self._variable(m, at), node.value)
+            if isinstance(node, yaml.ScalarNode) and node.style is None:
+                # Without quotes: a variable may hold a number, as the text itself could.
+                node.tag = self._tag(node.value)
+        try:
+            return self._loader.construct_object(node)
+        except (ValueError, yaml.YAMLError):
+            self.problems[at] = f"{node.value!r} can't be read as {node.tag.rpartition(':')[2]}"
+            return None
+
+    def _tag(self, text: str) -> str:
+        tag = self._loader.resolve(yaml.ScalarNode, text, (True, False))  # type: ignore[no-untyped-call]  # PyYAML's stub leaves it bare
+        return str(tag)
 
     def _variable(self, match: re.Match[str], at: KeyPath) -> str:
         name, default = match.group(1), match.group(2)
         value = os.environ.get(name, default)
         if value is None:
-            self.problems.append(f"{self.place(at)}: environment variable {name} is not set")
+            self.problems[at] = f"environment variable {name} is not set"
             return ""
         return value
+
+
+def _syntax_error(exc: yaml.MarkedYAMLError, text: str) -> str:
+    number = exc.problem_mark.line if exc.problem_mark else 0
+    line = text.splitlines()[number : number + 1]
+    hint = "; within { } put ${…} in quotes" if line and "${" in line[0] else ""
+    return f"{number + 1}: not YAML: {exc.problem}{hint}"

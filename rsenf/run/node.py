@@ -4,29 +4,28 @@ from __future__ import annotations
 
 import argparse
 import os
+import secrets
 import signal
-import socket
 import sys
 import threading
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import psutil
-
-from rsenf.bus.delivery import HEALTH, Delivery, delivery_of
+from rsenf.bus.bus import Bus, Publisher
+from rsenf.bus.delivery import HEALTH, LOOKING, Delivery, delivery_of
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import alive_key, camera_key, health_key, node_of, reference_key, topic_of
-from rsenf.bus.zenoh_bus import BusSettings, Publisher, ZenohBus, open_bus
+from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph, load_graph, redact
 from rsenf.config.graph import sender_of
-from rsenf.errors import EXIT_INTERRUPTED, NodeFailed, RsenfError
-from rsenf.messages import Header, Health
+from rsenf.errors import EXIT_INTERRUPTED, NodeFailed, RsenfError, UsageError
+from rsenf.run.health import HealthReport
 from rsenf.run.peers import Peers
 
-HEALTH_EVERY_S = 1.0
 PEERS_TIMEOUT_S = 30.0
+BEAT_S = 0.1
 
 
 class NodeProcess:
@@ -40,28 +39,30 @@ class NodeProcess:
         Its own name in the graph.
     run_id : str
         Identity of the run, carried by every message.
-    bus : ZenohBus
+    bus : Bus
         Open bus.
     """
 
-    def __init__(self, graph: Graph, name: str, run_id: str, bus: ZenohBus) -> None:
+    def __init__(self, graph: Graph, name: str, run_id: str, bus: Bus) -> None:
         self.graph, self.name, self.run_id = graph, name, run_id
         self.config: Any = graph.nodes[name]
-        self.graph_text = ""
         self.stop = threading.Event()
         self.inbox = Inbox()
         self.peers = Peers(set(graph.nodes) - {name})
         self.exit_code = 0
         self._bus = bus
         self._publishers: list[Publisher] = []
-        self._state, self._detail = "starting", ""
-        self._seq = 0
-        self._last_input_ns = 0
-        self._latency_s = 0.0
-        self._rate = _Rate()
-        self._health = bus.publisher(health_key(graph.site, name), HEALTH)
+        self._health = HealthReport(
+            name,
+            self.config.kind,
+            run_id,
+            bus.publisher(health_key(graph.site, name), HEALTH),
+            self.inbox,
+            self.peers,
+            lambda: sum(p.sent for p in self._publishers),
+        )
+        self.say, self.note_input = self._health.say, self._health.note_input
         self._watch_peers()
-        threading.Thread(target=self._beat, name="health", daemon=True).start()
 
     # --- the streams -----------------------------------------------------------------------
 
@@ -87,6 +88,8 @@ class NodeProcess:
         """Node of this graph that sends a camera's topic or a grid's reference; '' for none."""
         return sender_of(self.graph, topic, name)
 
+    # --- the others ------------------------------------------------------------------------
+
     def ready(self) -> None:
         """Subscriptions are open: show it. Senders wait for this."""
         self._bus.declare_alive(alive_key(self.graph.site, self.name))
@@ -104,24 +107,10 @@ class NodeProcess:
         if missing and not self.stop.is_set():
             raise NodeFailed(f"never came up: {', '.join(sorted(missing))}", "is it started?")
 
-    def note_input(self, header: Header) -> None:
-        """Count a message received and the time it took from the frame's arrival to here."""
-        self._last_input_ns = time.time_ns()
-        self._rate.count()
-        if header.arrival_time_ns:
-            self._latency_s = (self._last_input_ns - header.arrival_time_ns) / 1e9
-
-    # --- health ----------------------------------------------------------------------------
-
-    def say(self, state: str, detail: str = "") -> None:
-        """Change the state, and publish it at once."""
-        self._state, self._detail = state, redact(detail)
-        self._publish_health()
-
     def _watch_peers(self) -> None:
         site, words = self.graph.site, Inbox()
         self._bus.watch_alive(alive_key(site, "*"), self.peers.on_alive)
-        self._bus.subscribe(words, health_key(site, "*"), HEALTH)
+        self._bus.subscribe(words, health_key(site, "*"), LOOKING)
 
         def listen() -> None:
             while not words.closed:
@@ -131,68 +120,43 @@ class NodeProcess:
 
         threading.Thread(target=listen, name="peers", daemon=True).start()
 
-    def _beat(self) -> None:
-        parent, last = os.getppid(), 0.0
-        before: tuple[str, ...] = ()
-        while not self.stop.wait(0.1):
-            if os.getppid() != parent:  # whoever started the graph is gone: don't linger
-                self.stop.set()
-            lost = self.peers.lost
-            if lost != before or time.monotonic() - last >= HEALTH_EVERY_S:
-                before, last = lost, time.monotonic()
-                self._publish_health()
+    @contextmanager
+    def beating(self, supervisor: int) -> Iterator[None]:
+        """Publish health regularly; stop when the process that started this one is gone.
 
-    def _publish_health(self) -> None:
-        counters, process = self.inbox.counters, psutil.Process()
-        usage = process.cpu_times()
-        self._seq += 1
-        self._health.send(
-            Health(
-                header=Header(
-                    run_id=self.run_id,
-                    source=self.name,
-                    seq=self._seq,
-                    arrival_time_ns=time.time_ns(),
-                ),
-                node=self.name,
-                kind=self.config.kind,
-                state=self._state,
-                detail=self._detail,
-                pid=os.getpid(),
-                host=socket.gethostname(),
-                time_ns=time.time_ns(),
-                messages_in=counters.received,
-                messages_out=sum(p.sent for p in self._publishers),
-                dropped=counters.dropped,
-                missed=counters.missed,
-                rejected=counters.rejected,
-                rate_hz=self._rate.per_s(),
-                queue_depth=self.inbox.depth,
-                latency_s=self._latency_s,
-                last_input_ns=self._last_input_ns,
-                lost_peers=self.peers.lost,
-                memory_bytes=process.memory_info().rss,
-                cpu_s=usage.user + usage.system,
-            )
-        )
+        Parameters
+        ----------
+        supervisor : int
+            Number of that process; 0 for none.
+        """
+        ended = threading.Event()
 
+        def beat() -> None:
+            while not ended.wait(BEAT_S):
+                self._health.beat()
+                if supervisor and os.getppid() != supervisor:
+                    self.stop.set()
 
-class _Rate:
-    """Messages a second, smoothed over a few seconds."""
+        thread = threading.Thread(target=beat, name="health", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
 
-    def __init__(self) -> None:
-        self._count, self._since, self._value = 0, time.monotonic(), 0.0
-
-    def count(self) -> None:
-        self._count += 1
-
-    def per_s(self) -> float:
-        now = time.monotonic()
-        if now - self._since >= HEALTH_EVERY_S:
-            fresh = self._count / (now - self._since)
-            self._value = 0.5 * (self._value + fresh) if self._value else fresh
-            self._count, self._since = 0, now
-        return self._value
+    def live(self, body: Callable[[NodeProcess], None]) -> int:
+        """Run the body, and say how it ended; returns the exit code."""
+        try:
+            body(self)
+        except RsenfError as exc:
+            self.say("failed", str(exc))
+            raise
+        except Exception as exc:
+            self.say("failed", f"{type(exc).__name__}: {exc}")
+            raise
+        self.say("done", self._health.detail)
+        return self.exit_code
 
 
 def run_node(body: Callable[[NodeProcess], None]) -> int:
@@ -207,51 +171,43 @@ def run_node(body: Callable[[NodeProcess], None]) -> int:
     parser.add_argument("--graph", type=Path, required=True)
     parser.add_argument("--node", required=True)
     parser.add_argument("--connect", action="append", default=[], help="endpoint of the bus")
-    parser.add_argument("--run-id", default="")
+    # A source that is started again begins another stream: it must not go by the same identity.
+    parser.add_argument("--run-id", default=secrets.token_hex(4), help="never the same twice")
+    parser.add_argument("--supervisor", type=int, default=0, help="process to end with")
     args = parser.parse_args()
+    node: NodeProcess | None = None
     try:
         graph = load_graph(args.graph)
         if args.node not in graph.nodes:
-            raise RsenfError(f"no node {args.node!r} in {args.graph}")
+            raise UsageError(f"no node {args.node!r} in {args.graph}")
         with open_bus(bus_settings(graph, tuple(args.connect))) as bus:
             node = NodeProcess(graph, args.node, args.run_id, bus)
-            node.graph_text = redact(args.graph.read_text(encoding="utf-8"))
             _install_signals(node)
-            return _live(node, body)
+            with node.beating(args.supervisor):
+                return node.live(body)
     except RsenfError as exc:
-        print(f"rsenf: {args.node}: {redact(str(exc))}", file=sys.stderr)
+        # A supervisor has heard it over the bus, and says it.
+        if node is None or not args.supervisor:
+            print(f"rsenf: {args.node}: {redact(str(exc))}", file=sys.stderr)
         return exc.exit_code
 
 
-def _live(node: NodeProcess, body: Callable[[NodeProcess], None]) -> int:
-    try:
-        body(node)
-    except RsenfError as exc:
-        node.say("failed", str(exc))
-        raise
-    except Exception as exc:
-        node.say("failed", f"{type(exc).__name__}: {exc}")
-        raise
-    node.say("done", node._detail)
-    node.stop.set()
-    return node.exit_code
-
-
-def bus_settings(graph: Graph, connect: tuple[str, ...]) -> BusSettings:
-    """How a node reaches the graph's bus: the run's own router, or what the graph names."""
+def bus_settings(graph: Graph, router: tuple[str, ...] = ()) -> BusSettings:
+    """How to reach the graph's bus: a router that was opened for it, or what it names itself."""
     bus = graph.bus
-    return BusSettings(
-        mode="client" if connect else bus.mode,
-        connect=connect or bus.connect,
-        multicast=bus.multicast and not connect,
-        zenoh=bus.zenoh,
-    )
+    if router:
+        return BusSettings(connect=router, zenoh=bus.zenoh)
+    return BusSettings(bus.mode, bus.connect, multicast=bus.multicast, zenoh=bus.zenoh)
 
 
 def _install_signals(node: NodeProcess) -> None:
+    told = False
+
     def stop(_signum: int, _frame: Any) -> None:
-        if node.stop.is_set():
+        nonlocal told
+        if told:
             os._exit(EXIT_INTERRUPTED)
+        told = True
         node.stop.set()
 
     signal.signal(signal.SIGTERM, stop)

@@ -10,6 +10,7 @@ from rsenf.bus.keys import node_of
 # A node that says 'done' and withdraws its token has finished; one whose token vanishes without
 # a word was lost. The word may come a moment after the token has gone.
 LAST_WORD_S = 0.3
+LAST_WORDS = ("done", "failed")
 
 
 class Peers:
@@ -38,8 +39,10 @@ class Peers:
     def on_state(self, name: str, state: str) -> None:
         """Take in what a node says of itself."""
         with self._change:
-            if state in ("done", "failed"):
+            if state in LAST_WORDS:
                 self._finished.add(name)
+                if name not in self._alive:  # failed before it was ready, so there was no token
+                    self._gone_since.setdefault(name, time.monotonic())
             self._change.notify_all()
 
     def wait_for_all(self, timeout_s: float, stop: threading.Event) -> set[str]:
@@ -55,7 +58,7 @@ class Peers:
 
     @property
     def missing(self) -> set[str]:
-        """Nodes that have never been seen."""
+        """Nodes that have never been seen, nor heard of."""
         return self.names - self._alive - set(self._gone_since)
 
     @property
@@ -73,5 +76,6 @@ class Peers:
 
     def gone_for_s(self, name: str) -> float:
         """Seconds since a node's token vanished, however it went; 0 while it is there."""
-        since = self._gone_since.get(name)
+        with self._change:
+            since = self._gone_since.get(name)
         return 0.0 if since is None else time.monotonic() - since

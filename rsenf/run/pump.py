@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any
 
+from rsenf.bus.bus import Publisher
 from rsenf.bus.inbox import Received
-from rsenf.bus.zenoh_bus import Publisher
+from rsenf.bus.keys import source_of
 from rsenf.messages import Header
 from rsenf.run.node import NodeProcess
 from rsenf.run.runner import Runner
@@ -14,7 +17,8 @@ from rsenf.run.runner import Runner
 # An input whose sender has gone without an END mark is given up when nothing has come this long.
 GIVE_UP_S = 1.0
 # Told to stop, a node still takes what is under way, but not for longer than this.
-LINGER_S = 0.7
+LINGER_S = 0.4
+POLL_S = 0.1
 
 
 @dataclass
@@ -28,28 +32,51 @@ class Lane:
     publisher : Publisher
         Where its messages go.
     inputs : dict
-        Key of each input, and the node that sends it.
+        Key of each input that hasn't ended, and the node that sends it.
     """
 
     runner: Runner
     publisher: Publisher
     inputs: dict[str, str]
+    _heard: dict[str, float] = field(default_factory=dict)
 
     def feed(self, received: Received) -> None:
         """Give the stage a message and send on what it completes."""
+        key = received.key
+        if key not in self.inputs:
+            return
+        self._heard[key] = time.monotonic()
         if received.message.header.is_end:
-            self.inputs.pop(received.key, None)
-        for message in self.runner.feed(received.message):
-            self.publisher.send(message)
+            del self.inputs[key]
+        self._send(self.runner.feed(received.message))
 
-    def give_up(self, node: NodeProcess) -> None:
-        """End the inputs whose senders are gone."""
+    def give_up(self, run_id: str, hopeless: Callable[[str], bool]) -> None:
+        """End the inputs from which nothing will come any more.
+
+        Parameters
+        ----------
+        run_id : str
+            For the END mark of a stream that never began.
+        hopeless : callable
+            Told the node that sends an input.
+        """
+        now = time.monotonic()
         for key, sender in list(self.inputs.items()):
-            if node.peers.gone_for_s(sender) > GIVE_UP_S:
-                del self.inputs[key]
-                source = key.removeprefix("rsenf/").rsplit("/", 1)[0]
-                for message in self.runner.end(Header(run_id=node.run_id, source=source)):
-                    self.publisher.send(message)
+            if now - self._heard.setdefault(key, now) > GIVE_UP_S and hopeless(sender):
+                self._end(key, run_id)
+
+    def end(self, run_id: str) -> None:
+        """End what is still open."""
+        for key in list(self.inputs):
+            self._end(key, run_id)
+
+    def _end(self, key: str, run_id: str) -> None:
+        del self.inputs[key]
+        self._send(self.runner.end(Header(run_id=run_id, source=source_of(self.publisher.key))))
+
+    def _send(self, messages: Iterable[Any]) -> None:
+        for message in messages:
+            self.publisher.send(message)
 
 
 def pump(node: NodeProcess, lanes: list[Lane]) -> None:
@@ -62,24 +89,21 @@ def pump(node: NodeProcess, lanes: list[Lane]) -> None:
     for lane in lanes:
         for key in lane.inputs:
             by_key.setdefault(key, []).append(lane)
-    quiet_since, stopping_since = time.monotonic(), None
-    while not all(lane.runner.ended for lane in lanes):
-        received = node.inbox.receive(0.1)
+    looked, stop_by = 0.0, float("inf")
+    while any(lane.inputs for lane in lanes):
+        received = node.inbox.receive(POLL_S)
         if received is not None:
-            quiet_since = time.monotonic()
             node.note_input(received.message.header)
             for lane in by_key.get(received.key, ()):
                 lane.feed(received)
-        elif node.stop.is_set():
-            break
-        if stopping_since is None and node.stop.is_set():
-            stopping_since = time.monotonic()
-        if stopping_since and time.monotonic() - stopping_since > LINGER_S:
-            break
-        if received is None and time.monotonic() - quiet_since > GIVE_UP_S:
+        now = time.monotonic()
+        if node.stop.is_set():
+            stop_by = min(stop_by, now + LINGER_S)
+            if received is None or now > stop_by:
+                break
+        if now - looked > POLL_S:
+            looked = now
             for lane in lanes:
-                lane.give_up(node)
+                lane.give_up(node.run_id, lambda name: node.peers.gone_for_s(name) > GIVE_UP_S)
     for lane in lanes:
-        while not lane.runner.ended:
-            for message in lane.runner.end(Header(run_id=node.run_id)):
-                lane.publisher.send(message)
+        lane.end(node.run_id)

@@ -2,73 +2,117 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
 
+import yaml
+
 from rsenf.bus.delivery import Delivery
 from rsenf.bus.inbox import Inbox, Received
-from rsenf.bus.keys import camera_key, reference_key
+from rsenf.bus.keys import camera_key, matches, reference_key
+from rsenf.config import shown
 from rsenf.config.graph import DecodeNode, Graph, ReferenceNode, SimulatedInput, outputs
+from rsenf.errors import InputError
 from rsenf.messages import Header
+from rsenf.record.provenance import input_facts
 from rsenf.record.writer import Recorder
 from rsenf.run.node import NodeProcess
 
-# How long a recording waits, told to stop, for streams to end; and for a sender that is gone.
-STOP_LINGER_S = 0.8
 # Recording waits for the disk, and its senders wait for it.
 DELIVERY = Delivery(lossless=True, queue=512, history=600)
+# How long a recording that is told to stop waits for streams to end; and for a sender that is gone.
+STOP_LINGER_S = 0.5
 GONE_LINGER_S = 1.0
+HASH_POLL_S = 0.05
 
 
 def run_info(node: NodeProcess) -> dict[str, str]:
     """Run, site and graph, as they go into the recording. Secrets are hidden."""
-    return {"run_id": node.run_id, "site": node.graph.site, "config": node.graph_text}
+    config = yaml.safe_dump(shown(node.graph), sort_keys=False, allow_unicode=True, width=1000)
+    return {"run_id": node.run_id, "site": node.graph.site, "config": config}
 
 
-def input_files(graph: Graph) -> list[Path]:
-    """Files that a graph reads, for their hashes."""
-    names = [n.input for n in graph.of(DecodeNode) if not isinstance(n.input, SimulatedInput)]
-    names += [n.input for n in graph.of(ReferenceNode)]
-    return [Path(name) for name in names if Path(name).is_file()]
+class InputHashes:
+    """Hashes the files that a graph reads, beside the recording.
+
+    Parameters
+    ----------
+    graph : Graph
+        The graph.
+    """
+
+    def __init__(self, graph: Graph) -> None:
+        names = [n.input for n in graph.of(DecodeNode) if not isinstance(n.input, SimulatedInput)]
+        names += [n.input for n in graph.of(ReferenceNode)]
+        self._paths = [path for path in map(Path, names) if path.is_file()]
+        self._facts: list[dict[str, str]] = []
+        self._thread = threading.Thread(target=self._hash, name="hashes", daemon=True)
+        self._thread.start()
+
+    def _hash(self) -> None:
+        for path in self._paths:
+            try:
+                self._facts.append(input_facts(path))
+            except InputError as exc:
+                self._facts.append({"input": path.name, "input_sha256": "", "why": str(exc)})
+
+    def facts(self, stop: threading.Event) -> list[dict[str, str]]:
+        """Wait for the hashes, unless told to stop; returns what is known of each file."""
+        while self._thread.is_alive() and not stop.is_set():
+            self._thread.join(HASH_POLL_S)
+        done = list(self._facts)
+        left = self._paths[len(done) :]
+        why = "the recording was stopped before its hash was known"
+        return done + [{"input": path.name, "input_sha256": "", "why": why} for path in left]
 
 
 class Ending:
     """Knows which streams are still open: those of the graph's own nodes, until their END mark.
 
     A node that is gone without an END mark is not waited for.
+
+    Parameters
+    ----------
+    node : NodeProcess
+        The recording node.
+    key_exprs : list of str
+        What it records.
     """
 
-    def __init__(self, node: NodeProcess) -> None:
+    def __init__(self, node: NodeProcess, key_exprs: list[str]) -> None:
         self._node = node
-        self._open: dict[str, str] = {}
-        self._quiet_since = time.monotonic()
-        self._stop_since: float | None = None
+        self._open: dict[str, str] = {}  # who sends each stream
+        self._heard: dict[str, float] = {}
+        self._stop_by = float("inf")
         site = node.graph.site
         for name, config in node.graph.nodes.items():
             for topic, of in outputs(config):
                 grid = topic == "reference"
                 key = reference_key(site, of) if grid else camera_key(site, of, topic)
-                self._open[key] = name
+                if any(matches(expr, key) for expr in key_exprs):
+                    self._open[key] = name
+        # What only others send has no end that could be known.
         self._endless = not self._open
 
     def note(self, key: str, header: Header) -> None:
         """Take in a message that was recorded."""
-        self._quiet_since = time.monotonic()
+        self._heard[key] = time.monotonic()
         if header.is_end:
             self._open.pop(key, None)
 
     def reached(self) -> bool:
         """Whether there is nothing more to wait for."""
-        now = time.monotonic()
+        now, node = time.monotonic(), self._node
         for key, name in list(self._open.items()):
-            gone = self._node.peers.gone_for_s(name) > GONE_LINGER_S
-            if gone and now - self._quiet_since > GONE_LINGER_S:
+            quiet_s = now - self._heard.setdefault(key, now)
+            if quiet_s > GONE_LINGER_S and node.peers.gone_for_s(name) > GONE_LINGER_S:
                 del self._open[key]
-        if self._node.stop.is_set():
-            self._stop_since = self._stop_since or now
-            return not self._open or now - self._stop_since > STOP_LINGER_S
-        return not self._open and not self._endless and self._node.inbox.depth == 0
+        if node.stop.is_set():
+            self._stop_by = min(self._stop_by, now + STOP_LINGER_S)
+            return now > self._stop_by or (not self._open and node.inbox.depth == 0)
+        return not self._open and not self._endless and node.inbox.depth == 0
 
 
 def record_until(

@@ -10,16 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rsenf.messages import EnfEstimate, Frame, Header, Mark, MatchResult, RowBlock
+from rsenf.bus.keys import TOPICS
+from rsenf.messages import Header, Mark
 from rsenf.stage import Stage
-
-# What each stage sends, for the mark that ends its stream.
-OUTPUTS: dict[str, type[Any]] = {
-    "frames": Frame,
-    "rows": RowBlock,
-    "track": EnfEstimate,
-    "match": MatchResult,
-}
 
 
 class Runner:
@@ -41,8 +34,8 @@ class Runner:
         self._make_stage = make_stage
         self._stage = make_stage()
         self._inputs, self._open = inputs, inputs
-        self._stream: tuple[str, int] | None = None
-        self._last: Header | None = None
+        self._fed: Header | None = None  # of the last message in
+        self._sent: Header | None = None  # of the last message out, in the same epoch
         self.ended = False
 
     def feed(self, message: Any) -> list[Any]:
@@ -51,33 +44,37 @@ class Runner:
         if header.is_end:
             return self.end(header)
         out = self._renew(header) if self._inputs == 1 else []
-        return out + self._sent(self._stage.update(message))
+        self._fed = header
+        return out + self._note(self._stage.update(message))
 
     def end(self, header: Header) -> list[Any]:
-        """One input has ended, or will never come; the last one ends the stage."""
+        """One input has ended, or will never come; the last one ends the stage.
+
+        ``header`` is what the END mark goes by when the stage has not had a single message.
+        """
         self._open -= 1
         if self._open > 0 or self.ended:
             return []
         self.ended = True
-        out = self._sent(self._stage.flush())
-        last = self._last or header
-        seq = last.seq + 1 if self._last else 0
-        return [*out, OUTPUTS[self.topic](header=last.numbered(seq, Mark.END))]
+        out = self._note(self._stage.flush())
+        last, seq = self._fed or header, 0
+        if self._sent:
+            last, seq = self._sent, self._sent.seq + 1
+        return [*out, TOPICS[self.topic](header=last.numbered(seq, Mark.END))]
 
     def _renew(self, header: Header) -> list[Any]:
         """Finish the epoch before and start anew, when this message begins another."""
-        stream = (header.run_id, header.epoch)
-        before, self._stream = self._stream, stream
-        if before in (None, stream):
+        fed = self._fed
+        if fed is None or (fed.run_id, fed.epoch) == (header.run_id, header.epoch):
             return []
-        out = self._sent(self._stage.flush())
+        out = self._stage.flush()
         self._stage = self._make_stage()
-        self._last = None
+        self._sent = None
         return out
 
-    def _sent(self, messages: list[Any]) -> list[Any]:
+    def _note(self, messages: list[Any]) -> list[Any]:
         if messages:
-            self._last = messages[-1].header
+            self._sent = messages[-1].header
         return messages
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rsenf.config import Graph
 
 if TYPE_CHECKING:
-    from rsenf.run.supervisor import GraphRun, NodeState
+    from rsenf.run.graph_run import GraphRun, NodeState
 
 _COLOURS = {
     "running": "green", "done": "blue", "lost": "bold red", "failed": "bold red",

@@ -1,0 +1,87 @@
+"""A bus within one process, for tests: the same interface, without sockets or waiting."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from rsenf.bus.bus import Publisher, Subscription
+from rsenf.bus.delivery import Delivery
+from rsenf.bus.inbox import Envelope, Inbox
+from rsenf.bus.keys import matches
+
+
+class Loopback:
+    """The network: what all its buses share."""
+
+    def __init__(self) -> None:
+        self.subscriptions: list[tuple[str, Subscription]] = []
+        self.publishers: list[Publisher] = []
+        self.tokens: list[str] = []
+        self.watchers: list[tuple[str, Callable[[str, bool], None]]] = []
+        self.lock = threading.RLock()
+
+    def bus(self, name: str) -> LoopbackBus:
+        """Join it as a process would."""
+        return LoopbackBus(self, name)
+
+
+class _LoopbackPublisher(Publisher):
+    def __init__(self, network: Loopback, key: str, delivery: Delivery, sender: str) -> None:
+        super().__init__(key, delivery, sender)
+        self._network = network
+
+    def _put(self, item: Envelope) -> None:
+        with self._network.lock:
+            takers = [s for expr, s in self._network.subscriptions if matches(expr, item.key)]
+        for subscription in takers:
+            subscription.take(item)
+
+
+class LoopbackBus:
+    """A :class:`rsenf.bus.bus.Bus`."""
+
+    def __init__(self, network: Loopback, name: str) -> None:
+        self._network, self._name = network, name
+        self._tokens: list[str] = []
+
+    def publisher(self, key: str, delivery: Delivery) -> Publisher:
+        """Open a key for sending."""
+        publisher = _LoopbackPublisher(self._network, key, delivery, self._name)
+        with self._network.lock:
+            self._network.publishers.append(publisher)
+        return publisher
+
+    def subscribe(self, inbox: Inbox, key_expr: str, delivery: Delivery) -> None:
+        """Let an inbox receive a key expression, its history included, in order."""
+        subscription = Subscription(inbox, delivery)
+        with self._network.lock:
+            self._network.subscriptions.append((key_expr, subscription))
+            senders = [p for p in self._network.publishers if matches(key_expr, p.key)]
+        kept = [item for p in senders for item in p.history()] if delivery.history else []
+        subscription.catch_up(kept)
+
+    def declare_alive(self, key: str) -> None:
+        """Show a liveliness token until this bus is closed."""
+        self._tokens.append(key)
+        self._tell(key, alive=True)
+
+    def watch_alive(self, key_expr: str, on_change: Callable[[str, bool], None]) -> None:
+        """Call ``on_change(key, alive)`` for every token, those already there included."""
+        with self._network.lock:
+            self._network.watchers.append((key_expr, on_change))
+            there = [key for key in self._network.tokens if matches(key_expr, key)]
+        for key in there:
+            on_change(key, True)
+
+    def close(self) -> None:
+        """Withdraw the tokens, as the end of a process would."""
+        for key in self._tokens:
+            self._tell(key, alive=False)
+
+    def _tell(self, key: str, *, alive: bool) -> None:
+        with self._network.lock:
+            (self._network.tokens.append if alive else self._network.tokens.remove)(key)
+            watchers = [w for expr, w in self._network.watchers if matches(expr, key)]
+        for on_change in watchers:
+            on_change(key, alive)

@@ -1,0 +1,209 @@
+"""A running graph as its supervisor sees it: what each node says, and whether its process lives."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from rsenf.bus.bus import Bus
+from rsenf.bus.delivery import LOOKING
+from rsenf.bus.inbox import Inbox
+from rsenf.bus.keys import camera_key, health_key, node_of
+from rsenf.bus.ring import ring_directory
+from rsenf.config import Graph
+from rsenf.config.graph import DecodeNode, MatchNode, ReferenceNode
+from rsenf.errors import EXIT_USAGE, NodeFailed
+from rsenf.messages import Health, MatchResult
+
+# Told to stop, sources end their streams and everything after them finishes by itself; who hasn't
+# by then is told too, and in the end made to. All within two seconds.
+SOURCES_FIRST_S = 0.7
+KILL_AFTER_S = 1.7
+POLL_S = 0.05
+
+
+@dataclass
+class NodeState:
+    """What is known of a node.
+
+    Attributes
+    ----------
+    state : str
+        'starting', 'running', 'done', 'failed', or 'lost' when its process ended without a word.
+    """
+
+    name: str
+    kind: str
+    state: str = "starting"
+    detail: str = ""
+    health: Health | None = None
+    process: subprocess.Popen[bytes] | None = None
+    exit_code: int | None = None
+    told: bool = False  # to stop
+    was_ready: bool = False
+
+    @property
+    def went_wrong(self) -> bool:
+        """Whether it failed or was lost."""
+        return self.state in ("lost", "failed")
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send its process a signal, unless it has ended."""
+        if self.process and self.exit_code is None:
+            self.process.send_signal(number)
+
+
+@dataclass
+class GraphRun:
+    """A running graph.
+
+    Parameters
+    ----------
+    graph : Graph
+        What is run.
+    run_id : str
+        Identity of this run.
+    endpoint : str
+        Where others can join the bus.
+    nodes : dict
+        State of each node by name.
+    on_change : callable
+        Told of every change of a node's state.
+
+    Attributes
+    ----------
+    results : dict
+        Latest match result of each camera.
+    """
+
+    graph: Graph
+    run_id: str
+    endpoint: str
+    nodes: dict[str, NodeState]
+    on_change: Callable[[NodeState], None]
+    results: dict[str, MatchResult] = field(default_factory=dict)
+    _words: Inbox = field(default_factory=Inbox)
+
+    @property
+    def running(self) -> list[NodeState]:
+        """Nodes whose processes live."""
+        return [n for n in self.nodes.values() if n.process and n.exit_code is None]
+
+    @property
+    def never_began(self) -> bool:
+        """Whether a node went wrong before it was ready: the others would wait for it in vain."""
+        return any(n.went_wrong and not n.was_ready for n in self.nodes.values())
+
+    def wait(self, stop: threading.Event) -> None:
+        """Watch until every process has ended; end them when asked to, or when one can't begin."""
+        while self.running and not stop.is_set() and not self.never_began:
+            self.watch(POLL_S)
+        self.stop()
+        self._listen_until_quiet()
+
+    def watch(self, timeout_s: float) -> None:
+        """Take in what the nodes say, and see which have ended."""
+        self._listen(timeout_s)
+        for node in self.running:
+            assert node.process is not None
+            code = node.process.poll()
+            if code is not None:
+                self._listen_until_quiet()
+                node.exit_code = code
+                self._change(node, *_end_of(node, code))
+
+    def stop(self) -> None:
+        """Stop everything within two seconds: sources first, so that their streams end in order."""
+        begun = time.monotonic()
+        if not self.never_began:
+            self._tell(n for n in self.running if self._is_source(n))
+            self._wait_until(begun + SOURCES_FIRST_S)
+        self._tell(self.running)
+        self._wait_until(begun + KILL_AFTER_S)
+        self.kill()
+        self._wait_until(begun + KILL_AFTER_S + 1.0)
+
+    def kill(self) -> None:
+        """End every process at once, and remove what they leave in shared memory."""
+        for node in self.running:
+            node.signal(signal.SIGKILL)
+        for ring in ring_directory().glob(f"rsenf-{self.run_id}-*"):
+            ring.unlink(missing_ok=True)
+
+    def _is_source(self, node: NodeState) -> bool:
+        return isinstance(self.graph.nodes[node.name], DecodeNode | ReferenceNode)
+
+    def _tell(self, nodes: Iterable[NodeState]) -> None:
+        """Ask to stop, once: a second time means at once."""
+        for node in nodes:
+            if not node.told:
+                node.told = True
+                node.signal(signal.SIGTERM)
+
+    def _wait_until(self, deadline: float) -> None:
+        while self.running and time.monotonic() < deadline:
+            self.watch(POLL_S)
+
+    def _listen_until_quiet(self) -> None:
+        while self._listen(POLL_S):
+            pass
+
+    def _listen(self, timeout_s: float) -> bool:
+        received = self._words.receive(timeout_s)
+        if received is None:
+            return False
+        if isinstance(received.message, Health):
+            node = self.nodes.get(node_of(received.key))
+            if node is not None and node.exit_code is None:
+                node.health = received.message
+                node.was_ready |= received.message.state == "running"
+                self._change(node, received.message.state, received.message.detail)
+        elif not received.message.header.is_end:
+            self.results[received.message.header.source] = received.message
+        return True
+
+    def _change(self, node: NodeState, state: str, detail: str) -> None:
+        before = node.state, node.detail
+        node.state, node.detail = state, detail
+        if before != (state, detail):
+            self.on_change(node)
+
+    def listen_to(self, bus: Bus) -> None:
+        """Subscribe to the health of the nodes, and to results."""
+        site = self.graph.site
+        bus.subscribe(self._words, health_key(site, "*"), LOOKING)
+        for match in self.graph.of(MatchNode):
+            for camera in match.cameras:
+                bus.subscribe(self._words, camera_key(site, camera, "match"), LOOKING)
+
+
+def _end_of(node: NodeState, code: int) -> tuple[str, str]:
+    """Return the state and detail of a node whose process has ended with a code."""
+    if code == -signal.SIGTERM and node.told:  # before it could listen to signals
+        return "done", "stopped before it began"
+    if code < 0:
+        return "lost", f"killed by signal {-code}"
+    if code == 0 or node.state == "done":
+        return "done", node.detail
+    return "failed", node.detail or f"exit code {code}"
+
+
+def check_ended(run: GraphRun) -> int:
+    """Exit code of a graph that has ended: the worst of its nodes'.
+
+    Raises
+    ------
+    NodeFailed
+        When a node was lost or failed; with the exit code of a wrong usage when that was all.
+    """
+    bad = [n for n in run.nodes.values() if n.went_wrong]
+    if bad:
+        failure = NodeFailed("; ".join(f"{n.name}: {n.detail}" for n in bad))
+        if all(n.exit_code == EXIT_USAGE for n in bad):
+            failure.exit_code = EXIT_USAGE
+        raise failure
+    return max((n.exit_code or 0 for n in run.nodes.values()), default=0)

@@ -1,0 +1,134 @@
+"""A node's health: every second, at every change, and as its last word."""
+
+from __future__ import annotations
+
+import os
+import resource
+import socket
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from rsenf.bus.bus import Publisher
+from rsenf.bus.inbox import Inbox
+from rsenf.config import redact
+from rsenf.messages import Header, Health
+from rsenf.run.peers import Peers
+
+EVERY_S = 1.0
+_STATM = Path("/proc/self/statm")
+
+
+class HealthReport:
+    """Collects what a node says about itself and sends it. May be used from several threads.
+
+    Parameters
+    ----------
+    name, kind, run_id : str
+        Of the node.
+    publisher : Publisher
+        Where to.
+    inbox : Inbox
+        Whose counters go with it.
+    peers : Peers
+        Who of the others is lost.
+    sent : callable
+        Tells how many messages the node has sent.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        kind: str,
+        run_id: str,
+        publisher: Publisher,
+        inbox: Inbox,
+        peers: Peers,
+        sent: Callable[[], int],
+    ) -> None:
+        self.state, self.detail = "starting", ""
+        self._name, self._kind, self._run_id = name, kind, run_id
+        self._publisher, self._inbox, self._peers, self._sent = publisher, inbox, peers, sent
+        self._taken, self._rate = 0, _Rate()
+        self._last_input_ns, self._latency_s = 0, 0.0
+        self._seq = 0
+        self._lock = threading.Lock()
+        self._published_s, self._published_lost = 0.0, tuple[str, ...]()
+
+    def note_input(self, header: Header) -> None:
+        """Count a message taken, and the time from the frame's arrival to here."""
+        self._taken += 1
+        self._last_input_ns = time.time_ns()
+        if header.arrival_time_ns:
+            self._latency_s = (self._last_input_ns - header.arrival_time_ns) / 1e9
+
+    def say(self, state: str, detail: str = "") -> None:
+        """Change the state, and publish it at once."""
+        with self._lock:
+            self.state, self.detail = state, redact(detail)
+            self._publish()
+
+    def beat(self) -> None:
+        """Publish when a second is over, or when another node was lost. To be called often."""
+        with self._lock:
+            late = time.monotonic() - self._published_s >= EVERY_S
+            if late or self._peers.lost != self._published_lost:
+                self._publish()
+
+    def _publish(self) -> None:
+        """Number and send under the lock, so that no word overtakes another."""
+        counters, usage = self._inbox.counters, os.times()
+        self._published_s, self._published_lost = time.monotonic(), self._peers.lost
+        now_ns = time.time_ns()
+        self._publisher.send(
+            Health(
+                header=Header(
+                    run_id=self._run_id, source=self._name, seq=self._seq, arrival_time_ns=now_ns
+                ),
+                node=self._name,
+                kind=self._kind,
+                state=self.state,
+                detail=self.detail,
+                pid=os.getpid(),
+                host=socket.gethostname(),
+                time_ns=now_ns,
+                messages_in=self._taken,
+                messages_out=self._sent(),
+                dropped=counters.dropped,
+                missed=counters.missed,
+                rejected=counters.rejected,
+                rate_hz=self._rate.per_s(self._taken),
+                queue_depth=self._inbox.depth,
+                latency_s=self._latency_s,
+                last_input_ns=self._last_input_ns,
+                lost_peers=self._published_lost,
+                memory_bytes=_memory_bytes(),
+                cpu_s=usage.user + usage.system,
+            )
+        )
+        self._seq += 1
+
+
+class _Rate:
+    """Messages a second, smoothed over a few seconds."""
+
+    def __init__(self) -> None:
+        self._count, self._since, self._value = 0, time.monotonic(), 0.0
+
+    def per_s(self, count: int) -> float:
+        """Return the rate, given the count so far."""
+        now = time.monotonic()
+        if now - self._since >= EVERY_S:
+            fresh = (count - self._count) / (now - self._since)
+            self._value = 0.5 * (self._value + fresh) if self._value else fresh
+            self._count, self._since = count, now
+        return self._value
+
+
+def _memory_bytes() -> int:
+    """Resident memory; its peak where the system doesn't tell the present value."""
+    try:
+        return int(_STATM.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

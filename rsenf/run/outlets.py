@@ -1,0 +1,74 @@
+"""Where a decode node's frames go: to the node that samples them, or to a stage of its own."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Protocol
+
+from rsenf.bus.bus import Publisher
+from rsenf.bus.frames import FrameSender
+from rsenf.config.graph import DecodeNode
+from rsenf.messages import Frame, Header, Mark
+from rsenf.run.node import NodeProcess
+from rsenf.run.runner import Runner
+
+
+class Outlet(Protocol):
+    """Takes frames."""
+
+    def send(self, frame: Frame) -> None:
+        """Take a frame whose ``luma`` is filled."""
+
+    def finish(self, last: Header) -> None:
+        """End the stream, after the frame with this header."""
+
+    def close(self) -> None:
+        """Let go of what is held."""
+
+
+def open_outlet(node: NodeProcess, config: DecodeNode, *, live: bool) -> Outlet:
+    """Open what the configuration asks for."""
+    if config.frames == "fused":
+        return _Fused(config, node.publisher(config.camera, "rows"))
+    frames = node.publisher(config.camera, "frames", live=live)
+    reader = node.sender_of("rows", config.camera)
+    if config.frames == "ring" and not reader:
+        return _Unread(frames)
+    name = f"rsenf-{node.run_id}-{config.camera}" if config.frames == "ring" else ""
+    return FrameSender(frames, name, config.ring_slots, lambda: node.peers.gone_for_s(reader) > 0)
+
+
+class _Fused:
+    """A rows stage in the same process."""
+
+    def __init__(self, config: DecodeNode, rows: Publisher) -> None:
+        from rsenf.rows.stage import Rows  # OpenCV: 40 ms that only this outlet needs
+
+        self._runner = Runner("rows", lambda: Rows(config.rows))
+        self._rows = rows
+
+    def send(self, frame: Frame) -> None:
+        for block in self._runner.feed(frame):
+            self._rows.send(block)
+
+    def finish(self, last: Header) -> None:
+        self.send(Frame(header=last.numbered(last.seq + 1, Mark.END)))
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+class _Unread:
+    """Nobody samples the frames: only what is known of each travels, for recording."""
+
+    def __init__(self, frames: Publisher) -> None:
+        self._frames = frames
+
+    def send(self, frame: Frame) -> None:
+        self._frames.send(dataclasses.replace(frame, luma=None))
+
+    def finish(self, last: Header) -> None:
+        self._frames.send(Frame(header=last.numbered(last.seq + 1, Mark.END)))
+
+    def close(self) -> None:
+        """Nothing is held."""

@@ -1,0 +1,243 @@
+"""Graph files: every problem at once, each with its line and a way out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from rsenf.config import Graph, load_graph
+from rsenf.config.graph import DecodeNode, SimulatedInput, outputs, sender_of
+from rsenf.errors import EXIT_USAGE, ConfigError, UsageError
+from tests.conftest import ROOT
+
+GOOD = """\
+version: 1
+site: lab
+nodes:
+  decode: {kind: decode, camera: cam1, input: clip.mp4}
+  rows:   {kind: rows, cameras: [cam1]}
+  track:  {kind: track, cameras: [cam1]}
+  grid:   {kind: reference, grid: ce, input: ce.csv}
+  match:  {kind: match, cameras: [cam1], grid: ce}
+  record: {kind: record, out: all.mcap}
+"""
+
+
+DECODE = """\
+  decode:
+    kind: decode
+    camera: cam1
+    input:
+      model: ${CLIP}
+      seed: ${SEED}
+      duration_s: ${LONG:-9.5}
+"""
+
+
+@pytest.fixture
+def load(tmp_path: Path) -> Callable[[str], Graph]:
+    def write_and_load(text: str) -> Graph:
+        (tmp_path / "g.yaml").write_text(text, encoding="utf-8")
+        return load_graph(tmp_path / "g.yaml")
+
+    return write_and_load
+
+
+@pytest.fixture
+def problems(tmp_path: Path, load: Callable[[str], Graph]) -> Callable[[str], list[str]]:
+    """Lines of the error that a text causes, each without the path: ``line: text``."""
+
+    def find(text: str) -> list[str]:
+        with pytest.raises(ConfigError) as caught:
+            load(text)
+        assert caught.value.exit_code == EXIT_USAGE
+        start = f"{tmp_path / 'g.yaml'}:"
+        assert all(line.startswith(start) for line in caught.value.problems)
+        return [line.removeprefix(start) for line in caught.value.problems]
+
+    return find
+
+
+def test_a_good_graph_and_its_defaults(load: Callable[[str], Graph]) -> None:
+    graph = load(GOOD)
+    decode = graph.nodes["decode"]
+    assert isinstance(decode, DecodeNode)
+    assert (decode.frames, decode.record_video, decode.pace) == ("ring", True, False)
+    assert outputs(decode) == [("frames", "cam1"), ("video", "cam1")]
+    assert sender_of(graph, "track", "cam1") == "track"
+    assert sender_of(graph, "reference", "ce") == "grid"
+    assert sender_of(graph, "track", "cam2") == ""
+
+
+def test_every_problem_at_once_with_its_line(problems: Callable[[str], list[str]]) -> None:
+    text = """\
+version: 2
+site: de/mo
+bus: {conect: [tcp/a:1]}
+nodes:
+  decode:
+    kind: decode
+    camera: cam1
+    input:
+      modle: wall.yaml
+      duration_s: long
+  rows: {kind: rowz, cameras: [cam1]}
+  rows2: {kind: rows, camera: [cam1], rows: {strip: 2}}
+  track: {kind: track, cameras: [cam1], track: {nominal_hz: 55}}
+  track: {kind: track, cameras: cam1}
+  blank: {cameras: [cam1]}
+  match:
+    kind: match
+    cameras: [cam1]
+    grid: ce
+    match: {min_secnds: 3}
+  record: {kind: record, out: "${NOT_SET_ANYWHERE}", flush_every_s: 0}
+  reference: {kind: reference, grid: ce, input: ce.csv, timezone: [Europe/Paris]}
+"""
+    found = problems(text)
+    expected = [
+        ("14", "stands here twice"),
+        ("21", "environment variable NOT_SET_ANYWHERE is not set"),
+        ("1", "version: '2' is not one of 1"),
+        ("2", "site: no name: letters, digits"),
+        ("3", "bus: unknown key 'conect'; did you mean 'connect'?; allowed: connect, listen"),
+        ("8", "nodes.decode.input: key 'model' is missing"),
+        ("10", "nodes.decode.input.duration_s: Input should be a valid number"),
+        ("9", "nodes.decode.input: unknown key 'modle'; did you mean 'model'?"),
+        ("11", "nodes.rows.kind: 'rowz' is not one of decode"),
+        ("12", "nodes.rows2: key 'cameras' is missing"),
+        ("12", "nodes.rows2.rows: unknown key 'strip'; did you mean 'strips'?; allowed: block"),
+        ("12", "nodes.rows2: unknown key 'camera'; did you mean 'cameras'?; allowed: cameras"),
+        ("14", "nodes.track.cameras: Input should be a list (read: 'cam1')"),
+        ("15", "nodes.blank: key 'kind' is missing; one of decode"),
+        ("20", "nodes.match.match: unknown key 'min_secnds'; did you mean 'min_seconds'?"),
+        ("21", "nodes.record.flush_every_s: Input should be greater than 0 (read: 0)"),
+        ("22", "nodes.reference.timezone: Input should be a valid string"),
+    ]
+    for line, words in expected:
+        assert [f for f in found if f.startswith(f"{line}: ") and words in f], (line, words)
+    assert len(found) == len(expected)
+    assert "did you mean 'rows'?" in next(f for f in found if "rowz" in f)
+
+
+@pytest.mark.parametrize(
+    ("change", "line", "words"),
+    [
+        (("input: clip.mp4}", "input: clip.mp4, frames: fused}"), 5, "nobody sends the frames"),
+        (("cameras: [cam1], grid: ce", "cameras: [cam1, cam2], grid: ce"), 8, "track of camera"),
+        (("grid: ce}", "grid: uk}"), 8, "nobody sends the reference 'uk'"),
+        (("kind: rows, cameras: [cam1]", "kind: rows, cameras: [cam1, cam1]"), 5, "twice"),
+        (("  track: ", "  again: {kind: rows, cameras: [cam1]}\n  track: "), 6, "'rows' sends the"),
+        (("grid: ce}", "grid: ce, method: guess}"), 8, "no method 'guess'; one of ncc"),
+        (("  track:  {", "  track:  {track: {method: guess}, "), 6, "no method 'guess'; one of"),
+        (("all.mcap}", "all.mcap, topics: [/x]}"), 9, "'/x' is no key expression"),
+        (("camera: cam1", "camera: reference"), 4, "'reference' is taken"),
+        (("camera: cam1", 'camera: "*"'), 4, "no name"),
+        (("  rows: ", '  "a b": '), 5, "no name"),
+        (
+            ("  record:", "  other: {kind: record, out: all.mcap}\n  record:"),
+            10,
+            "'other' writes all.mcap already",
+        ),
+        (("site: lab", "site: lab\nbus: {zenoh: {scoutin/delay: 0}}"), 3, "unknown key"),
+        (("site: lab", "site: lab\nbus: {connect: [tcp/a:1], listen: [tcp/b:1]}"), 3, "listens"),
+    ],
+)
+def test_what_the_schema_can_not_see(
+    problems: Callable[[str], list[str]], change: tuple[str, str], line: int, words: str
+) -> None:
+    assert change[0] in GOOD
+    found = problems(GOOD.replace(*change, 1))
+    assert any(f.startswith(f"{line}: ") and words in f for f in found), found
+
+
+def test_on_a_bus_of_others_inputs_may_come_from_elsewhere(
+    load: Callable[[str], Graph], problems: Callable[[str], list[str]]
+) -> None:
+    elsewhere = "version: 1\nsite: lab\nbus: {connect: [tcp/a:1]}\nnodes:\n"
+    load(elsewhere + "  track: {kind: track, cameras: [cam1]}\n")
+    decode = "  d: {kind: decode, camera: cam1, input: a.mp4"
+    load(elsewhere + decode + ", frames: tcp}\n")
+    assert "nodes.d.frames: no node here reads the ring" in problems(elsewhere + decode + "}\n")[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "1: not a mapping"),
+        ("- a\n- b\n", "1: not a mapping"),
+        ("just words\n", "1: not a mapping"),
+        ("a: [1\nb: 2\n", "2: not YAML"),
+        ("a:\n\tb: 1\n", "2: not YAML"),
+        ("a: {b: ${C}}\n", "within { } put ${…} in quotes"),
+        ("a: 1\n---\nb: 2\n", "2: not YAML"),
+        ("a: \x00\n", "1: not YAML"),
+        ("a: &a [*a]\n", "1: nested without end"),
+        ("site: 2026-99-99\n", "1: '2026-99-99' can't be read as timestamp"),
+        ("site: !!int abc\n", "1: 'abc' can't be read as int"),
+        ("site: !python/name:os.system x\n", "1: 'x' can't be read as"),
+    ],
+)
+def test_what_is_no_mapping_or_no_yaml(
+    problems: Callable[[str], list[str]], text: str, words: str
+) -> None:
+    assert any(words in line for line in problems(text))
+
+
+def test_a_file_that_is_not_there_or_no_text(tmp_path: Path) -> None:
+    (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
+    for name, words in (("none.yaml", "no such file"), ("binary.yaml", "text"), ("", "text")):
+        with pytest.raises(UsageError, match=words) as caught:
+            load_graph(tmp_path / name)
+        assert "\n" not in str(caught.value)
+
+
+def test_variables(load: Callable[[str], Graph], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CLIP", "/data/a: b #1.mp4")
+    monkeypatch.setenv("SEED", "7")
+    monkeypatch.setenv("SITE", "42")
+    graph = load(
+        GOOD.replace("  decode: {kind: decode, camera: cam1, input: clip.mp4}", DECODE)
+        .replace("site: lab", 'site: "${SITE}"')
+        .replace("all.mcap", '"${OUT:-out}/${SITE}.mcap"')
+    )
+    # Filled in where it stands: no variable becomes structure or a comment; what is written
+    # within quotes stays text, what isn't may be a number.
+    source = graph.nodes["decode"]
+    assert isinstance(source, DecodeNode)
+    assert source.input == SimulatedInput(model="/data/a: b #1.mp4", seed=7, duration_s=9.5)
+    assert graph.site == "42"
+    assert getattr(graph.nodes["record"], "out", "") == "out/42.mcap"
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "configs").glob("*.yaml")), ids=lambda p: p.stem)
+def test_the_examples_are_valid(
+    path: Path, rsenf: Callable[..., object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from rsenf.cli import main
+
+    for name in ("VIDEO", "REFERENCE", "OUT", "CAMERA", "CAMERA1", "CAMERA2", "CAMERA3"):
+        monkeypatch.setenv(name, "/tmp/x")
+    monkeypatch.chdir(ROOT)
+    assert main(["validate", str(path)]) == 0
+
+
+def test_examples_are_found() -> None:
+    names = {p.stem for p in (ROOT / "configs").glob("*.yaml")}
+    assert names >= {"file", "rtsp", "several-cameras", "simulated"}
+
+
+def test_the_published_schema_refuses_what_the_program_refuses(
+    problems: Callable[[str], list[str]],
+) -> None:
+    """An editor that knows only the JSON Schema sees the same unknown keys."""
+    schema = json.loads((ROOT / "configs/schema/graph.schema.json").read_text(encoding="utf-8"))
+    open_ones = [
+        name
+        for name, part in {**schema["$defs"], "Graph": schema}.items()
+        if part.get("additionalProperties") is not False
+    ]
+    assert open_ones == []

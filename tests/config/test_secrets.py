@@ -1,0 +1,99 @@
+"""No password in anything that is printed, logged or recorded."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rsenf.config import load_graph, redact, shown
+from rsenf.config.secrets import hide
+from rsenf.errors import ConfigError
+
+SECRET = "hunter2"
+
+GRAPH = """\
+version: 1
+site: lab
+bus:
+  connect: [tls/router:7447]
+  zenoh:
+    transport/auth/usrpwd/user: bob
+    transport/auth/usrpwd/password: hunter2
+    transport/link/tls/connect_private_key: |
+      hunter2
+nodes:
+  decode: {kind: decode, camera: cam1, input: "rtsp://admin:hunter2@10.0.0.7/cam", frames: tcp}
+  other:  {kind: decode, camera: cam2, input: "rtsp://10.0.0.8/?password=hunter2", frames: tcp}
+"""
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "rtsp://admin:hunter2@10.0.0.7/cam: connection refused",
+        "read: 'rtsp://admin:hunter2@host/x'",
+        "rtsp://host/x?user=a&password=hunter2",
+        "password: hunter2",
+        "  transport/auth/usrpwd/password: 'hunter2 hunter2'",
+        '{"password": "hunter2 hunter2", "a": 1}',
+        "{user: a, Password: hunter2}",
+        "CAMERA_TOKEN=hunter2",
+    ],
+)
+def test_lines_of_text(text: str) -> None:
+    assert SECRET not in redact(text)
+    assert "***" in redact(text)
+
+
+def test_what_is_no_secret_stays() -> None:
+    for text in ("nothere.mp4: no such file", "tcp/127.0.0.1:7447", "file:3: nodes.a: no name"):
+        assert redact(text) == text
+
+
+def test_the_graph_as_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "g.yaml"
+    path.write_text(GRAPH.replace("admin:hunter2", "admin:${PW}"), encoding="utf-8")
+    monkeypatch.setenv("PW", SECRET)
+    graph = load_graph(path)
+    text = json.dumps(shown(graph))
+    assert SECRET not in text
+    assert "admin" not in text
+    assert '"transport/auth/usrpwd/user": "bob"' in text
+    # The nodes themselves do get it.
+    assert graph.bus.zenoh["transport/auth/usrpwd/password"] == SECRET
+    assert f"admin:{SECRET}@" in str(graph.nodes["decode"])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        ("bob", "bob\n    transport/auth/usrpwd/pasword: hunter2"),
+        ("camera: cam1", "camera: 'rtsp://admin:hunter2@10.0.0.7/cam'"),
+        ("frames: tcp}", "frames: 'rtsp://admin:hunter2@10.0.0.7/cam'}"),
+        ("site: lab", "site: lab\npassword: hunter2"),
+        ("site: lab", "site: lab\nsite: rtsp://a:hunter2@b"),
+        ("password: hunter2", "password: [hunter2, 1"),
+    ],
+)
+def test_problems_do_not_tell(tmp_path: Path, change: tuple[str, str]) -> None:
+    path = tmp_path / "g.yaml"
+    path.write_text(GRAPH.replace(*change, 1), encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        load_graph(path)
+    assert SECRET not in str(caught.value)
+
+
+@given(st.text(max_size=30), st.integers(0, 5))
+def test_hiding_reaches_any_depth_and_keeps_the_rest(word: str, depth: int) -> None:
+    value: object = {"password": "x", "plain": word.replace("://", "")}
+    for _ in range(depth):
+        value = {"more": [value, 1, None]}
+    hidden = hide(value)
+    for _ in range(depth):
+        assert hidden["more"][1:] == [1, None]
+        hidden = hidden["more"][0]
+    assert hidden == {"password": "***", "plain": word.replace("://", "")}
