@@ -22,6 +22,7 @@ VERBS = {
     "demo": "simulate a clip, run the graph of processes on it, show what comes out",
     "verify": "when was this video taken? Compare its ENF with a grid reference",
     "track": "print the ENF of a video, one value a second",
+    "tables": "print the paper's idle tables and line figures, with its errata and a simulation",
     "simulate": "film a lamp on a known grid with a simulated rolling-shutter camera",
     "run": "start the processes of a graph, show their state, stop them cleanly",
     "validate": "check a graph file, and name every problem with its line",
