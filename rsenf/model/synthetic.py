@@ -1,9 +1,11 @@
 """A grid path from a seed: a random walk drawn back to the nominal frequency.
 
 Two such walks are added, the slow balance of generation and load and the fast one of primary
-control, and both pass the inertia of the rotating machines twice, which makes the path smooth at
-one second. With the constants below the spread of the path's change over 1, 10, 60 and 300 s is
-1.3, 7.6, 14 and 23 mHz; one day of the Continental Europe grid shows 1.4, 7.8, 14 and 22 mHz.
+control. At each quarter of an hour power plants change their schedules, and the slow balance takes
+a step, within some seconds. All of it passes the inertia of the rotating machines twice, which
+makes the path smooth at one second. With the constants below the spread of the path's change over
+1, 10, 60 and 300 s is 1.3, 7.6, 14 and 23 mHz, and over 40 s it is 16 mHz about the quarter and 12
+otherwise; one day of the Continental Europe grid shows 1.4, 7.8, 14 and 22, and 16 and 12 mHz.
 """
 
 from __future__ import annotations
@@ -12,13 +14,16 @@ import math
 
 import numpy as np
 
-from rsenf.model.grid import GridPath
+from rsenf.model.grid import FloatArray, GridPath
 from rsenf.model.seeds import generator
 
 SLOW_S = 280.0
 FAST_S = 12.0
 INERTIA_S = 1.3
 FAST_SHARE = 0.33  # of the standard deviation
+SCHEDULE_S = 900.0
+RAMP_S = 15.0  # that a step takes
+STEP_SHARE = 0.7  # standard deviation of a step over that of the path
 
 
 def synthetic_grid(
@@ -49,18 +54,33 @@ def synthetic_grid(
     """
     count = math.ceil((start_s + duration_s) / step_s) + 2
     rng = generator(seed, "grid path")
-    slow_std, fast_std = std_hz * math.sqrt(1 - FAST_SHARE**2), std_hz * FAST_SHARE
+    # What the steps add to the slow walk, they take from its own unrest.
+    slow_share = 1 - FAST_SHARE**2 - STEP_SHARE**2 * SLOW_S / (2 * SCHEDULE_S)
+    slow_std, fast_std = std_hz * math.sqrt(slow_share), std_hz * FAST_SHARE
     stay_slow, stay_fast, lag = (math.exp(-step_s / t) for t in (SLOW_S, FAST_S, INERTIA_S))
     kick_slow, kick_fast = (
         std * math.sqrt(1 - stay**2) for std, stay in ((slow_std, stay_slow), (fast_std, stay_fast))
     )
     slow, fast = slow_std * rng.standard_normal(), fast_std * rng.standard_normal()
     once = twice = slow + fast
+    push_hz = STEP_SHARE * std_hz * _schedule_steps(seed, count, step_s)
     deviation_hz = np.empty(count)
     for k in range(count):
         slow = stay_slow * slow + kick_slow * rng.standard_normal()
+        slow += push_hz[k]
         fast = stay_fast * fast + kick_fast * rng.standard_normal()
         once += (1 - lag) * (slow + fast - once)
         twice += (1 - lag) * (once - twice)
         deviation_hz[k] = twice
     return GridPath(nominal_hz + deviation_hz, step_s, start_s, nominal_hz)
+
+
+def _schedule_steps(seed: int, count: int, step_s: float) -> FloatArray:
+    """Share of a step of unit size that each sample takes; the path begins within a quarter."""
+    rng = generator(seed, "grid schedule")
+    steps = np.zeros(count)
+    t_s, ramp = rng.uniform(0, SCHEDULE_S), max(round(RAMP_S / step_s), 1)
+    while (k := math.ceil(t_s / step_s)) < count:
+        steps[k : k + ramp] = rng.standard_normal() / ramp
+        t_s += SCHEDULE_S
+    return steps

@@ -40,7 +40,7 @@ def truth_of(capture: Capture) -> dict[str, Any]:
         "duration_s": capture.duration_s,
         "nominal_hz": grid.nominal_hz,
         "read_out_axis": "columns" if model.shutter.read_out == "columns" else "rows",
-        "idle_ratio": 1 - capture.read_out_s * rate_hz,
+        "idle_ratio": round(1 - capture.read_out_s * rate_hz, 12),
         "read_out_time_s": capture.read_out_s,
         "exposure_s": capture.exposure_s,
         "clock_ppm": round((capture.clock_factor - 1) * 1e6, 6),

@@ -33,6 +33,21 @@ def test_mean_spread_and_smoothness_of_days() -> None:
     )
 
 
+def unrest_mhz(freq_hz: np.ndarray) -> tuple[float, float]:
+    """Change over 40 s, rms: at the most restless minute of the quarter, and at a usual one."""
+    change = (freq_hz[40:] - freq_hz[:-40]) ** 2
+    folded = change[: change.size // 900 * 900].reshape(-1, 900).mean(axis=0)
+    minutes = np.array([np.roll(folded, -k)[:60].mean() for k in range(900)])
+    return 1e3 * float(np.sqrt(minutes.max())), 1e3 * float(np.sqrt(np.median(minutes)))
+
+
+def test_schedules_change_each_quarter_of_an_hour() -> None:
+    unrest = np.mean(
+        [unrest_mhz(synthetic_grid(seed, 86_400).freq_hz) for seed in range(4)], axis=0
+    )
+    assert unrest == pytest.approx([16.3, 12.5], abs=0.7)
+
+
 def test_spread_and_nominal_follow_the_parameters() -> None:
     quiet = synthetic_grid(1, 36_000, nominal_hz=60.0, std_hz=0.005)
     assert quiet.nominal_hz == 60.0
@@ -47,3 +62,5 @@ def test_it_moves_like_a_measured_day() -> None:
         measured = np.array([float(line.split(",")[1]) for line in list(lines)[1:]])
     drawn = np.mean([spread_mhz(synthetic_grid(s, 86_400).freq_hz) for s in range(3)], axis=0)
     assert drawn == pytest.approx(spread_mhz(measured), rel=0.15)
+    restless = np.mean([unrest_mhz(synthetic_grid(s, 86_400).freq_hz) for s in range(3)], axis=0)
+    assert restless == pytest.approx(unrest_mhz(measured), rel=0.1)
