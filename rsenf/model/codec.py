@@ -27,6 +27,9 @@ class Codec:
         "x264's and x265's effort; None is 'superfast' at a bit rate, else 'ultrafast'",
         choices=_PRESETS,
     )
+    weighted_prediction: bool | None = parameter(
+        None, "whether h264 and h265 follow changes of brightness by a factor; None is the preset's"
+    )
     gop_frames: int = parameter(250, "most frames from one key frame to the next", low=1, high=3000)
 
     def validate(self) -> None:
@@ -35,7 +38,7 @@ class Codec:
         Raises
         ------
         ParameterError
-            For a bit rate together with lossless, and for lossless MJPEG.
+            For a bit rate together with lossless, lossless MJPEG, and weights where there are none.
         """
         if self.lossless and self.bitrate_bps is not None:
             raise ParameterError(("codec", "lossless"), "excludes codec.bitrate_bps")
@@ -43,6 +46,8 @@ class Codec:
             raise ParameterError(
                 ("codec", "lossless"), "can't be had from mjpeg", "use h264, h265 or vp9"
             )
+        if self.weighted_prediction is not None and self.name not in ("h264", "h265"):
+            raise ParameterError(("codec", "weighted_prediction"), f"isn't known to {self.name}")
 
     def to_dict(self) -> dict[str, Any]:
         """Return its parameters as plain values."""
@@ -51,12 +56,15 @@ class Codec:
     def options(self) -> dict[str, str]:
         """Private options of the encoder, in FFmpeg's words."""
         preset = self.preset or ("superfast" if self.bitrate_bps else "ultrafast")
+        asked = {None: -1, False: 0, True: 1}[self.weighted_prediction]
         if self.name == "h264":
-            return {"preset": preset, **self._quality({"qp": "0"})}
+            weights = ({"weightp": "none"}, {"weightp": "smart"}, {})[asked]
+            return {"preset": preset, **weights, **self._quality({"qp": "0"})}
         if self.name == "h265":
             # x265 writes its log to stderr by itself unless told not to.
-            quiet = "log-level=none" + (":lossless=1" if self.lossless else "")
-            return {"preset": preset, "x265-params": quiet, **self._quality({})}
+            told = "log-level=none" + (":weightp=0", ":weightp=1", "")[asked]
+            told += ":lossless=1" if self.lossless else ""
+            return {"preset": preset, "x265-params": told, **self._quality({})}
         if self.name == "vp9":
             return {"deadline": "realtime", "cpu-used": "8", **self._quality({"lossless": "1"})}
         return {} if self.bitrate_bps else {"qmin": "3", "qmax": "3"}

@@ -129,6 +129,18 @@ def test_key_frames_come_as_often_as_asked(tmp_path: Path) -> None:
     assert keys == [n * Fraction(1001, 30000) for n in (0, 15, 30)]
 
 
+@pytest.mark.parametrize(("name", "off", "on"), [("h264", 0, 2), ("h265", 0, 1)])
+def test_weighted_prediction_is_as_asked(tmp_path: Path, name: str, off: int, on: int) -> None:
+    # Both encoders write their settings into the stream.
+    for asked, written in ((False, off), (True, on)):
+        path = tmp_path / f"{asked}.mp4"
+        codec = Codec(name=name, preset="medium", weighted_prediction=asked)
+        write_video(path, clip(), codec)
+        told = path.read_bytes()
+        setting = {"h264": f"weightp={written}", "h265": " weightp" if written else "no-weightp"}
+        assert setting[name].encode() in told
+
+
 @pytest.mark.parametrize("interruption", [KeyboardInterrupt, ValueError])
 def test_an_interruption_leaves_nothing_and_harms_nothing(
     tmp_path: Path, interruption: type[BaseException]
@@ -171,6 +183,7 @@ def test_a_missing_folder(tmp_path: Path) -> None:
         ("clip.avi", Codec(), "it holds mjpeg"),
         ("clip.mp4", Codec(name="mjpeg", lossless=True), "can't be had from mjpeg"),
         ("clip.mp4", Codec(lossless=True, bitrate_bps=100_000), "excludes codec.bitrate_bps"),
+        ("clip.mp4", Codec(name="vp9", weighted_prediction=True), "isn't known to vp9"),
     ],
 )
 def test_what_can_t_be_written(tmp_path: Path, name: str, codec: Codec, says: str) -> None:
