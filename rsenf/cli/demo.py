@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the demo."""
     from rsenf.cli.console import print_json, say
     from rsenf.config import load_graph
-    from rsenf.errors import UsageError
+    from rsenf.errors import EXIT_DONE, EXIT_FAILED, UsageError
     from rsenf.run.signals import interruptible
     from rsenf.run.supervisor import check_ended, start_graph
     from rsenf.run.view import view_of
@@ -86,7 +86,8 @@ def run(args: argparse.Namespace) -> int:
         print_json(summary)
     else:
         _tell(summary, paths)
-    return 0 if summary["right"] else 1
+    wrong = summary["verdict"]["decision"] == "match" and not summary["right"]
+    return EXIT_FAILED if wrong else EXIT_DONE
 
 
 def _write_graph(paths: dict[str, Path]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -26,7 +27,9 @@ def some_blocks(camera: str, count: int, epoch: int = 0) -> list[RowBlock]:
 
 
 def recorded(path: Path, blocks: Iterable[RowBlock]) -> Path:
-    with Recorder(path, run_info={"run_id": "r"}, clock_ns=lambda: 1_700_000_000 * 10**9) as out:
+    # Ten milliseconds pass between any two looks at the clock: a chunk is flushed now and then.
+    clock = itertools.count(1_700_000_000 * 10**9, 10_000_000)
+    with Recorder(path, run_info={"run_id": "r"}, clock_ns=lambda: next(clock)) as out:
         for block in blocks:
             out.write(f"rsenf/{block.header.source}/rows", block)
     return path
@@ -95,21 +98,20 @@ def test_row_blocks_that_are_missing_are_counted(tmp_path: Path) -> None:
 
 
 def test_a_recording_that_broke_off(tmp_path: Path) -> None:
-    whole = recorded(tmp_path / "x.mcap", some_blocks("door", 4000)).read_bytes()
+    whole = recorded(tmp_path / "x.mcap", some_blocks("door", 1000)).read_bytes()
     (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) * 3 // 4])
     recording = open_input_file(tmp_path / "cut.mcap")
-    assert 0 < len(list(recording.messages())) < 4000
+    assert 0 < len(list(recording.messages())) < 1000
     assert recording.loss.startswith("the recording is cut short")
 
 
 def test_a_damaged_recording_gives_the_rest(tmp_path: Path) -> None:
-    path = recorded(tmp_path / "x.mcap", some_blocks("door", 4000))
+    path = recorded(tmp_path / "x.mcap", some_blocks("door", 1000))
     content = bytearray(path.read_bytes())
-    for part in range(3, 7):  # at least one of them is in the data, not in an index
-        content[len(content) * part // 10] ^= 0xFF
+    content[len(content) // 5] ^= 0xFF
     path.write_bytes(content)
     recording = open_input_file(path)
-    assert 0 < len(list(recording.messages())) < 4000
+    assert 0 < len(list(recording.messages())) < 1000
     assert "damaged parts, left out: " in recording.loss
 
 

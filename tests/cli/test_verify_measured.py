@@ -1,0 +1,129 @@
+"""`rsenf verify` on a real camera, and on clips hidden in real grids."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+Rsenf = Callable[..., subprocess.CompletedProcess[str]]
+pytestmark = pytest.mark.measured
+
+STATIC = [
+    "exp_HAL_50cm_wall", "exp_HAL_150cm_wall", "exp_HAL_300cm_wall",
+    "exp_INC_100cm_wall", "exp_INC_200cm_wall", "exp_INC_350cm_wall",
+]  # fmt: skip
+
+
+def verify(rsenf: Rsenf, clip: Path, reference: Path, *words: object) -> dict[str, Any]:
+    done = rsenf("verify", clip, "--reference", reference, *words, "--json")
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)  # type: ignore[no-any-return]
+
+
+def against(rsenf: Rsenf, clip: Path, values_hz: np.ndarray, folder: Path) -> dict[str, Any]:
+    path = folder / "reference.csv"
+    np.savetxt(path, values_hz, fmt="%.6f")
+    return verify(rsenf, clip, path, "--step-s", 1)
+
+
+@pytest.mark.parametrize("name", STATIC)
+def test_a_real_camera_on_a_wall(
+    rsenf: Rsenf, measured_data: Path, name: str, tmp_path: Path
+) -> None:
+    clip = measured_data / "gopro_luminance" / f"{name}.npz"
+    with np.load(clip) as held:
+        mains = against(rsenf, clip, held["mains_enf_combined_hz"], tmp_path)
+        # The photodiode saw the light, at twice the mains' frequency.
+        photo = against(rsenf, clip, held["photodiode_enf_combined_hz"] / 2, tmp_path)
+    assert (mains["decision"], photo["decision"]) == ("match", "match")
+    assert mains["correlation"] >= 0.98
+    assert photo["correlation"] >= 0.98
+    assert mains["lag_s"] == pytest.approx(photo["lag_s"], abs=1.0)
+    # The camera's clock is off by about 70 ppm.
+    assert photo["clock_ppm"] == pytest.approx(71.0, abs=5.0)
+
+
+def test_a_real_camera_on_a_moving_scene(rsenf: Rsenf, measured_data: Path, tmp_path: Path) -> None:
+    clip = measured_data / "gopro_luminance" / "experiment_a.npz"
+    with np.load(clip) as held:
+        mains = against(rsenf, clip, held["mains_enf_combined_hz"], tmp_path)
+        photo = against(rsenf, clip, held["photodiode_enf_combined_hz"] / 2, tmp_path)
+    assert mains["decision"] in ("match", "no_decision")
+    if mains["decision"] == photo["decision"] == "match":
+        assert mains["lag_s"] == pytest.approx(photo["lag_s"], abs=1.0)
+
+
+def hide(rsenf: Rsenf, out: Path, reference: Path, start_s: float, *words: object) -> Path:
+    done = rsenf(
+        "simulate", "--out", out, "--reference", reference, "--start-s", start_s,
+        "--duration-s", 120, "--seed", 8, *words,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+def test_a_video_hidden_in_a_day(rsenf: Rsenf, measured_data: Path, tmp_path: Path) -> None:
+    reference = measured_data / "grid_ce_2022-09-17_1s.csv.gz"
+    clip = hide(rsenf, tmp_path / "x.mp4", reference, 51234.25, "--size", "320x240")
+    found = verify(rsenf, clip, reference, "--start", "2022-09-17T14:13:54Z")
+    assert found["decision"] == "match"
+    assert found["lag_s"] == pytest.approx(51234.25, abs=1.0)
+    assert found["start_utc"].startswith("2022-09-17T14:13:5")
+    assert found["claim"] == "supported"
+
+
+def gap_within(reference: Path, room_s: int) -> tuple[int, int]:
+    """First gap of five to fifteen seconds, with room on both sides: begin and length."""
+    rows = gzip.decompress(reference.read_bytes()).decode().splitlines()[1:]
+    t_s = np.array([row.split(",")[0] for row in rows], "datetime64[s]").astype(np.int64)
+    at = t_s - t_s[0]
+    lengths = np.diff(at) - 1
+    for k in np.flatnonzero((lengths >= 5) & (lengths <= 15)):
+        near = (at > at[k] - room_s) & (at < at[k] + room_s)
+        if near.sum() == 2 * room_s - 1 - lengths[k]:
+            return int(at[k]) + 1, int(lengths[k])
+    raise AssertionError("the reference has no such gap")
+
+
+def test_rows_hidden_over_a_gap(rsenf: Rsenf, measured_data: Path, tmp_path: Path) -> None:
+    """A gap in the middle of the clip's own time is masked, named, and moves nothing."""
+    reference = measured_data / "grid_ce_2024-08-13_to_21_gappy_1s.csv.gz"
+    begin_s, length_s = gap_within(reference, 200)
+    start_s = begin_s - 90 + 0.5
+    clip = hide(
+        rsenf, tmp_path / "x.npz", reference, start_s, "--size", "64x120", "--duration-s", 200
+    )
+    truth = json.loads((tmp_path / "x.truth.json").read_text())
+    assert truth["bridged_gaps_s"] == [[89.5, 89.5 + length_s]]
+    found = verify(rsenf, clip, reference)
+    assert found["decision"] == "match"
+    assert found["lag_s"] == pytest.approx(start_s, abs=1.0)
+    # Of 181 values those are left out whose windows meet the gap, and no others.
+    assert 181 - length_s - 22 <= found["seconds_used"] <= 181 - length_s
+    warnings = " ".join(found["warnings"])
+    assert "usable seconds of the clip have no reference at the best time" in warnings
+    assert "gaps: 444, " in warnings
+
+
+def test_a_60_hz_grid_in_steps_of_two_seconds(
+    rsenf: Rsenf, measured_data: Path, tmp_path: Path
+) -> None:
+    with np.load(measured_data / "grid_us_60hz_2022-07_2s.npz") as held:
+        day_hz = held["frequency"][3]
+    reference = tmp_path / "us.csv"
+    begin = np.datetime64("2022-07-04T00:00:00")
+    rows = [f"{begin + 2 * k}Z,{f:.5f}" for k, f in enumerate(day_hz) if np.isfinite(f)]
+    reference.write_text("time,Hz\n" + "\n".join(rows) + "\n")
+    clip = hide(
+        rsenf, tmp_path / "x.npz", reference, 30001.5, "--size", "64x120", "--duration-s", 300
+    )
+    found = verify(rsenf, clip, reference)
+    assert found["decision"] == "match"
+    assert found["lag_s"] == pytest.approx(30001.5, abs=1.0)
