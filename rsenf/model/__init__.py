@@ -4,7 +4,7 @@ One idea a file, in the order that light takes::
 
     grid, synthetic      the grid's frequency path and its phase; a path from a seed
     lamp, light          waveforms of lamps, and their average over each line's exposure
-    scene, view          the wall, and how its lines and strips look to the shutter
+    scene, view, strips  the wall, and how its lines and strips look to the shutter
     shutter, readout     in which order lines are read, and when each is exposed
     line_light           how bright the light is on each line
     clip                 which frames arrive, and their stamps

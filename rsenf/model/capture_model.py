@@ -51,6 +51,7 @@ class CaptureModel:
         for part in _PARTS:
             parameters.validate(getattr(self, part), (part,))
         self.codec.validate()
+        self.scene.check(self.shutter)
         for n, effect in enumerate(self.effects):
             path = ("effects", n, effect.name)
             parameters.validate(effect, path)

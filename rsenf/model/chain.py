@@ -47,7 +47,7 @@ class Chain:
         for effect in model.effects:
             label = f"{effect.name} {met[effect.name]}"
             met[effect.name] += 1
-            run = Run(label, model.shutter, frames, model.scene.mean_level, seed)
+            run = Run(label, model.shutter, frames, model.scene.level, seed)
             self._links.append((effect, run))
 
     def clip(self) -> Clip:
@@ -106,8 +106,8 @@ class Chain:
 
     def view(self) -> View:
         """Build the scene."""
-        shutter, scene = self._model.shutter, self._model.scene
-        wall = scene.wall(shutter.rows, shutter.columns, self._seed)
+        shutter = self._model.shutter
+        wall = self._model.scene.wall(shutter, self._seed)
         patch = None
         for effect, run in self._links:
             if isinstance(effect, SceneEffect):

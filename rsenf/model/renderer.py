@@ -9,7 +9,8 @@ from rsenf.model.exposures import ExposedBlock
 from rsenf.model.line_light import LineLight
 from rsenf.model.noise import Float32Array, Int64Array, NoiseBank
 from rsenf.model.sensor import Sensor
-from rsenf.model.view import Region, View, places
+from rsenf.model.strips import places
+from rsenf.model.view import Region, View
 
 # Lines rendered together: their floats stay in the processor's cache.
 _BAND_PIXELS = 64_000

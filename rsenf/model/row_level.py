@@ -17,8 +17,8 @@ from rsenf.model.line_light import LineLight
 from rsenf.model.scene import Float32Array
 from rsenf.model.seeds import generator
 from rsenf.model.sensor import QUANTISATION_VAR, WHITE
+from rsenf.model.strips import strip_edges
 from rsenf.model.truth import truth_of
-from rsenf.model.view import strip_edges
 
 
 @dataclass(frozen=True, eq=False)

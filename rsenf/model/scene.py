@@ -7,8 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.model.parameters import parameter
+from rsenf.model.parameters import ParameterError, parameter
 from rsenf.model.seeds import generator
+from rsenf.model.sensor import WHITE
+from rsenf.model.shutter import Shutter
+from rsenf.model.strips import strip_edges
 from rsenf.model.wander import wander
 
 Float32Array = NDArray[np.float32]
@@ -26,17 +29,49 @@ class Shake:
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """A wall of about mid grey."""
+    """A wall of about mid grey, or one that was measured."""
 
     mean_level: float = parameter(110.0, "mean 8-bit level under the mean light", low=10, high=220)
     texture_ratio: float = parameter(
         0.08, "standard deviation of the texture over the mean", low=0, high=0.5
     )
     vignetting_ratio: float = parameter(0.2, "light lost in the corners", low=0, high=0.9)
+    profile: tuple[tuple[float, ...], ...] | None = parameter(
+        None,
+        "measured levels under the mean light, before any gamma: a list for each line, with one "
+        "for each of its strips; it takes the place of the three above",
+    )
     shake: Shake | None = None
 
-    def wall(self, rows: int, columns: int, seed: int) -> Float32Array:
+    @property
+    def level(self) -> float:
+        """Mean 8-bit level under the mean light."""
+        return self.mean_level if self.profile is None else float(np.mean(self.profile))
+
+    def check(self, shutter: Shutter) -> None:
+        """Check what no single range can.
+
+        Raises
+        ------
+        ParameterError
+            For a profile that isn't one of the shutter's lines, or has levels that none has.
+        """
+        if self.profile is None:
+            return
+        at, strips = ("scene", "profile"), {len(line) for line in self.profile}
+        fits = len(self.profile) == shutter.lines and len(strips) == 1
+        if not fits or not 1 <= min(strips) <= shutter.across_px:
+            raise ParameterError(at, f"isn't {shutter.lines} lines of equally many strips")
+        if not all(0 <= level <= WHITE for line in self.profile for level in line):
+            raise ParameterError(at, f"has levels that aren't between 0 and {WHITE:g}")
+
+    def wall(self, shutter: Shutter, seed: int) -> Float32Array:
         """Draw the wall under the mean light: levels (rows, columns)."""
+        if self.profile is not None:
+            widths = np.diff(strip_edges(shutter.across_px, len(self.profile[0])))
+            lines = np.repeat(np.array(self.profile, np.float32), widths, axis=1)
+            return lines.T if shutter.read_out == "columns" else lines
+        rows, columns = shutter.rows, shutter.columns
         down = np.linspace(-1, 1, rows, dtype=np.float32)[:, None]
         across = np.linspace(-1, 1, columns, dtype=np.float32)
         fall_off = 1 - self.vignetting_ratio * (down**2 + across**2) / 2

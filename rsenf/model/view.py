@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rsenf.model.scene import Float32Array
 from rsenf.model.sensor import WHITE
+from rsenf.model.strips import places, strip_edges
 
 Region = tuple[slice, slice]
 
@@ -127,16 +128,6 @@ class View:
     def _lines(self, level: Float32Array, exponent: float) -> Float32Array:
         lines = np.ascontiguousarray(level.T) if self._turned else level
         return lines if exponent == 1 else WHITE * (lines / WHITE) ** np.float32(exponent)
-
-
-def strip_edges(pixels: int, strips: int) -> NDArray[np.int64]:
-    """Pixels where strips begin, and the end of the last: (strips + 1,)."""
-    return np.round(np.linspace(0, pixels, strips + 1)).astype(np.int64)
-
-
-def places(pixels: int) -> Float32Array:
-    """Where the middle of each pixel is, −½ to ½ along its line."""
-    return ((np.arange(pixels) + 0.5) / pixels - 0.5).astype(np.float32)
 
 
 def _running(levels: Float32Array) -> NDArray[np.float64]:

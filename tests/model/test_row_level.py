@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 from fractions import Fraction
 
 import numpy as np
@@ -93,6 +94,32 @@ def test_same_seed_same_rows_and_a_longer_clip_begins_with_the_shorter() -> None
     assert np.array_equal(short, again)
     assert np.array_equal(short[:64], long[:64])  # whole blocks
     assert not np.array_equal(short, simulate_rows(plain(), grid, 4, 6).level)
+
+
+@pytest.mark.parametrize("read_out", ["rows", "columns"])
+def test_a_measured_profile_is_filmed_again(read_out: str) -> None:
+    shutter = Shutter(rows=64, columns=96, read_out=read_out)
+    model = CaptureModel(light=Light(flicker_ratio=0.0), shutter=shutter)
+    measured = simulate_rows(model, STEADY, 1.0, 1, strips=3, noise=False).level[0]
+    scene = Scene(profile=tuple(map(tuple, measured.tolist())))
+    fitted = CaptureModel.from_dict(dataclasses.replace(model, scene=scene).to_dict())
+    again = simulate_rows(fitted, STEADY, 1.0, 2, strips=3, noise=False).level
+    assert again == pytest.approx(np.broadcast_to(measured, again.shape), abs=1e-4)
+    assert scene.level == pytest.approx(110.0, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("profile", "says"),
+    [
+        (((100.0,),) * 63, "isn't 64 lines"),
+        (((100.0,),) * 63 + ((100.0, 90.0),), "equally many strips"),
+        (((),) * 64, "equally many strips"),
+        (((300.0,),) * 64, "between 0 and 255"),
+    ],
+)
+def test_profiles_that_can_t_be(profile: tuple[tuple[float, ...], ...], says: str) -> None:
+    with pytest.raises(UsageError, match=f"scene.profile .*{says}"):
+        CaptureModel(scene=Scene(profile=profile), shutter=Shutter(rows=64, columns=96)).validate()
 
 
 def test_strips_average_to_the_row() -> None:
