@@ -1,4 +1,4 @@
-"""Imports point one way. The picture is DESIGN's; this test is what keeps it true."""
+"""Imports point one way. This test is the map of the rooms, and keeps it true."""
 
 from __future__ import annotations
 

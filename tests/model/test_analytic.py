@@ -166,7 +166,7 @@ def test_strongest_two_ties_and_nothing_second() -> None:
 
 
 def test_the_ratio_s_range_over_the_light_s_phase() -> None:
-    # SCIENCE: 3.5 to 4.6 at 20 %, 2.1 to 4.1 at 95 %; from the closed form at ψ = 90° and 0°.
+    # Known: 3.5 to 4.6 at 20 %, 2.1 to 4.1 at 95 %; from the closed form at ψ = 90° and 0°.
     for idle_ratio, low, high in ((0.2, 3.484, 4.645), (0.95, 2.0625, 4.125)):
         spread = strongest(lines(25.0, 100.0, idle_ratio)).ratio_range
         assert spread == pytest.approx((low, high), abs=1e-3)

@@ -17,7 +17,7 @@ from tests.model.bare import RATE_HZ, bare, film
 ROOT = Path(__file__).parents[2]
 TEMPLATE = ROOT / "configs/model/my_effect.py"
 
-# SCIENCE, 'Effect names'.
+# The names that a discovery may give.
 NAMES = [
     "harmonics",
     "gamma",

@@ -40,7 +40,7 @@ def slow_line(series: np.ndarray, sample_rate_hz: float, freq_hz: float) -> floa
 def test_lines_of_the_concatenated_rows(
     idle_ratio: float, frame_rate: int, nominal_hz: int
 ) -> None:
-    # SCIENCE, item 2: the line at f0 - m·Fr has the amplitude |sinc(c - m)|, c = f0·ρ/Fr.
+    # Paper, large L: the line at f0 - m·Fr has the amplitude |sinc(c - m)|, c = f0·ρ/Fr.
     # These rates put the lines of +f0, those of -f0 and the direct current at different places.
     f0_hz = 2.0 * nominal_hz
     model = plain(frame_rate=Fraction(frame_rate), idle_ratio=idle_ratio)

@@ -22,7 +22,7 @@ class CodecLowpass(CodecEffect):
     """
 
     name = "codec_lowpass"
-    source = "SCIENCE: first-order picture of H.264 at 50 to 150 kbit/s"
+    source = "measured on x264 at 50 to 150 kbit/s; a first-order picture"
     confused_with = ("flicker_ratio", "gop_attenuation", "exposure")
     told_apart_by = "harmonics, whose aliases are elsewhere, lose other shares"
 

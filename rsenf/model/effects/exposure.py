@@ -19,7 +19,7 @@ class Exposure(ReadOutEffect):
     """
 
     name = "exposure"
-    source = "SCIENCE, errata; the mean of a tone over an interval"
+    source = "the mean of a tone over an interval"
     confused_with = ("flicker_ratio", "harmonics")
     told_apart_by = (
         "alone it only lowers the signal, which is a parameter of the light; the ratio of two "
