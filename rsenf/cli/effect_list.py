@@ -39,7 +39,8 @@ def describe(effect: type[Effect]) -> str:
     for f in dataclasses.fields(effect):
         low, high = f.metadata["low"], f.metadata["high"]
         number = isinstance(f.default, int | float) and not isinstance(f.default, bool)
-        within = f", {low:g} to {high:g}" if number else ""
+        choices = ", ".join(f.metadata["choices"])
+        within = f", {low:g} to {high:g}" if number else f" ({choices})" if choices else ""
         told.append(f"    {f.name} = {f.default}: {f.metadata['doc']}{within}")
     told += _wrapped(f"Known from: {effect.source}.")
     told += _wrapped(

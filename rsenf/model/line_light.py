@@ -53,11 +53,14 @@ class LineLight:
     slope: Float32Array | None = None
     offset: Float32Array | None = None
 
-    def lamp(self, phase_rad: float = 0.0) -> Float32Array:
-        """Light of one such lamp whose waveform is ``phase_rad`` ahead, relative to its mean."""
+    def lamp(
+        self, phase_rad: float = 0.0, series: NDArray[np.complex128] | None = None
+    ) -> Float32Array:
+        """Light of one such lamp, or of one with another waveform, ``phase_rad`` ahead of this."""
         return relative_level(
-            self.series, self.phase_rad + phase_rad, self.grid, self.start_s, self.exposure_s
-        )
+            self.series if series is None else series,
+            self.phase_rad + phase_rad, self.grid, self.start_s, self.exposure_s,
+        )  # fmt: skip
 
     def tone(self, freq_hz: float, phase_rad: float) -> Float32Array:
         """Cosine of unit size and fixed frequency, as the exposure leaves it."""

@@ -77,7 +77,10 @@ def test_every_effect_tells_of_itself(name: str) -> None:
     for f in dataclasses.fields(effect):
         low, high = f.metadata["low"], f.metadata["high"]
         assert f.metadata["doc"]
-        assert f.type in ("bool", "tuple[int, ...]") or -1e5 <= low < high <= 1e5, f.name
+        if f.type in ("float", "int"):
+            assert -1e5 <= low < high <= 1e5, f.name
+        elif f.type == "str":
+            assert f.metadata["choices"]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -80,6 +80,19 @@ def test_a_second_lamp_shows_in_strips_alone() -> None:
     assert np.std(rest) == pytest.approx(np.sqrt((LEVEL * 255e-6 + 1 / 12) / 320), rel=0.05)
 
 
+def test_a_second_lamp_of_another_kind() -> None:
+    model = bare().with_effect(
+        "second_lamp", weight=0.4, phase_rad=1.0, tilt_ratio=0.0, lamp="ideal"
+    )
+    data = film(model, 2.0)
+    t_s = line_times_s(data.frame_time_s)
+    # Its light written out: |cos| of half the phase over its mean, to eight harmonics.
+    rectified = np.abs(np.cos((TURN * F0_HZ * t_s + PHASE + 1.0) / 2)) * np.pi / 2
+    slow = LEVEL * (0.6 * wave(t_s) + 0.4 * rectified)
+    assert data.level[:, :, 0] == pytest.approx(slow, abs=LEVEL * 0.4 * 0.1)
+    assert np.mean(np.abs(data.level[:, :, 0] - slow)) < LEVEL * 0.4 * 0.01
+
+
 @pytest.mark.parametrize("exposure_s", [0.0, 0.0004, 0.001])
 def test_a_pwm_tone_is_a_line_that_exposure_can_hide(exposure_s: float) -> None:
     model = bare().with_effect("pwm_tone", tone_hz=1000.0, depth_ratio=0.02)

@@ -8,13 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.model.effects.base import LightEffect, Run
+from rsenf.model.lamp import LAMPS
+from rsenf.model.light import Light
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import parameter
 
 
 @dataclass(frozen=True, kw_only=True)
 class SecondLamp(LightEffect):
-    """A lamp of the same kind on another mains phase lights part of the scene.
+    """Another lamp, on another mains phase, lights part of the scene.
 
     The light of both adds. Where their shares are the same all over the line, the sum is one lamp
     of another phase and depth; where they change from left to right, so does the phase of the
@@ -30,13 +32,16 @@ class SecondLamp(LightEffect):
     phase_rad: float = parameter(
         2 * math.pi / 3, "how far its first harmonic is ahead", low=-7, high=7
     )
+    lamp: str = parameter("same", "its kind", choices=("same", *LAMPS))
     tilt_ratio: float = parameter(
         1.0, "its share rises along a line by twice this, from 1 − tilt to 1 + tilt", low=-1, high=1
     )
 
     def apply(self, light: LineLight, run: Run) -> None:
         """Mix it in, more at one end of the lines than at the other."""
-        change = np.float32(self.weight) * (light.lamp(self.phase_rad) - light.level)
+        f0_hz = 2 * light.grid.nominal_hz
+        series = None if self.lamp == "same" else Light(lamp=self.lamp).series(f0_hz)
+        change = np.float32(self.weight) * (light.lamp(self.phase_rad, series) - light.level)
         light.level = light.level + change
         if self.tilt_ratio:
             slope = np.float32(2 * self.tilt_ratio) * change
