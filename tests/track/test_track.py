@@ -81,6 +81,16 @@ def test_nominal_frequency_is_found() -> None:
     assert {e.nominal_hz for e in track(*rows_of(60.07))} == {60.0}
 
 
+def test_slow_drift_is_not_taken_for_the_other_grid() -> None:
+    """At 29.97 fps, 120 Hz shows at 0.12 Hz, where codecs and clouds drift."""
+    rng = np.random.default_rng(8)
+    level, t = rows_of(49.97, depth=0.5, noise=1.0)
+    down = np.cos(2 * np.pi * 2 * np.arange(level.shape[1]) / level.shape[1])
+    drift = np.cumsum(rng.normal(0, 0.05, t.size))[:, None] * (1 + 0.3 * down)
+    for estimate in track((level + drift).astype(np.float32), t):
+        assert not estimate.usable or estimate.nominal_hz == 50.0
+
+
 def test_line_that_the_idle_period_makes_strongest_is_followed() -> None:
     # Paper, table for 29.97 fps: at idle 0 the strongest line is 100 Hz, at 40 % it is 70 Hz, at
     # 55 % 40 Hz, at 85 % 10 Hz.
