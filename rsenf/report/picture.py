@@ -17,7 +17,7 @@ from rsenf.match.ncc import masked_ncc
 from rsenf.match.series import Grid, Track, grid_of, phases, to_step_of, track_of
 from rsenf.messages import EnfEstimate, MatchResult, ReferenceBlock
 from rsenf.report.spectrum import ThinRows
-from rsenf.report.verdict import utc_text
+from rsenf.report.verdict import ppm_text, utc_text
 from rsenf.whole_file import whole_file
 
 INK, SIGNAL, GRID, MARK = "#222222", "#0b62a4", "#9a9a9a", "#c23b22"
@@ -131,7 +131,7 @@ def _draw_enf(
         where = "there" if result.decision == "match" else "at the best fit"
         axes.plot(
             ref_s[near], read_hz, color=GRID, lw=2.5,
-            label=f"reference {where}, seen by a clock off by {result.clock_ppm:+.1f} ppm",
+            label=f"reference {where}, seen by a clock off by {ppm_text(result.clock_ppm)} ppm",
         )  # fmt: skip
     axes.fill_between(
         t_s, track.enf_hz - 2 * std_hz, track.enf_hz + 2 * std_hz, color=SIGNAL, alpha=0.2, lw=0,

@@ -23,6 +23,11 @@ def utc_text(t_ns: int) -> str | None:
     return f"{moment:%Y-%m-%dT%H:%M:%S}.{t_ns % 10**9 // 10**6:03d}Z"
 
 
+def ppm_text(value: float) -> str:
+    """Write parts per million with their sign and one decimal; zero is +0.0."""
+    return f"{round(value, 1) + 0.0:+.1f}"
+
+
 def verdict_json(result: MatchResult, warnings: list[str]) -> dict[str, Any]:
     """Return the stable keys of a verdict, and some more.
 
@@ -115,9 +120,8 @@ def _details(result: MatchResult) -> list[tuple[str, str]]:
     if matches:
         std = result.clock_std_ppm
         error = f" ± {std:.1f}" if math.isfinite(std) else ""
-        details.append(
-            ("camera's clock", f"{result.clock_ppm:+.1f}{error} ppm (12 ppm is a second a day)")
-        )
+        clock = f"{ppm_text(result.clock_ppm)}{error} ppm (12 ppm is a second a day)"
+        details.append(("camera's clock", clock))
     elif result.decision == "no_decision":
         details.append(("what may help", "a longer recording, or a reference of fewer hours"))
     return details

@@ -9,7 +9,7 @@ import re
 import pytest
 
 from rsenf.messages import Candidate, Header, MatchResult
-from rsenf.report.verdict import number, utc_text, verdict_json, verdict_words
+from rsenf.report.verdict import number, ppm_text, utc_text, verdict_json, verdict_words
 
 BEGIN_NS = 1_663_412_800_312_000_000  # 2022-09-17T11:06:40.312Z
 MATCH = MatchResult(
@@ -31,6 +31,10 @@ def test_times() -> None:
     assert utc_text(0) is None
     assert utc_text(BEGIN_NS) == "2022-09-17T11:06:40.312Z"
     assert utc_text(1_000_000_000_999_999_999) == "2001-09-09T01:46:40.999Z"
+
+
+def test_a_clock_that_is_right_has_no_minus() -> None:
+    assert [ppm_text(x) for x in (-0.04, 0.04, -0.06, 71.25)] == ["+0.0", "+0.0", "-0.1", "+71.2"]
 
 
 @pytest.mark.parametrize("result", [MATCH, MatchResult(header=Header())])
