@@ -29,8 +29,12 @@ SMEAR_STD_HZ = 1.5e-3
 # Weaker than this (levels) is rounding, not light.
 MIN_AMPLITUDE_LEVEL = 1e-4
 MIN_FILL_RATIO = 0.8
-# Where slow drifts pass the search band, a tone must stand out so many times more: under the wrong
-# nominal frequency, drifts of video at 150 kbit/s came to 23 dB, the plain limit being 16.
+# Nearer to 0 Hz than this (resolution cells) the tone, its mirror image and the constant can't be
+# told apart: errors came to 7 mHz at one cell, 0.3 mHz at one and a half.
+ZERO_CELLS = 1.5
+# Where 0 Hz lies in the search band, drifts of brightness make tones of their own: flicker must
+# stand out so many times more there, and be stronger than its mirror image by this much.
+MIN_ONE_SIDED = 10.0
 DRIFT_MARGIN = 10.0
 
 
@@ -132,7 +136,7 @@ class StftTracker:
             )
         lines = (self._chosen,) if self._chosen else self._lines
         columns = {line: self._lines.index(line) for line in lines}
-        found = fit_lines(self._finder, buffer, columns, start_s, end_s)
+        found = fit_lines(self._finder, buffer, columns, start_s, end_s, rate_hz)
         best = max(found, key=lambda fit: self._rank(fit, rate_hz))
         reason = self._why_unusable(best, rate_hz)
         if reason:
@@ -158,6 +162,13 @@ class StftTracker:
             return "strongest at the edge of the search band"
         if self._rows == 1 and near_zero and not self.settings.nominal_hz:
             return "alias near 0 Hz, where brightness drifts: give the nominal frequency"
+        if (
+            abs(window.line.alias_hz(rate_hz) + tone.offset_hz)
+            < ZERO_CELLS / self.settings.window_s
+        ):
+            return "alias too near 0 Hz, where the picture's texture hides it"
+        if self._rows > 1 and near_zero and window.one_sided < MIN_ONE_SIDED:
+            return "a slow change of brightness near 0 Hz, not to be told from flicker there"
         limit_hz = self.settings.max_std_hz * 2.0 * self.settings.harmonic
         if tone.offset_var_hz2 > limit_hz**2:
             return "too uncertain"

@@ -18,13 +18,16 @@ class LineFit:
     """What one window holds at one line.
 
     ``constant`` is the texture's share of the slow-time series, ``noise_level2`` the noise power
-    of a single frame (levels²).
+    of a single frame (levels²). ``one_sided`` is the tone's power over that at the mirrored alias:
+    flicker runs down the rows in one direction, so it is large; a drift of brightness only scales
+    a standing pattern, and its spectrum is the same on both sides of 0 Hz.
     """
 
     line: Line
     tone: Tone
     constant: complex
     noise_level2: float
+    one_sided: float
 
 
 def fit_lines(
@@ -33,6 +36,7 @@ def fit_lines(
     columns: dict[Line, int],
     start_s: float,
     end_s: float,
+    frame_rate_hz: float,
 ) -> list[LineFit]:
     """Fit the lines given, each in its column of the buffer.
 
@@ -55,7 +59,10 @@ def fit_lines(
             overlap = (weights * carrier.conj()) @ turn
             noise = tone.amplitude**2 / tone.snr / (weights @ weights) if tone.snr else 0.0
             constant = complex(means[i] - amplitude[peak, i] * overlap)
-            out.append(LineFit(line, tone, constant, float(noise)))
+            mirror_hz = -2.0 * line.alias_hz(frame_rate_hz) - tone.offset_hz
+            mirror = np.interp(mirror_hz, finder.offsets_hz, power[:, i], left=0.0, right=0.0)
+            one_sided = tone.amplitude**2 / mirror if mirror > 0 else np.inf
+            out.append(LineFit(line, tone, constant, float(noise), float(one_sided)))
     return out
 
 

@@ -81,14 +81,27 @@ def test_nominal_frequency_is_found() -> None:
     assert {e.nominal_hz for e in track(*rows_of(60.07))} == {60.0}
 
 
-def test_slow_drift_is_not_taken_for_the_other_grid() -> None:
+@pytest.mark.parametrize("seed", range(6))
+def test_slow_drift_is_not_taken_for_the_other_grid(seed: int) -> None:
     """At 29.97 fps, 120 Hz shows at 0.12 Hz, where codecs and clouds drift."""
-    rng = np.random.default_rng(8)
-    level, t = rows_of(49.97, depth=0.5, noise=1.0)
+    rng = np.random.default_rng(seed)
+    level, t = rows_of(49.97, depth=0.1, noise=1.0, seed=seed)
     down = np.cos(2 * np.pi * 2 * np.arange(level.shape[1]) / level.shape[1])
-    drift = np.cumsum(rng.normal(0, 0.05, t.size))[:, None] * (1 + 0.3 * down)
-    for estimate in track((level + drift).astype(np.float32), t):
-        assert not estimate.usable or estimate.nominal_hz == 50.0
+    drift = np.cumsum(rng.normal(0, 1.0, t.size))
+    drift -= np.linspace(0, drift[-1], t.size)
+    level = (level + drift[:, None] * (1 + 0.3 * down)).astype(np.float32)
+    assert not any(e.usable and e.nominal_hz == 60.0 for e in track(level, t))
+
+
+@pytest.mark.parametrize(("nominal", "rate_hz"), [(60.0, RATE_HZ), (60.0, 30.0), (50.0, 25.0)])
+@pytest.mark.parametrize("deviation", [-0.1, -0.04, 0.03, 0.07])
+def test_flicker_near_0_hz_is_right_or_not_used(
+    nominal: float, rate_hz: float, deviation: float
+) -> None:
+    t = np.arange(int(24 * rate_hz)) / rate_hz
+    level, t = rows_of(nominal + deviation, times=t, noise=1.0)
+    for e in track(level, t, nominal_hz=nominal):
+        assert not e.usable or abs(e.enf_hz - nominal - deviation) < 2e-3
 
 
 def test_line_that_the_idle_period_makes_strongest_is_followed() -> None:
