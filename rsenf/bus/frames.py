@@ -151,6 +151,6 @@ class FrameReceiver:
 def _plane(frame: Frame) -> NDArray[np.uint8]:
     """Return the plane that a frame carries itself."""
     plane = np.frombuffer(frame.pixels, np.uint8)
-    if not 0 < plane.size == frame.height_px * frame.width_px:
+    if min(frame.height_px, frame.width_px) < 1 or plane.size != frame.height_px * frame.width_px:
         raise SchemaMismatch(f"{plane.size} pixels of {frame.width_px}×{frame.height_px}")
     return plane.reshape(frame.height_px, frame.width_px)

@@ -170,7 +170,8 @@ class RingReader(_Ring):
             When there is no such slot, or no plane of that size in it.
         """
         size = height_px * width_px
-        if not (0 <= slot < self._ticket.size and 0 < size <= self.slot_bytes):
+        fits = height_px > 0 and width_px > 0 and size <= self.slot_bytes
+        if not (0 <= slot < self._ticket.size and fits):
             raise SchemaMismatch(f"{self.path.name} has no slot {slot} of {size} bytes")
         if self._ticket[slot] != ticket:
             return None

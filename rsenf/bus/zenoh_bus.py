@@ -104,13 +104,7 @@ class _ZenohPublisher(Publisher):
     def _answer(self, query: zenoh.Query) -> None:
         with query:
             for item in self.history():
-                query.reply(
-                    item.key,
-                    item.payload,
-                    encoding=item.encoding,
-                    attachment=item.sender,
-                    congestion_control=_BLOCK,
-                )
+                query.reply(item.key, item.payload, encoding=item.encoding, attachment=item.sender)
 
 
 _BLOCK = zenoh.CongestionControl.BLOCK
@@ -157,6 +151,7 @@ class ZenohBus:
             timeout=HISTORY_TIMEOUT_S,
             consolidation=zenoh.ConsolidationMode.NONE,
             target=zenoh.QueryTarget.ALL,
+            congestion_control=_BLOCK,  # of the replies too
         )
         return (_envelope(reply.ok) for reply in replies if reply.ok is not None)
 

@@ -92,7 +92,7 @@ def _follow(data: Any, schema: _Schema, loc: tuple[int | str, ...]) -> tuple[Key
             break
         data = inside[part]
         path.append(part)
-        by_pattern = next(iter(node.get("patternProperties", {}).values()), {})
+        by_pattern: _Schema = next(iter(node.get("patternProperties", {}).values()), {})
         below = node.get("properties", {}).get(part) or node.get("items") or by_pattern
         node = _plain(schema, below)
     return tuple(path), node

@@ -1,0 +1,183 @@
+"""The queue behind every subscription: what waits, what is dropped, what is missing."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+
+import pytest
+from bus_samples import FRAMES, TRACK, drain, envelope, estimate, frame, seqs
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rsenf.bus.bus import Subscription
+from rsenf.bus.delivery import Delivery
+from rsenf.bus.inbox import Envelope, Inbox
+from rsenf.messages import Candidate, Frame, Header, Health, RowBlock, encode, encoding_of
+
+WAITING = Delivery(lossless=True, queue=3, history=5)
+DROPPING = Delivery(lossless=False, queue=3, history=0)
+
+
+def test_a_lossy_topic_drops_its_oldest_and_counts() -> None:
+    inbox = Inbox()
+    for seq in range(10):
+        inbox.put(envelope(estimate(seq)), DROPPING)
+    inbox.put(envelope(frame(0), FRAMES), DROPPING)  # another key has its own share
+    assert inbox.depth == 4
+    assert seqs(drain(inbox)) == [7, 8, 9, 0]
+    assert (inbox.counters.dropped, inbox.counters.missed) == (7, 0)
+
+
+def test_what_was_sent_to_be_dropped_is_dropped_whoever_receives() -> None:
+    inbox = Inbox()
+    for seq in range(5):
+        inbox.put(envelope(frame(seq), FRAMES, droppable=True), WAITING)
+    assert seqs(drain(inbox)) == [2, 3, 4]
+
+
+@given(st.lists(st.sampled_from("slt"), max_size=80))
+def test_dropped_and_missed_add_up(steps: list[str]) -> None:
+    """Whatever happens in whatever order: each number is received, dropped or missed, once."""
+    inbox, got = Inbox(), []
+    seq = 1
+    inbox.put(envelope(estimate(0)), DROPPING)
+    got += drain(inbox)
+    for step in steps:
+        if step == "t":
+            got += [r.message for r in [inbox.receive(0)] if r]
+            continue
+        if step == "s":
+            inbox.put(envelope(estimate(seq)), DROPPING)
+        seq += 1
+    inbox.put(envelope(estimate(seq)), DROPPING)
+    got += drain(inbox)
+    counters = inbox.counters
+    assert counters.received == len(got)
+    assert counters.missed == steps.count("l")
+    assert counters.received + counters.dropped + counters.missed == seq + 1
+    assert counters.duplicates == counters.rejected == 0
+    assert seqs(got) == sorted(seqs(got))
+
+
+def test_a_lossless_topic_makes_its_sender_wait_and_loses_nothing() -> None:
+    inbox, count = Inbox(), 500
+    sending = threading.Thread(
+        target=lambda: [inbox.put(envelope(estimate(seq)), WAITING) for seq in range(count)]
+    )
+    sending.start()
+    got = []
+    while len(got) < count:
+        received = inbox.receive(10)
+        assert received is not None
+        assert inbox.depth <= WAITING.queue
+        got.append(received.message)
+    sending.join(10)
+    assert seqs(got) == list(range(count))
+    assert (inbox.counters.missed, inbox.counters.dropped) == (0, 0)
+
+
+def test_closing_lets_go_of_senders_and_receivers() -> None:
+    inbox = Inbox()
+    for seq in range(WAITING.queue):
+        inbox.put(envelope(estimate(seq)), WAITING)
+    sending = threading.Thread(target=inbox.put, args=(envelope(estimate(9)), WAITING))
+    sending.start()
+    inbox.close()
+    sending.join(10)
+    assert not sending.is_alive()
+    assert seqs(drain(inbox)) == [0, 1, 2]
+    assert inbox.receive(1000) is None
+
+
+def test_gaps_are_counted_and_repeats_dropped() -> None:
+    inbox = Inbox()
+    for seq in (3, 4, 4, 3, 8, 9):
+        inbox.put(envelope(estimate(seq)), Delivery(True, 100, 0))
+    assert seqs(drain(inbox)) == [3, 4, 8, 9]
+    assert (inbox.counters.missed, inbox.counters.duplicates) == (3, 2)
+
+
+@pytest.mark.parametrize(
+    "again",
+    [
+        envelope(estimate(0), sender="b"),  # its sender was started again
+        envelope(estimate(0, epoch=1)),  # its source was connected again
+        envelope(estimate(0, run_id="s")),  # another run
+        envelope(estimate(0), key="rsenf/lab/cam2/track"),  # another camera
+    ],
+)
+def test_numbers_that_begin_again_are_no_repeats(again: Envelope) -> None:
+    inbox = Inbox()
+    for seq in range(3):
+        inbox.put(envelope(estimate(seq)), WAITING)
+    drain(inbox)
+    inbox.put(again, WAITING)
+    assert seqs(drain(inbox)) == [0]
+    assert (inbox.counters.missed, inbox.counters.duplicates) == (0, 0)
+
+
+def test_foreign_and_broken_messages_are_counted_and_the_receiver_lives() -> None:
+    good = envelope(estimate(0))
+    bad = [
+        replace(good, payload=b"\xff\xff\xff"),
+        replace(good, encoding="text/plain"),
+        replace(good, encoding=good.encoding.replace("/1", "/99")),
+        replace(good, encoding="application/protobuf;rsenf.Unheard/1"),
+        replace(good, encoding=""),
+        envelope(RowBlock(header=Header())),  # a message, but not one of this topic
+        envelope(Health(header=Header()), key=TRACK),
+        Envelope(TRACK, encoding_of(Candidate), encode(Candidate()), "a"),  # without a header
+        Envelope("x/y", encoding_of(Candidate), encode(Candidate()), "a"),
+        replace(good, payload=b""),  # an estimate without a header
+    ]
+    inbox = Inbox()
+    for item in [*bad, good]:
+        inbox.put(item, Delivery(True, 100, 0))
+    assert seqs(drain(inbox)) == [0]
+    assert inbox.counters.rejected == len(bad)
+
+
+@given(st.binary(max_size=60), st.sampled_from([TRACK, FRAMES, "rsenf/lab/cam/rows", "a"]))
+def test_no_bytes_end_the_receiver(payload: bytes, key: str) -> None:
+    inbox = Inbox()
+    for encoding in (encoding_of(Frame), encoding_of(RowBlock), "x"):
+        inbox.put(Envelope(key, encoding, payload, "a"), WAITING)
+    drain(inbox)
+    inbox.put(envelope(estimate(0), sender="other"), WAITING)
+    assert seqs(drain(inbox)) == [0]
+
+
+@given(st.integers(0, 30), st.integers(0, 30), st.integers(0, 30))
+def test_joining_late_brings_each_message_once_in_order(
+    kept: int, overlap: int, fresh: int
+) -> None:
+    """History and what came meanwhile overlap; more of it waits than the queue would hold."""
+    inbox = Inbox()
+    subscription = Subscription(inbox, WAITING)
+    overlap = min(overlap, kept)
+    for seq in range(kept - overlap, kept + fresh):
+        subscription.take(envelope(estimate(seq)))
+    assert inbox.depth == 0  # held back until the history is here
+    subscription.catch_up(envelope(estimate(seq)) for seq in range(kept))
+    assert seqs(drain(inbox)) == list(range(kept + fresh))
+    assert (inbox.counters.duplicates, inbox.counters.missed) == (overlap, 0)
+
+
+def test_no_message_overtakes_those_held_while_joining() -> None:
+    inbox = Inbox()
+    subscription = Subscription(inbox, Delivery(True, 10_000, 5))
+    going = threading.Event()
+
+    def live() -> None:
+        for seq in range(3000):
+            subscription.take(envelope(estimate(seq)))
+            going.set()
+
+    sending = threading.Thread(target=live)
+    sending.start()
+    going.wait(10)
+    subscription.catch_up([])
+    sending.join(30)
+    assert seqs(drain(inbox)) == list(range(3000))
+    assert inbox.counters.duplicates == 0
