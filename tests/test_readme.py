@@ -53,7 +53,9 @@ def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     ],
 )
 def test_command(line: int, command: str, reader: Path) -> None:
-    run(command, reader)
+    done = run(command, reader)
+    if "listen.py" in command:
+        assert done.stdout.count(" Hz") >= 5, done.stdout
 
 
 def test_the_two_commands_are_there() -> None:
