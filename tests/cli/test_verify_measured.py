@@ -112,8 +112,9 @@ def test_rows_hidden_over_a_gap(rsenf: Rsenf, measured_data: Path, tmp_path: Pat
     assert "gaps: 444, " in warnings
 
 
+@pytest.mark.parametrize("frame_rate", ["25", "30000/1001"])
 def test_a_60_hz_grid_in_steps_of_two_seconds(
-    rsenf: Rsenf, measured_data: Path, tmp_path: Path
+    rsenf: Rsenf, measured_data: Path, frame_rate: str, tmp_path: Path
 ) -> None:
     with np.load(measured_data / "grid_us_60hz_2022-07_2s.npz") as held:
         day_hz = held["frequency"][3]
@@ -122,8 +123,12 @@ def test_a_60_hz_grid_in_steps_of_two_seconds(
     rows = [f"{begin + 2 * k}Z,{f:.5f}" for k, f in enumerate(day_hz) if np.isfinite(f)]
     reference.write_text("time,Hz\n" + "\n".join(rows) + "\n")
     clip = hide(
-        rsenf, tmp_path / "x.npz", reference, 30001.5, "--size", "64x120", "--duration-s", 300
-    )
+        rsenf, tmp_path / "x.npz", reference, 30001.5, "--size", "64x120", "--duration-s", 300,
+        "--frame-rate", frame_rate,
+    )  # fmt: skip
     found = verify(rsenf, clip, reference)
-    assert found["decision"] == "match"
-    assert found["lag_s"] == pytest.approx(30001.5, abs=1.0)
+    # At 29.97 frames/s the flicker's alias is nearly 0 Hz, where texture and drifts of brightness
+    # hide it: there no decision is as good, but not a wrong one.
+    assert found["decision"] in (("match",) if frame_rate == "25" else ("match", "no_decision"))
+    if found["decision"] == "match":
+        assert found["lag_s"] == pytest.approx(30001.5, abs=1.0)
