@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -22,6 +23,8 @@ from rsenf.bus.delivery import Delivery
 from rsenf.bus.inbox import Envelope, Inbox
 from rsenf.errors import RsenfError, UsageError
 
+ECHO_KEY = "rsenf/@echo"
+ECHO_TIMEOUT_S, NO_ECHO_S = 1.0, 0.3
 HISTORY_TIMEOUT_S = 2.0
 CONNECT_TIMEOUT_MS = 5000
 # Zenoh closes a link on which a blocked sender waits longer than this, and later messages vanish
@@ -168,10 +171,29 @@ class ZenohBus:
         watcher = self._session.liveliness().declare_subscriber(key_expr, on_sample, history=True)
         self._declared.append(watcher)
 
+    def answer_echo(self) -> None:
+        """Answer those who ask whether what they sent has arrived. For routers."""
+
+        def answer(query: zenoh.Query) -> None:
+            with query:
+                query.reply(ECHO_KEY, b"")
+
+        self._declared.append(self._session.declare_queryable(ECHO_KEY, answer))
+
     def close(self) -> None:
-        """Release the inboxes; the session is closed by :func:`open_bus`."""
+        """Release the inboxes and see off what was sent; :func:`open_bus` closes the session.
+
+        A session that closes forgets what still waits to be sent. A question of the lowest priority
+        goes after all of it on the same link, so its answer means that the router has everything.
+        """
         for inbox in self._inboxes:
             inbox.close()
+        replies = self._session.get(
+            ECHO_KEY, timeout=ECHO_TIMEOUT_S, priority=zenoh.Priority.BACKGROUND,
+            congestion_control=_BLOCK,
+        )  # fmt: skip
+        if not any(reply.ok is not None for reply in replies):
+            time.sleep(NO_ECHO_S)  # somebody else's router: nothing to do but give it time
 
 
 @contextmanager
@@ -193,6 +215,8 @@ def open_bus(settings: BusSettings) -> Iterator[ZenohBus]:
     except zenoh.ZError as exc:
         raise _unreachable(settings) from exc
     bus = ZenohBus(session)
+    if settings.mode == "router":
+        bus.answer_echo()
     try:
         yield bus
     finally:
