@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.errors import UsageError
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
 from rsenf.track.lines import Line, candidate_lines, project, templates
@@ -91,6 +92,11 @@ class StftTracker:
             for line in candidate_lines(nominal, s.harmonic, rate_hz, first.rows)
             if s.line_m is None or line.m == s.line_m
         ]
+        if not lines:
+            raise UsageError(
+                f"no line {s.line_m} at {rate_hz:.2f} frames/s and harmonic {s.harmonic}",
+                "leave it out to follow the strongest",
+            )
         self._lines = tuple(lines)
         self._ramps = templates(self._lines, rate_hz, first.rows, self._finder.search_hz)
         self._buffer = SlowTime(len(self._lines), int(first.frame_pts_ns[0]))
@@ -145,9 +151,13 @@ class StftTracker:
         return self._fill(blank, best, buffer, (start_s + end_s) / 2.0)
 
     def _rank(self, fit: LineFit, rate_hz: float) -> tuple[bool, bool, float]:
-        """Usable lines first, then those clear of 0 Hz, then the strongest."""
+        """Usable lines first, then those clear of 0 Hz, then the strongest.
+
+        Near 0 Hz the line that tells flicker from drift best comes before a stronger one.
+        """
         usable = not self._why_unusable(fit, rate_hz)
-        return usable, not self._near_zero(fit.line, rate_hz), fit.tone.snr
+        near_zero = self._near_zero(fit.line, rate_hz)
+        return usable, not near_zero, fit.one_sided if near_zero else fit.tone.snr
 
     def _near_zero(self, line: Line, rate_hz: float) -> bool:
         """Whether 0 Hz lies in the band searched: drifts of brightness look like a tone there."""

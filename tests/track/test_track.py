@@ -264,6 +264,8 @@ def test_empty_and_short_streams() -> None:
 
 
 def test_settings_that_can_not_be_meant() -> None:
+    with pytest.raises(UsageError, match="no line 99"):
+        track(*rows_of(50.0, seconds=3.0), line_m=99)
     with pytest.raises(UsageError, match="55"):
         TrackSettings(nominal_hz=55.0)
     with pytest.raises(UsageError, match="no ENF method"):
