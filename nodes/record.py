@@ -35,8 +35,8 @@ def body(node: NodeProcess) -> None:
             ending.note(received.key, received.message.header)
 
         record_until(recorder, node.inbox, ending.reached, note)
-        for facts in hashes.facts(node.stop):
-            recorder.add_metadata("rsenf.input", facts)
+        for name, facts in hashes.facts(node.stop).items():
+            recorder.add_metadata(f"rsenf.input.{name}", facts)
     node.say("running", f"{config.out}: {node.inbox.counters.received} messages")
 
 

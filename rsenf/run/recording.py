@@ -13,7 +13,7 @@ from rsenf.bus.delivery import Delivery
 from rsenf.bus.inbox import Inbox, Received
 from rsenf.bus.keys import camera_key, matches, reference_key
 from rsenf.config import shown
-from rsenf.config.graph import DecodeNode, Graph, ReferenceNode, SimulatedInput, outputs
+from rsenf.config.graph import Graph, outputs
 from rsenf.errors import InputError
 from rsenf.messages import Header
 from rsenf.record.provenance import input_facts
@@ -44,28 +44,30 @@ class InputHashes:
     """
 
     def __init__(self, graph: Graph) -> None:
-        names = [n.input for n in graph.of(DecodeNode) if not isinstance(n.input, SimulatedInput)]
-        names += [n.input for n in graph.of(ReferenceNode)]
-        self._paths = [path for path in map(Path, names) if path.is_file()]
-        self._facts: list[dict[str, str]] = []
+        named = {n: getattr(c, "input", None) for n, c in graph.nodes.items()}
+        self._paths = {n: Path(i) for n, i in named.items() if isinstance(i, str)}
+        self._facts: dict[str, dict[str, str]] = {}
         self._thread = threading.Thread(target=self._hash, name="hashes", daemon=True)
         self._thread.start()
 
     def _hash(self) -> None:
-        for path in self._paths:
-            try:
-                self._facts.append(input_facts(path))
-            except InputError as exc:
-                self._facts.append({"input": path.name, "input_sha256": "", "why": str(exc)})
+        for node, path in self._paths.items():
+            if path.is_file():
+                try:
+                    self._facts[node] = input_facts(path)
+                except InputError as exc:
+                    self._facts[node] = {"input": path.name, "input_sha256": "", "why": str(exc)}
 
-    def facts(self, stop: threading.Event) -> list[dict[str, str]]:
-        """Wait for the hashes, unless told to stop; returns what is known of each file."""
+    def facts(self, stop: threading.Event) -> dict[str, dict[str, str]]:
+        """Wait for the hashes, unless told to stop; returns what is known of each node's input."""
         while self._thread.is_alive() and not stop.is_set():
             self._thread.join(HASH_POLL_S)
-        done = list(self._facts)
-        left = self._paths[len(done) :]
         why = "the recording was stopped before its hash was known"
-        return done + [{"input": path.name, "input_sha256": "", "why": why} for path in left]
+        return {
+            node: self._facts.get(node, {"input": path.name, "input_sha256": "", "why": why})
+            for node, path in self._paths.items()
+            if path.is_file()
+        }
 
 
 class Ending:

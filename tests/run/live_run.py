@@ -1,0 +1,112 @@
+"""``rsenf run`` in a process of its own, watched by what it prints."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any, ClassVar
+
+from run_samples import children_of
+
+LINE = re.compile(r"rsenf +([\d.]+) s +(\w+): (\w+)(?: pid (\d+))? ?(.*)")
+TIMEOUT_S = 40.0
+
+
+class LiveRun:
+    """A running graph.
+
+    Parameters
+    ----------
+    graph : Path
+        Its file.
+    words : str
+        More arguments of ``rsenf run``.
+    """
+
+    started: ClassVar[list[LiveRun]] = []
+
+    def __init__(self, graph: Path, *words: str, **more: Any) -> None:
+        self.run_id, self.endpoint = "", ""
+        self.states: dict[str, list[str]] = {}
+        self.pids: dict[str, int] = {}
+        self.lines: list[str] = []
+        self._news = threading.Condition()
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "rsenf.cli", "run", str(graph), *words],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            **more,
+        )
+        LiveRun.started.append(self)
+        self._reading = threading.Thread(target=self._read, daemon=True)
+        self._reading.start()
+
+    def _read(self) -> None:
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            with self._news:
+                self.lines.append(line.rstrip("\n"))
+                if found := re.search(r"bus at (\S+), run (\w+)", line):
+                    self.endpoint, self.run_id = found.groups()
+                elif found := LINE.match(line):
+                    _, name, state, pid, _ = found.groups()
+                    self.states.setdefault(name, []).append(state)
+                    if pid:
+                        self.pids[name] = int(pid)
+                self._news.notify_all()
+
+    def until(self, state: str, *names: str) -> LiveRun:
+        """Wait until nodes have been in a state."""
+
+        def reached() -> bool:
+            return all(state in self.states.get(name, []) for name in names)
+
+        with self._news:
+            assert self._news.wait_for(reached, TIMEOUT_S), "\n".join(self.lines)
+        return self
+
+    def kill_node(self, name: str) -> float:
+        """Kill a node; returns how long the run took to say that it is lost."""
+        begun = time.monotonic()
+        os.kill(self.pids[name], signal.SIGKILL)
+        self.until("lost", name)
+        return time.monotonic() - begun
+
+    def interrupt(self, number: signal.Signals = signal.SIGINT) -> float:
+        """Send a signal; returns how long the run took to end."""
+        begun = time.monotonic()
+        self.process.send_signal(number)
+        self.wait()
+        return time.monotonic() - begun
+
+    def wait(self) -> int:
+        """Wait for the end; returns the exit code."""
+        code = self.process.wait(TIMEOUT_S)
+        self._reading.join(10)
+        return code
+
+    @property
+    def error(self) -> str:
+        """The last line, which says what went wrong."""
+        return self.lines[-1]
+
+    @property
+    def left(self) -> list[int]:
+        """Processes of the run that still live."""
+        return children_of(self.run_id)
+
+    def kill(self) -> None:
+        """End what is left of it, whatever the test made of it."""
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+        for number in self.left if self.run_id else []:
+            os.kill(number, signal.SIGKILL)
