@@ -42,12 +42,19 @@ class PacketWriter:
         return self.codec in _FILTERS
 
     def data(self, packet: av.Packet[av.VideoStream]) -> bytes:
-        """Return the packet in its recorded form; the packet itself is left as it is."""
+        """Return the packet in its recorded form; the packet itself is left as it is.
+
+        Empty for one too broken to have one, as the last of a truncated file: its damage shows
+        when it is decoded.
+        """
         data = bytes(packet)
         if self._filter is None:
             return data
         # The filter consumes what it is given, and the decoder still needs the packet.
-        data = b"".join(bytes(p) for p in self._filter.filter(av.Packet(data)))
+        try:
+            data = b"".join(bytes(p) for p in self._filter.filter(av.Packet(data)))
+        except av.FFmpegError:
+            return b""
         return self._with_sets(data) if packet.is_keyframe else data
 
     def _with_sets(self, data: bytes) -> bytes:

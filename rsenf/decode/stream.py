@@ -123,8 +123,8 @@ class StreamDecoder:
             packet.opaque = (arrival_ns,)  # a new object each time: PyAV keys them by identity
             time_ns = self._clock.expect(packet)
             self._follow_camera_clock(packet, time_ns)
-            if self._with_packets:
-                items.append(self._packet(packet, time_ns, arrival_ns))
+            if self._with_packets and (data := self._writer.data(packet)):
+                items.append(self._packet(packet, data, time_ns, arrival_ns))
             self._count_damage(packet.is_corrupt)
         try:
             pictures = self._context.decode(packet if packet.size else None)
@@ -150,7 +150,7 @@ class StreamDecoder:
             (wall_us,) = struct.unpack_from("=q", bytes(packet.get_sidedata("prft")))
             self._camera_offset_ns = wall_us * 1000 - time_ns
 
-    def _packet(self, packet: Packet, time_ns: int, arrival_ns: int) -> VideoPacket:
+    def _packet(self, packet: Packet, data: bytes, time_ns: int, arrival_ns: int) -> VideoPacket:
         header = self._stamp.header(
             epoch=self._epoch,
             seq=self._packet_number,
@@ -164,7 +164,7 @@ class StreamDecoder:
             header=header,
             codec=self._writer.codec,
             keyframe=packet.is_keyframe,
-            data=self._writer.data(packet),
+            data=data,
         )
 
     def _frame(self, picture: av.VideoFrame) -> Frame | None:
