@@ -97,6 +97,9 @@ def matches(key_expr: str, key: str) -> bool:
     try:
         return bool(zenoh.KeyExpr(key_expr).includes(zenoh.KeyExpr(key)))
     except zenoh.ZError as exc:
-        raise UsageError(
-            f"{key_expr!r} is no key expression", "such as 'cam1/track', 'cam1/*' or '**'"
-        ) from exc
+        raise no_key_expression(key_expr) from exc
+
+
+def no_key_expression(text: str) -> UsageError:
+    """Return the error for a text that is none."""
+    return UsageError(f"{text!r} is no key expression", "such as 'cam1/track', 'cam1/*' or '**'")

@@ -2,8 +2,8 @@
 
 Only a small descriptor crosses the bus. One writer, one reader. Every slot has a ticket, written
 by the writer after the plane, and a receipt, written by the reader when it is done with it. A
-lossless writer waits for the receipt before it uses a slot again; a live one doesn't, and the
-reader finds by the ticket that the plane was overwritten.
+lossless writer waits for the receipt before it uses a slot again; a live one not for long, and
+the reader finds by the ticket that the plane was overwritten.
 
 The memory is a file in ``/dev/shm`` mapped by both: Python's own ``shared_memory`` removes the
 segment when *any* process that attached to it ends (bpo-38119).
@@ -29,6 +29,9 @@ _VERSION = 1
 # magic, version, slots, bytes of a slot, lossless; then tickets and receipts.
 _HEAD = 5
 _POLL_S = 0.001
+# Frames of a network camera come in bursts. A live writer gives its reader this long for each:
+# little enough for 100 frames a second, whatever the reader does.
+LIVE_PATIENCE_S = 0.01
 
 
 def ring_directory() -> Path:
@@ -69,7 +72,7 @@ class RingWriter(_Ring):
     slot_bytes : int
         Largest plane.
     lossless : bool
-        Wait for the reader rather than overwrite what it hasn't read.
+        Wait for the reader, however long, rather than overwrite what it hasn't read.
 
     Raises
     ------
@@ -93,13 +96,17 @@ class RingWriter(_Ring):
         luma : ndarray of uint8
             Plane of any shape and line padding, not larger than a slot.
         reader_gone : callable
-            Asked while a lossless writer waits for the reader. A reader that is gone will never
-            give its planes back: they are taken from it.
+            Asked while the writer waits for the reader. A reader that is gone will never give its
+            planes back: they are taken from it.
         """
         slot = self._written % self._ticket.size
-        while self._lossless and self._receipt[slot] != self._ticket[slot]:
+        patience_s = float("inf") if self._lossless else LIVE_PATIENCE_S
+        deadline = time.monotonic() + patience_s
+        while self._receipt[slot] != self._ticket[slot]:
             if reader_gone():
                 self._receipt[:] = self._ticket
+            elif time.monotonic() > deadline:
+                break
             else:
                 time.sleep(_POLL_S)
         self._written += 1

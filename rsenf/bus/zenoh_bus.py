@@ -21,19 +21,20 @@ import zenoh
 from rsenf.bus.bus import Publisher, Subscription
 from rsenf.bus.delivery import Delivery
 from rsenf.bus.inbox import Envelope, Inbox
+from rsenf.bus.keys import no_key_expression
 from rsenf.errors import RsenfError, UsageError
 
 ECHO_KEY = "rsenf/@echo"
 ECHO_TIMEOUT_S, NO_ECHO_S = 1.0, 0.3
 HISTORY_TIMEOUT_S = 2.0
-CONNECT_TIMEOUT_MS = 5000
+CONNECT_TIMEOUT_MS = 3000
 # Zenoh closes a link on which a blocked sender waits longer than this, and later messages vanish
 # without a word. A slow recorder is no reason to lose data: an hour.
 WAIT_BEFORE_CLOSE_US = 3_600_000_000
-# A thread that hands a message on waits for its receiver. With Zenoh's two threads, two frames
-# waiting for the node that samples them would keep that node's own row blocks from coming in,
-# and all would stand still: a router needs a thread for each of its links.
-ROUTER_THREADS = 64
+# A thread that hands a message on waits for its receiver. On two cores Zenoh has one such thread: a
+# frame that waits for the node that samples it would keep that node's own row blocks from coming
+# in, and all would stand still. A router needs a thread for each of its links.
+LINK_THREADS = 64
 
 
 @dataclass(frozen=True)
@@ -138,14 +139,22 @@ class ZenohBus:
         return _ZenohPublisher(self._session, key, delivery)
 
     def subscribe(self, inbox: Inbox, key_expr: str, delivery: Delivery) -> None:
-        """Let an inbox receive a key expression, its history included, in order."""
+        """Let an inbox receive a key expression, its history included, in order.
+
+        Raises
+        ------
+        UsageError
+            When it is no key expression.
+        """
         self._inboxes.append(inbox)
         subscription = Subscription(inbox, delivery)
-        self._declared.append(
-            self._session.declare_subscriber(
+        try:
+            subscriber = self._session.declare_subscriber(
                 key_expr, lambda sample: subscription.take(_envelope(sample))
             )
-        )
+        except zenoh.ZError as exc:
+            raise no_key_expression(key_expr) from exc
+        self._declared.append(subscriber)
         subscription.catch_up(self._history(key_expr) if delivery.history else ())
 
     def _history(self, key_expr: str) -> Iterator[Envelope]:
@@ -208,8 +217,8 @@ def open_bus(settings: BusSettings) -> Iterator[ZenohBus]:
         When the endpoints can't be reached, or refuse these credentials.
     """
     config = _config(settings)
-    if settings.mode == "router":
-        os.environ.setdefault("ZENOH_RUNTIME", f"(rx: (worker_threads: {ROUTER_THREADS}))")
+    # Read once, when a process opens its first session. Idle threads cost nothing measurable.
+    os.environ.setdefault("ZENOH_RUNTIME", f"(rx: (worker_threads: {LINK_THREADS}))")
     try:
         session = zenoh.open(config)
     except zenoh.ZError as exc:

@@ -185,6 +185,8 @@ def _end_of(node: NodeState, code: int) -> tuple[str, str]:
     """Return the state and detail of a node whose process has ended with a code."""
     if code == -signal.SIGTERM and node.told:  # before it could listen to signals
         return "done", "stopped before it began"
+    if code == -signal.SIGKILL and node.told:
+        return "failed", "did not stop in time and was killed"
     if code < 0:
         return "lost", f"killed by signal {-code}"
     if code == 0 or node.state == "done":

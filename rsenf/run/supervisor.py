@@ -51,7 +51,7 @@ def start_graph(
         When the bus can't be opened.
     """
     run_id = secrets.token_hex(4)
-    own_router = () if graph.bus.is_elsewhere else _listen(graph)
+    own_router = () if graph.bus.is_elsewhere else graph.bus.listen or (free_endpoint(),)
     settings = bus_settings(graph)
     if own_router:
         settings = BusSettings(mode="router", listen=own_router, zenoh=graph.bus.zenoh)
@@ -73,13 +73,11 @@ def start_graph(
                     node.process.wait(_END_TIMEOUT_S)
 
 
-def _listen(graph: Graph) -> tuple[str, ...]:
-    """Where the run's own router listens: as configured, or a free port of this host alone."""
-    if graph.bus.listen:
-        return graph.bus.listen
+def free_endpoint() -> str:
+    """Address of this host alone at which nobody listens."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        return (f"tcp/127.0.0.1:{probe.getsockname()[1]}",)
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def _spawn(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 from rsenf.bus.inbox import Envelope, Inbox
 from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, open_bus
 from rsenf.messages import EnfEstimate, Frame, Header, encode, encoding_of
+from rsenf.run.supervisor import free_endpoint
 
 TRACK = "rsenf/lab/cam/track"
 FRAMES = "rsenf/lab/cam/frames"
@@ -56,12 +56,6 @@ def take(inbox: Inbox, count: int) -> list[Any]:
 
 def seqs(messages: list[Any]) -> list[int]:
     return [m.header.seq for m in messages]
-
-
-def free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 @contextmanager

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from bus_samples import TRACK, client, drain, estimate, free_endpoint, router, seqs, take
+from bus_samples import TRACK, client, drain, estimate, router, seqs, take
 
 from rsenf.bus import zenoh_bus
 from rsenf.bus.delivery import SIGNALS
@@ -15,6 +15,7 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.zenoh_bus import BusSettings, open_bus, setting_problem
 from rsenf.errors import RsenfError, UsageError
 from rsenf.messages import encode, encoding_of
+from rsenf.run.supervisor import free_endpoint
 
 HERE = str(Path(__file__).parent)
 
@@ -57,6 +58,11 @@ def test_an_address_that_is_taken_or_nonsense_is_one_clear_line() -> None:
     assert "\n" not in str(caught.value)
     with pytest.raises(RsenfError, match="nonsense"), client("nonsense"):
         pass
+
+
+def test_what_is_no_key_expression_is_one_clear_line() -> None:
+    with router() as (_, bus), pytest.raises(UsageError, match="no key expression"):
+        bus.subscribe(Inbox(), "rsenf//x", SIGNALS)
 
 
 def test_a_setting_that_is_none_is_named_without_its_value() -> None:

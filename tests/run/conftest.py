@@ -45,8 +45,8 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Film:
 
 @pytest.fixture(scope="session")
 def short_film(tmp_path_factory: pytest.TempPathFactory) -> Film:
-    """Five seconds: to be played at their own pace."""
-    return _film(tmp_path_factory.mktemp("short"), 5)
+    """Three seconds: to be played at their own pace."""
+    return _film(tmp_path_factory.mktemp("short"), 3)
 
 
 GRAPH = """\

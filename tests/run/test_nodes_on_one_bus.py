@@ -9,14 +9,17 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
+from rsenf_nodes.rows import RowsLane
 from run_samples import GRAPH, Counting, block, end_after, node_on, wall
 
-from rsenf.bus.delivery import LOOKING, SIGNALS
+from rsenf.bus.delivery import FRAMES_FILE, LOOKING, SIGNALS
+from rsenf.bus.frames import FrameReceiver
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import alive_key, camera_key, health_key, reference_key
 from rsenf.bus.loopback import Loopback
 from rsenf.errors import InputError, NodeFailed
-from rsenf.messages import EnfEstimate, Header, Health
+from rsenf.messages import EnfEstimate, Frame, Header, Health
+from rsenf.rows.stage import Rows
 from rsenf.run import peers as peers_module
 from rsenf.run import pump as pump_module
 from rsenf.run.node import NodeProcess
@@ -329,12 +332,6 @@ def test_a_recording_of_others_alone_ends_when_told_to(
 
 
 def test_frames_of_a_stranger_do_not_end_the_rows_node(network: Loopback) -> None:
-    from rsenf.bus.delivery import FRAMES_FILE
-    from rsenf.bus.frames import FrameReceiver
-    from rsenf.messages import Frame
-    from rsenf.rows.stage import Rows
-    from rsenf_nodes.rows import RowsLane
-
     node, out = node_on(network, "rows"), listen(network, ROWS)
     key = node.subscribe(camera_key("lab", "cam", "frames"))
     the_lane = RowsLane(

@@ -16,11 +16,9 @@ from rsenf.track import TrackSettings, make_tracker
 SHORT = TrackSettings(window_s=4.0, nominal_hz=50.0, max_std_hz=1.0)
 
 
-def chain(tapped: list[Any] | None = None) -> Chain:
+def chain(tapped: list[Any]) -> Chain:
     runners = [Runner("rows", Rows), Runner("track", lambda: make_tracker(SHORT))]
-    return Chain(
-        runners, lambda topic, message: tapped.append(message) if tapped is not None else 0
-    )
+    return Chain(runners, lambda topic, message: tapped.append(message))
 
 
 def data(messages: list[Any], cls: type[Any]) -> list[Any]:
