@@ -12,12 +12,13 @@ from dataclasses import dataclass, field
 from rsenf.bus.bus import Bus
 from rsenf.bus.delivery import LOOKING
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import camera_key, health_key, node_of
+from rsenf.bus.keys import camera_key, health_key, node_of, source_of
 from rsenf.bus.ring import ring_directory
 from rsenf.config import Graph
 from rsenf.config.graph import DecodeNode, MatchNode, ReferenceNode
 from rsenf.errors import EXIT_USAGE, NodeFailed
 from rsenf.messages import Health, MatchResult
+from rsenf.run.peers import LAST_WORDS
 
 # Told to stop, sources end their streams and everything after them finishes by itself; who hasn't
 # by then is told too, and in the end made to. All within two seconds.
@@ -140,7 +141,7 @@ class GraphRun:
     def _tell(self, nodes: Iterable[NodeState]) -> None:
         """Ask to stop, once: a second time means at once."""
         for node in nodes:
-            if not node.told:
+            if not node.told and node.state not in LAST_WORDS:
                 node.told = True
                 node.signal(signal.SIGTERM)
 
@@ -163,7 +164,7 @@ class GraphRun:
                 node.was_ready |= received.message.state == "running"
                 self._change(node, received.message.state, received.message.detail)
         elif not received.message.header.is_end:
-            self.results[received.message.header.source] = received.message
+            self.results[source_of(received.key)] = received.message
         return True
 
     def _change(self, node: NodeState, state: str, detail: str) -> None:
@@ -183,15 +184,15 @@ class GraphRun:
 
 def _end_of(node: NodeState, code: int) -> tuple[str, str]:
     """Return the state and detail of a node whose process has ended with a code."""
+    if node.state == "failed" or (node.state == "done" and code >= 0):
+        return node.state, node.detail
     if code == -signal.SIGTERM and node.told:  # before it could listen to signals
         return "done", "stopped before it began"
     if code == -signal.SIGKILL and node.told:
         return "failed", "did not stop in time and was killed"
     if code < 0:
         return "lost", f"killed by signal {-code}"
-    if code == 0 or node.state == "done":
-        return "done", node.detail
-    return "failed", node.detail or f"exit code {code}"
+    return ("failed", f"exit code {code}") if code else ("done", node.detail)
 
 
 def check_ended(run: GraphRun) -> int:

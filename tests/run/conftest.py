@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from live_run import LiveRun
-from run_samples import children_of
 
 from rsenf.bus.ring import ring_directory
 
@@ -96,10 +95,10 @@ def graphs(tmp_path: Path) -> Graphs:
 def live_run() -> Iterator[type[LiveRun]]:
     """Starts ``rsenf run``; afterwards nothing of it may be left."""
     yield LiveRun
-    for run in LiveRun.started:
-        run.kill()
-    ids = [run.run_id for run in LiveRun.started if run.run_id]
+    started = list(LiveRun.started)
     LiveRun.started.clear()
-    for run_id in ids:
-        assert children_of(run_id) == []
+    for run in started:
+        run.kill()
+    assert [run.graph for run in started if run.left] == []
+    for run_id in [run.run_id for run in started if run.run_id]:
         assert list(ring_directory().glob(f"rsenf-{run_id}*")) == []

@@ -32,7 +32,7 @@ class LiveRun:
     started: ClassVar[list[LiveRun]] = []
 
     def __init__(self, graph: Path, *words: str, **more: Any) -> None:
-        self.run_id, self.endpoint = "", ""
+        self.graph, self.run_id, self.endpoint = graph, "", ""
         self.states: dict[str, list[str]] = {}
         self.pids: dict[str, int] = {}
         self.lines: list[str] = []
@@ -101,12 +101,12 @@ class LiveRun:
     @property
     def left(self) -> list[int]:
         """Processes of the run that still live."""
-        return children_of(self.run_id)
+        return children_of(str(self.graph))
 
     def kill(self) -> None:
         """End what is left of it, whatever the test made of it."""
         if self.process.poll() is None:
             self.process.kill()
             self.process.wait()
-        for number in self.left if self.run_id else []:
+        for number in self.left:
             os.kill(number, signal.SIGKILL)

@@ -83,8 +83,9 @@ def block(seq: int, *, epoch: int = 0, run_id: str = "r") -> RowBlock:
     return RowBlock(header=Header(run_id=run_id, source="lab/cam", epoch=epoch, seq=seq))
 
 
-def children_of(run_id: str) -> list[int]:
-    """Processes of a run that are alive, by their command lines."""
+def children_of(word: str) -> list[int]:
+    """Node processes that are alive with a word, a run's id or a graph's path, in their command."""
+    assert word
     found = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
@@ -93,6 +94,6 @@ def children_of(run_id: str) -> list[int]:
                 state = (entry / "stat").read_text().rpartition(")")[2].split()[0]
             except OSError:
                 continue
-            if b"--run-id" in words and run_id.encode() in words and state != "Z":
+            if b"--run-id" in words and word.encode() in words and state != "Z":
                 found.append(int(entry.name))
     return found

@@ -41,9 +41,9 @@ def test_a_finished_run_is_done_and_tells_the_verdict(
 
 
 def test_quiet_says_nothing_when_nothing_is_wrong(
-    film: Film, graphs: Graphs, live_run: type[LiveRun]
+    short_film: Film, graphs: Graphs, live_run: type[LiveRun]
 ) -> None:
-    run = live_run(graphs.write(film), "--quiet")
+    run = live_run(graphs.write(short_film), "--quiet")
     assert run.wait() == EXIT_DONE
     assert run.lines == []
 
@@ -168,16 +168,16 @@ def test_a_disk_that_is_full(
     assert "no space left" in run.error
 
 
-def test_one_process_may_run_one_graph_after_another(film: Film, graphs: Graphs) -> None:
+def test_one_process_may_run_one_graph_after_another(short_film: Film, graphs: Graphs) -> None:
     """As a notebook or a test would: nothing of the first is in the second's way."""
-    path = graphs.write(film, "fused")
+    path = graphs.write(short_film, "fused")
     for _ in range(2):
         graphs.out.unlink(missing_ok=True)
         graph = load_graph(path)
         with view_of(graph, quiet=True) as view, start_graph(graph, path, view.update) as run:
             run.wait(threading.Event())
         assert check_ended(run) == EXIT_DONE
-        assert run.results["lab/cam"].decision == "match"
+        assert run.results["lab/cam"].decision == "no_decision"  # too short to tell
 
 
 def test_leaving_the_block_stops_the_graph(film: Film, graphs: Graphs) -> None:
