@@ -159,7 +159,9 @@ class GraphRun:
             return False
         if isinstance(received.message, Health):
             node = self.nodes.get(node_of(received.key))
-            if node is not None and node.exit_code is None:
+            # On a bus of others there may be nodes of the same name.
+            ours = received.message.header.run_id == self.run_id
+            if node is not None and ours and node.exit_code is None:
                 node.health = received.message
                 node.was_ready |= received.message.state == "running"
                 self._change(node, received.message.state, received.message.detail)

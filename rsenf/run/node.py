@@ -20,11 +20,11 @@ from rsenf.bus.keys import alive_key, camera_key, health_key, node_of, reference
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph, load_graph, redact
 from rsenf.config.graph import sender_of
-from rsenf.errors import EXIT_INTERRUPTED, NodeFailed, RsenfError, UsageError
+from rsenf.errors import EXIT_INTERRUPTED, RsenfError, UsageError
 from rsenf.run.health import HealthReport
 from rsenf.run.peers import Peers
 
-PEERS_TIMEOUT_S = 30.0
+PATIENCE_S = 3.0
 BEAT_S = 0.1
 
 
@@ -96,16 +96,12 @@ class NodeProcess:
         self.say("running")
 
     def wait_for_peers(self) -> None:
-        """Wait until all other nodes of the graph listen, so that nothing is sent into the void.
-
-        Raises
-        ------
-        NodeFailed
-            When some never come.
-        """
-        missing = self.peers.wait_for_all(PEERS_TIMEOUT_S, self.stop)
+        """Wait until all other nodes of the graph listen, so that nothing is sent into the void."""
+        missing = self.peers.wait_for_all(PATIENCE_S, self.stop)
         if missing and not self.stop.is_set():
-            raise NodeFailed(f"never came up: {', '.join(sorted(missing))}", "is it started?")
+            self.say("waiting", f"for {', '.join(sorted(missing))}")
+            self.peers.wait_for_all(float("inf"), self.stop)
+            self.say("running")
 
     def _watch_peers(self) -> None:
         site, words = self.graph.site, Inbox()

@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rsenf.config import Graph
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
+    from rsenf.messages import Health
     from rsenf.run.graph_run import GraphRun, NodeState
 
 _COLOURS = {
-    "running": "green", "done": "blue", "lost": "bold red", "failed": "bold red",
-    "starting": "yellow",
+    "starting": "yellow", "waiting": "yellow", "running": "green", "done": "blue",
+    "lost": "bold red", "failed": "bold red",
+}  # fmt: skip
+_COUNTS: dict[str, Callable[[Health], object]] = {
+    "in/s": lambda h: f"{h.rate_hz:.1f}", "in": lambda h: h.messages_in,
+    "out": lambda h: h.messages_out, "missed": lambda h: h.missed,
+    "dropped": lambda h: h.dropped, "queue": lambda h: h.queue_depth,
 }  # fmt: skip
 
 
@@ -28,60 +36,55 @@ class LineView:
 
     def started(self, run: GraphRun) -> None:
         """Say where the bus is."""
-        self._print(f"bus at {run.endpoint}, run {run.run_id}")
+        if not self._quiet:
+            self._print(f"bus at {run.endpoint}, run {run.run_id}")
 
     def update(self, node: NodeState) -> None:
         """Say a node's new state."""
-        if not self._quiet or node.state in ("lost", "failed"):
+        if not self._quiet or node.went_wrong:
             pid = f" pid {node.process.pid}" if node.process and node.state == "running" else ""
             self._print(f"{node.name}: {node.state}{pid} {node.detail}".rstrip())
 
     def _print(self, text: str) -> None:
-        if not self._quiet or "lost" in text or "failed" in text:
-            print(
-                f"rsenf {time.monotonic() - self._begun:6.2f} s  {text}",
-                file=sys.stderr,
-                flush=True,
-            )
+        print(f"rsenf {time.monotonic() - self._begun:6.2f} s  {text}", file=sys.stderr, flush=True)
 
 
 class TableView:
     """A table that is redrawn in place, for people."""
 
-    def __init__(self, graph: Graph, live: Any) -> None:
-        self._live, self._run = live, None
+    def __init__(self, graph: Graph) -> None:
         self._graph = graph
+        self._run: GraphRun | None = None
+        self.refresh: Callable[[], None] = lambda: None
 
-    def started(self, run: Any) -> None:
+    def started(self, run: GraphRun) -> None:
         """Begin to draw."""
         self._run = run
-        self._live.get_renderable = self._table
-        self._live.refresh()
+        self.refresh()
 
     def update(self, node: NodeState) -> None:
         """Draw again."""
-        if self._run is not None:
-            self._live.refresh()
+        self.refresh()
 
-    def _table(self) -> Any:
-        from rich.table import Table
+    def __rich__(self) -> Table | str:
+        return _table(self._graph, self._run) if self._run else ""
 
-        run: GraphRun = self._run  # type: ignore[assignment]  # set before the first drawing
-        table = Table(title=f"{self._graph.site}   bus at {run.endpoint}   run {run.run_id}")
-        for name in ("node", "state", "pid", "in/s", "in", "out", "missed", "queue", ""):
-            table.add_column(name, justify="left" if name in ("node", "state", "") else "right")
-        for node in run.nodes.values():
-            h = node.health
-            counts = (
-                [f"{h.rate_hz:.1f}", h.messages_in, h.messages_out, h.missed, h.queue_depth]
-                if h
-                else [""] * 5
-            )
-            lost = f"lost: {', '.join(h.lost_peers)} " if h and h.lost_peers else ""
-            pid = str(node.process.pid) if node.process else ""
-            state = f"[{_COLOURS.get(node.state, 'white')}]{node.state}[/]"
-            table.add_row(node.name, state, pid, *map(str, counts), lost + node.detail)
-        return table
+
+def _table(graph: Graph, run: GraphRun) -> Table:
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(title=escape(f"{graph.site}   bus at {run.endpoint}   run {run.run_id}"))
+    for name in ("node", "state", "pid", *_COUNTS, ""):
+        table.add_column(name, justify="left" if name in ("node", "state", "") else "right")
+    for node in run.nodes.values():
+        report = node.health
+        counts = [str(count(report)) if report else "" for count in _COUNTS.values()]
+        lost = f"lost: {', '.join(report.lost_peers)} " if report and report.lost_peers else ""
+        pid = str(node.process.pid) if node.process else ""
+        state = f"[{_COLOURS.get(node.state, 'white')}]{node.state}[/]"
+        table.add_row(node.name, state, pid, *counts, escape(lost + node.detail))
+    return table
 
 
 @contextmanager
@@ -93,5 +96,7 @@ def view_of(graph: Graph, *, quiet: bool) -> Iterator[LineView | TableView]:
     from rich.console import Console
     from rich.live import Live
 
-    with Live(console=Console(stderr=True), refresh_per_second=4) as live:
-        yield TableView(graph, live)
+    view = TableView(graph)
+    with Live(view, console=Console(stderr=True), refresh_per_second=4) as live:
+        view.refresh = live.refresh
+        yield view

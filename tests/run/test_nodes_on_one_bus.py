@@ -17,7 +17,7 @@ from rsenf.bus.frames import FrameReceiver
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import alive_key, camera_key, health_key, reference_key
 from rsenf.bus.loopback import Loopback
-from rsenf.errors import InputError, NodeFailed
+from rsenf.errors import InputError
 from rsenf.messages import EnfEstimate, Frame, Header, Health
 from rsenf.rows.stage import Rows
 from rsenf.run import peers as peers_module
@@ -178,16 +178,25 @@ def test_a_peer_that_failed_before_it_was_ready_is_not_waited_for(network: Loopb
     assert node.peers.gone_for_s("decode") > 0
 
 
-def test_peers_that_never_come_are_named(
-    network: Loopback, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("rsenf.run.node.PEERS_TIMEOUT_S", 0.05)
+def test_a_node_says_whom_it_waits_for(network: Loopback, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rsenf.run.node.PATIENCE_S", 0.05)
+    node, health = node_on(network, "decode"), health_of(network, "decode")
+    for name in ("rows", "track", "grid", "match"):
+        network.bus(name).declare_alive(alive_key("lab", name))
+    waiting = threading.Thread(target=node.wait_for_peers)
+    waiting.start()
+    received = health.receive(20)
+    assert received is not None
+    assert (received.message.state, received.message.detail) == ("waiting", "for record")
+    network.bus("record").declare_alive(alive_key("lab", "record"))
+    waiting.join(20)
+    assert last(health).state == "running"
+
+
+def test_a_node_told_to_stop_waits_for_nobody(network: Loopback) -> None:
     node = node_on(network, "decode")
-    network.bus("rows").declare_alive(alive_key("lab", "rows"))
-    with pytest.raises(NodeFailed, match="grid, match, record, track"):
-        node.wait_for_peers()
     node.stop.set()
-    node.wait_for_peers()  # told to stop, it doesn't complain
+    node.wait_for_peers()
 
 
 def health_of(network: Loopback, name: str) -> Inbox:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -116,7 +117,7 @@ def test_control_c_in_a_terminal(film: Film, graphs: Graphs) -> None:
     assert terminal.stdin is not None
     assert terminal.stdout is not None
     seen = b""
-    while b"run " not in seen or seen.count(b"running") < 10:
+    while not all(re.search(rb"%s[^\r\n]*running" % name.encode(), seen) for name in NODES):
         seen += os.read(terminal.stdout.fileno(), 65536)
     run_id = seen.split(b"run ")[1][:8].decode()
     begun = time.monotonic()
