@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 
 BASE = {"errors", "timebase", "stage", "whole_file", "messages"}
-SIGNAL = {"decode", "rows", "track", "idle", "match", "model"}
+SIGNAL = {"decode", "rows", "flicker", "track", "idle", "match", "model"}
 # Room -> rooms of rsenf it may import, besides itself.
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
@@ -19,14 +19,29 @@ ALLOWED: dict[str, set[str]] = {
     "whole_file": {"errors"},
     "messages": {"errors", "timebase"},
     **dict.fromkeys(SIGNAL, BASE),
-    "reference": {*BASE, "track"},
+    # What estimators of the ENF and of the idle period have in common.
+    "track": {*BASE, "flicker"},
+    "idle": {*BASE, "flicker"},
+    "reference": {*BASE, "flicker", "track"},
     "record": BASE,
     "bus": BASE,
     # A graph file is checked against the very settings of the stages.
-    "config": {*BASE, "bus", "decode", "rows", "track", "match", "model"},
-    "report": {*BASE, "rows", "track", "match"},
+    "config": {*BASE, "bus", "decode", "rows", "track", "idle", "match", "model"},
+    "report": {*BASE, "rows", "flicker", "track", "idle", "match"},
     "run": {*BASE, *SIGNAL, "bus", "config", "record", "reference"},
-    "cli": {*BASE, *SIGNAL, "bus", "config", "record", "reference", "report", "run", "cli"},
+    "bench": {*BASE, *SIGNAL, "config", "record", "reference", "report", "run"},
+    "cli": {
+        *BASE,
+        *SIGNAL,
+        "bus",
+        "config",
+        "record",
+        "reference",
+        "report",
+        "run",
+        "bench",
+        "cli",
+    },
     "nodes": {*BASE, *SIGNAL, "bus", "config", "record", "reference", "run"},
 }
 # What a signal room must not touch, whatever it is imported through.

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
+from rsenf.flicker.lines import Line, candidate_lines, project, templates
+from rsenf.flicker.slow_time import SlowTime
+from rsenf.flicker.tone import ToneFinder
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
-from rsenf.track.lines import Line, candidate_lines, project, templates
 from rsenf.track.settings import TrackSettings
-from rsenf.track.slow_time import SlowTime
-from rsenf.track.tone import ToneFinder
 from rsenf.track.window import LineFit, fit_lines, slow_time_amplitude
 
 # Row blocks held back until the frame rate is known well enough for the phase ramps.

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.flicker.lines import Line
+from rsenf.flicker.slow_time import SlowTime
+from rsenf.flicker.tone import Tone, ToneFinder
 from rsenf.timebase import nanoseconds
-from rsenf.track.lines import Line
-from rsenf.track.slow_time import SlowTime
-from rsenf.track.tone import Tone, ToneFinder
 
 
 @dataclasses.dataclass(frozen=True)

@@ -9,12 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
+from rsenf.flicker.lines import Line, candidate_lines, project, templates
+from rsenf.flicker.tone import ToneFinder
 from rsenf.messages import EnfEstimate, Header, RowBlock, canonical
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
-from rsenf.track.lines import Line, candidate_lines, project, templates
 from rsenf.track.stft import SMEAR_STD_HZ
-from rsenf.track.tone import ToneFinder
 from tests.oracle.tone_search import tone_frequency
 
 RATE_HZ = 30000 / 1001

@@ -1,0 +1,1 @@
+"""Benchmarks: every method on the same clips, each clip with its truth."""

@@ -1,0 +1,59 @@
+"""What is known of the flicker over one second of a stream."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlickerSecond:
+    """The flicker's phase and frequency over one second, on the camera's clock.
+
+    Parameters
+    ----------
+    index : int
+        Seconds since the epoch's first frame.
+    start_s, end_s : float
+        What it covers, from the epoch's first frame.
+    usable : bool
+        Whether phase and frequency may be used.
+    reason : str
+        Why not; empty when usable.
+    nominal_hz : float
+        Nominal grid frequency, 50 or 60; NaN while it isn't known.
+    frame_rate_hz : float
+        Measured around this second.
+    f0_hz : float
+        Mean illumination frequency (twice the ENF) over the second.
+    f0_var_hz2 : float
+        Its variance.
+    turns : float
+        Turns of the first harmonic's phase down the rows of one frame, as known by then:
+        ``f_0·T_ro``; negative where the read-out runs from the last row to the first.
+    snr_db : float
+        Power of the tone over the noise in a resolution cell of the window.
+    frame_number : ndarray of int64, shape (frames,)
+        The frames that begin in this second.
+    phase_rad : ndarray, shape (frames,)
+        Phase of the first harmonic at the time stamp of each of them, ``2π∫f_0 dt`` plus a
+        constant of the epoch; it continues from second to second without jumps of 2π.
+    """
+
+    index: int
+    start_s: float
+    end_s: float
+    usable: bool = False
+    reason: str = ""
+    nominal_hz: float = NAN
+    frame_rate_hz: float = NAN
+    f0_hz: float = NAN
+    f0_var_hz2: float = NAN
+    turns: float = NAN
+    snr_db: float = NAN
+    frame_number: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    phase_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))

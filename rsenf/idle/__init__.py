@@ -1,0 +1,27 @@
+"""Idle: from row blocks to the share of each frame in which nothing is read, by a named method."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rsenf.errors import UsageError
+from rsenf.idle.settings import IdleSettings
+from rsenf.stage import Stage
+
+METHODS: dict[str, Callable[[IdleSettings], Stage]] = {}
+
+
+def make_idle(settings: IdleSettings) -> Stage:
+    """Build the estimator that the settings name: row blocks in, idle estimates out.
+
+    Raises
+    ------
+    UsageError
+        When there is no method of that name.
+    """
+    if settings.method not in METHODS:
+        raise UsageError(f"no idle method {settings.method!r}", f"one of {', '.join(METHODS)}")
+    return METHODS[settings.method](settings)
+
+
+__all__ = ["METHODS", "IdleSettings", "make_idle"]
