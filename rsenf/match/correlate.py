@@ -31,9 +31,9 @@ def match_ncc(
             coverage_ratio=found.coverage_ratio,
         )
     best, evidence = found.peaks[0], weigh(found, track, settings)
-    lag_std_s, offset_std_hz = _errors(best, track.window_s)
+    lag_std_s, offset_std_hz = _errors(best, track.resolution_s)
     decision, reason = _decide(found, evidence, lag_std_s, settings)
-    values = independent_values(best.seconds, track.window_s)
+    values = independent_values(best.seconds, track.resolution_s)
     return Finding(
         decision=decision,
         reason=reason,
@@ -87,13 +87,13 @@ def _decide(
     )
 
 
-def _errors(best: Peak, window_s: float) -> tuple[float, float]:
+def _errors(best: Peak, resolution_s: float) -> tuple[float, float]:
     """Standard errors of the lag (s) and of the offset (Hz), by least squares.
 
     The residual variance rises by ``bend · δ²``; with ``n`` independent values the lag's variance
     is ``V / (n · bend)``.
     """
-    values = max(independent_values(best.seconds, window_s), 1.0)
+    values = max(independent_values(best.seconds, resolution_s), 1.0)
     offset_std = math.sqrt(best.residual_var_hz2 / values)
     if best.bend_hz2_per_s2 <= 0.0:
         return math.nan, offset_std

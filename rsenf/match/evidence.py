@@ -62,7 +62,7 @@ class Evidence:
 def weigh(found: Search, track: Track, settings: MatchSettings) -> Evidence:
     """Weigh the best peak of a search that has one."""
     best, others = found.peaks[0], found.peaks[1:]
-    chance = expected_chance_fits(found, track.window_s)
+    chance = expected_chance_fits(found, track.resolution_s)
     fit, expected = fit_of(best, found, track, settings)
     # A residual as large as the median one is no evidence against this time.
     against = min(0.0, math.log10(max(2.0 * fit, 1e-300)))
@@ -75,7 +75,7 @@ def weigh(found: Search, track: Track, settings: MatchSettings) -> Evidence:
     )
 
 
-def expected_chance_fits(found: Search, window_s: float) -> float:
+def expected_chance_fits(found: Search, resolution_s: float) -> float:
     """How many wrong lags at least as good as the best one a search like this should find.
 
     With the excesses ``e_i`` of the ``K`` best other peaks over the one after them, and a gamma
@@ -88,7 +88,7 @@ def expected_chance_fits(found: Search, window_s: float) -> float:
         return math.inf
     tail = min(max(found.tail, 1), max(len(others) - 1, 1))
     threshold = others[min(tail, len(others) - 1)]
-    values = independent_values(best.seconds, window_s)
+    values = independent_values(best.seconds, resolution_s)
     known = sum(s - threshold for s in others[:tail])
     known += PRIOR_PEAKS * PRIOR_EXCESS * math.sqrt(max(values, 1.0))
     return float(tail * (1.0 + (best.score - threshold) / known) ** -(tail + PRIOR_PEAKS))
@@ -112,7 +112,7 @@ def fit_of(peak: Peak, found: Search, track: Track, settings: MatchSettings) -> 
     own = track.var_hz2[np.isfinite(track.var_hz2)]
     own_var = max(float(own.mean()) - found.smear_var_hz2, 0.0) if own.size else 0.0
     expected = own_var + settings.reference_std_hz**2
-    freedom = max(independent_values(peak.seconds, track.window_s) - 1.0, 1.0)
+    freedom = max(independent_values(peak.seconds, track.resolution_s) - 1.0, 1.0)
     return float(fdtrc(freedom, EXPECTED_DOF, peak.residual_var_hz2 / expected)), expected
 
 

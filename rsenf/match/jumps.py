@@ -26,7 +26,7 @@ def without_jumps(track: Track) -> tuple[Track, int]:
     dropped : int
         How many there were.
     """
-    away = np.abs(track.enf_hz - _running_median(track.enf_hz, track.window_s / track.hop_s))
+    away = np.abs(track.enf_hz - _running_median(track.enf_hz, track.resolution_s / track.hop_s))
     if not np.isfinite(away).any():
         return track, 0
     scatter = 1.4826 * float(np.nanmedian(away))

@@ -1,8 +1,9 @@
 """How well a clip fits a reference at a lag: a log-likelihood, and a peak's exact place.
 
 Residuals are Gaussian of unknown size about a constant offset, whose prior is the clock errors of
-cameras. A 20 s window that moves on by 1 s gives far fewer independent values than seconds, so
-residuals count once per half window, as the half-overlapping segments of a Welch spectrum do.
+cameras. A 20 s window that moves on by 1 s gives far fewer independent values than seconds, and so
+does a grid that takes its time: residuals count once per half of it, as the half-overlapping
+segments of a Welch spectrum do.
 
 Correlation alone would rank a lag by its shape only; the offset (a clock error of 100 ppm is 5 mHz)
 and the size of the residual tell more. All three come from the same masked sums.
@@ -21,7 +22,7 @@ from rsenf.match.series import Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
 
-INDEPENDENT_RATIO = 0.5  # of the window: the spacing at which estimates count as independent
+INDEPENDENT_RATIO = 0.5  # of the resolution: the spacing at which residuals count as independent
 CLOCK_DOF = 3.0  # of the Student prior: tails that real cameras need
 # Two honest recordings of one grid differ by this much; a smaller residual says no more.
 FLOOR_STD_HZ = 1e-4
@@ -46,9 +47,9 @@ class Peak:
     bend_hz2_per_s2: float
 
 
-def independent_values(seconds: float, window_s: float) -> float:
-    """How many independent values so many seconds of overlapping windows are worth."""
-    return seconds / (INDEPENDENT_RATIO * window_s)
+def independent_values(seconds: float, resolution_s: float) -> float:
+    """How many independent residuals so many seconds are worth."""
+    return seconds / (INDEPENDENT_RATIO * resolution_s)
 
 
 class LagScorer:
@@ -91,7 +92,7 @@ class LagScorer:
 
         Fewer pairs give less evidence, for or against.
         """
-        values = independent_values(1.0, self.track.window_s) * self.track.hop_s * pairs
+        values = independent_values(1.0, self.track.resolution_s) * self.track.hop_s * pairs
         ratio = np.maximum(var, FLOOR_STD_HZ**2) / self.ordinary_var_hz2
         ppm = offset / self.track.nominal_hz * 1e6
         clock = np.log1p((ppm / self.settings.clock_scale_ppm) ** 2 / CLOCK_DOF)

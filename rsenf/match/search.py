@@ -13,7 +13,7 @@ from rsenf.match.series import Grid, Track, phases, to_step_of
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
 
-NEIGHBOURHOOD_RATIO = 1.5  # of the window: nearer lags belong to the same peak
+NEIGHBOURHOOD_RATIO = 1.5  # of the resolution: nearer lags belong to the same peak
 MAX_TAIL = 64  # at most so many peaks describe the tail of wrong lags
 SPARE = 4  # a broad peak can top several stretches: refine so many times the peaks wanted
 
@@ -88,7 +88,7 @@ def search(track: Track, grid: Grid, settings: MatchSettings) -> Search:
 
 def _search(scorers: list[LagScorer], smoothed: bool, smear_var_hz2: float) -> Search:
     """Pass over all lags, keep the best of every stretch, refine the best of those."""
-    apart_s = NEIGHBOURHOOD_RATIO * scorers[0].track.window_s
+    apart_s = NEIGHBOURHOOD_RATIO * scorers[0].track.resolution_s
     lags = possible = inside = 0
     score, lag, owner = [], [], []
     for number, scorer in enumerate(scorers):

@@ -11,6 +11,9 @@ from rsenf.errors import UsageError
 from rsenf.messages import EnfEstimate, ReferenceBlock
 from rsenf.messages.schema import FloatArray
 
+# Where two times of a grid differ, they do so for about this long.
+GRID_MEMORY_S = 20.0
+
 
 @dataclass(frozen=True, eq=False)
 class Track:
@@ -31,6 +34,11 @@ class Track:
     def usable(self) -> int:
         """How many values there are."""
         return int(np.isfinite(self.enf_hz).sum())
+
+    @property
+    def resolution_s(self) -> float:
+        """Time over which residuals at a lag hang together: the window's, or the grid's own."""
+        return max(self.window_s, GRID_MEMORY_S)
 
 
 @dataclass(frozen=True, eq=False)

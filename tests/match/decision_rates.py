@@ -1,6 +1,7 @@
 """How often the matcher decides, and how often rightly, on measured grids.
 
-Not a test by itself: ``python -m tests.match.decision_rates`` prints the table. The thresholds of
+Not a test by itself: ``python -m tests.match.decision_rates 50 20`` prints the table for 50 trials
+a row and 20 s windows. The thresholds of
 :class:`rsenf.match.MatchSettings` and the constants of :mod:`rsenf.match.evidence` were chosen on
 the first half of the 2022 day (with clips of its second half, and of the Wuhan grid, as absent
 ones); the table is of other data and other seeds.
@@ -45,7 +46,7 @@ class Trials:
     reference_hz: np.ndarray
     source_hz: np.ndarray
 
-    def run(self, seconds, count, *, seed, present) -> Rates:
+    def run(self, seconds, count, *, seed, present, window_s=20.0) -> Rates:
         rng = np.random.default_rng(seed)
         grid = grid_from(self.reference_hz)
         counts = Counter()
@@ -59,6 +60,7 @@ class Trials:
                 seed=(seed, trial),
                 std_hz=rng.uniform(0.3e-3, 1.5e-3),
                 ppm=ppm,
+                window_s=window_s,
             )
             found = match_ncc(clip, grid, MatchSettings())
             right = present and abs(found.lag_s - start_s) <= 1
@@ -85,7 +87,7 @@ def grid_of_reference(reference: Reference) -> Grid:
     )
 
 
-def main(count: int) -> None:
+def main(count: int, window_s: float) -> None:
     day = read_reference(DATA / "grid_ce_2022-09-17_1s.csv.gz").freq_hz
     week = read_reference(DATA / "grid_ce_2024-08-13_to_21_gappy_1s.csv.gz").freq_hz
     cases = {
@@ -97,9 +99,11 @@ def main(count: int) -> None:
     }
     for name, (reference_hz, source_hz, present) in cases.items():
         for seconds in (60, 120, 300, 600):
-            rates = Trials(reference_hz, source_hz).run(seconds, count, seed=901, present=present)
+            rates = Trials(reference_hz, source_hz).run(
+                seconds, count, seed=901, present=present, window_s=window_s
+            )
             print(f"{name:46s} {seconds:4d} s: {rates}", flush=True)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 50)
+    main(int(sys.argv[1]), float(sys.argv[2]))

@@ -35,20 +35,24 @@ def coloured_noise(count, std_hz, rng, window_s=WINDOW_S):
     return std_hz * np.convolve(white, weights, "valid")
 
 
-def clip_of(freq_hz, start_s, seconds, seed, *, std_hz=0.5e-3, ppm=0.0, nominal_hz=50.0):
+def clip_of(
+    freq_hz, start_s, seconds, seed, *, std_hz=0.5e-3, ppm=0.0, nominal_hz=50.0, window_s=WINDOW_S
+):
     """A track of a clip that began ``start_s`` after the first of 1 s samples.
 
-    Estimates are the grid averaged as a 20 s Hann window does, at fractional places by linear
-    interpolation, with coloured noise and a clock error.
+    Estimates are the grid averaged as a Hann window does, at fractional places by linear
+    interpolation, with coloured noise and a clock error. With a window of a second they are means
+    of a second, each with its own variance only.
     """
     rng = np.random.default_rng(seed)
-    count = round(seconds - WINDOW_S) + 1
-    smooth = average(freq_hz, window_kernel(WINDOW_S, 1.0))
-    centres_s = start_s + WINDOW_S / 2 + np.arange(count)
+    count = round(seconds - window_s) + 1
+    smooth = average(freq_hz, window_kernel(window_s, 1.0))
+    centres_s = start_s + window_s / 2 + np.arange(count)
     enf = np.interp(centres_s - 0.5, np.arange(freq_hz.size), smooth)
     enf = enf + coloured_noise(count, std_hz, rng) - nominal_hz * ppm * 1e-6
-    variance = np.full(count, std_hz**2 + SMEAR_STD_HZ**2)
-    return Track(WINDOW_S / 2, 1.0, WINDOW_S, enf, variance, nominal_hz)
+    smear_std_hz = SMEAR_STD_HZ if window_s == WINDOW_S else 0.0
+    variance = np.full(count, std_hz**2 + smear_std_hz**2)
+    return Track(window_s / 2, 1.0, window_s, enf, variance, nominal_hz)
 
 
 def grid_from(freq_hz, *, step_s=1.0, t0_ns=0, nominal_hz=50.0):

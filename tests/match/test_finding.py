@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -30,6 +31,20 @@ def test_lag_and_clock_come_back(start_s, ppm, seed):
     assert found.seconds_used == 281
     assert found.search_size > 19_000
     assert found.verbal.endswith("support for this time")
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_means_of_a_second_are_found_but_not_taken_for_more_evidence_than_they_are(seed):
+    """Neighbouring seconds of a grid are alike: sixty of them are not sixty independent values."""
+    elsewhere = wandering_grid(3000, seed=100 + seed)
+    start_s = 2000.4 + 3000 * seed
+    there = match_ncc(clip_of(DAY, start_s, 180, seed, window_s=1.0), grid_from(DAY), SETTINGS)
+    absent = match_ncc(clip_of(elsewhere, 1000, 60, seed, window_s=1.0), grid_from(DAY), SETTINGS)
+    assert there.decision == "match"
+    assert there.lag_s == pytest.approx(start_s, abs=4 * there.lag_std_s)
+    assert there.seconds_used == 180
+    assert absent.decision != "match"
+    assert min(abs(a.lag_s - b.lag_s) for a, b in itertools.pairwise(there.candidates)) >= 30
 
 
 def test_candidates_are_ranked_and_apart():
