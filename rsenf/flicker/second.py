@@ -42,6 +42,12 @@ class FlickerSecond:
     phase_rad : ndarray, shape (frames,)
         Phase of the first harmonic at the time stamp of each of them, ``2π∫f_0 dt`` plus a
         constant of the epoch; it continues from second to second without jumps of 2π.
+    amplitude : complex
+        Mean of the first harmonic over the second's own frames, levels, relative to
+        ``exp(j·2π·2·nominal_hz·t)``. Unlike the phase it isn't smoothed: its errors in different
+        seconds have nothing to do with each other.
+    amplitude_var : float
+        Variance of its real part, and of its imaginary part, levels².
     """
 
     index: int
@@ -57,3 +63,5 @@ class FlickerSecond:
     snr_db: float = NAN
     frame_number: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     phase_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    amplitude: complex = complex(NAN, NAN)
+    amplitude_var: float = NAN

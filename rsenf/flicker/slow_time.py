@@ -51,6 +51,11 @@ class SlowTime:
         """Time of the last frame since the first."""
         return float(self._t_s[self._stop - 1]) if self._stop > self._start else -np.inf
 
+    @property
+    def first_t_s(self) -> float:
+        """Time of the first frame that is still there; infinite without any."""
+        return float(self._t_s[self._start]) if self._stop > self._start else np.inf
+
     def between(self, start_s: float, end_s: float) -> slice:
         """Frames with ``start_s ≤ t < end_s``, as a slice for the accessors below."""
         t = self._t_s[self._start : self._stop]
@@ -68,6 +73,14 @@ class SlowTime:
     def values(self, part: slice) -> NDArray[np.complex128]:
         """Slow-time values, shape (frames, lines)."""
         return self._value[part]
+
+    def usable(self, part: slice) -> NDArray[np.bool_]:
+        """Whether each frame's rows are usable."""
+        return self._usable[part]
+
+    def numbers(self, part: slice) -> NDArray[np.int64]:
+        """Number of each frame."""
+        return self._number[part].copy()
 
     def usable_ratio(self, part: slice) -> float:
         """Share of the frames whose rows are usable."""

@@ -1,0 +1,117 @@
+"""Is there mains flicker in these seconds, of which grid, and how does it run down the rows?
+
+For each nominal frequency and each number of turns that its harmonic may make down the rows, the
+tone near the alias: the same periodogram, and the same strictness, as the paper's estimator. What
+stands out most is taken, with its drift over the window.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.flicker.grid_prior import NODE_S
+from rsenf.flicker.profile import ProfileBasis
+from rsenf.flicker.tone import Tone, ToneFinder
+
+Float = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+SEARCH_HZ = 1.0  # of the illumination's frequency
+MIN_SNR = 40.0
+TURNS_STEP = 0.25
+NO_FLICKER = "no mains flicker stands out"
+# Drifts of the illumination's frequency tried, Hz/s: grids drift by 3e-3 now and then.
+DRIFTS_HZ_S = np.arange(-4, 5) * 1.5e-3
+NEAR_HZ = 0.1  # of the peak, where drifts are tried
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Flicker that was found.
+
+    ``psi_rad`` is its phase relative to the nominal frequency's at nodes ``NODE_S`` apart from the
+    window's start; ``turns`` those of its first harmonic down the rows.
+    """
+
+    nominal_hz: float
+    turns: float
+    tone: Tone
+    psi_rad: Float
+
+
+def alias_hz(carrier_hz: float, frame_rate_hz: float) -> float:
+    """Return where a frequency shows from frame to frame, within ± half the rate."""
+    return (carrier_hz + frame_rate_hz / 2) % frame_rate_hz - frame_rate_hz / 2
+
+
+def acquire(
+    nominals_hz: tuple[float, ...],
+    basis: ProfileBasis,
+    t_s: Float,
+    columns: Float,
+    frame_rate_hz: float,
+    span_s: tuple[float, float],
+) -> Found | str:
+    """Look for flicker in a window; say why there is none.
+
+    Parameters
+    ----------
+    nominals_hz : tuple of float
+        Grids to look for.
+    basis : ProfileBasis
+    t_s : ndarray, shape (frames,)
+        Times since the first frame of the stream.
+    columns : ndarray, shape (frames, columns)
+        Reduced profiles.
+    frame_rate_hz : float
+    span_s : tuple of float
+        Start and end of the window.
+    """
+    length_s = span_s[1] - span_s[0]
+    finder = ToneFinder(length_s, SEARCH_HZ)
+    t_mid = t_s - sum(span_s) / 2.0
+    best: tuple[float, float, Tone, Complex] | None = None
+    for nominal_hz in nominals_hz:
+        carrier = np.exp(-4j * np.pi * nominal_hz * t_s)
+        turns = turns_grid(basis, nominal_hz, frame_rate_hz)
+        series = columns @ basis.ramps(turns).conj()
+        _, power = finder.periodograms(series * carrier[:, None], carrier, t_mid)
+        for i in range(turns.size):
+            tone = finder.strongest(power[:, i], t_mid)
+            if best is None or tone.snr > best[2].snr:
+                best = nominal_hz, float(turns[i]), tone, series[:, i] * carrier
+    if best is None or best[2].snr < MIN_SNR:
+        return NO_FLICKER
+    nominal_hz, one_turns, tone, baseband = best
+    if tone.at_edge:
+        return "strongest at the edge of the search band"
+    if abs(alias_hz(2.0 * nominal_hz, frame_rate_hz)) < SEARCH_HZ:
+        return "alias near 0 Hz"
+    nodes_t = np.arange(round(length_s / NODE_S) + 1) * NODE_S - length_s / 2.0
+    offset_hz, drift_hz_s = _with_drift(baseband, t_mid, tone.offset_hz, finder)
+    psi = 2.0 * np.pi * (offset_hz * nodes_t + drift_hz_s * nodes_t**2 / 2.0)
+    return Found(nominal_hz, one_turns, tone, psi)
+
+
+def turns_grid(basis: ProfileBasis, nominal_hz: float, frame_rate_hz: float) -> Float:
+    """Turns worth trying: all read-out times up to a frame's, both ways; one without rows."""
+    if basis.rows == 1:
+        return np.zeros(1)
+    most = int(np.ceil(2.0 * nominal_hz / frame_rate_hz / TURNS_STEP))
+    return np.arange(-most, most + 1) * TURNS_STEP
+
+
+def _with_drift(
+    baseband: Complex, t_s: Float, offset_hz: float, finder: ToneFinder
+) -> tuple[float, float]:
+    """Frequency offset (Hz) and drift (Hz/s) that gather the most power near a peak."""
+    near = np.abs(finder.offsets_hz - offset_hz) <= NEAR_HZ
+    offsets = finder.offsets_hz[near]
+    straight = np.exp(-2j * np.pi * np.outer(offsets, t_s)) * finder.window(t_s)
+    bend = np.exp(-1j * np.pi * np.outer(t_s**2, DRIFTS_HZ_S)) * baseband[:, None]
+    power = np.abs(straight @ bend)
+    i, j = np.unravel_index(int(np.argmax(power)), power.shape)
+    return float(offsets[i]), float(DRIFTS_HZ_S[j])

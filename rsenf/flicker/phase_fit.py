@@ -1,0 +1,220 @@
+"""The flicker's phase over one window: most probable path, given the grid's habits and the frames.
+
+Each column of the reduced profiles is a constant plus the flicker's harmonics, of which only the
+common phase moves::
+
+    r_i(n) = c_i + Re Σ_k C_ik·exp(j·k·φ(t_n)) + noise
+
+Constants and amplitudes follow from the phase by least squares, the phase from them by
+Gauss-Newton steps under the Gaussian-process prior of :mod:`rsenf.flicker.grid_prior`; in turn,
+until the phase rests. The prior lets the phase follow no faster than grids do, so how long the
+data are averaged is settled by how noisy they are. Noise is measured at each harmonic's alias,
+from what the model leaves there: after a codec it is far from white.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.flicker.grid_prior import NODE_S, NODES_PER_S, phase_prior
+
+Float = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+HARMONICS = 3
+# Relative size that harmonics may have a priori: where two of them share an alias (one mirrored),
+# the first is believed first.
+HARMONIC_SIZE = (3.0, 0.3, 0.1)
+RIDGE = 1e-4
+MAX_STEPS = 12
+REST_RAD = 1e-4
+# Noise is told from this band around the tone: below it the model follows, above it is another's.
+NOISE_FROM_HZ, NOISE_TO_HZ = 0.3, 1.6
+# A column's amplitude counts as far as it is beyond this many of its variances.
+SIGNIFICANT = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Frames of one window.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (frames,)
+        Times since the window's first node.
+    carrier_rad : ndarray, shape (frames,)
+        Phase of the nominal illumination frequency at each.
+    columns : ndarray, shape (frames, columns)
+        Reduced profiles.
+    """
+
+    t_s: Float
+    carrier_rad: Float
+    columns: Float
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseFit:
+    """The phase in a window, relative to the nominal frequency's.
+
+    Attributes
+    ----------
+    psi_rad : ndarray, shape (nodes,)
+    second_var_hz2 : ndarray, shape (nodes − 4,)
+        Variance of the mean frequency over the second that begins at each node.
+    template : ndarray of complex, shape (columns,)
+        Amplitudes ``C_1`` of the first harmonic in each column.
+    weights : ndarray, shape (columns,)
+        One over the noise variance of a frame in each column near the first harmonic.
+    information : ndarray, shape (nodes,)
+        Fisher information of the data about each node's phase.
+    deviation : ndarray of complex, shape (frames,)
+        What each frame says beyond the fit, relative to the first harmonic: its real part is a
+        change of size, its imaginary part of phase.
+    """
+
+    psi_rad: Float
+    second_var_hz2: Float
+    template: Complex
+    weights: Float
+    information: Float
+    deviation: Complex
+
+
+def fit_phase(frames: Frames, psi_rad: Float) -> PhaseFit:
+    """Find the most probable phase near a first guess.
+
+    Parameters
+    ----------
+    frames : Frames
+    psi_rad : ndarray, shape (nodes,)
+        First guess of the phase at nodes ``NODE_S`` apart, relative to the nominal frequency's.
+    """
+    prior = phase_prior(psi_rad.size).basis
+    place = Place(frames.t_s, psi_rad.size)
+    coefficient = _project(prior, psi_rad)
+    for _ in range(MAX_STEPS):
+        psi = prior @ coefficient
+        amplitude = _amplitudes(frames, place, psi)
+        gradient, information = _likelihood(frames, place, psi, amplitude)
+        precision = prior.T @ (information[:, None] * prior)
+        precision[np.diag_indices_from(precision)] += 1.0
+        step = np.linalg.solve(precision, prior.T @ gradient - coefficient)
+        moved = prior @ step
+        largest = np.max(np.abs(moved - moved.mean()))
+        coefficient = coefficient + step * min(1.0, 1.0 / max(largest, 1e-12))
+        if largest < REST_RAD:
+            break
+    psi = prior @ coefficient
+    over_second = (prior[NODES_PER_S:] - prior[:-NODES_PER_S]) / (2.0 * np.pi)
+    solved = np.linalg.solve(precision, over_second.T)
+    return PhaseFit(
+        psi_rad=psi,
+        second_var_hz2=np.einsum("ij,ji->i", over_second, solved),
+        template=amplitude.harmonic[0],
+        weights=amplitude.weights[0],
+        information=information,
+        deviation=_deviation(amplitude),
+    )
+
+
+class Place:
+    """Where the frames lie between the nodes."""
+
+    def __init__(self, t_s: Float, nodes: int) -> None:
+        self.nodes = nodes
+        self._left = np.clip((t_s / NODE_S).astype(np.intp), 0, nodes - 2)
+        self._beyond = t_s / NODE_S - self._left
+        self._nearest = np.clip(np.rint(t_s / NODE_S).astype(np.intp), 0, nodes - 1)
+
+    def at_frames(self, values: Float) -> Float:
+        """Values at nodes, linear in between, at the frames."""
+        return values[self._left] * (1.0 - self._beyond) + values[self._left + 1] * self._beyond
+
+    def sums(self, values: Float) -> Float:
+        """Sum over the frames nearest to each node, shape (nodes, …)."""
+        out = np.zeros((self.nodes, *values.shape[1:]), values.dtype)
+        np.add.at(out, self._nearest, values)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Amplitudes:
+    """``harmonic[k−1]`` is ``C_k`` (columns,), ``weights[k−1]`` one over its columns' noise."""
+
+    harmonic: list[Complex]
+    weights: list[Float]
+    turns: list[Complex]  # exp(j·k·φ) at the frames
+    residual: Float  # (frames, columns)
+
+
+def _project(prior: Float, psi_rad: Float) -> Float:
+    """Coefficients whose path is nearest to a phase."""
+    return np.asarray(np.linalg.lstsq(prior, psi_rad, rcond=1e-9)[0])
+
+
+def _amplitudes(frames: Frames, place: Place, psi: Float) -> Amplitudes:
+    first = np.exp(1j * (frames.carrier_rad + place.at_frames(psi)))
+    turns = [first, first**2, first**3][:HARMONICS]
+    design = np.column_stack(
+        [np.ones(first.size)] + [part for turn in turns for part in (turn.real, turn.imag)]
+    )
+    gram = design.T @ design
+    ridge = np.repeat([RIDGE * first.size / size**2 for size in HARMONIC_SIZE[:HARMONICS]], 2)
+    gram[np.diag_indices_from(gram)] += np.concatenate([[0.0], ridge])
+    found = np.linalg.solve(gram, design.T @ frames.columns)
+    residual = frames.columns - design @ found
+    harmonic, weights = [], []
+    for k, turn in enumerate(turns):
+        raw = found[1 + 2 * k] - 1j * found[2 + 2 * k]
+        noise = _noise(place.sums(residual * turn.conj()[:, None])) / first.size
+        noise = np.maximum(noise, 1e-6 * noise.max() + 1e-12)
+        doubt = SIGNIFICANT * 4.0 * noise / first.size
+        shrink = np.maximum(0.0, 1.0 - doubt / np.maximum(np.abs(raw) ** 2, 1e-30))
+        harmonic.append(raw * shrink)
+        weights.append(1.0 / noise)
+    return Amplitudes(harmonic, weights, turns, residual)
+
+
+def _noise(series: Complex) -> Float:
+    """Power of a node series' transform near, but not at, 0 Hz; shape as one row.
+
+    The median of exponentially distributed powers is ln 2 of their mean, and isn't moved by a
+    line nearby.
+    """
+    power = np.abs(np.fft.fft(series, axis=0)) ** 2
+    away = np.abs(np.fft.fftfreq(series.shape[0], NODE_S))
+    band = (away >= NOISE_FROM_HZ) & (away <= NOISE_TO_HZ)
+    return np.asarray(np.median(power[band], axis=0) / np.log(2.0))
+
+
+def _deviation(amplitude: Amplitudes) -> Complex:
+    weighted = amplitude.weights[0] * amplitude.harmonic[0].conj()
+    power = float(np.sum(weighted * amplitude.harmonic[0]).real)
+    if power <= 0.0:
+        return np.zeros(amplitude.residual.shape[0], np.complex128)
+    return np.asarray(2.0 * (amplitude.residual @ weighted) * amplitude.turns[0].conj() / power)
+
+
+def _likelihood(
+    frames: Frames, place: Place, psi: Float, amplitude: Amplitudes
+) -> tuple[Float, Float]:
+    """Gradient and information of the phase at each node, from all harmonics."""
+    gradient, information = np.zeros(place.nodes), np.zeros(place.nodes)
+    for k, turn in enumerate(amplitude.turns, start=1):
+        weights = amplitude.weights[k - 1]
+        wave = turn[:, None] * amplitude.harmonic[k - 1]
+        slope = -k * wave.imag * weights
+        told = place.sums(np.sum(slope * amplitude.residual, axis=1))
+        expected = place.sums(np.sum(-slope * k * wave.imag, axis=1))
+        # The columns' noise may go together: what is left of their sum says how much.
+        across = place.sums(np.sum(k * wave.real * weights * amplitude.residual, axis=1))
+        if expected.sum() <= 0.0:
+            continue
+        excess = max(_noise(told), _noise(across)) / expected.sum()
+        gradient += told / max(excess, 1e-3)
+        information += expected / max(excess, 1e-3)
+    return gradient, information

@@ -1,0 +1,56 @@
+"""A frame's row profile in a few numbers: all that flicker can do down the rows.
+
+A harmonic of the flicker runs down the rows with some number of turns, not a whole one, and the
+scene's reflectance bends that ramp. Both are smooth: a few cosines and sines down the rows hold
+them, whatever the read-out time is. They are real and orthogonal, so white noise of the rows stays
+white, and a tone's mirror image at the negative frequency can be told by its turning the other way.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.messages import RowBlock
+
+Float = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Turns kept beyond those of the fastest ramp, for what texture does to it.
+SPARE_TURNS = 2
+
+
+class ProfileBasis:
+    """Cosines and sines of 0 … M turns down the rows, scaled to mean square one.
+
+    Parameters
+    ----------
+    rows : int
+    max_turns : float
+        Most turns of any harmonic down one frame.
+    """
+
+    def __init__(self, rows: int, max_turns: float) -> None:
+        self.rows = rows
+        most = min(int(np.ceil(max_turns)) + SPARE_TURNS, (rows - 1) // 2)
+        angle = 2.0 * np.pi * np.outer((np.arange(rows) + 0.5) / rows, np.arange(1, most + 1))
+        waves = np.sqrt(2.0) * np.hstack([np.cos(angle), np.sin(angle)])
+        self._waves = np.hstack([np.ones((rows, 1)), waves])
+
+    @property
+    def columns(self) -> int:
+        """How many numbers a frame becomes."""
+        return int(self._waves.shape[1])
+
+    def reduce(self, block: RowBlock) -> Float:
+        """Columns of every frame of a block, shape (frames, columns); strips are averaged.
+
+        Frame by frame, so that how frames were cut into blocks changes no bit.
+        """
+        profile = block.level.mean(axis=2, dtype=np.float64)
+        return np.asarray((profile[:, None, :] @ self._waves)[:, 0, :] / self.rows)
+
+    def ramps(self, turns: Float) -> Complex:
+        """Columns of ramps ``exp(j·2π·turns·x)`` down the frame, shape (columns, ramps)."""
+        place = (np.arange(self.rows) + 0.5) / self.rows
+        return np.asarray(self._waves.T @ np.exp(2j * np.pi * np.outer(place, turns)) / self.rows)

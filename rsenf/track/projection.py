@@ -1,0 +1,113 @@
+"""Coherent projection: the phase of the flicker, followed frame by frame by all of its lines.
+
+All lines ``f_0 + m·F_r`` of the row-luminance series (paper Eq. 20) are one tone of the frames'
+row profiles. :class:`rsenf.flicker.follower.FlickerFollower` follows its phase; here each second's
+share of it becomes an estimate of the grid's mean frequency over just that second.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+
+from rsenf.flicker.follower import FlickerFollower
+from rsenf.flicker.second import FlickerSecond
+from rsenf.messages import EnfEstimate, Header, RowBlock
+from rsenf.timebase import nanoseconds
+from rsenf.track.settings import TrackSettings
+
+
+class ProjectionTracker:
+    """Coherent projection. Implements :class:`rsenf.stage.Stage` from row blocks to estimates.
+
+    Parameters
+    ----------
+    settings : TrackSettings, optional
+        The window is the signal's own choice: ``window_s`` and ``hop_s`` aren't used.
+    """
+
+    def __init__(self, settings: TrackSettings | None = None) -> None:
+        self.settings = settings or TrackSettings(method="projection")
+        self._follower = FlickerFollower(self.settings.nominal_hz, min_snr=self.settings.min_snr)
+        self._header: Header | None = None
+
+    def update(self, message: RowBlock) -> list[Any]:
+        """Take a block of rows; return the estimates of the seconds that it completes."""
+        if message.frames:
+            self._header = message.header
+        return [self._estimate(second) for second in self._follower.update(message)]
+
+    def flush(self) -> list[Any]:
+        """Return the estimates of the seconds that are left."""
+        return [self._estimate(second) for second in self._follower.flush()]
+
+    def _estimate(self, second: FlickerSecond) -> EnfEstimate:
+        blank = self._blank(second)
+        enf_var_hz2 = second.f0_var_hz2 / 4.0
+        if second.usable and enf_var_hz2 > self.settings.max_std_hz**2:
+            return dataclasses.replace(blank, reason="too uncertain")
+        if not second.usable:
+            return blank
+        return dataclasses.replace(
+            blank,
+            enf_hz=second.f0_hz / 2.0,
+            enf_var_hz2=enf_var_hz2,
+            idle_ratio=_idle_ratio(second),
+            usable=True,
+            **_amplitude(second, blank.origin_pts_ns),
+        )
+
+    def _blank(self, second: FlickerSecond) -> EnfEstimate:
+        """Return what is known of a second without its frequency."""
+        assert self._header is not None
+        newest, origin_ns = self._header, self._follower.origin_ns
+        start_ns, end_ns = (origin_ns + nanoseconds(t) for t in (second.start_s, second.end_s))
+        camera_ns = newest.camera_time_ns + start_ns - newest.pts_ns
+        header = dataclasses.replace(
+            newest,
+            seq=second.index,
+            pts_ns=start_ns,
+            camera_time_ns=camera_ns if newest.camera_time_ns else 0,
+            frame_first=int(second.frame_number[0]) if second.frame_number.size else -1,
+            frame_last=int(second.frame_number[-1]) if second.frame_number.size else -1,
+        )
+        return EnfEstimate(
+            header=header,
+            method="projection",
+            nominal_hz=second.nominal_hz,
+            line_hz=2.0 * second.nominal_hz,
+            origin_pts_ns=origin_ns,
+            start_pts_ns=start_ns,
+            end_pts_ns=end_ns,
+            frame_rate_hz=second.frame_rate_hz,
+            snr_db=second.snr_db,
+            reason=second.reason,
+        )
+
+
+def _idle_ratio(second: FlickerSecond) -> float:
+    """Idle ratio by the turns down the rows; NaN for a shutter that doesn't roll."""
+    idle = 1.0 - abs(second.turns) * second.frame_rate_hz / second.f0_hz
+    return float(np.clip(idle, 0.0, 1.0)) if second.turns else float("nan")
+
+
+def _amplitude(second: FlickerSecond, origin_ns: int) -> dict[str, Any]:
+    """Return the amplitude fields of :class:`rsenf.messages.EnfEstimate`."""
+    if not math.isfinite(second.amplitude_var):
+        return {}
+    variance = np.array([second.amplitude_var])
+    return {
+        "carrier_hz": 2.0 * second.nominal_hz,
+        "points": 1,
+        "amplitude_pts_ns": np.array(
+            [origin_ns + nanoseconds((second.start_s + second.end_s) / 2.0)]
+        ),
+        "amplitude_re": np.array([second.amplitude.real]),
+        "amplitude_im": np.array([second.amplitude.imag]),
+        "amplitude_var_re": variance,
+        "amplitude_var_im": variance,
+        "amplitude_cov": np.zeros(1),
+    }
