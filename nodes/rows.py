@@ -10,9 +10,9 @@ from rsenf.bus.inbox import Counters, Received
 from rsenf.bus.keys import camera_key
 from rsenf.config.graph import RowsNode
 from rsenf.errors import SchemaMismatch
-from rsenf.rows.stage import Rows
 from rsenf.run.node import NodeProcess, run_node
 from rsenf.run.pump import Lane, pump
+from rsenf.run.row_sampling import make_rows
 from rsenf.run.runner import Runner
 
 
@@ -45,7 +45,7 @@ def body(node: NodeProcess) -> None:
         key = node.subscribe(camera_key(node.graph.site, camera, "frames"))
         lanes.append(
             RowsLane(
-                runner=Runner("rows", lambda: Rows(config.rows)),
+                runner=Runner("rows", lambda: make_rows(config.rows)),
                 publisher=node.publisher(camera, "rows"),
                 inputs={key: node.sender_of("frames", camera)},
                 frames=FrameReceiver(),

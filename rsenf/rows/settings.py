@@ -7,6 +7,9 @@ from typing import ClassVar
 
 from rsenf.errors import UsageError
 
+AXES = ("rows", "columns")
+AUTO = "auto"
+
 
 @dataclass(frozen=True)
 class RowsSettings:
@@ -14,8 +17,9 @@ class RowsSettings:
 
     Parameters
     ----------
-    read_out_axis : {'rows', 'columns'}
-        'columns' for video that was rotated before it was coded.
+    read_out_axis : {'rows', 'columns', 'auto'}
+        'columns' for video that was rotated before it was coded; 'auto' lets the data tell, and
+        sends nothing until it has.
     block_frames : int
         Frames in a block; blocks begin at multiples of it.
     strips, tiles : int
@@ -37,7 +41,7 @@ class RowsSettings:
     tile_means: bool = False
 
     def __post_init__(self) -> None:
-        if self.read_out_axis not in ("rows", "columns"):
-            raise UsageError(f"read_out_axis {self.read_out_axis!r}: 'rows' or 'columns'")
+        if self.read_out_axis not in (*AXES, AUTO):
+            raise UsageError(f"read_out_axis {self.read_out_axis!r}: 'rows', 'columns' or 'auto'")
         if self.strips < 1 or self.tiles % self.strips:
             raise UsageError(f"{self.tiles} tiles can't be shared out among {self.strips} strips")

@@ -7,9 +7,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from rsenf.messages import EnfEstimate, Frame, Header, Mark, MatchResult, ReferenceBlock, RowBlock
+from rsenf.idle import IdleSettings, make_idle
+from rsenf.messages import (
+    EnfEstimate,
+    Frame,
+    Header,
+    IdleEstimate,
+    Mark,
+    MatchResult,
+    ReferenceBlock,
+    RowBlock,
+)
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inputs import Input
+from rsenf.run.row_sampling import make_rows
 from rsenf.run.runner import Chain, Runner
 from rsenf.stage import Stage
 from rsenf.track import TrackSettings, make_tracker
@@ -23,6 +34,8 @@ class Analysis:
     ----------
     estimates : list of EnfEstimate
         Those that the tracker stands behind, in order.
+    idle_by_epoch : dict of IdleEstimate
+        The last of each stretch of the recording, by its epoch.
     results : list of MatchResult
         One for each stretch of the recording.
     stretches_s : list of float
@@ -36,6 +49,7 @@ class Analysis:
     """
 
     estimates: list[EnfEstimate] = field(default_factory=list)
+    idle_by_epoch: dict[int, IdleEstimate] = field(default_factory=dict)
     results: list[MatchResult] = field(default_factory=list)
     stretches_s: list[float] = field(default_factory=list)
     row_reasons: Counter[str] = field(default_factory=Counter)
@@ -52,27 +66,38 @@ class Analysis:
         """Result of the stretch that tells most."""
         return max(self.results, key=lambda r: r.seconds_used)
 
+    @property
+    def idle(self) -> IdleEstimate:
+        """Idle estimate of the stretch that tells most: the longest of those that have one."""
+
+        def tells(estimate: IdleEstimate) -> tuple[bool, int]:
+            header = estimate.header
+            return estimate.verdict == "estimated", header.frame_last - header.frame_first
+
+        return max(self.idle_by_epoch.values(), key=tells)
+
 
 def analyse(
     recording: Input,
     *,
     rows: RowsSettings,
-    track: TrackSettings,
+    track: TrackSettings | None = None,
+    idle: IdleSettings | None = None,
     make_match: Callable[[], Stage] | None = None,
     reference: Sequence[ReferenceBlock] = (),
     progress: Callable[[float], None] = lambda seconds: None,
     tap: Callable[[str, Any], None] = lambda topic, message: None,
 ) -> Analysis:
-    """Run a recording through rows, track and, with a reference, match.
+    """Run a recording through rows, and what is asked for of track, match and idle.
 
     Parameters
     ----------
     recording : Input
         Frames or row blocks.
-    rows, track : RowsSettings, TrackSettings
-        Settings of the stages.
+    rows, track, idle : RowsSettings, TrackSettings, IdleSettings
+        Settings of the stages; track and idle only if given.
     make_match : callable, optional
-        Builds the match stage; none to stop at the estimates.
+        Builds the match stage, after track; none to stop at the estimates.
     reference : sequence of ReferenceBlock
         What the match stage compares with.
     progress : callable, optional
@@ -95,41 +120,51 @@ def analyse(
             out.row_reasons[message.reason] += 1
         if isinstance(message, EnfEstimate) and message.rank == 0:
             out.estimates.append(message)
+        if isinstance(message, IdleEstimate):
+            out.idle_by_epoch[message.header.epoch] = message
         if isinstance(message, MatchResult):
             out.results.append(message)
 
-    chain = Chain(_runners(recording, rows, track, make_match, reference), listen)
+    sampler = Chain(_row_runners(recording, rows))
+    branches = [Chain(_track_runners(track, make_match, reference), listen)] if track else []
+    if idle:
+        branches.append(Chain([Runner("idle", lambda: make_idle(idle))], listen))
+
+    def feed(message: Frame | RowBlock) -> None:
+        for block in sampler.feed(message):
+            listen("rows", block)
+            for branch in branches:
+                branch.feed(block)
+
     last: Frame | RowBlock | None = None
     for message in recording.messages():
-        if isinstance(message, RowBlock):
-            listen("rows", message)
-        chain.feed(message)
+        feed(message)
         if last is None or message.header.epoch != last.header.epoch:
             first_ns = message.header.pts_ns
             out.stretches_s.append(0.0)
         last = message
         out.stretches_s[-1] = (_end_ns(message) - first_ns) / 1e9
         progress(out.seconds)
-    chain.feed(_end_after(last, recording))
+    feed(_end_after(last, recording))
     out.loss, out.warnings = recording.loss, list(recording.warnings)
     if len(out.stretches_s) > 1:
         out.warnings.append(f"the source restarted: {len(out.stretches_s)} stretches")
     return out
 
 
-def _runners(
-    recording: Input,
-    rows: RowsSettings,
+def _row_runners(recording: Input, rows: RowsSettings) -> list[Runner]:
+    """Return the rows stage, for a recording that needs it."""
+    needed = recording.begins_with == "frames"
+    return [Runner("rows", lambda: make_rows(rows))] if needed else []
+
+
+def _track_runners(
     track: TrackSettings,
     make_match: Callable[[], Stage] | None,
     reference: Sequence[ReferenceBlock],
 ) -> list[Runner]:
-    """Return the stages that a recording needs, the match stage with its reference."""
+    """Return the tracker and, if asked for, the match stage with its reference."""
     runners = [Runner("track", lambda: make_tracker(track))]
-    if recording.begins_with == "frames":
-        from rsenf.rows.stage import Rows
-
-        runners.insert(0, Runner("rows", lambda: Rows(rows)))
     if make_match:
         match = Runner("match", make_match, inputs=2)
         for block in reference:

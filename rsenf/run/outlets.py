@@ -10,6 +10,7 @@ from rsenf.bus.frames import FrameSender
 from rsenf.config.graph import DecodeNode
 from rsenf.messages import Frame, Header, Mark
 from rsenf.run.node import NodeProcess
+from rsenf.run.row_sampling import make_rows
 from rsenf.run.runner import Runner
 
 
@@ -42,9 +43,7 @@ class _Fused:
     """A rows stage in the same process."""
 
     def __init__(self, config: DecodeNode, rows: Publisher) -> None:
-        from rsenf.rows.stage import Rows  # OpenCV: 40 ms that only this outlet needs
-
-        self._runner = Runner("rows", lambda: Rows(config.rows))
+        self._runner = Runner("rows", lambda: make_rows(config.rows))
         self._rows = rows
 
     def send(self, frame: Frame) -> None:
