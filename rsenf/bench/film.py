@@ -1,0 +1,97 @@
+"""A clip is rendered once: rows of the frames as they are, and of each encoding after decoding."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.bench.plan import LOSSLESS, Clip, bits_of
+from rsenf.bench.scenes import Setting
+from rsenf.decode import SourceSpec, open_source
+from rsenf.messages import Frame, Header, RowBlock
+from rsenf.model import Codec, FrameStream, GridPath, write_videos
+from rsenf.model.exposures import Capture
+from rsenf.rows.stage import Rows
+from rsenf.timebase import pts_to_ns
+
+Luma = NDArray[np.uint8]
+
+
+@dataclass(eq=False)
+class Filmed:
+    """A clip as row blocks.
+
+    Parameters
+    ----------
+    truth : dict
+        From the simulation.
+    blocks : dict of str to list of RowBlock
+        By coding.
+    cpu_s : dict of str to float
+        Processor time of filming with encoding, and of decoding with sampling.
+    """
+
+    truth: dict[str, Any]
+    blocks: dict[str, list[RowBlock]] = field(default_factory=dict)
+    cpu_s: dict[str, float] = field(default_factory=dict)
+
+
+class _Shown(FrameStream):
+    """The frames of a clip, each shown to somebody else on its way."""
+
+    def __init__(self, capture: Capture, show: Callable[[int, int, Luma], None]) -> None:
+        super().__init__(capture)
+        self._show = show
+
+    def __iter__(self) -> Iterator[tuple[int, Luma]]:
+        for number, (pts, luma) in enumerate(super().__iter__()):
+            self._show(number, pts_to_ns(pts, self.time_base), luma)
+            yield pts, luma
+
+
+def film(clip: Clip, setting: Setting, grid: GridPath) -> Filmed:
+    """Film a clip, encode it in the same pass, decode, and sample the rows of every coding.
+
+    What a lossless encoder gives is what went in, so those rows come straight from the frames.
+    Encoded files are temporary.
+    """
+    begin_s = time.process_time()
+    rows, blocks = Rows(), []
+
+    def sample(number: int, pts_ns: int, luma: Luma) -> None:
+        height, width = luma.shape
+        header = Header(frame_first=number, frame_last=number, seq=number, pts_ns=pts_ns)
+        blocks.extend(
+            rows.update(Frame(header=header, height_px=height, width_px=width, luma=luma))
+        )
+
+    frames = _Shown(Capture(setting.model, grid, clip.duration_s, setting.seed), sample)
+    filmed = Filmed(truth=frames.truth)
+    with tempfile.TemporaryDirectory(prefix="rsenf-bench-") as folder:
+        files = {c: Path(folder) / f"{c}.mp4" for c in clip.codings if c != LOSSLESS}
+        write_videos({path: Codec(bitrate_bps=bits_of(c)) for c, path in files.items()}, frames)
+        filmed.cpu_s["film"] = time.process_time() - begin_s
+        if LOSSLESS in clip.codings:
+            filmed.blocks[LOSSLESS] = blocks + rows.flush()
+        begin_s = time.process_time()
+        filmed.blocks |= {coding: _decoded(path) for coding, path in files.items()}
+        filmed.cpu_s["decode"] = time.process_time() - begin_s
+    return filmed
+
+
+def _decoded(path: Path) -> list[RowBlock]:
+    rows, blocks = Rows(), []
+    # One thread: clips are measured side by side.
+    spec = SourceSpec(url=str(path), kind="file", threads=1)
+    with open_source(spec, source="", run_id="", clock_ns=lambda: 0) as frames:
+        for frame in frames:
+            assert isinstance(frame, Frame)  # packets come only where they are asked for
+            blocks += rows.update(frame)
+    return blocks + rows.flush()

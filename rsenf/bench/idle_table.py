@@ -1,0 +1,58 @@
+"""Records to the table of idle-period estimators."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from rsenf.bench.groups import CELL, Found, cells, cpu_ms_per_s, median, rms, worst
+from rsenf.bench.results import Record
+
+DEFAULT = "coherent"
+# Average error over each of five cameras, six videos of 720p at 29.97 fps each, percentage points
+# (the paper's table of idle period estimation statistics).
+PAPER_AVERAGE_ERROR_PERCENT = (1.66, 4.16, 2.91, 2.50, 5.00)
+# Median errors to reach, percentage points; where the alias is 0 Hz, another for lossless.
+MARKS_PERCENT = {"lossless": 0.01, "150k": 0.5, "50k": 1.0}
+MARK_ALIAS_ZERO_PERCENT = 0.1
+VERDICTS = ("estimated", "ambiguous", "refused", "no_signal")
+
+
+def idle_rows(records: Iterable[Record], by: Sequence[str] = CELL) -> list[dict[str, Any]]:
+    """Return a row for each cell and method; errors in percentage points of the frame period.
+
+    Errors are those of the clips that were estimated; all others are counted, each as what it is.
+    """
+    return [
+        cell | {"method": method} | _row(found) | _mark(cell, method)
+        for cell, methods in cells(records, by, "idle")
+        for method, found in methods.items()
+    ]
+
+
+def _row(found: Sequence[Found]) -> dict[str, Any]:
+    verdicts = Counter("broke" if "broke" in r else r["verdict"] for _, r in found)
+    given = [r for _, r in found if r.get("verdict") == "estimated"]
+    given = [r for r in given if r["error_percent"] is not None]
+    errors = [abs(r["error_percent"]) for r in given]
+    stds = [r["std_percent"] for r in given if r["std_percent"]]
+    relative = [r["error_percent"] / r["std_percent"] for r in given if r["std_percent"]]
+    bounds = [b for record, _ in found if (b := record["idle_bound_percent"]) is not None]
+    return {
+        "clips": len(found),
+        **{verdict: verdicts[verdict] for verdict in (*VERDICTS, "broke")},
+        "median_percent": median(errors),
+        "worst_percent": worst(errors),
+        "std_percent": median(stds),
+        "spread": rms(relative),
+        "bound_percent": median(bounds),
+        "cpu_ms_per_s": cpu_ms_per_s(found),
+    }
+
+
+def _mark(cell: dict[str, Any], method: str) -> dict[str, Any]:
+    mark = MARKS_PERCENT.get(cell["coding"]) if method == DEFAULT else None
+    if mark and cell["coding"] == "lossless" and cell["alias_zero"]:
+        mark = MARK_ALIAS_ZERO_PERCENT
+    return {"mark_percent": mark}

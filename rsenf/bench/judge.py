@@ -1,0 +1,100 @@
+"""All methods on the same row blocks, against the truth: plain values, nothing concluded yet."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, TypeVar
+
+import numpy as np
+
+from rsenf.idle import METHODS as IDLE_METHODS
+from rsenf.idle import IdleSettings, make_idle
+from rsenf.messages import EnfEstimate, IdleEstimate, RowBlock
+from rsenf.model import GridPath
+from rsenf.stage import Stage
+from rsenf.track import METHODS as ENF_METHODS
+from rsenf.track import TrackSettings, make_tracker
+
+S = TypeVar("S")
+
+MEAN_S = 1.0  # an ENF estimate is held against the mean over so long, centred on it
+
+
+def judge_idle(blocks: Sequence[RowBlock], true_ratio: float) -> dict[str, dict[str, Any]]:
+    """Run every idle method; return what each said at the end of the clip, by name."""
+    return {
+        name: _run(make_idle, IdleSettings(method=name), blocks, partial(_idle, true_ratio))
+        for name in IDLE_METHODS
+    }
+
+
+def judge_enf(blocks: Sequence[RowBlock], grid: GridPath) -> dict[str, dict[str, Any]]:
+    """Run every ENF method; return the usable values of each with their errors, by name."""
+    return {
+        name: _run(make_tracker, TrackSettings(method=name), blocks, partial(_enf, grid))
+        for name in ENF_METHODS
+    }
+
+
+def _run(
+    make: Callable[[S], Stage],
+    settings: S,
+    blocks: Sequence[RowBlock],
+    told: Callable[[list[Any]], dict[str, Any]],
+) -> dict[str, Any]:
+    """Run a stage over a clip. One that breaks is a result: the others are still to be measured."""
+    begin_s = time.process_time()
+    try:
+        stage = make(settings)
+        out = [message for block in blocks for message in stage.update(block)]
+        out += stage.flush()
+    except Exception as exc:  # noqa: BLE001  # whatever it is, it is counted and shown
+        return {"broke": f"{type(exc).__name__}: {exc}"}
+    return {"cpu_s": round(time.process_time() - begin_s, 4), **told(out)}
+
+
+def _idle(true_ratio: float, out: list[Any]) -> dict[str, Any]:
+    said = [m for m in out if isinstance(m, IdleEstimate)]
+    if not said:
+        return {"verdict": "no_signal", "reason": "nothing was said"}
+    last = said[-1]
+    return {
+        "verdict": last.verdict,
+        "reason": last.reason,
+        "idle_percent": _number(100 * last.idle_ratio),
+        "error_percent": _number(100 * (last.idle_ratio - true_ratio)),
+        "std_percent": _number(100 * _root(last.idle_ratio_var)),
+        "direction": last.direction,
+        "nominal_hz": _number(last.nominal_hz),
+        "warnings": list(last.warnings),
+    }
+
+
+def _enf(grid: GridPath, out: list[Any]) -> dict[str, Any]:
+    """Errors in mHz of the values that the method stands behind, with their times."""
+    said = [m for m in out if isinstance(m, EnfEstimate) and m.rank == 0]
+    good = [m for m in said if m.usable]
+    t_s = np.array([m.t_s for m in good])
+    found_hz = np.array([m.enf_hz for m in good])
+    error_hz = found_hz - grid.mean_hz(t_s - MEAN_S / 2, t_s + MEAN_S / 2) if good else found_hz
+    reasons: dict[str, int] = {}
+    for m in said:
+        if not m.usable:
+            reasons[m.reason] = reasons.get(m.reason, 0) + 1
+    return {
+        "t_s": [round(t, 4) for t in t_s.tolist()],
+        "error_mhz": [_number(1e3 * e, 6) for e in error_hz.tolist()],
+        "std_mhz": [_number(1e3 * _root(m.enf_var_hz2), 6) for m in good],
+        "unusable": reasons,
+    }
+
+
+def _root(variance: float) -> float:
+    return math.sqrt(variance) if variance >= 0 else math.nan
+
+
+def _number(value: float, digits: int = 8) -> float | None:
+    return round(value, digits) if math.isfinite(value) else None

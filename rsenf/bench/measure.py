@@ -1,0 +1,110 @@
+"""One clip, from its seed to its record."""
+
+from __future__ import annotations
+
+import platform
+import time
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsenf import __version__
+from rsenf.bench.bounds import enf_bound_hz
+from rsenf.bench.film import film
+from rsenf.bench.grids import grid_for
+from rsenf.bench.judge import judge_enf, judge_idle
+from rsenf.bench.plan import LIT, Clip
+from rsenf.bench.scenes import Setting, setting_of
+from rsenf.model import GridPath
+from rsenf.model.sensor import QUANTISATION_VAR
+
+VERSION = 1
+_LIBRARIES = ("av", "numpy", "opencv-python-headless", "scipy")
+
+
+def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
+    """Film a clip, run every method on it, and return all that was found, ready for JSON.
+
+    Parameters
+    ----------
+    clip : Clip
+    grids : Path or None
+        Folder of measured grids.
+    """
+    begin_s = time.perf_counter()
+    setting = setting_of(clip)
+    grid, grid_name = grid_for(grids, clip.nominal_hz, clip.duration_s, clip.generator("grid"))
+    filmed = film(clip, setting, grid)
+    truth = filmed.truth
+    found = {
+        coding: {
+            "idle": judge_idle(blocks, truth["idle_ratio"]),
+            "enf": judge_enf(blocks, grid),
+        }
+        for coding, blocks in filmed.blocks.items()
+    }
+    return {
+        "version": VERSION,
+        "key": clip.key,
+        "scene": clip.scene,
+        "size": clip.size,
+        "frame_rate": clip.frame_rate,
+        "nominal_hz": clip.nominal_hz,
+        "seed": clip.seed,
+        "duration_s": clip.duration_s,
+        "frames": truth["frames"],
+        "grid": grid_name,
+        "grid_start_s": truth["reference_start_s"],
+        "simulation_seed": setting.seed,
+        "lamp": setting.model.light.lamp,
+        "idle_percent": 100 * truth["idle_ratio"],
+        "exposure_s": setting.exposure_s,
+        "mean_level": setting.model.scene.mean_level,
+        **(_lit_facts(clip, setting, grid) if clip.scene == LIT else {}),
+        "found": found,
+        "cpu_s": {step: round(s, 2) for step, s in filmed.cpu_s.items()},
+        "wall_s": round(time.perf_counter() - begin_s, 2),
+        "versions": _versions(),
+    }
+
+
+def _lit_facts(clip: Clip, setting: Setting, grid: GridPath) -> dict[str, Any]:
+    """What decides how exact an estimate can be."""
+    model, shutter = setting.model, setting.model.shutter
+    levels = setting.flicker_levels(clip.nominal_hz)
+    pixel_var = model.sensor.variance(np.array([model.scene.level], np.float32)) + QUANTISATION_VAR
+    row_noise = float(np.sqrt(pixel_var[0] / shutter.across_px))
+    bound_hz = enf_bound_hz(
+        levels, row_noise, shutter.rows, float(shutter.frame_rate), shutter.read_out_time_s
+    )
+    return {
+        "flicker_level": levels[0],
+        "row_noise_level": row_noise,
+        "alias_turn_rad": _alias_turn_rad(clip, float(shutter.frame_rate), grid),
+        "enf_bound_mhz": 1e3 * bound_hz,
+        "idle_bound_percent": None,
+    }
+
+
+def _alias_turn_rad(clip: Clip, frame_rate_hz: float, grid: GridPath) -> float:
+    """How far the flicker's phase turns from frame to frame's start over the clip, end to end.
+
+    Where the alias of the flicker at the frame rate is 0 Hz, only the grid's drift turns it, and
+    less than a radian is too little to tell flicker from texture.
+    """
+    t_s = np.arange(0.0, clip.duration_s, 1 / frame_rate_hz)
+    beside = round(2 * clip.nominal_hz / frame_rate_hz) * frame_rate_hz
+    return float(np.ptp(2 * np.pi * (2 * grid.cycles(t_s) - beside * t_s)))
+
+
+def _versions() -> dict[str, str]:
+    import av
+
+    return {
+        "rsenf": __version__,
+        "python": platform.python_version(),
+        **{name: version(name) for name in _LIBRARIES},
+        "libavcodec": ".".join(map(str, av.library_versions["libavcodec"])),
+    }

@@ -1,0 +1,153 @@
+"""Which clips a benchmark films: cells, each with its seeds."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import TypeVar
+
+import numpy as np
+
+from rsenf.errors import UsageError
+from rsenf.model import parse_frame_rate
+
+T = TypeVar("T")
+
+SIZES = {"240p": (426, 240), "480p": (854, 480), "720p": (1280, 720), "1080p": (1920, 1080)}
+LOSSLESS = "lossless"
+CODINGS = (LOSSLESS, "150k", "100k", "50k")
+
+# Scenes of which nothing may be claimed, beside "lit", of which the truth is to be found.
+LIT = "lit"
+NOTHING = ("no_light", "daylight", "anti_flicker", "black", "moving_camera")
+# Of the scenes with nothing to claim, one clip in so many is encoded too.
+CODED_EVERY = 4
+
+
+def bits_of(coding: str) -> int | None:
+    """Return the bit rate of a coding in bits a second; None is lossless.
+
+    Raises
+    ------
+    UsageError
+        When it is neither.
+    """
+    if coding == LOSSLESS:
+        return None
+    number = coding.removesuffix("k")
+    if not number.isdecimal() or number == coding:
+        raise UsageError(f"{coding!r} is not a coding", "write lossless, or a bit rate like 150k")
+    return int(number) * 1000
+
+
+@dataclass(frozen=True)
+class Clip:
+    """One clip of the plan; everything else about it is drawn from its seed and its cell.
+
+    Parameters
+    ----------
+    scene : str
+        ``lit``, or one of :data:`NOTHING`.
+    size : str
+        Of :data:`SIZES`.
+    frame_rate : str
+        As people say it: 23.976, 25, 29.97, 30.
+    nominal_hz : float
+        Of the grid.
+    seed : int
+    duration_s : float
+    codings : tuple of str
+        Of what the methods see: ``lossless``, or a bit rate.
+    """
+
+    scene: str
+    size: str
+    frame_rate: str
+    nominal_hz: float
+    seed: int
+    duration_s: float
+    codings: tuple[str, ...] = CODINGS
+
+    @property
+    def key(self) -> str:
+        """Name that tells it from any other clip of any plan."""
+        codings = ",".join(self.codings)
+        return f"{self._cell} {self.seed} {self.duration_s:g}s {codings}"
+
+    def generator(self, purpose: str) -> np.random.Generator:
+        """Random numbers of this clip for a purpose: another cell has others for the same seed."""
+        return np.random.default_rng([self.seed, zlib.crc32(f"{self._cell} {purpose}".encode())])
+
+    @property
+    def _cell(self) -> str:
+        return f"{self.scene} {self.size} {self.frame_rate}fps {self.nominal_hz:g}Hz"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to film.
+
+    Parameters
+    ----------
+    sizes, frame_rates : tuple of str
+    nominals_hz : tuple of float
+    codings : tuple of str
+    first_seed, clips : int
+        Each cell of lit scenes has so many clips, and so has each scene with nothing to claim.
+    duration_s : float
+
+    Raises
+    ------
+    UsageError
+        For a size, frame rate or coding that can't be meant so.
+    """
+
+    sizes: tuple[str, ...] = ("480p", "720p")
+    frame_rates: tuple[str, ...] = ("23.976", "25", "29.97", "30")
+    nominals_hz: tuple[float, ...] = (50.0,)
+    codings: tuple[str, ...] = CODINGS
+    first_seed: int = 0
+    clips: int = 20
+    duration_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        for size in self.sizes:
+            if size not in SIZES:
+                raise UsageError(f"no size {size!r}", f"one of {', '.join(SIZES)}")
+        for rate in self.frame_rates:
+            parse_frame_rate(rate)
+        for coding in self.codings:
+            bits_of(coding)
+
+    def lit(self) -> list[Clip]:
+        """Clips with a lamp on the mains, seed by seed: a run that is stopped has even cells."""
+        cells = list(product(self.sizes, self.frame_rates, self.nominals_hz))
+        return [
+            Clip(LIT, size, rate, nominal_hz, seed, self.duration_s, self.codings)
+            for seed in self._seeds()
+            for size, rate, nominal_hz in cells
+        ]
+
+    def nothing(self) -> list[Clip]:
+        """Clips with nothing to claim, of the smallest size; frame rates and grids take turns."""
+        return [
+            Clip(
+                scene,
+                self.sizes[0],
+                _turn(self.frame_rates, seed),
+                _turn(self.nominals_hz, seed // len(self.frame_rates)),
+                seed,
+                self.duration_s,
+                self.codings if seed % CODED_EVERY == 0 else self.codings[:1],
+            )
+            for seed, scene in product(self._seeds(), NOTHING)
+        ]
+
+    def _seeds(self) -> Iterator[int]:
+        return iter(range(self.first_seed, self.first_seed + self.clips))
+
+
+def _turn(values: Sequence[T], n: int) -> T:
+    return values[n % len(values)]

@@ -1,0 +1,89 @@
+"""The file of records: one line of JSON for each clip, added as it comes, never rewritten."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from rsenf.errors import InputError, RecordingError
+
+Record = dict[str, Any]
+
+
+def read_records(path: Path) -> dict[str, Record]:
+    """Read the records by their keys; a last line that was never finished doesn't count.
+
+    Raises
+    ------
+    InputError
+        When another line isn't a record.
+    """
+    if not path.exists():
+        return {}
+    *lines, _ = path.read_bytes().split(b"\n")
+    records = {}
+    for number, line in enumerate(lines, 1):
+        try:
+            record = json.loads(line)
+            records[record["key"]] = record
+        except (ValueError, TypeError, KeyError) as exc:
+            raise InputError(
+                f"{path}:{number}: not a record of a benchmark", "delete the line, or the file"
+            ) from exc
+    return records
+
+
+class Results:
+    """A file of records, open for more; what stands in it is kept.
+
+    Raises
+    ------
+    RecordingError
+        When it can't be written.
+    InputError
+        When it holds something else.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.records = read_records(path)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = path.open("ab")
+            self._file.truncate(_whole_bytes(path))
+        except OSError as exc:
+            raise RecordingError(
+                f"can't write {path}: {exc.strerror}", "choose another --out"
+            ) from exc
+
+    def add(self, record: Record) -> None:
+        """Add a record; once this returns, it is on the disk."""
+        line = json.dumps(record, allow_nan=False, separators=(",", ":"))
+        self._file.write(line.encode() + b"\n")
+        self._file.flush()
+        os.fsync(self._file.fileno())
+        self.records[record["key"]] = record
+
+    def of(self, keys: Iterable[str]) -> list[Record]:
+        """Return the records of those keys that have one, in their order."""
+        return [self.records[key] for key in keys if key in self.records]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._file.close()
+
+
+def _whole_bytes(path: Path) -> int:
+    """Length of a file up to the end of its last whole line."""
+    return path.read_bytes().rfind(b"\n") + 1

@@ -1,0 +1,170 @@
+"""Rows of the tables as text for a terminal, and as Markdown for a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+from rsenf.bench.idle_table import PAPER_AVERAGE_ERROR_PERCENT, VERDICTS
+
+Row = dict[str, Any]
+_NONE = "–"
+
+_ZERO = "* the flicker's alias at the frame rate is at 0 Hz"
+_IDLE_NOTE = f"""\
+Errors in percentage points of the frame period, over the clips that were estimated; est, amb, ref
+and none count clips: estimated, ambiguous, refused, no signal. spread: rms of error over standard
+error. bound: Cramér–Rao, uncoded. The paper, over five cameras at 720p and 29.97 fps, 6 videos
+each: average errors {min(PAPER_AVERAGE_ERROR_PERCENT)} to {max(PAPER_AVERAGE_ERROR_PERCENT):.2f}.
+{_ZERO}."""
+_ENF_NOTE = f"""\
+rms of a clip in mHz, against the grid's mean over the second around each value. bright: clips with
+at least 5 levels of flicker. within: where a 20 s window is full. usable: share of the seconds
+with a value. spread: rms of error over standard error; >3σ: share of the values beyond three.
+bound: Cramér–Rao of one second by itself, uncoded. {_ZERO}."""
+_CLAIMS_NOTE = """\
+Clips with nothing to claim. A claim is an idle ratio that was given, or one usable second of ENF.
+below: the rate that so few claims refute with 95 % confidence."""
+
+
+def idle_text(rows: Sequence[Row]) -> str:
+    """Return the table of idle-period estimators."""
+    head = ("cell", "coding", "method", "clips", "est", "amb", "ref", "none", "broke", "median",
+            "worst", "std", "spread", "bound", "mark", "ms/s")  # fmt: skip
+    return aligned(head, map(_idle_cells, rows)) + "\n\n" + _IDLE_NOTE
+
+
+def enf_text(rows: Sequence[Row]) -> str:
+    """Return the table of ENF estimators."""
+    head = ("cell", "coding", "method", "clips", "with", "broke", "usable", "median", "worst",
+            "bright", "median", "worst", "within", ">stft", "std", "spread", ">3σ", "bound",
+            "mark", "ms/s")  # fmt: skip
+    return aligned(head, map(_enf_cells, rows)) + "\n\n" + _ENF_NOTE
+
+
+def claims_text(rows: Sequence[Row]) -> str:
+    """Return the table of false claims."""
+    return aligned(_CLAIMS_HEAD, map(_claims_cells, rows)) + "\n\n" + _CLAIMS_NOTE
+
+
+def idle_markdown(rows: Sequence[Row]) -> str:
+    """Return the idle table with a column for each method: median (worst), and what wasn't."""
+    return _by_method(rows, "bound_percent", "idle bound", _idle_brief) + f"\n\n{_ZERO}"
+
+
+def enf_markdown(rows: Sequence[Row]) -> str:
+    """Return the ENF table with a column for each method: median (worst) rms, usable share."""
+    return _by_method(rows, "bound_mhz", "bound of 1 s", _enf_brief) + f"\n\n{_ZERO}"
+
+
+def claims_markdown(rows: Sequence[Row]) -> str:
+    """Return the table of false claims."""
+    return markdown(_CLAIMS_HEAD, map(_claims_cells, rows))
+
+
+_CLAIMS_HEAD = ("scene", "coding", "of", "method", "clips", "claims", "below", "broke")
+
+
+def _idle_cells(row: Row) -> list[str]:
+    return [
+        _cell(row), row["coding"], row["method"], str(row["clips"]),
+        *(str(row[verdict]) for verdict in (*VERDICTS, "broke")),
+        *(_number(row[f"{name}_percent"]) for name in ("median", "worst", "std")),
+        _number(row["spread"]), _number(row["bound_percent"]),
+        _against(row["mark_percent"], row["median_percent"]), _number(row["cpu_ms_per_s"]),
+    ]  # fmt: skip
+
+
+def _enf_cells(row: Row) -> list[str]:
+    return [
+        _cell(row), row["coding"], row["method"], str(row["clips"]), str(row["with_values"]),
+        str(row["broke"]), _percent(row["usable_ratio"]), _number(row["median_mhz"]),
+        _number(row["worst_mhz"]), f"{row['bright_with_values']}/{row['bright_clips']}",
+        _number(row["bright_median_mhz"]), _number(row["bright_worst_mhz"]),
+        _number(row["within_median_mhz"]), str(row["worse_than_stft"]), _number(row["std_mhz"]),
+        _number(row["spread"]), _percent(row["beyond_3_std_ratio"]), _number(row["bound_mhz"]),
+        _against(row["mark_mhz"], row["bright_median_mhz"]), _number(row["cpu_ms_per_s"]),
+    ]  # fmt: skip
+
+
+def _claims_cells(row: Row) -> list[str]:
+    return [
+        row["scene"], row["coding"], row["kind"], row["method"], str(row["clips"]),
+        str(row["claims"]), _percent(row["bound_ratio"]), str(row["broke"]),
+    ]  # fmt: skip
+
+
+def _idle_brief(row: Row) -> str:
+    missing = [f"{row[v]} {v.replace('_', ' ')}" for v in (*VERDICTS[1:], "broke") if row[v]]
+    if row["median_percent"] is None:
+        return ", ".join(missing) or _NONE
+    figures = f"{_number(row['median_percent'])} ({_number(row['worst_percent'])})"
+    return "; ".join([figures, ", ".join(missing)]) if missing else figures
+
+
+def _enf_brief(row: Row) -> str:
+    if row["median_mhz"] is None:
+        return _NONE
+    figures = f"{_number(row['median_mhz'])} ({_number(row['worst_mhz'])})"
+    return f"{figures}, {_percent(row['usable_ratio'])}"
+
+
+def _by_method(
+    rows: Sequence[Row], bound: str, bound_title: str, brief: Callable[[Row], str]
+) -> str:
+    methods = list(dict.fromkeys(row["method"] for row in rows))
+    cells: dict[tuple[str, str], dict[str, Row]] = {}
+    for row in rows:
+        cells.setdefault((_cell(row), row["coding"]), {})[row["method"]] = row
+    head = ("clip", "coding", "clips", bound_title, *methods)
+    return markdown(
+        head,
+        (
+            [*key, str(next(iter(of.values()))["clips"]), _number(next(iter(of.values()))[bound])]
+            + [brief(of[m]) if m in of else _NONE for m in methods]
+            for key, of in cells.items()
+        ),
+    )
+
+
+def _cell(row: Row) -> str:
+    size = f"{row['size']} " if "size" in row else ""
+    zero = "*" if row["alias_zero"] else ""
+    return f"{size}{row['frame_rate']} fps {row['nominal_hz']:g} Hz{zero}"
+
+
+def _number(value: float | None) -> str:
+    return _NONE if value is None else f"{value:.3g}"
+
+
+def _percent(ratio: float | None) -> str:
+    return _NONE if ratio is None else f"{100 * ratio:.3g} %"
+
+
+def _against(mark: float | None, value: float | None) -> str:
+    """Return a mark, and whether it was reached."""
+    if mark is None:
+        return ""
+    reached = value is not None and value <= mark
+    return f"{mark:g} {'yes' if reached else 'no'}"
+
+
+def aligned(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return columns aligned to the right, all but those with nothing in them."""
+    lines = [head, *rows]
+    kept = [c for c in range(len(head)) if any(line[c] for line in lines[1:])]
+    wide = [max(len(line[c]) for line in lines) for c in kept]
+    return "\n".join(
+        "  ".join(line[c].rjust(w) for c, w in zip(kept, wide, strict=True)).rstrip()
+        for line in lines
+    )
+
+
+def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table in Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+TEXT = {"idle": idle_text, "enf": enf_text, "claims": claims_text}
+MARKDOWN = {"idle": idle_markdown, "enf": enf_markdown, "claims": claims_markdown}

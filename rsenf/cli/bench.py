@@ -1,0 +1,148 @@
+"""Measure every method on the same simulated clips, and print how right each was.
+
+    rsenf bench idle     idle-period estimators: error, refusals, spread, time, Cramér–Rao bound
+    rsenf bench enf      ENF estimators, on the same clips: one run serves both tables
+    rsenf bench claims   scenes with nothing to claim: how often something is claimed
+
+Each clip is filmed once by the capture model, encoded at every bit rate in the same pass by x264,
+decoded and sampled; all methods see the same rows. With --out, results are kept clip by clip, and
+a run that was stopped goes on where it was. A second of 720p takes about half a second of one core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rsenf.bench.plan import Clip, Plan
+    from rsenf.bench.results import Record
+
+_TABLES = ("idle", "enf", "claims")
+# Measured grids are not part of the project; in a checkout they lie beside it.
+_GRIDS = Path("../shared/data")
+_QUICK: dict[str, Any] = {
+    "sizes": ("240p",),
+    "frame_rates": ("25", "29.97"),
+    "codings": ("lossless", "50k"),
+    "clips": 1,
+    "duration_s": 24.0,
+}
+_CLAIMS: dict[str, Any] = {"clips": 40}  # of each of five scenes
+_GIVEN = ("sizes", "frame_rates", "nominals_hz", "codings", "first_seed", "clips", "duration_s")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    from rsenf.cli.console import count, positive
+
+    parser.add_argument("table", choices=_TABLES)
+    parser.add_argument("--out", type=Path, metavar="DIR", help="keep results there, and resume")
+    parser.add_argument("--quick", action="store_true", help="a few short clips")
+    parser.add_argument(
+        "--table-only", action="store_true", help="measure nothing: the clips that --out has"
+    )
+    parser.add_argument("--jobs", type=count, default=2, metavar="N", help="processes (2)")
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--json", action="store_true")
+    how.add_argument("--markdown", action="store_true", help="for a page; sizes together")
+    plan = parser.add_argument_group("clips")
+    plan.add_argument("--seed", type=count, dest="first_seed", metavar="FIRST", help="(0)")
+    plan.add_argument("--clips", type=count, metavar="N", help="of each cell (20) or scene (40)")
+    plan.add_argument("--duration-s", type=positive, metavar="S", help="of each clip (60)")
+    plan.add_argument("--sizes", type=_words, metavar="LIST", help="(480p,720p)")
+    plan.add_argument("--frame-rates", type=_words, metavar="LIST", help="(23.976,25,29.97,30)")
+    plan.add_argument(
+        "--nominal-hz", type=_nominals, dest="nominals_hz", metavar="LIST", help="grids (50)"
+    )
+    plan.add_argument("--codings", type=_words, metavar="LIST", help="(lossless,150k,100k,50k)")
+    plan.add_argument(
+        "--grids", type=Path, metavar="DIR",
+        help=f"measured grids ({_GRIDS} where it is there; synthetic otherwise)",
+    )  # fmt: skip
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure what is missing, and print the table.
+
+    Raises
+    ------
+    UsageError
+        For a plan that can't be meant so.
+    """
+    from rsenf.bench.document import tabulate
+    from rsenf.cli.console import say
+    from rsenf.errors import EXIT_DONE, EXIT_FAILED, UsageError
+
+    if args.table_only and not args.out:
+        raise UsageError("--table-only without --out", "name the folder of the results")
+    plan = _plan(args)
+    clips = plan.nothing() if args.table == "claims" else plan.lit()
+    if args.out:
+        records = _records(args, clips, args.out)
+    else:
+        with tempfile.TemporaryDirectory() as folder:
+            records = _records(args, clips, Path(folder))
+    document = tabulate(args.table, records)
+    _print(args, document, records)
+    broke = sum(row["broke"] for row in document["rows"])
+    if broke:
+        say(f"methods broke {broke} times: see 'broke' in the results")
+    return EXIT_FAILED if broke else EXIT_DONE
+
+
+def _plan(args: argparse.Namespace) -> Plan:
+    from rsenf.bench.plan import Plan
+
+    given: dict[str, Any] = {
+        name: getattr(args, name) for name in _GIVEN if getattr(args, name) is not None
+    }
+    usual = _QUICK if args.quick else _CLAIMS if args.table == "claims" else {}
+    return Plan(**(usual | given))
+
+
+def _records(args: argparse.Namespace, clips: list[Clip], folder: Path) -> list[Record]:
+    """Results of lit clips and of those with nothing to claim are different files."""
+    from rsenf.bench.results import read_records
+    from rsenf.bench.session import measure_missing
+    from rsenf.cli.console import progress_bar, say
+
+    out = folder / ("claims.jsonl" if args.table == "claims" else "clips.jsonl")
+    if args.table_only:
+        return list(read_records(out).values())
+    grids = args.grids or (_GRIDS if _GRIDS.is_dir() else None)
+    with progress_bar("measuring", sum(clip.duration_s for clip in clips)) as bar:
+
+        def progress(done: int, missing: int) -> None:
+            if not done:
+                say(f"clips to measure: {missing} of {len(clips)}")
+            bar(sum(clip.duration_s for clip in clips) * (1 - (missing - done) / len(clips)))
+
+        return measure_missing(clips, out, grids, max(args.jobs, 1), progress)
+
+
+def _print(args: argparse.Namespace, document: dict[str, Any], records: list[Record]) -> None:
+    from rsenf.bench import text
+    from rsenf.bench.document import tabulate
+    from rsenf.cli.console import print_json
+
+    if args.json:
+        print_json(document)
+    elif args.markdown:
+        rows = tabulate(args.table, records, pooled=True)["rows"]
+        print(text.MARKDOWN[args.table](rows))
+    else:
+        print(text.TEXT[args.table](document["rows"]))
+
+
+def _words(value: str) -> tuple[str, ...]:
+    return tuple(word.strip() for word in value.split(","))
+
+
+def _nominals(value: str) -> tuple[float, ...]:
+    found = tuple(float(word) for word in value.split(","))
+    if not set(found) <= {50.0, 60.0}:
+        raise argparse.ArgumentTypeError(f"{value}: 50, 60 or 50,60")
+    return found
