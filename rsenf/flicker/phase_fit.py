@@ -25,14 +25,21 @@ Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 HARMONICS = 3
+# Further ones tell no phase, but a codec makes them, and they lie near the first.
+NUISANCES = 7
 # Relative size that harmonics may have a priori: where two of them share an alias (one mirrored),
 # the first is believed first.
-HARMONIC_SIZE = (3.0, 0.3, 0.1)
+HARMONIC_SIZE = (3.0, 0.3, 0.1, 0.1, 0.1, 0.1, 0.1)
 RIDGE = 1e-4
-MAX_STEPS = 12
-REST_RAD = 1e-4
-# Noise is told from this band around the tone: below it the model follows, above it is another's.
-NOISE_FROM_HZ, NOISE_TO_HZ = 0.3, 1.6
+# Power over noise at which they are taken in.
+STANDS_OUT = 20.0
+# Degrees of freedom of Student's distribution: key frames and cuts are rare and far out.
+TAILS = 4.0
+MAX_STEPS = 16
+REST, NEARLY = 1e-2, 1.0
+# Noise is told from bands around the tone. What is in quadrature to the phase can be taken from
+# close by; along it, the phase has followed whatever is slow.
+COLUMNS_HZ, ALONG_HZ, ACROSS_HZ = (0.3, 1.6), (0.2, 0.8), (0.05, 0.5)
 # A column's amplitude counts as far as it is beyond this many of its variances.
 SIGNIFICANT = 4.0
 
@@ -96,18 +103,26 @@ def fit_phase(frames: Frames, psi_rad: Float) -> PhaseFit:
     prior = phase_prior(psi_rad.size).basis
     place = Place(frames.t_s, psi_rad.size)
     coefficient = _project(prior, psi_rad)
+    trust = np.ones(psi_rad.size)
+    orders = tuple(range(1, HARMONICS + 1))
+    settled = False
     for _ in range(MAX_STEPS):
         psi = prior @ coefficient
-        amplitude = _amplitudes(frames, place, psi)
-        gradient, information = _likelihood(frames, place, psi, amplitude)
+        amplitude = _amplitudes(frames, place, psi, trust, orders)
+        gradient, information, trust = _likelihood(place, amplitude, trust)
         precision = prior.T @ (information[:, None] * prior)
         precision[np.diag_indices_from(precision)] += 1.0
         step = np.linalg.solve(precision, prior.T @ gradient - coefficient)
         moved = prior @ step
-        largest = np.max(np.abs(moved - moved.mean()))
+        shape = moved - moved.mean()
+        largest = np.max(np.abs(shape))
         coefficient = coefficient + step * min(1.0, 1.0 / max(largest, 1e-12))
-        if largest < REST_RAD:
-            break
+        # How far the step goes, in standard errors all told: below REST nothing changes any more.
+        if float(shape @ (information * shape)) < (REST if settled else NEARLY):
+            if settled:
+                break
+            settled = True
+            orders += _nuisances(place, amplitude)
     psi = prior @ coefficient
     over_second = (prior[NODES_PER_S:] - prior[:-NODES_PER_S]) / (2.0 * np.pi)
     solved = np.linalg.solve(precision, over_second.T)
@@ -134,6 +149,10 @@ class Place:
         """Values at nodes, linear in between, at the frames."""
         return values[self._left] * (1.0 - self._beyond) + values[self._left + 1] * self._beyond
 
+    def of_nodes(self, values: Float) -> Float:
+        """Value of the nearest node, at the frames."""
+        return np.asarray(values[self._nearest])
+
     def sums(self, values: Float) -> Float:
         """Sum over the frames nearest to each node, shape (nodes, …)."""
         out = np.zeros((self.nodes, *values.shape[1:]), values.dtype)
@@ -156,21 +175,23 @@ def _project(prior: Float, psi_rad: Float) -> Float:
     return np.asarray(np.linalg.lstsq(prior, psi_rad, rcond=1e-9)[0])
 
 
-def _amplitudes(frames: Frames, place: Place, psi: Float) -> Amplitudes:
+def _amplitudes(frames: Frames, place: Place, psi: Float, trust: Float, orders: tuple[int, ...]) -> Amplitudes:
     first = np.exp(1j * (frames.carrier_rad + place.at_frames(psi)))
-    turns = [first, first**2, first**3][:HARMONICS]
+    turns = [first**k for k in orders]
+    weight = place.of_nodes(trust)
     design = np.column_stack(
         [np.ones(first.size)] + [part for turn in turns for part in (turn.real, turn.imag)]
     )
-    gram = design.T @ design
-    ridge = np.repeat([RIDGE * first.size / size**2 for size in HARMONIC_SIZE[:HARMONICS]], 2)
+    weighted = design * weight[:, None]
+    gram = weighted.T @ design
+    ridge = np.repeat([RIDGE * first.size / size**2 for size in [HARMONIC_SIZE[k - 1] for k in orders]], 2)
     gram[np.diag_indices_from(gram)] += np.concatenate([[0.0], ridge])
-    found = np.linalg.solve(gram, design.T @ frames.columns)
+    found = np.linalg.solve(gram, weighted.T @ frames.columns)
     residual = frames.columns - design @ found
     harmonic, weights = [], []
-    for k, turn in enumerate(turns):
+    for k, turn in enumerate(turns[:HARMONICS]):
         raw = found[1 + 2 * k] - 1j * found[2 + 2 * k]
-        noise = _noise(place.sums(residual * turn.conj()[:, None])) / first.size
+        noise = _noise(place.sums(residual * (weight * turn.conj())[:, None])) / weight.sum()
         noise = np.maximum(noise, 1e-6 * noise.max() + 1e-12)
         doubt = SIGNIFICANT * 4.0 * noise / first.size
         shrink = np.maximum(0.0, 1.0 - doubt / np.maximum(np.abs(raw) ** 2, 1e-30))
@@ -179,7 +200,19 @@ def _amplitudes(frames: Frames, place: Place, psi: Float) -> Amplitudes:
     return Amplitudes(harmonic, weights, turns, residual)
 
 
-def _noise(series: Complex) -> Float:
+def _nuisances(place: Place, amplitude: Amplitudes) -> tuple[int, ...]:
+    """Further harmonics that stand out in some column."""
+    first, out = amplitude.turns[0], []
+    for k in range(HARMONICS + 1, NUISANCES + 1):
+        turn = first.conj()[:, None] ** k
+        demodulated = amplitude.residual * turn
+        power = np.abs(demodulated.sum(axis=0)) ** 2
+        if np.any(power > STANDS_OUT * _noise(place.sums(demodulated))):
+            out.append(k)
+    return tuple(out)
+
+
+def _noise(series: Float | Complex, band_hz: tuple[float, float] = COLUMNS_HZ) -> Float:
     """Power of a node series' transform near, but not at, 0 Hz; shape as one row.
 
     The median of exponentially distributed powers is ln 2 of their mean, and isn't moved by a
@@ -187,7 +220,7 @@ def _noise(series: Complex) -> Float:
     """
     power = np.abs(np.fft.fft(series, axis=0)) ** 2
     away = np.abs(np.fft.fftfreq(series.shape[0], NODE_S))
-    band = (away >= NOISE_FROM_HZ) & (away <= NOISE_TO_HZ)
+    band = (away >= band_hz[0]) & (away <= band_hz[1])
     return np.asarray(np.median(power[band], axis=0) / np.log(2.0))
 
 
@@ -200,11 +233,12 @@ def _deviation(amplitude: Amplitudes) -> Complex:
 
 
 def _likelihood(
-    frames: Frames, place: Place, psi: Float, amplitude: Amplitudes
-) -> tuple[Float, Float]:
+    place: Place, amplitude: Amplitudes, trust: Float
+) -> tuple[Float, Float, Float]:
     """Gradient and information of the phase at each node, from all harmonics."""
     gradient, information = np.zeros(place.nodes), np.zeros(place.nodes)
-    for k, turn in enumerate(amplitude.turns, start=1):
+    new = trust
+    for k, turn in enumerate(amplitude.turns[:HARMONICS], start=1):
         weights = amplitude.weights[k - 1]
         wave = turn[:, None] * amplitude.harmonic[k - 1]
         slope = -k * wave.imag * weights
@@ -214,7 +248,12 @@ def _likelihood(
         across = place.sums(np.sum(k * wave.real * weights * amplitude.residual, axis=1))
         if expected.sum() <= 0.0:
             continue
-        excess = max(_noise(told), _noise(across)) / expected.sum()
-        gradient += told / max(excess, 1e-3)
-        information += expected / max(excess, 1e-3)
-    return gradient, information
+        total = (trust * expected).sum()
+        excess = max(_noise(trust * told, ALONG_HZ), _noise(trust * across, ACROSS_HZ)) / total
+        excess = max(excess, 1e-3)
+        gradient += trust * told / excess
+        information += trust * expected / excess
+        if k == 1:
+            away = (told**2 + across**2) / np.maximum(expected * excess, 1e-30)
+            new = (TAILS + 2.0) / (TAILS + away)
+    return gradient, information, new
