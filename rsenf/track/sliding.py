@@ -1,0 +1,174 @@
+"""Windows sliding over a stream of row blocks: what estimators with a fixed window share.
+
+The frame rate is measured before the first window begins; each block is reduced to a few values a
+frame as it comes; and every ``hop_s`` the values of the last ``window_s`` are judged. What the
+values are, and how they are judged, is the estimator's own.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.flicker.slow_time import SlowTime
+from rsenf.messages import EnfEstimate, Header, RowBlock
+from rsenf.timebase import nanoseconds
+from rsenf.track.settings import TrackSettings
+
+# Row blocks held back until the frame rate is known well enough for the phase ramps.
+RATE_NEEDS_S = 1.0
+MIN_FILL_RATIO = 0.8
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Window:
+    """A full window: the values of its frames, its ends since the first frame, its frame rate."""
+
+    buffer: SlowTime
+    start_s: float
+    end_s: float
+    frame_rate_hz: float
+
+    @property
+    def centre_s(self) -> float:
+        """Time of its middle since the first frame."""
+        return (self.start_s + self.end_s) / 2.0
+
+    @property
+    def part(self) -> slice:
+        """Its frames, as a slice for the buffer's accessors."""
+        return self.buffer.between(self.start_s, self.end_s)
+
+
+class SlidingTracker(ABC):
+    """Stage from row blocks to one ENF estimate for each window.
+
+    Parameters
+    ----------
+    settings : TrackSettings, optional
+    """
+
+    name: ClassVar[str]
+
+    def __init__(self, settings: TrackSettings | None = None) -> None:
+        self.settings = settings or TrackSettings()
+        self._waiting: list[RowBlock] = []
+        self._buffer: SlowTime | None = None
+        self._header: Header | None = None
+        self._hops = 0
+        self._rows = 0
+
+    @abstractmethod
+    def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
+        """Get ready for blocks like the first; return how many values a frame will have."""
+
+    @abstractmethod
+    def _reduce(self, block: RowBlock) -> NDArray[np.complex128]:
+        """Reduce a block to the values of its frames, shape (frames, values)."""
+
+    @abstractmethod
+    def _judge(self, window: Window, blank: EnfEstimate) -> EnfEstimate:
+        """Fill in what is found in a window, or the reason why nothing is."""
+
+    def update(self, message: RowBlock) -> list[Any]:
+        """Take a block of rows; return the estimates whose windows it completes."""
+        if message.frames == 0:
+            return []
+        self._header = message.header
+        if self._buffer is None:
+            self._waiting.append(message)
+            spans = self._waiting[0].frame_pts_ns[0], message.frame_pts_ns[-1]
+            if spans[1] - spans[0] < nanoseconds(RATE_NEEDS_S):
+                return []
+            self._begin()
+        else:
+            self._take(self._buffer, message)
+        return self._complete(final=False)
+
+    def flush(self) -> list[Any]:
+        """Return the estimate of the last window, if the stream just fills it."""
+        return self._complete(final=True)
+
+    def _begin(self) -> None:
+        first, last = self._waiting[0], self._waiting[-1]
+        frames = int(last.frame_number[-1] - first.frame_number[0])
+        rate_hz = frames * 1e9 / int(last.frame_pts_ns[-1] - first.frame_pts_ns[0])
+        self._rows = first.rows
+        self._buffer = SlowTime(self._prepare(first, rate_hz), int(first.frame_pts_ns[0]))
+        for block in self._waiting:
+            self._take(self._buffer, block)
+        self._waiting = []
+
+    def _take(self, buffer: SlowTime, block: RowBlock) -> None:
+        if block.rows == self._rows:
+            buffer.append(block, self._reduce(block))
+
+    def _complete(self, *, final: bool) -> list[Any]:
+        """Estimates of all windows that are full. The last one may lack half a frame."""
+        buffer = self._buffer
+        out: list[Any] = []
+        if buffer is None:
+            return out
+        s = self.settings
+        while True:
+            start_s = self._hops * s.hop_s
+            end_s = start_s + s.window_s
+            rate_hz = buffer.frame_rate_hz(buffer.between(start_s, end_s))
+            reached_s = buffer.last_t_s + (1.5 / rate_hz if final and rate_hz > 0 else 0.0)
+            if reached_s < end_s:
+                return out
+            out.append(self._estimate(Window(buffer, start_s, end_s, rate_hz)))
+            self._hops += 1
+            buffer.forget_before(start_s + s.hop_s)
+
+    def _estimate(self, window: Window) -> EnfEstimate:
+        """Judge a window that has its frames; say so when it hasn't."""
+        part, rate_hz = window.part, window.frame_rate_hz
+        blank = self._blank(window)
+        usable_ratio = window.buffer.usable_ratio(part)
+        # Frames that are there, of those that the rate lets one expect.
+        length_s = window.end_s - window.start_s
+        fill = (part.stop - part.start) / (rate_hz * length_s) if rate_hz > 0 else 0.0
+        if fill < MIN_FILL_RATIO:
+            return dataclasses.replace(blank, reason=f"only {fill:.0%} of the frames are there")
+        if usable_ratio < MIN_FILL_RATIO:
+            return dataclasses.replace(
+                blank, reason=f"rows usable in only {usable_ratio:.0%} of the frames"
+            )
+        return self._judge(window, blank)
+
+    def _blank(self, window: Window) -> EnfEstimate:
+        """Return what is known of a window before anything is found in it."""
+        assert self._header is not None
+        newest, buffer = self._header, window.buffer
+        start_ns, end_ns = (
+            buffer.origin_ns + nanoseconds(t) for t in (window.start_s, window.end_s)
+        )
+        camera_ns = newest.camera_time_ns + start_ns - newest.pts_ns
+        frame_first, frame_last = buffer.frame_numbers(window.part)
+        header = dataclasses.replace(
+            newest,
+            seq=self._hops,
+            pts_ns=start_ns,
+            camera_time_ns=camera_ns if newest.camera_time_ns else 0,
+            frame_first=frame_first,
+            frame_last=frame_last,
+        )
+        return EnfEstimate(
+            header=header,
+            method=self.name,
+            harmonic=self.settings.harmonic,
+            origin_pts_ns=buffer.origin_ns,
+            start_pts_ns=start_ns,
+            end_pts_ns=end_ns,
+            frame_rate_hz=window.frame_rate_hz,
+        )
+
+
+def decibels(ratio: float) -> float:
+    """Return a ratio of powers in dB; NaN where that has no value."""
+    return float(10.0 * np.log10(ratio)) if 0 < ratio < np.inf else float("nan")
