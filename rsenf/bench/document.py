@@ -27,6 +27,7 @@ def tabulate(table: str, records: Sequence[Record], *, pooled: bool = False) -> 
         "table": table,
         "clips": len(records),
         "seeds": sorted({record["seed"] for record in records}),
+        "durations_s": sorted({record["duration_s"] for record in records}),
         "grids": sorted({record["grid"] for record in records}),
         "versions": [dict(v) for v in sorted({tuple(r["versions"].items()) for r in records})],
     }

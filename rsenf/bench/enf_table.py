@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.bench.groups import CELL, Found, cells, cpu_ms_per_s, median, rms, worst
+from rsenf.bench.groups import CELL, Found, cells, cpu_ms_per_s, median, relative_errors, rms, worst
 from rsenf.bench.results import Record
-from rsenf.messages.schema import FloatArray
 from rsenf.track import TrackSettings
 
 DEFAULT = "projection"
@@ -39,7 +38,7 @@ def enf_rows(records: Iterable[Record], by: Sequence[str] = CELL) -> list[dict[s
 def _row(found: Sequence[Found]) -> dict[str, Any]:
     whole = [_clip_rms(record, r) for record, r in found]
     bright = [e for e, (record, _) in zip(whole, found, strict=True) if _is_bright(record)]
-    relative = np.concatenate([_relative(r) for _, r in found])
+    relative = np.concatenate([relative_errors(r) for _, r in found])
     return {
         "clips": len(found),
         "with_values": sum(e is not None for e in whole),
@@ -78,12 +77,6 @@ def _within_rms(record: Record, result: dict[str, Any]) -> float | None:
     begin_s, end_s = half_s, record["duration_s"] - half_s
     values = zip(result.get("t_s", ()), result.get("error_mhz", ()), strict=True)
     return rms(_known(e for t, e in values if begin_s <= t <= end_s))
-
-
-def _relative(result: dict[str, Any]) -> FloatArray:
-    """Errors over the standard errors that they were given with."""
-    pairs = zip(result.get("error_mhz", ()), result.get("std_mhz", ()), strict=True)
-    return np.array([e / s for e, s in pairs if e is not None and s], np.float64)
 
 
 def _worse(found: Sequence[Found], stft: Sequence[Found]) -> int:

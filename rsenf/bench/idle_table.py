@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from rsenf.bench.groups import CELL, Found, cells, cpu_ms_per_s, median, rms, worst
+from rsenf.bench.groups import CELL, Found, cells, cpu_ms_per_s, median, relative_errors, rms, worst
 from rsenf.bench.results import Record
 
 DEFAULT = "coherent"
@@ -37,8 +37,8 @@ def _row(found: Sequence[Found]) -> dict[str, Any]:
     given = [r for r in given if r["error_percent"] is not None]
     errors = [abs(r["error_percent"]) for r in given]
     stds = [r["std_percent"] for r in given if r["std_percent"]]
-    relative = [r["error_percent"] / r["std_percent"] for r in given if r["std_percent"]]
-    bounds = [b for record, _ in found if (b := record["idle_bound_percent"]) is not None]
+    relative = [e for r in given for e in relative_errors(r).tolist()]
+    bounds = [record["idle_bound_percent"] for record, _ in found]
     return {
         "clips": len(found),
         **{verdict: verdicts[verdict] for verdict in (*VERDICTS, "broke")},
@@ -53,6 +53,6 @@ def _row(found: Sequence[Found]) -> dict[str, Any]:
 
 def _mark(cell: dict[str, Any], method: str) -> dict[str, Any]:
     mark = MARKS_PERCENT.get(cell["coding"]) if method == DEFAULT else None
-    if mark and cell["coding"] == "lossless" and cell["alias_zero"]:
-        mark = MARK_ALIAS_ZERO_PERCENT
+    if mark and cell["turned"] is not None and cell["coding"] == "lossless":
+        mark = MARK_ALIAS_ZERO_PERCENT if cell["turned"] else None
     return {"mark_percent": mark}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rsenf import __version__
-from rsenf.bench.bounds import enf_bound_hz
+from rsenf.bench.bounds import enf_bound_hz, idle_bound_ratio, phase_information
 from rsenf.bench.film import film
 from rsenf.bench.grids import grid_for
 from rsenf.bench.judge import judge_enf, judge_idle
@@ -76,15 +76,16 @@ def _lit_facts(clip: Clip, setting: Setting, grid: GridPath) -> dict[str, Any]:
     levels = setting.flicker_levels(clip.nominal_hz)
     pixel_var = model.sensor.variance(np.array([model.scene.level], np.float32)) + QUANTISATION_VAR
     row_noise = float(np.sqrt(pixel_var[0] / shutter.across_px))
-    bound_hz = enf_bound_hz(
-        levels, row_noise, shutter.rows, float(shutter.frame_rate), shutter.read_out_time_s
-    )
+    information = phase_information(levels, row_noise)
+    rate_hz, frames = float(shutter.frame_rate), round(clip.duration_s * shutter.frame_rate)
+    enf_hz = enf_bound_hz(information, shutter.rows, rate_hz, shutter.read_out_time_s)
+    idle = idle_bound_ratio(information, shutter.rows, frames, rate_hz, 2 * clip.nominal_hz)
     return {
         "flicker_level": levels[0],
         "row_noise_level": row_noise,
-        "alias_turn_rad": _alias_turn_rad(clip, float(shutter.frame_rate), grid),
-        "enf_bound_mhz": 1e3 * bound_hz,
-        "idle_bound_percent": None,
+        "alias_turn_rad": _alias_turn_rad(clip, rate_hz, grid),
+        "enf_bound_mhz": 1e3 * enf_hz,
+        "idle_bound_percent": 100 * idle,
     }
 
 

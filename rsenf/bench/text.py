@@ -10,59 +10,63 @@ from rsenf.bench.idle_table import PAPER_AVERAGE_ERROR_PERCENT, VERDICTS
 Row = dict[str, Any]
 _NONE = "–"
 
-_ZERO = "* the flicker's alias at the frame rate is at 0 Hz"
+_ZERO = """\
+
+*: the flicker's alias at the frame rate is at 0 Hz, and the grid's drift turns it by a radian or
+more; <1 rad: by less, too little to tell flicker from texture."""
 _IDLE_NOTE = f"""\
 Errors in percentage points of the frame period, over the clips that were estimated; est, amb, ref
 and none count clips: estimated, ambiguous, refused, no signal. spread: rms of error over standard
-error. bound: Cramér–Rao, uncoded. The paper, over five cameras at 720p and 29.97 fps, 6 videos
-each: average errors {min(PAPER_AVERAGE_ERROR_PERCENT)} to {max(PAPER_AVERAGE_ERROR_PERCENT):.2f}.
-{_ZERO}."""
-_ENF_NOTE = f"""\
+error. bound: Cramér–Rao, uncoded. The paper, five cameras at 720p and 29.97 fps, 6 videos each:
+average errors {min(PAPER_AVERAGE_ERROR_PERCENT)} to {max(PAPER_AVERAGE_ERROR_PERCENT):.2f}."""
+_ENF_NOTE = """\
 rms of a clip in mHz, against the grid's mean over the second around each value. bright: clips with
 at least 5 levels of flicker. within: where a 20 s window is full. usable: share of the seconds
 with a value. spread: rms of error over standard error; >3σ: share of the values beyond three.
-bound: Cramér–Rao of one second by itself, uncoded. {_ZERO}."""
+bound: Cramér–Rao of one second by itself, uncoded."""
 _CLAIMS_NOTE = """\
 Clips with nothing to claim. A claim is an idle ratio that was given, or one usable second of ENF.
-below: the rate that so few claims refute with 95 % confidence."""
+right: claims within three standard errors of the truth, where the exposure leaves some flicker.
+below: the rate of claims that so few refute with 95 % confidence."""
 
 
-def idle_text(rows: Sequence[Row]) -> str:
-    """Return the table of idle-period estimators."""
-    head = ("cell", "coding", "method", "clips", "est", "amb", "ref", "none", "broke", "median",
-            "worst", "std", "spread", "bound", "mark", "ms/s")  # fmt: skip
-    return aligned(head, map(_idle_cells, rows)) + "\n\n" + _IDLE_NOTE
+def text(document: Row) -> str:
+    """Return a table of :func:`rsenf.bench.document.tabulate` for a terminal."""
+    head, cells, note = _TEXT[document["table"]]
+    table = aligned(head, (cells(row) for row in document["rows"]))
+    return f"{table}\n\n{note}\n{_made_from(document)}"
 
 
-def enf_text(rows: Sequence[Row]) -> str:
-    """Return the table of ENF estimators."""
-    head = ("cell", "coding", "method", "clips", "with", "broke", "usable", "median", "worst",
-            "bright", "median", "worst", "within", ">stft", "std", "spread", ">3σ", "bound",
-            "mark", "ms/s")  # fmt: skip
-    return aligned(head, map(_enf_cells, rows)) + "\n\n" + _ENF_NOTE
+def page(document: Row) -> str:
+    """Return a table in Markdown: of errors, a column for each method with median (worst)."""
+    rows = document["rows"]
+    if document["table"] == "idle":
+        table = _by_method(rows, "bound_percent", _idle_brief)
+    elif document["table"] == "enf":
+        table = _by_method(rows, "bound_mhz", _enf_brief)
+    else:
+        table = markdown(_CLAIMS_HEAD, map(_claims_cells, rows))
+    return f"{table}\n\n{_made_from(document)}"
 
 
-def claims_text(rows: Sequence[Row]) -> str:
-    """Return the table of false claims."""
-    return aligned(_CLAIMS_HEAD, map(_claims_cells, rows)) + "\n\n" + _CLAIMS_NOTE
+def _made_from(document: Row) -> str:
+    """Return one line on the clips behind a table."""
+    seeds, zero = document["seeds"], any(row["turned"] is not None for row in document["rows"])
+    told = [f"clips: {document['clips']}"]
+    if seeds:
+        told.append(f"seeds {seeds[0]} to {seeds[-1]}")
+        told.append("seconds each: " + ", ".join(f"{s:g}" for s in document["durations_s"]))
+        told.append(f"grid: {', '.join(document['grids'])}")
+    return "; ".join(told) + (_ZERO if zero else "")
 
 
-def idle_markdown(rows: Sequence[Row]) -> str:
-    """Return the idle table with a column for each method: median (worst), and what wasn't."""
-    return _by_method(rows, "bound_percent", "idle bound", _idle_brief) + f"\n\n{_ZERO}"
-
-
-def enf_markdown(rows: Sequence[Row]) -> str:
-    """Return the ENF table with a column for each method: median (worst) rms, usable share."""
-    return _by_method(rows, "bound_mhz", "bound of 1 s", _enf_brief) + f"\n\n{_ZERO}"
-
-
-def claims_markdown(rows: Sequence[Row]) -> str:
-    """Return the table of false claims."""
-    return markdown(_CLAIMS_HEAD, map(_claims_cells, rows))
-
-
-_CLAIMS_HEAD = ("scene", "coding", "of", "method", "clips", "claims", "below", "broke")
+_IDLE_HEAD = ("cell", "coding", "method", "clips", "est", "amb", "ref", "none", "broke", "median",
+              "worst", "std", "spread", "bound", "mark", "ms/s")  # fmt: skip
+_ENF_HEAD = ("cell", "coding", "method", "clips", "with", "broke", "usable", "median", "worst",
+             "bright", "median", "worst", "within", ">stft", "std", "spread", ">3σ", "bound",
+             "mark", "ms/s")  # fmt: skip
+_CLAIMS_HEAD = ("scene", "coding", "of", "method", "clips", "claims", "right", "below", "broke",
+                "ms/s")  # fmt: skip
 
 
 def _idle_cells(row: Row) -> list[str]:
@@ -90,7 +94,8 @@ def _enf_cells(row: Row) -> list[str]:
 def _claims_cells(row: Row) -> list[str]:
     return [
         row["scene"], row["coding"], row["kind"], row["method"], str(row["clips"]),
-        str(row["claims"]), _percent(row["bound_ratio"]), str(row["broke"]),
+        str(row["claims"]), str(row["right"]), _percent(row["bound_ratio"]), str(row["broke"]),
+        _number(row["cpu_ms_per_s"]),
     ]  # fmt: skip
 
 
@@ -109,14 +114,12 @@ def _enf_brief(row: Row) -> str:
     return f"{figures}, {_percent(row['usable_ratio'])}"
 
 
-def _by_method(
-    rows: Sequence[Row], bound: str, bound_title: str, brief: Callable[[Row], str]
-) -> str:
+def _by_method(rows: Sequence[Row], bound: str, brief: Callable[[Row], str]) -> str:
     methods = list(dict.fromkeys(row["method"] for row in rows))
     cells: dict[tuple[str, str], dict[str, Row]] = {}
     for row in rows:
         cells.setdefault((_cell(row), row["coding"]), {})[row["method"]] = row
-    head = ("clip", "coding", "clips", bound_title, *methods)
+    head = ("clip", "coding", "clips", "bound", *methods)
     return markdown(
         head,
         (
@@ -129,7 +132,7 @@ def _by_method(
 
 def _cell(row: Row) -> str:
     size = f"{row['size']} " if "size" in row else ""
-    zero = "*" if row["alias_zero"] else ""
+    zero = {None: "", True: "*", False: "*<1 rad"}[row["turned"]]
     return f"{size}{row['frame_rate']} fps {row['nominal_hz']:g} Hz{zero}"
 
 
@@ -166,5 +169,8 @@ def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-TEXT = {"idle": idle_text, "enf": enf_text, "claims": claims_text}
-MARKDOWN = {"idle": idle_markdown, "enf": enf_markdown, "claims": claims_markdown}
+_TEXT: dict[str, tuple[Sequence[str], Callable[[Row], list[str]], str]] = {
+    "idle": (_IDLE_HEAD, _idle_cells, _IDLE_NOTE),
+    "enf": (_ENF_HEAD, _enf_cells, _ENF_NOTE),
+    "claims": (_CLAIMS_HEAD, _claims_cells, _CLAIMS_NOTE),
+}

@@ -124,17 +124,16 @@ def _records(args: argparse.Namespace, clips: list[Clip], folder: Path) -> list[
 
 
 def _print(args: argparse.Namespace, document: dict[str, Any], records: list[Record]) -> None:
-    from rsenf.bench import text
     from rsenf.bench.document import tabulate
+    from rsenf.bench.text import page, text
     from rsenf.cli.console import print_json
 
     if args.json:
         print_json(document)
     elif args.markdown:
-        rows = tabulate(args.table, records, pooled=True)["rows"]
-        print(text.MARKDOWN[args.table](rows))
+        print(page(tabulate(args.table, records, pooled=True)))
     else:
-        print(text.TEXT[args.table](document["rows"]))
+        print(text(document))
 
 
 def _words(value: str) -> tuple[str, ...]:
