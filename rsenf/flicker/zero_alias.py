@@ -1,0 +1,195 @@
+"""Texture and flicker told apart where the flicker stands still from frame to frame.
+
+At 25 frames a second under 50 Hz mains every frame begins at the same phase of the flicker, but
+for the grid's slow deviation: a static picture and static flicker look alike, and the mean of a
+row over time holds both. What tells them apart is that the deviation turns the flicker's phase,
+and all rows on one ramp together. So texture, ramp, waveform and phases are fitted jointly; where
+the phase hardly turns, nothing can tell them apart, and the result says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.errors import UsageError
+from rsenf.flicker.zero_alias_errors import noise_ratio, standard_error
+from rsenf.flicker.zero_alias_fit import Fit, refine
+from rsenf.flicker.zero_alias_rows import Float, RowLogs, row_logs
+from rsenf.flicker.zero_alias_start import starts
+
+MAX_BINS = 500
+MIN_BINS = 8
+HARMONICS = 8
+STEPS = 12
+# Improvement of chi-squared, for its two numbers, that a further harmonic must bring.
+WORTH = 20.0
+# The phase must have turned this far, and the circle's radius be known this well.
+MIN_SPAN_RAD = 1.0
+MIN_AMPLITUDE_SNR = 8.0
+# Of what varies, the least that one ramp with one modulus must explain.
+MIN_EXPLAINED = 0.5
+# No lamp's logarithm swings further in its first harmonic.
+MAX_AMPLITUDE = 5.0
+# Standard errors from zero that make a sign sure, and between a plausible read-out and its limit.
+SURE_SIGN, PLAUSIBLE = 5.0, 3.0
+READ_OUT_LIMIT_S = 1.0 / 24.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ZeroAlias:
+    """Flicker that stands nearly still from frame to frame, told apart from the texture.
+
+    The mirror image, all phases and the ramp with their signs reversed, fits equally well but for
+    ``read_out_s``: ``turns`` is given positive, and the deviation of the frequency has either sign,
+    ``f_0 = f_alias ± ψ'/2π``, with minus where the read-out runs from the last row to the first.
+
+    Parameters
+    ----------
+    turns, turns_std : float
+        ``q``: turns of the first harmonic's phase down the rows of one frame, at the mean
+        frequency; and its standard error.
+    phase_rad, phase_std : ndarray, shape (bins,)
+        Phase of each bin, continuous, up to a constant, at the middle of the read-out; and its
+        standard error.
+    phase_cov : ndarray, shape (bins, bins)
+        Covariance of the phases, for whatever is computed from them.
+    amplitude, amplitude_std : float
+        Of the first harmonic in the logarithm of the light: relative to the mean where it is small.
+    series : ndarray of complex, shape (harmonics,)
+        All harmonics of the logarithm of the light, the first real.
+    texture : ndarray, shape (rows, strips)
+        Levels under the mean light.
+    read_out_s, read_out_std : float
+        Signed read-out time as the ramp's change with the frequency shows it: negative where the
+        mirror image is the right one. Seldom known well.
+    span_rad : float
+        How far the phase has turned between its extremes.
+    explained : float
+        Share of what varies, beyond a common gain, that the flicker explains.
+    noise_ratio : float
+        Noise where the flicker is, over white noise of the same power; 1 for a clean recording.
+    """
+
+    turns: float
+    turns_std: float
+    phase_rad: Float
+    phase_std: Float
+    phase_cov: Float
+    amplitude: float
+    amplitude_std: float
+    series: NDArray[np.complex128]
+    texture: Float
+    read_out_s: float
+    read_out_std: float
+    span_rad: float
+    explained: float
+    noise_ratio: float
+
+    @property
+    def is_flicker(self) -> bool:
+        """Whether it is one ramp of constant modulus: drift, shake and noise are not."""
+        known = self.amplitude > MIN_AMPLITUDE_SNR * self.amplitude_std
+        return known and self.amplitude < MAX_AMPLITUDE and self.explained > MIN_EXPLAINED
+
+    @property
+    def determined(self) -> bool:
+        """Whether it is flicker whose phase has turned enough for its ramp to be relied on."""
+        return self.is_flicker and self.span_rad >= MIN_SPAN_RAD
+
+    @property
+    def direction(self) -> int:
+        """Direction of the read-out: 1 first row first, -1 last row first, 0 if it isn't known.
+
+        Known where one sign of ``read_out_s`` is excluded and the other's size is plausible.
+        """
+        if not self.determined or abs(self.read_out_s) < SURE_SIGN * self.read_out_std:
+            return 0
+        longest_s = READ_OUT_LIMIT_S + PLAUSIBLE * self.read_out_std
+        return int(np.sign(self.read_out_s)) if abs(self.read_out_s) < longest_s else 0
+
+
+def separate(level: Float, t_s: Float, weight: Float | None = None) -> ZeroAlias | None:
+    """Tell texture and flicker apart.
+
+    Parameters
+    ----------
+    level : ndarray, shape (bins, rows) or (bins, rows, strips)
+        Mean levels of the rows, averaged over bins of 0.25 to 0.5 s; longer where the phase turns
+        by less than about a radian in each. Strips are bands of columns with textures of their own
+        under the same light.
+    t_s : ndarray, shape (bins,)
+        Mean time of the frames in each bin, increasing.
+    weight : ndarray, shape (bins,), optional
+        Frames in each bin.
+
+    Returns
+    -------
+    ZeroAlias or None
+        None where nothing at all varies along a ramp.
+
+    Raises
+    ------
+    UsageError
+        For fewer than 8 or more than 500 bins, or arrays that don't fit together.
+    """
+    level = np.asarray(level, np.float64)
+    level = level[:, :, None] if level.ndim == 2 else level
+    t_s = np.asarray(t_s, np.float64)
+    weight = np.ones(t_s.size) if weight is None else np.asarray(weight, np.float64)
+    if not MIN_BINS <= t_s.size <= MAX_BINS or len(level) != t_s.size or weight.size != t_s.size:
+        raise UsageError(
+            f"{len(level)} bins of rows, {t_s.size} times and {weight.size} weights",
+            f"as many of each, from {MIN_BINS} to {MAX_BINS}",
+        )
+    data = row_logs(level, t_s, weight)
+    tried = [refine(data, start, STEPS) for start in starts(data)]
+    if not tried:
+        return None
+    fit = _with_harmonics(data, min(tried, key=lambda f: f.point.power))
+    ratio = noise_ratio(fit.point)
+    return _result(level, refine(data, fit.flicker, STEPS, ratio), ratio)
+
+
+def _with_harmonics(data: RowLogs, fit: Fit) -> Fit:
+    """Add harmonics for as long as each brings something; the second always."""
+    for harmonics in range(2, HARMONICS + 1):
+        more = refine(data, fit.flicker.with_harmonics(harmonics), STEPS)
+        gain = (fit.point.power - more.point.power) / more.point.noise_var
+        fit = more
+        if harmonics > 2 and gain < WORTH:
+            break
+    return fit
+
+
+def _result(level: Float, fit: Fit, ratio: float) -> ZeroAlias:
+    point, flicker = fit.point, fit.flicker
+    bins = flicker.phase_rad.size
+    cov = fit.covariance[:bins, :bins]
+    return ZeroAlias(
+        turns=flicker.turns,
+        turns_std=standard_error(fit, 0),
+        phase_rad=flicker.phase_rad,
+        phase_std=np.sqrt(np.diag(cov)),
+        phase_cov=cov,
+        amplitude=float(flicker.series[0].real),
+        amplitude_std=standard_error(fit, 2),
+        series=flicker.series,
+        texture=_texture(level, fit),
+        read_out_s=flicker.read_out_s,
+        read_out_std=standard_error(fit, 1),
+        span_rad=float(np.ptp(flicker.phase_rad)),
+        explained=1.0 - point.power / point.data.power(point.data.value),
+        noise_ratio=ratio,
+    )
+
+
+def _texture(level: Float, fit: Fit) -> Float:
+    """Mean levels without what the flicker, which is uneven over time, adds to their logarithms."""
+    weight = fit.point.data.weight
+    place = (np.arange(level.shape[1]) + 0.5) / level.shape[1]
+    light = fit.flicker.light(fit.flicker.waves(fit.point.data.t_s, place))
+    mean = np.average(level, axis=0, weights=weight)
+    return np.asarray(mean / np.average(np.exp(light), axis=0, weights=weight)[:, None])

@@ -1,0 +1,227 @@
+"""Least squares of flicker on texture, all unknowns at once.
+
+The logarithm of a picture's rows is a sum: texture, common gain, and the flicker as a function of
+its phase, ``z[i,r,s] = b_rs + γ_is + Σ_k Re c_k·exp(j·k·φ_ir)`` with
+``φ_ir = ψ_i + 2π·q·u_r + (ψ'_i − mean ψ')·τ·(u_r − ½)``. Texture and gain are linear and many, so
+both are projected out of the data and of every derivative (variable projection, Golub & Pereyra,
+SIAM J. Numer. Anal. 10, 413, 1973): nothing is subtracted that the flicker can't claim back. What
+is left, each bin's phase, ``q``, ``τ`` and a few ``c_k``, is found by damped Gauss-Newton steps
+(Levenberg-Marquardt).
+
+The term with ``τ``: rows further down are exposed later, when the phase has moved on, so the ramp
+follows the frequency. That is a thousandth of the ramp, and still more than the noise of a clean
+recording.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rsenf.flicker.zero_alias_rows import Complex, Float, RowLogs
+
+# A grid's deviation wanders by some millihertz in a second. This is several times more, in rad/s
+# per square root of a second, so it only holds where noise would wander further.
+RATE_WANDER = 0.05
+# No read-out takes longer than about a frame: standard deviation of what τ may be, s.
+READ_OUT_S = 0.05
+ENOUGH = 0.01  # a step that improves chi-squared by less is the last
+STIFFEST = 1e6  # damping beyond which no step will help
+
+
+@dataclass(frozen=True, eq=False)
+class Flicker:
+    """Flicker as the fit knows it: each bin's phase, ``q``, ``τ``, and ``c_k``; ``c_1`` is real."""
+
+    phase_rad: Float
+    turns: float
+    read_out_s: float
+    series: Complex
+
+    def with_harmonics(self, harmonics: int) -> Flicker:
+        """Return the same flicker with room for more harmonics."""
+        series = np.zeros(harmonics, np.complex128)
+        series[: self.series.size] = self.series
+        return replace(self, series=series)
+
+    def moved(self, step: Float) -> Flicker:
+        """Return the flicker one step further, in the order of the normal equations."""
+        bins = self.phase_rad.size
+        pairs = step[bins + 3 :]
+        change = np.concatenate(([step[bins + 2]], pairs[::2] + 1j * pairs[1::2]))
+        return Flicker(
+            self.phase_rad + step[:bins],
+            self.turns + float(step[bins]),
+            self.read_out_s + float(step[bins + 1]),
+            self.series + change,
+        )
+
+    def stretch(self, t_s: Float, place: Float) -> Float:
+        """What ``τ`` multiplies, shape (bins, rows)."""
+        rate = np.gradient(self.phase_rad, t_s)
+        return np.asarray((rate - rate.mean())[:, None] * (place - 0.5))
+
+    def waves(self, t_s: Float, place: Float) -> Complex:
+        """``exp(j·k·φ)``, shape (harmonics, bins, rows)."""
+        first = np.exp(1j * self.phase_rad)[:, None] * np.exp(2j * np.pi * self.turns * place)
+        if self.read_out_s:
+            # A few milliradians: the square is what the exponential has beyond.
+            small = 1j * self.read_out_s * self.stretch(t_s, place)
+            first *= 1.0 + small + small * small / 2.0
+        out = np.empty((self.series.size, *first.shape), np.complex128)
+        out[0] = first
+        for k in range(1, self.series.size):
+            np.multiply(out[k - 1], first, out=out[k])
+        return out
+
+    def light(self, waves: Complex) -> Float:
+        """Its part of the logarithms, shape (bins, rows)."""
+        return np.asarray(np.tensordot(self.series, waves, 1).real)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Where the steps ended.
+
+    Parameters
+    ----------
+    point : Point
+        The flicker there, and what it leaves of the data.
+    covariance : ndarray
+        Of (phases, ``q``, ``τ``, ``c_1``, ``Re c_2``, ``Im c_2``, …).
+    """
+
+    point: Point
+    covariance: Float
+
+    @property
+    def flicker(self) -> Flicker:
+        """The flicker there."""
+        return self.point.flicker
+
+
+def refine(data: RowLogs, start: Flicker, steps: int, noise_ratio: float = 1.0) -> Fit:
+    """Descend from a start to the least squares near it.
+
+    Parameters
+    ----------
+    data : RowLogs
+        What is to be explained.
+    start : Flicker
+        Where to begin; it says how many harmonics there are.
+    steps : int
+        No more than these.
+    noise_ratio : float
+        Noise in the flicker's part of the data over what the residual has on average.
+    """
+    now = Point(data, start, noise_ratio)
+    damping = 1e-3
+    normal, gradient = now.equations()
+    for _ in range(steps):
+        scale = np.diag(normal)
+        tried = Point(
+            data,
+            now.flicker.moved(_solve(normal + np.diag(damping * scale), gradient)),
+            noise_ratio,
+        )
+        gain = (now.cost(now.noise_var) - tried.cost(now.noise_var)) / now.noise_var
+        if gain <= 0.0:
+            damping *= 10.0
+            if damping > STIFFEST:
+                break
+            continue
+        now, damping = tried, max(damping / 10.0, 1e-9)
+        normal, gradient = now.equations()
+        if gain < ENOUGH:
+            break
+    return Fit(now, now.noise_var * np.asarray(np.linalg.pinv(normal, hermitian=True), np.float64))
+
+
+def _solve(matrix: Float, right: Float) -> Float:
+    return np.asarray(np.linalg.solve(matrix, right), np.float64)
+
+
+class Point:
+    """A flicker, and what the data say of it."""
+
+    def __init__(self, data: RowLogs, flicker: Flicker, noise_ratio: float) -> None:
+        self.data, self.flicker = data, flicker
+        self.waves = flicker.waves(data.t_s, data.place)
+        self.residual = data.value - data.centred(flicker.light(self.waves))
+        self.power = data.power(self.residual)
+        spent = flicker.phase_rad.size + 2 * flicker.series.size + 1
+        self.noise_var = noise_ratio * self.power / data.freedom(spent)
+        self.prior = _prior(data.t_s, 3 + 2 * (flicker.series.size - 1))
+
+    def cost(self, noise_var: float) -> float:
+        """Sum of squares, and what is known beforehand."""
+        known = np.zeros(len(self.prior))
+        known[: self.flicker.phase_rad.size] = self.flicker.phase_rad
+        known[self.flicker.phase_rad.size + 1] = self.flicker.read_out_s
+        return self.power + noise_var * float(known @ self.prior @ known)
+
+    def columns(self) -> Float:
+        """Centred derivatives by ``q``, ``τ`` and ``c``: (parameters, bins, rows, strips)."""
+        data, flicker = self.data, self.flicker
+        slope = self.slope()
+        found = [
+            slope * (2.0 * np.pi * data.place),
+            slope * flicker.stretch(data.t_s, data.place),
+            self.waves[0].real,
+        ]
+        for wave in self.waves[1:]:
+            found += [wave.real, -wave.imag]
+        return np.stack([data.centred(part) for part in found])
+
+    def slope(self) -> Float:
+        """Derivative by the phase, shape (bins, rows)."""
+        order = 1j * np.arange(1, self.flicker.series.size + 1)
+        return np.asarray(np.tensordot(order * self.flicker.series, self.waves, 1).real)
+
+    def equations(self) -> tuple[Float, Float]:
+        """Normal matrix and right-hand side, texture and gain projected out.
+
+        A bin's phase changes that bin's rows alone, so without texture the phases' block is
+        diagonal; projecting the texture out takes a product of rank ``rows·strips`` from it.
+        """
+        data, bins = self.data, self.flicker.phase_rad.size
+        slope = data.without_gain(self.slope()[:, :, None])
+        pull = data.weighted(slope).reshape(bins, -1)
+        slope = slope.reshape(bins, -1) * data.weight[:, None]
+        others = self.columns()
+        count = len(others)
+        cross = np.stack([np.einsum("im,im->i", pull, c.reshape(bins, -1)) for c in others])
+        weighted = data.weighted(others).reshape(count, -1)
+        known = np.zeros(bins + count)
+        known[:bins], known[bins + 1] = self.flicker.phase_rad, self.flicker.read_out_s
+        normal = self.noise_var * self.prior
+        gradient = -normal @ known
+        normal[:bins, :bins] -= pull @ slope.T / data.weight.sum()
+        normal[np.arange(bins), np.arange(bins)] += np.einsum(
+            "im,im->i", pull, slope / data.weight[:, None]
+        )
+        normal[bins:, :bins] += cross
+        normal[:bins, bins:] += cross.T
+        normal[bins:, bins:] += weighted @ others.reshape(count, -1).T
+        gradient[:bins] += np.einsum("im,im->i", pull, self.residual.reshape(bins, -1))
+        gradient[bins:] += weighted @ self.residual.reshape(-1)
+        return normal, gradient
+
+
+def _prior(t_s: Float, others: int) -> Float:
+    """Inverse covariance known beforehand: a rate that wanders, and a read-out within a frame.
+
+    It is blind to the phases' level and slope, and to all else.
+    """
+    step = np.diff(t_s)
+    change = np.zeros((t_s.size - 2, t_s.size))
+    row = np.arange(t_s.size - 2)
+    change[row, row] = 1.0 / step[:-1]
+    change[row, row + 1] = -1.0 / step[:-1] - 1.0 / step[1:]
+    change[row, row + 2] = 1.0 / step[1:]
+    variance = RATE_WANDER**2 * (step[:-1] + step[1:]) / 2.0
+    out = np.zeros((t_s.size + others, t_s.size + others))
+    out[: t_s.size, : t_s.size] = change.T @ (change / variance[:, None])
+    out[t_s.size + 1, t_s.size + 1] = READ_OUT_S**-2
+    return out

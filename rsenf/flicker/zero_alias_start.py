@@ -1,0 +1,84 @@
+"""Where to begin: which ramp down the rows, and on which circle the light goes round.
+
+Without texture and gain, a first harmonic lies in the plane of two functions of the row, the
+cosine and the sine of its ramp, whatever its phases are. So how much of the data lies in that
+plane tells ``q`` before anything else is known; and the points in the plane lie on a circle, since
+the lamp flickers by the same amount at all times.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rsenf.flicker.zero_alias_fit import Flicker
+from rsenf.flicker.zero_alias_rows import Complex, Float, RowLogs
+
+TURNS = (0.2, 6.0)  # 120 Hz light at 24 frames a second is 5 turns a frame
+TURNS_STEP = 0.05
+PEAKS = 3
+SHARE = 0.2  # of the highest peak: lower ones aren't tried
+
+
+def starts(data: RowLogs) -> list[Flicker]:
+    """Starts worth trying, the most promising ramp first.
+
+    Each ramp comes with two circles: the one that fits its points best, and its mirror image on
+    the other side of them, which noise can make of a short arc.
+    """
+    found = []
+    for turns in _peaks(data):
+        points = _plane(data, turns)
+        centre, radius = _circle(points, data.weight)
+        middle = np.average(points, weights=data.weight)
+        for c in (centre, 2.0 * middle - centre):
+            phase = np.unwrap(np.angle(points - c))
+            found.append(Flicker(phase, turns, 0.0, np.array([radius + 0j])))
+    return found
+
+
+def _plane(data: RowLogs, turns: float) -> Complex:
+    """Each bin's point in the plane of a ramp: ``A·exp(jψ)`` less its mean, shape (bins,)."""
+    seen, gram = _seen(data, turns)
+    x, y = np.linalg.solve(gram, seen)
+    return np.asarray(x - 1j * y)
+
+
+def _power(data: RowLogs, turns: float) -> float:
+    """How much of the data lies in the plane of a ramp."""
+    seen, gram = _seen(data, turns)
+    return float(np.sum(seen * np.linalg.solve(gram, seen) * data.weight))
+
+
+def _seen(data: RowLogs, turns: float) -> tuple[Float, Float]:
+    """Each bin seen through cosine and sine of a ramp, (2, bins), and their Gram matrix."""
+    angle = 2.0 * np.pi * turns * data.place
+    ramp = data.without_gain(np.stack([np.cos(angle), np.sin(angle)])[:, :, None])
+    weighted = (ramp * data.row_weight).reshape(2, -1)
+    return weighted @ data.value.reshape(len(data.t_s), -1).T, weighted @ ramp.reshape(2, -1).T
+
+
+def _peaks(data: RowLogs) -> list[float]:
+    """Ramps whose planes hold more of the data than their neighbours', the fullest first."""
+    grid = np.arange(TURNS[0], TURNS[1], TURNS_STEP)
+    power = np.array([_power(data, turns) for turns in grid])
+    inner = np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] >= power[2:])) + 1
+    ranked = sorted(inner, key=lambda k: -power[k])[:PEAKS]
+    return [float(grid[k]) for k in ranked if power[k] >= SHARE * power[ranked[0]]]
+
+
+def _circle(points: Complex, weight: Float) -> tuple[complex, float]:
+    """Centre and radius of the circle through noisy points (Taubin, PAMI 13, 1115, 1991)."""
+    middle = np.average(points, weights=weight)
+    x, y = (points - middle).real, (points - middle).imag
+    z = x * x + y * y
+    size = np.average(z, weights=weight)
+    if size <= 0.0:
+        return complex(middle), 0.0
+    scaled = np.stack([(z - size) / (2.0 * np.sqrt(size)), x, y], axis=1)
+    _, _, axes = np.linalg.svd(scaled * np.sqrt(weight)[:, None], full_matrices=False)
+    a, b, c = axes[-1]
+    a /= 2.0 * np.sqrt(size)
+    a = a if abs(a) > 1e-9 / np.sqrt(size) else 1e-9 / np.sqrt(size)
+    centre = complex(-b, -c) / (2.0 * a)
+    radius = float(np.sqrt(np.average(np.abs(points - middle - centre) ** 2, weights=weight)))
+    return complex(middle + centre), radius
