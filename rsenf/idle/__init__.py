@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rsenf.errors import UsageError
+from rsenf.idle.coherent import coherent
+from rsenf.idle.seen import Finding, Seen
 from rsenf.idle.settings import IdleSettings
+from rsenf.idle.stage import IdleStage
 from rsenf.stage import Stage
 
-METHODS: dict[str, Callable[[IdleSettings], Stage]] = {}
+METHODS: dict[str, Callable[[Seen], Finding]] = {"coherent": coherent}
 
 
 def make_idle(settings: IdleSettings) -> Stage:
@@ -21,7 +24,7 @@ def make_idle(settings: IdleSettings) -> Stage:
     """
     if settings.method not in METHODS:
         raise UsageError(f"no idle method {settings.method!r}", f"one of {', '.join(METHODS)}")
-    return METHODS[settings.method](settings)
+    return IdleStage(settings, METHODS[settings.method])
 
 
 __all__ = ["METHODS", "IdleSettings", "make_idle"]

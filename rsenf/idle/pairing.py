@@ -1,0 +1,97 @@
+"""Row blocks and the flicker's phase put together: a second's phase comes later than its rows.
+
+Blocks wait until the follower has spoken about all their frames, which takes it a bounded time.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.flicker.follower import FlickerFollower
+from rsenf.flicker.second import FlickerSecond
+from rsenf.messages import RowBlock
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PhasedBlock:
+    """Rows, and the phase of the flicker at each of their frames: NaN where it isn't known."""
+
+    block: RowBlock
+    phase_rad: Float
+
+
+class Pairing:
+    """Holds blocks back until their phase is known.
+
+    Parameters
+    ----------
+    nominal_hz : float, optional
+        50 or 60; found by the follower when not given.
+
+    Attributes
+    ----------
+    nominal_hz : float
+        Of the last usable second; NaN before.
+    seconds, usable : int
+        How many the follower has spoken of, and how many of them it stands behind.
+    reasons : Counter of str
+        Why it didn't stand behind the others.
+    """
+
+    def __init__(self, nominal_hz: float | None) -> None:
+        self._follower = FlickerFollower(nominal_hz)
+        self._waiting: deque[RowBlock] = deque()
+        self._phase: dict[int, float] = {}
+        self._reached = -1
+        self._f0_sum_hz = 0.0
+        self.nominal_hz = float("nan")
+        self.seconds, self.usable = 0, 0
+        self.reasons: Counter[str] = Counter()
+
+    @property
+    def f0_hz(self) -> float:
+        """Mean illumination frequency of the usable seconds; NaN without any."""
+        return self._f0_sum_hz / self.usable if self.usable else float("nan")
+
+    def update(self, block: RowBlock) -> list[PhasedBlock]:
+        """Take a block; return those whose phase is known now."""
+        self._waiting.append(block)
+        for second in self._follower.update(block):
+            self._hear(second)
+        return self._ready()
+
+    def flush(self) -> list[PhasedBlock]:
+        """Return the blocks that are left; the follower has nothing more to say."""
+        for second in self._follower.flush():
+            self._hear(second)
+        if self._waiting:
+            self._reached = int(self._waiting[-1].frame_number[-1])
+        return self._ready()
+
+    def _hear(self, second: FlickerSecond) -> None:
+        self.seconds += 1
+        if second.frame_number.size:
+            self._reached = int(second.frame_number[-1])
+        if not second.usable:
+            self.reasons[second.reason] += 1
+            return
+        self.usable += 1
+        self._f0_sum_hz += second.f0_hz
+        self.nominal_hz = second.nominal_hz
+        self._phase.update(
+            zip(second.frame_number.tolist(), second.phase_rad.tolist(), strict=True)
+        )
+
+    def _ready(self) -> list[PhasedBlock]:
+        out = []
+        while self._waiting and int(self._waiting[0].frame_number[-1]) <= self._reached:
+            block = self._waiting.popleft()
+            phase = [self._phase.pop(n, np.nan) for n in block.frame_number.tolist()]
+            out.append(PhasedBlock(block, np.array(phase)))
+        return out

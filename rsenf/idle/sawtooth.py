@@ -1,0 +1,56 @@
+"""Weighted prediction that drifts: the frame's mean ramps away, and a key frame brings it back.
+
+An encoder that predicts each frame as the one before it times a factor (H.264's weighted
+prediction) may follow the flicker with the factor and not find back: the picture's brightness
+ramps by tens of levels until the next key frame resets it. Row levels then say more about the
+encoder than about the light.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+
+RESET_LEVEL = 8.0  # a step of the frame's mean that is a reset: light doesn't do that
+OVER_USUAL = 6.0  # and this many times larger than the steps usually are
+MIN_RESETS = 2
+MIN_RETURN = 0.5  # share of the resets that ramps have to make good for
+FORGET = 0.05  # of a step, in the running size of usual steps
+
+
+class Sawtooth:
+    """Watches the frame means of a stream."""
+
+    def __init__(self) -> None:
+        self._last = float("nan")
+        self._usual = 0.0
+        self._up, self._down = 0, 0
+        self._jumped, self._drifted = 0.0, 0.0
+
+    def add(self, mean_level: Float) -> None:
+        """Add frame means, in order."""
+        for level in mean_level.tolist():
+            step = level - self._last
+            self._last = level
+            if np.isfinite(step):
+                self._take(step)
+
+    def _take(self, step: float) -> None:
+        if abs(step) > max(RESET_LEVEL, OVER_USUAL * self._usual):
+            self._up, self._down = self._up + (step > 0), self._down + (step < 0)
+            self._jumped += step
+            return
+        self._usual += FORGET * (abs(step) - self._usual)
+        self._drifted += step
+
+    @property
+    def found(self) -> bool:
+        """Whether resets of one sign are made good for by ramps of the other."""
+        resets = max(self._up, self._down)
+        return (
+            resets >= MIN_RESETS
+            and resets >= 3 * min(self._up, self._down)
+            and -self._drifted * np.sign(self._jumped) > MIN_RETURN * abs(self._jumped)
+        )
