@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from rsenf.bench.groups import CELL, Found, cells, cpu_ms_per_s, median, relative_errors, rms, worst
+from rsenf.bench.plan import LOSSLESS
 from rsenf.bench.results import Record
 from rsenf.track import TrackSettings
 
 DEFAULT = "projection"
 # rms to reach in the median clip, for clips whose flicker has at least so many levels.
-MARKS_MHZ = {"lossless": 0.5, "50k": 1.1}
+MARKS_MHZ = {LOSSLESS: 0.5, "50k": 1.1}
 MARK_LEVEL = 5.0
 
 
@@ -29,10 +30,16 @@ def enf_rows(records: Iterable[Record], by: Sequence[str] = CELL) -> list[dict[s
         | {"method": method}
         | _row(found)
         | {"worse_than_stft": _worse(found, methods.get("stft", []))}
-        | {"mark_mhz": MARKS_MHZ.get(cell["coding"]) if method == DEFAULT else None}
+        | {"mark_mhz": _mark(cell, method)}
         for cell, methods in cells(records, by, "enf")
         for method, found in methods.items()
     ]
+
+
+def _mark(cell: dict[str, Any], method: str) -> float | None:
+    if method != DEFAULT or cell["turned"] is False:
+        return None
+    return MARKS_MHZ.get(cell["coding"])
 
 
 def _row(found: Sequence[Found]) -> dict[str, Any]:

@@ -47,7 +47,7 @@ def cells(
 
 
 def _turned(record: Record) -> bool | None:
-    """Whether the grid's drift turns the flicker of a lit clip far enough; None: it turns anyhow."""
+    """Whether the grid's drift turns a lit clip's flicker enough; None where it turns anyhow."""
     f0_hz, rate_hz = 2 * record["nominal_hz"], record["frames"] / record["duration_s"]
     alias_hz = abs(f0_hz - round(f0_hz / rate_hz) * rate_hz)
     if record["scene"] != LIT or alias_hz > ALIAS_ZERO_HZ:

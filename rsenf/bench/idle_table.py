@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from rsenf.bench.groups import CELL, Found, cells, cpu_ms_per_s, median, relative_errors, rms, worst
+from rsenf.bench.plan import LOSSLESS
 from rsenf.bench.results import Record
 
 DEFAULT = "coherent"
@@ -14,7 +15,7 @@ DEFAULT = "coherent"
 # (the paper's table of idle period estimation statistics).
 PAPER_AVERAGE_ERROR_PERCENT = (1.66, 4.16, 2.91, 2.50, 5.00)
 # Median errors to reach, percentage points; where the alias is 0 Hz, another for lossless.
-MARKS_PERCENT = {"lossless": 0.01, "150k": 0.5, "50k": 1.0}
+MARKS_PERCENT = {LOSSLESS: 0.01, "150k": 0.5, "50k": 1.0}
 MARK_ALIAS_ZERO_PERCENT = 0.1
 VERDICTS = ("estimated", "ambiguous", "refused", "no_signal")
 
@@ -52,7 +53,8 @@ def _row(found: Sequence[Found]) -> dict[str, Any]:
 
 
 def _mark(cell: dict[str, Any], method: str) -> dict[str, Any]:
-    mark = MARKS_PERCENT.get(cell["coding"]) if method == DEFAULT else None
-    if mark and cell["turned"] is not None and cell["coding"] == "lossless":
-        mark = MARK_ALIAS_ZERO_PERCENT if cell["turned"] else None
-    return {"mark_percent": mark}
+    if method != DEFAULT or cell["turned"] is False:
+        return {"mark_percent": None}
+    if cell["turned"] and cell["coding"] == LOSSLESS:
+        return {"mark_percent": MARK_ALIAS_ZERO_PERCENT}
+    return {"mark_percent": MARKS_PERCENT.get(cell["coding"])}

@@ -148,8 +148,8 @@ def _against(mark: float | None, value: float | None) -> str:
     """Return a mark, and whether it was reached."""
     if mark is None:
         return ""
-    reached = value is not None and value <= mark
-    return f"{mark:g} {'yes' if reached else 'no'}"
+    reached = _NONE if value is None else "yes" if value <= mark else "no"
+    return f"{mark:g} {reached}"
 
 
 def aligned(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

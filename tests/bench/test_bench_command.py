@@ -1,0 +1,107 @@
+"""A quick run from end to end, in processes; stopped and resumed."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rsenf.bench.plan import Clip, Plan
+from rsenf.bench.session import measure_missing
+from rsenf.bench.workers import measure_all
+from rsenf.cli import bench, main
+from rsenf.errors import NodeFailed
+from rsenf.idle import METHODS as IDLE_METHODS
+from rsenf.track import METHODS as ENF_METHODS
+
+TINY = Plan(sizes=("240p",), frame_rates=("29.97",), codings=("lossless",), clips=3, duration_s=1.0)
+
+
+class Stopped(Exception):
+    """What a test stops a run with."""
+
+
+@dataclass(frozen=True)
+class Deadly(Clip):
+    """A clip that ends the process that is to measure it."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os._exit, (7,)
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("bench")
+    assert main(["bench", "enf", "--quick", "--out", str(folder), "--json"]) == 0
+    return folder
+
+
+def test_quick_run_measures_every_method_on_every_coding(
+    out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = (out / "clips.jsonl").read_bytes()
+    assert main(["bench", "idle", "--quick", "--out", str(out), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    # The second table needs no second run.
+    assert (out / "clips.jsonl").read_bytes() == before
+    assert {row["method"] for row in document["rows"]} == set(IDLE_METHODS)
+    assert {row["coding"] for row in document["rows"]} == {"lossless", "50k"}
+    assert all(row["broke"] == 0 for row in document["rows"])
+    record = json.loads(before.splitlines()[0])
+    assert set(record["found"]["50k"]["enf"]) == set(ENF_METHODS)
+    assert record["versions"]["rsenf"]
+
+
+def test_quick_run_finds_the_enf(out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "enf", "--table-only", "--out", str(out), "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    plain = [r for r in rows if (r["method"], r["coding"]) == ("stft", "lossless")]
+    assert 0 < max(r["median_mhz"] or 0.0 for r in plain) < 10
+
+
+@pytest.mark.parametrize("how", [[], ["--markdown"]])
+def test_tables_for_people(out: Path, how: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "idle", "--table-only", "--out", str(out), *how]) == 0
+    assert "29.97 fps 50 Hz" in capsys.readouterr().out
+
+
+def test_a_stopped_run_loses_and_repeats_nothing(tmp_path: Path) -> None:
+    file, clips = tmp_path / "clips.jsonl", TINY.lit()
+
+    def stop(done: int, missing: int) -> None:
+        if done == 1:
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        measure_missing(clips, file, None, 1, stop)
+    kept = file.read_bytes()
+    assert kept.count(b"\n") == 1
+    records = measure_missing(clips, file, None, 2)
+    assert file.read_bytes().startswith(kept)
+    assert sorted(r["key"] for r in records) == sorted(clip.key for clip in clips)
+    assert file.read_bytes().count(b"\n") == len(clips)
+    assert measure_missing(clips, file, None, 2) == records
+
+
+def test_a_process_that_dies_is_named() -> None:
+    deadly = Deadly("lit", "240p", "25", 50.0, 5, 1.0)
+    with pytest.raises(NodeFailed, match="'lit 240p 25fps 50Hz 5 1s"):
+        list(measure_all([deadly], None, 1))
+
+
+def test_a_clip_that_cannot_be_measured_stops_the_run() -> None:
+    with pytest.raises(NodeFailed, match="KeyError"):
+        list(measure_all([Clip("lit", "99p", "25", 50.0, 5, 1.0)], None, 1))
+
+
+def test_table_only_needs_a_folder(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "idle", "--table-only"]) == 2
+    assert "--out" in capsys.readouterr().err
+
+
+def test_the_verb_explains_itself() -> None:
+    assert "Cramér–Rao" in (bench.__doc__ or "")

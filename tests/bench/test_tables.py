@@ -1,0 +1,128 @@
+"""Tables count every clip as what it was."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from rsenf.bench.bounds import rate_bound
+from rsenf.bench.claims_table import claims_rows
+from rsenf.bench.document import tabulate
+from rsenf.bench.enf_table import enf_rows
+from rsenf.bench.idle_table import idle_rows
+from rsenf.bench.text import page, text
+from tests.bench.bench_records import enf, idle, lit
+
+BROKE = {"broke": "ValueError: x"}
+SAID = [
+    idle("estimated", 0.2, 0.1), idle("estimated", -0.1, 0.1), idle("estimated", 0.7, 0.1),
+    idle("ambiguous", 9.0, 0.1), idle("refused"), idle("refused"), idle("no_signal"), BROKE,
+]  # fmt: skip
+
+
+def idle_row(**more: Any) -> dict[str, Any]:
+    records = [lit(n, {"coherent": said}, {}, **more) for n, said in enumerate(SAID)]
+    (row,) = idle_rows(records)
+    return row
+
+
+def test_idle_counts_verdicts_and_judges_estimates_alone() -> None:
+    row = idle_row()
+    counted = {v: row[v] for v in ("estimated", "ambiguous", "refused", "no_signal", "broke")}
+    assert counted == {
+        "estimated": 3, "ambiguous": 1, "refused": 2, "no_signal": 1, "broke": 1,
+    }  # fmt: skip
+    assert sum(counted.values()) == row["clips"] == len(SAID)
+    assert row["median_percent"] == pytest.approx(0.2)
+    assert row["worst_percent"] == pytest.approx(0.7)
+    assert row["spread"] == pytest.approx(math.sqrt((4 + 1 + 49) / 3))
+    assert row["cpu_ms_per_s"] == pytest.approx(10.0)
+
+
+def test_alias_at_zero_is_a_cell_by_how_far_the_flicker_turns() -> None:
+    at_25 = {"frame_rate": "25", "frames": 1500}
+    assert idle_row()["turned"] is None
+    assert idle_row(**at_25, alias_turn_rad=12.0)["turned"] is True
+    assert idle_row(**at_25, alias_turn_rad=12.0)["mark_percent"] == 0.1
+    assert idle_row(**at_25, alias_turn_rad=0.9)["turned"] is False
+    assert idle_row(**at_25, alias_turn_rad=0.9)["mark_percent"] is None
+    assert idle_row(nominal_hz=60.0, alias_turn_rad=45.0)["turned"] is True  # 0.12 Hz
+
+
+def test_sizes_make_cells_unless_pooled() -> None:
+    records = [lit(n, {"coherent": idle("refused")}, {}, size=s) for n, s in enumerate("ab")]
+    assert [row["clips"] for row in idle_rows(records)] == [1, 1]
+    assert [row["clips"] for row in tabulate("idle", records, pooled=True)["rows"]] == [2]
+
+
+def test_enf_errors_are_rms_of_a_clip_and_a_clip_without_values_is_none() -> None:
+    records = [
+        lit(0, {}, {"stft": enf([3.0, 4.0]), "projection": enf([0.3, 0.4])}),
+        lit(1, {}, {"stft": enf([]), "projection": enf([1.0, -1.0])}, flicker_level=3.0),
+        lit(2, {}, {"stft": enf([0.1] * 30), "projection": BROKE}),
+    ]
+    rows = {row["method"]: row for row in enf_rows(records)}
+    stft, projection = rows["stft"], rows["projection"]
+    assert (stft["with_values"], projection["with_values"]) == (2, 2)
+    assert stft["worst_mhz"] == pytest.approx(math.sqrt(12.5))
+    assert stft["usable_ratio"] == pytest.approx(32 / 180)
+    assert (projection["bright_clips"], projection["bright_with_values"]) == (2, 1)
+    assert projection["bright_worst_mhz"] == pytest.approx(math.sqrt(0.125))
+    assert projection["spread"] == pytest.approx(math.sqrt((0.36 + 0.64 + 4 + 4) / 4))
+    assert projection["worse_than_stft"] == 0
+    assert projection["mark_mhz"] == 0.5
+    assert stft["mark_mhz"] is None
+
+
+def test_enf_is_compared_where_a_window_of_20_s_is_full() -> None:
+    # Large errors in the first and last ten seconds, where the plain method has no value.
+    errors = [9.0] * 10 + [0.2] * 40 + [9.0] * 10
+    records = [lit(0, {}, {"stft": enf([1.0] * 41, first_s=10.0),
+                           "projection": enf(errors, first_s=0.5)})]  # fmt: skip
+    rows = {row["method"]: row for row in enf_rows(records)}
+    assert rows["projection"]["within_median_mhz"] == pytest.approx(0.2)
+    assert rows["projection"]["worse_than_stft"] == 0
+    assert rows["projection"]["median_mhz"] > 5
+
+
+def nothing(seed: int, scene: str, **found: Any) -> dict[str, Any]:
+    return lit(seed, {"coherent": found["idle"]}, {"stft": found["enf"]}, scene=scene)
+
+
+def test_claims_are_values_that_were_given() -> None:
+    records = [
+        nothing(0, "black", idle=idle("refused"), enf=enf([])),
+        nothing(1, "black", idle=idle("ambiguous"), enf=enf([])),  # without a value: no claim
+        nothing(2, "daylight", idle=idle("ambiguous", 3.0, 0.1), enf=enf([5.0])),
+        nothing(3, "anti_flicker", idle=idle("estimated", 0.1, 0.1), enf=enf([9.0])),
+        nothing(4, "anti_flicker", idle=BROKE, enf=BROKE),
+    ]
+    rows = {(row["scene"], row["kind"]): row for row in claims_rows(records)}
+    assert (rows["black", "idle"]["claims"], rows["black", "enf"]["claims"]) == (0, 0)
+    assert (rows["daylight", "idle"]["claims"], rows["daylight", "idle"]["right"]) == (1, 0)
+    assert (rows["anti_flicker", "idle"]["claims"], rows["anti_flicker", "idle"]["right"]) == (1, 1)
+    assert (rows["anti_flicker", "enf"]["claims"], rows["anti_flicker", "enf"]["right"]) == (1, 0)
+    everything = rows["all", "idle"]
+    assert (everything["clips"], everything["claims"], everything["right"]) == (5, 2, 1)
+    assert everything["broke"] == 1
+    assert everything["bound_ratio"] == rate_bound(2, 5)
+
+
+@pytest.mark.parametrize("table", ["idle", "enf", "claims"])
+def test_every_table_can_be_written(table: str) -> None:
+    records = [
+        lit(0, {"coherent": SAID[0], "line_ratio": BROKE}, {"stft": enf([1.0])}),
+        lit(1, {"coherent": SAID[4]}, {"stft": enf([])}, frame_rate="25", frames=1500),
+    ]
+    document = tabulate(table, records)
+    assert "seeds 0 to 1" in text(document)
+    lines = [line for line in page(document).splitlines() if line.startswith("|")]
+    assert len({line.count("|") for line in lines}) == 1
+    assert len(lines) > 2
+
+
+def test_tables_of_nothing_can_be_written() -> None:
+    for table in ("idle", "enf", "claims"):
+        assert "clips: 0" in text(tabulate(table, []))
