@@ -8,7 +8,11 @@ import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rsenf.rows.settings import RowsSettings
+    from rsenf.track import TrackSettings
 
 
 @contextmanager
@@ -62,45 +66,57 @@ def count(text: str) -> int:
     return value
 
 
-def add_signal_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of every verb that samples rows and tracks ENF."""
-    group = parser.add_argument_group("signal")
+def add_row_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of every verb that samples rows."""
+    group = parser.add_argument_group("rows")
     group.add_argument(
         "--nominal-hz", type=float, choices=(50.0, 60.0), help="grid; found from the data otherwise"
     )
-    group.add_argument("--enf-method", default="stft", metavar="NAME", help="ENF estimator (stft)")
     group.add_argument(
-        "--harmonic", type=int, choices=(1, 2, 3), default=1, help="of the illumination frequency"
-    )
-    group.add_argument(
-        "--line", type=int, metavar="M", help="line k·f0 + M·F_r; the strongest otherwise"
-    )
-    group.add_argument(
-        "--read-out", choices=("rows", "columns"), default="rows", help="columns: turned camera"
-    )
+        "--read-out", choices=("auto", "rows", "columns"), default="auto",
+        help="columns: turned camera; auto: found from the data (auto)",
+    )  # fmt: skip
     group.add_argument("--no-mask", action="store_true", help="keep pixels that move")
     group.add_argument(
         "--camera", default="", metavar="NAME", help="of an MCAP recording with several"
     )
 
 
-def signal_settings(args: argparse.Namespace, nominal_hz: float | None) -> tuple[Any, Any]:
-    """Return the rows and track settings that the arguments ask for."""
+def row_settings(args: argparse.Namespace) -> RowsSettings:
+    """Return the rows settings that the arguments ask for."""
     from rsenf.rows.settings import RowsSettings
+
+    return RowsSettings(read_out_axis=args.read_out, mask=not args.no_mask)
+
+
+def add_track_arguments(parser: argparse.ArgumentParser, *method: str) -> None:
+    """Arguments of every verb that tracks ENF; ``method`` spells the one that names how."""
+    group = parser.add_argument_group("ENF")
+    group.add_argument(
+        *method, dest="enf_method", metavar="NAME", help="ENF estimator (projection)"
+    )
+    group.add_argument(
+        "--harmonic", type=int, choices=(1, 2, 3), default=1, help="of the illumination frequency"
+    )
+    group.add_argument(
+        "--line", type=int, metavar="M", help="line k·f0 + M·F_r; the strongest otherwise"
+    )
+
+
+def track_settings(args: argparse.Namespace, nominal_hz: float | None) -> TrackSettings:
+    """Return the track settings that the arguments ask for."""
+    from rsenf.errors import UsageError
     from rsenf.track import METHODS, TrackSettings
 
-    if args.enf_method not in METHODS:
-        from rsenf.errors import UsageError
-
-        raise UsageError(f"no ENF method {args.enf_method!r}", f"one of {', '.join(METHODS)}")
-    rows = RowsSettings(read_out_axis=args.read_out, mask=not args.no_mask)
-    track = TrackSettings(
-        method=args.enf_method,
+    method = args.enf_method or TrackSettings.method
+    if method not in METHODS:
+        raise UsageError(f"no ENF method {method!r}", f"one of {', '.join(METHODS)}")
+    return TrackSettings(
+        method=method,
         nominal_hz=args.nominal_hz or nominal_hz,
         harmonic=args.harmonic,
         line_m=args.line,
     )
-    return rows, track
 
 
 def add_reference_arguments(parser: argparse.ArgumentParser) -> None:

@@ -18,13 +18,14 @@ REFERENCE_S, STEP_S = 4 * 3600, 1.0
 SHORTEST_S, LONGEST_S = 60, 3600
 REFERENCE_BEGINS = "2026-01-15T08:00:00"
 GRAPH = """\
-# The demo's graph: six processes, one camera. Again: rsenf run {again}
+# The demo's graph: seven processes, one camera. Again: rsenf run {again}
 version: 1
 site: demo
 nodes:
   decode:    {{kind: decode, camera: cam1, input: {clip}}}
   rows:      {{kind: rows, cameras: [cam1]}}
   track:     {{kind: track, cameras: [cam1], track: {{nominal_hz: 50}}}}
+  idle:      {{kind: idle, cameras: [cam1], idle: {{nominal_hz: 50}}}}
   reference: {{kind: reference, grid: demo, input: {reference}}}
   match:     {{kind: match, cameras: [cam1], grid: demo}}
   record:    {{kind: record, out: {recording}, overwrite: true}}
@@ -68,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     say("1/3 simulating a clip of a wall under a lamp, on a grid of its own")
     start_s = _simulate(paths, args.seed, args.duration_s)
     _write_graph(paths)
-    say("2/3 running the graph: decode, rows, track, reference, match, record")
+    say("2/3 running the graph: decode, rows, track, idle, reference, match, record")
     graph = load_graph(paths["graph"])
     with (
         view_of(graph, quiet=args.json) as view,

@@ -26,6 +26,7 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.cli.console import note, print_json, say
     from rsenf.config import load_graph
     from rsenf.errors import EXIT_DONE, NodeFailed
+    from rsenf.report.idle import idle_words
     from rsenf.report.verdict import verdict_words
     from rsenf.run.signals import interruptible
     from rsenf.run.supervisor import check_ended, start_graph
@@ -52,6 +53,8 @@ def run(args: argparse.Namespace) -> int:
             print(f"{source}: {verdict_words(result)}")
             for line in result.warnings:
                 note(line)
+        for source, estimate in running.idle.items():
+            print(f"{source}: {idle_words(estimate)}")
     if failure:
         raise failure
     if interrupted:
@@ -60,6 +63,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _as_json(running: GraphRun) -> dict[str, Any]:
+    from rsenf.report.idle import idle_json
     from rsenf.report.verdict import verdict_json
 
     return {
@@ -71,5 +75,9 @@ def _as_json(running: GraphRun) -> dict[str, Any]:
         "results": {
             source: verdict_json(result, list(result.warnings))
             for source, result in running.results.items()
+        },
+        "idle": {
+            source: idle_json(estimate, list(estimate.warnings))
+            for source, estimate in running.idle.items()
         },
     }

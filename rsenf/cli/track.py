@@ -21,21 +21,29 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import add_signal_arguments
+    from rsenf.cli.console import add_row_arguments, add_track_arguments
 
     parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
     parser.add_argument("--json", action="store_true", help="JSON Lines")
-    add_signal_arguments(parser)
+    add_row_arguments(parser)
+    add_track_arguments(parser, "--method", "--enf-method")
 
 
 def run(args: argparse.Namespace) -> int:
     """Track a recording."""
-    from rsenf.cli.console import note, print_json, progress_bar, say, signal_settings
+    from rsenf.cli.console import (
+        note,
+        print_json,
+        progress_bar,
+        row_settings,
+        say,
+        track_settings,
+    )
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
     from rsenf.run.inline import analyse
     from rsenf.run.inputs import open_input_file
 
-    rows, track = signal_settings(args, None)
+    rows, track = row_settings(args), track_settings(args, None)
     recording = open_input_file(args.input, camera=args.camera)
     with progress_bar("tracking", recording.duration_s) as progress:
         analysis = analyse(recording, rows=rows, track=track, progress=progress)

@@ -23,7 +23,11 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import add_reference_arguments, add_signal_arguments
+    from rsenf.cli.console import (
+        add_reference_arguments,
+        add_row_arguments,
+        add_track_arguments,
+    )
 
     parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
     parser.add_argument(
@@ -36,7 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw what was compared")
     parser.add_argument("--json", action="store_true", help="the verdict as JSON")
     add_reference_arguments(parser)
-    add_signal_arguments(parser)
+    add_row_arguments(parser)
+    add_track_arguments(parser, "--enf-method")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -76,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _analyse(args: argparse.Namespace, reference: Reference, claimed_ns: int) -> Analysis:
-    from rsenf.cli.console import progress_bar, signal_settings
+    from rsenf.cli.console import progress_bar, row_settings, track_settings
     from rsenf.match.stage import Match
     from rsenf.reference import reference_blocks
     from rsenf.report.spectrum import ThinRows
@@ -86,7 +91,6 @@ def _analyse(args: argparse.Namespace, reference: Reference, claimed_ns: int) ->
     recording = open_input_file(args.input, camera=args.camera)
     _check_lengths(args, recording.duration_s or 0.0, reference)
     blocks = list(reference_blocks(reference, source="reference/file"))
-    rows, track = signal_settings(args, reference.nominal_hz)
     spectra: dict[int, ThinRows] = defaultdict(ThinRows)  # by epoch
 
     def tap(topic: str, message: Any) -> None:
@@ -96,8 +100,8 @@ def _analyse(args: argparse.Namespace, reference: Reference, claimed_ns: int) ->
     with progress_bar("verifying", recording.duration_s) as progress:
         analysis = analyse(
             recording,
-            rows=rows,
-            track=track,
+            rows=row_settings(args),
+            track=track_settings(args, reference.nominal_hz),
             make_match=lambda: Match(method=args.method, claimed_utc_ns=claimed_ns),
             reference=blocks,
             progress=progress,

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
 
 from rsenf.bus.keys import NAME_PATTERN, NAME_RULE, REFERENCE, is_name
+from rsenf.idle.settings import IdleSettings
 from rsenf.match.settings import MatchSettings
 from rsenf.rows.settings import RowsSettings
 from rsenf.track.settings import TrackSettings
@@ -110,6 +111,14 @@ class TrackNode(Strict):
     track: TrackSettings = TrackSettings()
 
 
+class IdleNode(Strict):
+    """Estimates the idle period of the cameras."""
+
+    kind: Literal["idle"]
+    cameras: tuple[Camera, ...] = Field(min_length=1)
+    idle: IdleSettings = IdleSettings()
+
+
 class ReferenceNode(Strict):
     """Publishes a grid's frequency from a file."""
 
@@ -146,7 +155,7 @@ class RecordNode(Strict):
 
 
 Node = Annotated[
-    DecodeNode | RowsNode | TrackNode | ReferenceNode | MatchNode | RecordNode,
+    DecodeNode | RowsNode | TrackNode | IdleNode | ReferenceNode | MatchNode | RecordNode,
     Field(discriminator="kind"),
 ]
 
@@ -171,7 +180,7 @@ def outputs(node: Any) -> list[tuple[str, str]]:
         return [(t, node.camera) for t in [*topics, *(["video"] if node.record_video else [])]]
     if isinstance(node, ReferenceNode):
         return [("reference", node.grid)]
-    if isinstance(node, RowsNode | TrackNode | MatchNode):
+    if isinstance(node, RowsNode | TrackNode | IdleNode | MatchNode):
         return [(node.kind, camera) for camera in node.cameras]
     return []
 

@@ -10,6 +10,7 @@ from rsenf.config.graph import (
     BusConfig,
     DecodeNode,
     Graph,
+    IdleNode,
     MatchNode,
     Node,
     RecordNode,
@@ -19,12 +20,13 @@ from rsenf.config.graph import (
     sender_of,
 )
 from rsenf.errors import UsageError
+from rsenf.idle import METHODS as IDLE_METHODS
 from rsenf.match import METHODS as MATCH_METHODS
 from rsenf.track import METHODS as TRACK_METHODS
 
 Problem = tuple[tuple[str, ...], str]
 
-_READS = {"rows": "frames", "track": "rows", "match": "track"}
+_READS = {"rows": "frames", "track": "rows", "idle": "rows", "match": "track"}
 
 
 def problems(graph: Graph) -> list[Problem]:
@@ -52,6 +54,8 @@ def _of_bus(bus: BusConfig) -> Iterator[Problem]:
 def _of_node(node: Node) -> Iterator[Problem]:
     if isinstance(node, TrackNode) and node.track.method not in TRACK_METHODS:
         yield ("track", "method"), _no_method(node.track.method, TRACK_METHODS)
+    if isinstance(node, IdleNode) and node.idle.method not in IDLE_METHODS:
+        yield ("idle", "method"), _no_method(node.idle.method, IDLE_METHODS)
     if isinstance(node, MatchNode) and node.method not in MATCH_METHODS:
         yield ("method",), _no_method(node.method, MATCH_METHODS)
     if isinstance(node, RecordNode):
@@ -91,7 +95,7 @@ def _twice(graph: Graph, name: str, node: Node) -> Iterator[tuple[str, str]]:
 
 def _unfed(graph: Graph, node: Node) -> Iterator[tuple[str, str]]:
     """Yield every input that nobody sends."""
-    if isinstance(node, RowsNode | TrackNode | MatchNode):
+    if isinstance(node, RowsNode | TrackNode | IdleNode | MatchNode):
         topic = _READS[node.kind]
         for camera in node.cameras:
             if not sender_of(graph, topic, camera):

@@ -3,7 +3,9 @@
 Flicker runs along the read-out axis as a ramp of phase (:mod:`rsenf.flicker.lines`). Across it,
 every line holds the same mean of all phases: the flicker may show there, but it stands still. What
 all lines have in common is therefore left out, and the ramp must turn one way: a standing pattern
-whose brightness changes is as strong on the ramp that turns the other way.
+whose brightness changes is as strong on the ramp that turns the other way. Where the frame rate
+divides the flicker's frequency the ramp hardly moves and both ways look alike; there, that it is
+much stronger along one axis has to do.
 """
 
 from __future__ import annotations
@@ -14,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.lines import Line
-from rsenf.flicker.tone import ToneFinder
 from rsenf.messages import RowBlock
 from rsenf.timebase import NS_PER_S
 
@@ -22,14 +23,16 @@ Float = NDArray[np.float64]
 
 # Means along the axis that are looked at: five for each turn at 10 frames/s and 60 Hz.
 BANDS = 64
-# Deviation of the grid's frequency from its nominal that is searched.
-SEARCH_HZ = 0.5
-# Between the ramps tried; half of it loses a twentieth of the power.
-TURNS_STEP = 0.25
+# Half-width of the band searched around the flicker's alias: half a hertz of the grid.
+SEARCH_HZ = 1.0
+# Between the ramps tried, and between the frequencies in units of 1 / duration.
+TURNS_STEP, FREQUENCY_STEP = 0.25, 0.25
 # Of a ramp over the noise in a cell: noise alone reaches it in one search of 10^7.
 MIN_SNR = 25.0
 # Of the ramp over the one that turns the other way, and of one axis over the other.
 MIN_CONTRAST = 4.0
+# Power of a ramp with an amplitude of two thousandths of the light: less may be a codec's doing.
+MIN_POWER = 4e-6
 # Darker than this (levels) a band is noise over nothing.
 MIN_LEVEL = 1.0
 
@@ -52,12 +55,9 @@ def find_axis(by_rows: Sequence[RowBlock], by_columns: Sequence[RowBlock]) -> st
 def ramp_power(blocks: Sequence[RowBlock]) -> float:
     """Power of the strongest ramp of flicker that surely is one, relative to the light's; or 0."""
     t_s, level = _bands(blocks)
-    if t_s.size < 2 or level.shape[1] < 4:
+    if t_s.size < 2 or t_s[-1] <= 0 or level.shape[1] < 4:
         return 0.0
-    duration_s = float(t_s[-1] - t_s[0])
-    frame_rate_hz = (t_s.size - 1) / duration_s if duration_s > 0 else 0.0
-    if frame_rate_hz <= 0.0:
-        return 0.0
+    frame_rate_hz = (t_s.size - 1) / float(t_s[-1])
     mean = level.mean(axis=0)
     # Relative to each band's mean: what the scene reflects is divided out.
     relative = np.where(mean > MIN_LEVEL, level / np.maximum(mean, MIN_LEVEL) - 1.0, 0.0)
@@ -78,23 +78,29 @@ def _bands(blocks: Sequence[RowBlock]) -> tuple[Float, Float]:
 
 
 def _at_grid(line: Line, relative: Float, t_s: Float, frame_rate_hz: float) -> float:
-    """Power of the strongest one-sided ramp near a grid's alias; 0 for none."""
-    finder = ToneFinder(float(t_s[-1]), 2.0 * SEARCH_HZ)
-    centred_s = t_s - t_s[-1] / 2.0
-    carrier = np.exp(-2j * np.pi * line.carrier_hz * centred_s)
-    tones, _ = finder.periodograms(relative * carrier[:, None], carrier, centred_s)
-    turns = np.arange(2 * TURNS_STEP, line.turns(frame_rate_hz) + TURNS_STEP, TURNS_STEP)
-    if turns.size == 0:  # more than twice the flicker's frequency: under half a turn down a frame
-        turns = np.array([line.turns(frame_rate_hz)])
-    place = (np.arange(relative.shape[1]) + 0.5) / relative.shape[1]
-    ramps = np.exp(-2j * np.pi * np.outer(place, turns))
-    ramps -= ramps.mean(axis=0)
-    down, up = (np.abs(tones @ r / place.size) ** 2 for r in (ramps, ramps.conj()))
-    inside = np.abs(finder.offsets_hz) <= 2.0 * SEARCH_HZ
+    """Power of the strongest ramp near a grid's alias; 0 for none that surely is one."""
+    duration_s = float(t_s[-1])
+    weights = np.sin(np.pi * t_s / duration_s) ** 2
+    weights /= weights.sum()
+    offsets_hz = np.arange(-SEARCH_HZ, SEARCH_HZ, FREQUENCY_STEP / duration_s)
+    turning = np.exp(-2j * np.pi * np.outer(line.carrier_hz + offsets_hz, t_s)) * weights
+    tones = turning @ (relative - weights @ relative)  # (offsets, bands)
+    ramps = _ramps(relative.shape[1], line.turns(frame_rate_hz))
+    down, up = (np.abs(tones @ r) ** 2 for r in (ramps, ramps.conj()))
     noise = max(float(np.median(p)) / np.log(2.0) for p in (down, up))
+    stands_still = abs(line.alias_hz(frame_rate_hz)) <= SEARCH_HZ
     found = 0.0
     for power, mirrored in ((down, up), (up, down)):
-        at = np.unravel_index(np.argmax(power * inside[:, None]), power.shape)
-        if power[at] > max(MIN_SNR * noise, MIN_CONTRAST * mirrored[at]):
+        at = np.unravel_index(np.argmax(power), power.shape)
+        rival = 0.0 if stands_still else MIN_CONTRAST * mirrored[at]
+        if power[at] > max(MIN_SNR * noise, rival, MIN_POWER):
             found = max(found, float(power[at]))
     return found
+
+
+def _ramps(bands: int, most_turns: float) -> NDArray[np.complex128]:
+    """Conjugated ramps of up to so many turns, blind to what all bands share, (bands, ramps)."""
+    turns = np.arange(2 * TURNS_STEP, most_turns + TURNS_STEP, TURNS_STEP)
+    place = (np.arange(bands) + 0.5) / bands
+    ramps = np.exp(-2j * np.pi * np.outer(place, turns)) / bands
+    return np.asarray(ramps - ramps.mean(axis=0), np.complex128)

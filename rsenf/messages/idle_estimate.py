@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from rsenf.messages.header import Header
@@ -29,3 +30,20 @@ class IdleEstimate:
     frame_rate_hz: float = field(12, "measured", NAN)
     nominal_hz: float = field(13, "50 or 60", NAN)
     warnings: tuple[str, ...] = field(14, "what a reader should know", ())
+
+    @property
+    def idle_ratio_std(self) -> float:
+        """Standard error of the idle ratio."""
+        return math.sqrt(self.idle_ratio_var) if self.idle_ratio_var >= 0 else NAN
+
+    @property
+    def read_out_time_std_s(self) -> float:
+        """Standard error of the read-out time."""
+        return math.sqrt(self.read_out_time_var_s2) if self.read_out_time_var_s2 >= 0 else NAN
+
+    @property
+    def in_short(self) -> str:
+        """Verdict on one line, for logs."""
+        if self.verdict != "estimated":
+            return f"{self.verdict}: {self.reason}"
+        return f"idle {100 * self.idle_ratio:.3f} ± {100 * self.idle_ratio_std:.3f} %"

@@ -15,9 +15,9 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import camera_key, health_key, node_of, source_of
 from rsenf.bus.ring import ring_directory
 from rsenf.config import Graph
-from rsenf.config.graph import DecodeNode, MatchNode, ReferenceNode
+from rsenf.config.graph import DecodeNode, IdleNode, MatchNode, ReferenceNode
 from rsenf.errors import EXIT_USAGE, NodeFailed
-from rsenf.messages import Health, MatchResult
+from rsenf.messages import Health, IdleEstimate, MatchResult
 from rsenf.run.peers import LAST_WORDS
 
 # Told to stop, sources end their streams and everything after them finishes by itself; who hasn't
@@ -79,6 +79,8 @@ class GraphRun:
     ----------
     results : dict
         Latest match result of each camera.
+    idle : dict
+        Latest idle estimate of each camera.
     """
 
     graph: Graph
@@ -87,6 +89,7 @@ class GraphRun:
     nodes: dict[str, NodeState]
     on_change: Callable[[NodeState], None]
     results: dict[str, MatchResult] = field(default_factory=dict)
+    idle: dict[str, IdleEstimate] = field(default_factory=dict)
     _words: Inbox = field(default_factory=Inbox)
 
     @property
@@ -166,7 +169,8 @@ class GraphRun:
                 node.was_ready |= received.message.state == "running"
                 self._change(node, received.message.state, received.message.detail)
         elif not received.message.header.is_end:
-            self.results[source_of(received.key)] = received.message
+            latest = self.idle if isinstance(received.message, IdleEstimate) else self.results
+            latest[source_of(received.key)] = received.message
         return True
 
     def _change(self, node: NodeState, state: str, detail: str) -> None:
@@ -176,12 +180,16 @@ class GraphRun:
             self.on_change(node)
 
     def listen_to(self, bus: Bus) -> None:
-        """Subscribe to the health of the nodes, and to results."""
+        """Subscribe to the health of the nodes, to results and to idle estimates."""
         site = self.graph.site
         bus.subscribe(self._words, health_key(site, "*"), LOOKING)
-        for match in self.graph.of(MatchNode):
-            for camera in match.cameras:
-                bus.subscribe(self._words, camera_key(site, camera, "match"), LOOKING)
+        nodes: list[MatchNode | IdleNode] = [
+            *self.graph.of(MatchNode),
+            *self.graph.of(IdleNode),
+        ]
+        for node in nodes:
+            for camera in node.cameras:
+                bus.subscribe(self._words, camera_key(site, camera, node.kind), LOOKING)
 
 
 def _end_of(node: NodeState, code: int) -> tuple[str, str]:

@@ -68,13 +68,17 @@ class Analysis:
 
     @property
     def idle(self) -> IdleEstimate:
-        """Idle estimate of the stretch that tells most: the longest of those that have one."""
+        """Idle estimate of the stretch that tells most: the longest of those that have one.
+
+        Of a recording without a single frame it is an empty one.
+        """
 
         def tells(estimate: IdleEstimate) -> tuple[bool, int]:
             header = estimate.header
             return estimate.verdict == "estimated", header.frame_last - header.frame_first
 
-        return max(self.idle_by_epoch.values(), key=tells)
+        nothing = IdleEstimate(reason="there is no frame to go by")
+        return max(self.idle_by_epoch.values(), key=tells, default=nothing)
 
 
 def analyse(

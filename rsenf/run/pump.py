@@ -48,7 +48,7 @@ class Lane:
         self._heard[key] = time.monotonic()
         if received.message.header.is_end:
             del self.inputs[key]
-        self._send(self.runner.feed(received.message))
+        self.send(self.runner.feed(received.message))
 
     def give_up(self, run_id: str, hopeless: Callable[[str], bool]) -> None:
         """End the inputs from which nothing will come any more.
@@ -72,9 +72,10 @@ class Lane:
 
     def _end(self, key: str, run_id: str) -> None:
         del self.inputs[key]
-        self._send(self.runner.end(Header(run_id=run_id, source=source_of(self.publisher.key))))
+        self.send(self.runner.end(Header(run_id=run_id, source=source_of(self.publisher.key))))
 
-    def _send(self, messages: Iterable[Any]) -> None:
+    def send(self, messages: Iterable[Any]) -> None:
+        """Send what the stage has completed."""
         for message in messages:
             self.publisher.send(message)
 

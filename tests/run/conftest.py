@@ -22,6 +22,7 @@ class Film:
     video: Path
     reference: Path
     lag_s: float
+    idle_ratio: float = 0.38
 
 
 def _film(folder: Path, duration_s: float) -> Film:
@@ -55,6 +56,7 @@ nodes:
   decode: {{kind: decode, camera: cam, input: "{video}", frames: {frames}, pace: {pace}}}
   rows:   {{kind: rows, cameras: [cam]}}
   track:  {{kind: track, cameras: [cam], track: {{nominal_hz: 50}}}}
+  idle:   {{kind: idle, cameras: [cam], idle: {{nominal_hz: 50}}}}
   grid:   {{kind: reference, grid: ce, input: "{reference}"}}
   match:  {{kind: match, cameras: [cam], grid: ce}}
   record: {{kind: record, out: "{out}"}}
@@ -75,7 +77,7 @@ class Graphs:
     def write(
         self, film: Film, frames: str = "ring", *, pace: bool = False, **more: object
     ) -> Path:
-        """Write a graph of all six kinds of nodes."""
+        """Write a graph of all seven kinds of nodes."""
         values = {"video": film.video, "reference": film.reference, "out": self.out, **more}
         text = GRAPH.format(frames=frames, pace=str(pace).lower(), **values)
         if frames == "fused":

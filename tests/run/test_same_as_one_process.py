@@ -17,7 +17,7 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.ring import ring_directory
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import load_graph
-from rsenf.config.graph import MatchNode, TrackNode
+from rsenf.config.graph import IdleNode, MatchNode, TrackNode
 from rsenf.match.stage import Match
 from rsenf.messages import canonical
 from rsenf.record import open_recording
@@ -34,15 +34,16 @@ Stream = dict[str, list[Any]]
 
 
 def in_one_process(graph_path: Path, film: Film) -> Stream:
-    """What ``rsenf verify`` computes, with the settings of the graph."""
+    """What ``rsenf verify`` and ``rsenf idle`` compute, with the settings of the graph."""
     graph = load_graph(graph_path)
-    (track,), (match,) = graph.of(TrackNode), graph.of(MatchNode)
+    (track,), (idle,), (match,) = graph.of(TrackNode), graph.of(IdleNode), graph.of(MatchNode)
     reference = read_reference(str(film.reference), grid=match.grid)
     out: Stream = defaultdict(list)
     analyse(
         open_input_file(film.video, source="lab/cam"),
         rows=RowsSettings(),
         track=track.track,
+        idle=idle.idle,
         make_match=lambda: Match(method=match.method, grid=match.grid, settings=match.match),
         reference=list(reference_blocks(reference, source=f"reference/{match.grid}")),
         tap=lambda topic, message: out[topic].append(message),
@@ -94,7 +95,7 @@ def test_bit_identical_and_nothing_lost(film: Film, graphs: Graphs, frames: str)
     assert not recording.loss
     assert recording.metadata["rsenf"]["run_id"] == run_id
 
-    for topic in ("rows", "track", "match"):
+    for topic in ("rows", "track", "idle", "match"):
         *data, end = on_bus[topic]
         assert expected[topic]
         assert bits(data) == bits(expected[topic]), topic
@@ -104,9 +105,13 @@ def test_bit_identical_and_nothing_lost(film: Film, graphs: Graphs, frames: str)
     (result,) = recorded["match"][:-1]
     assert result.decision == "match"
     assert abs(result.lag_s - film.lag_s) < 1.0
+    *earlier, idle = recorded["idle"][:-1]
+    assert len(earlier) >= 5  # it sharpens as the stream goes on
+    assert idle.verdict == "estimated"
+    assert abs(idle.idle_ratio - film.idle_ratio) < 0.01
 
     assert (heard.counters.missed, heard.counters.dropped, heard.counters.rejected) == (0, 0, 0)
-    names = {m.header.run_id for topic in ("rows", "track", "match") for m in on_bus[topic]}
+    names = {m.header.run_id for topic in ("rows", "track", "idle", "match") for m in on_bus[topic]}
     assert names == {run_id}
     # Every frame and every packet of the video, by its number, and the whole reference.
     frames_of_film = sum(b.frames for b in expected["rows"])

@@ -1,0 +1,57 @@
+"""Idle: row means in, estimates of the camera's idle period out."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from rsenf.bus.keys import camera_key
+from rsenf.config.graph import IdleNode
+from rsenf.idle import make_idle
+from rsenf.run.node import NodeProcess, run_node
+from rsenf.run.pump import Lane, pump
+from rsenf.run.runner import Runner
+
+
+@dataclass(kw_only=True)
+class IdleLane(Lane):
+    """A lane that tells, in the node's state, how far the estimate has come."""
+
+    node: NodeProcess
+    camera: str
+    latest: dict[str, str]  # of all cameras of the node
+
+    def send(self, messages: Iterable[Any]) -> None:
+        """Send estimates, and say the newest."""
+        for message in messages:
+            super().send([message])
+            if not message.header.is_end:
+                self.latest[self.camera] = f"{self.camera} {message.in_short}"
+                self.node.say("running", "; ".join(self.latest.values()))
+
+
+def body(node: NodeProcess) -> None:
+    """Estimate every camera's idle period until all have ended."""
+    config: IdleNode = node.config
+    lanes: list[Lane] = []
+    latest: dict[str, str] = {}
+    for camera in config.cameras:
+        key = node.subscribe(camera_key(node.graph.site, camera, "rows"))
+        lanes.append(
+            IdleLane(
+                runner=Runner("idle", lambda: make_idle(config.idle)),
+                publisher=node.publisher(camera, "idle"),
+                inputs={key: node.sender_of("rows", camera)},
+                node=node,
+                camera=camera,
+                latest=latest,
+            )
+        )
+    node.ready()
+    pump(node, lanes)
+
+
+if __name__ == "__main__":
+    sys.exit(run_node(body))
