@@ -53,7 +53,8 @@ def acquire(
     t_s: Float,
     columns: Float,
     frame_rate_hz: float,
-    span_s: tuple[float, float],
+    span_s: tuple[int, int],
+    min_snr: float = MIN_SNR,
 ) -> Found | str:
     """Look for flicker in a window; say why there is none.
 
@@ -67,10 +68,12 @@ def acquire(
     columns : ndarray, shape (frames, columns)
         Reduced profiles.
     frame_rate_hz : float
-    span_s : tuple of float
+    span_s : tuple of int
         Start and end of the window.
+    min_snr : float
+        Tone power over noise power in a resolution cell, below which there is nothing.
     """
-    length_s = span_s[1] - span_s[0]
+    length_s = float(span_s[1] - span_s[0])
     finder = ToneFinder(length_s, SEARCH_HZ)
     t_mid = t_s - sum(span_s) / 2.0
     best: tuple[float, float, Tone, Complex] | None = None
@@ -83,7 +86,7 @@ def acquire(
             tone = finder.strongest(power[:, i], t_mid)
             if best is None or tone.snr > best[2].snr:
                 best = nominal_hz, float(turns[i]), tone, series[:, i] * carrier
-    if best is None or best[2].snr < MIN_SNR:
+    if best is None or best[2].snr < min_snr:
         return NO_FLICKER
     nominal_hz, one_turns, tone, baseband = best
     if tone.at_edge:

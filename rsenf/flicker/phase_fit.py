@@ -33,6 +33,8 @@ HARMONIC_SIZE = (3.0, 0.3, 0.1, 0.1, 0.1, 0.1, 0.1)
 RIDGE = 1e-4
 # Power over noise at which they are taken in.
 STANDS_OUT = 20.0
+# The flicker's size is taken over so many nodes, and held to the window's by so much of its weight.
+GAIN_NODES, STEADY = 24, 0.1
 # Degrees of freedom of Student's distribution: key frames and cuts are rare and far out.
 TAILS = 4.0
 MAX_STEPS = 16
@@ -78,6 +80,8 @@ class PhaseFit:
         One over the noise variance of a frame in each column near the first harmonic.
     information : ndarray, shape (nodes,)
         Fisher information of the data about each node's phase.
+    t_s : ndarray, shape (frames,)
+        Times of the frames since the window's first node.
     deviation : ndarray of complex, shape (frames,)
         What each frame says beyond the fit, relative to the first harmonic: its real part is a
         change of size, its imaginary part of phase.
@@ -88,6 +92,7 @@ class PhaseFit:
     template: Complex
     weights: Float
     information: Float
+    t_s: Float
     deviation: Complex
 
 
@@ -132,6 +137,7 @@ def fit_phase(frames: Frames, psi_rad: Float) -> PhaseFit:
         template=amplitude.harmonic[0],
         weights=amplitude.weights[0],
         information=information,
+        t_s=frames.t_s,
         deviation=_deviation(amplitude),
     )
 
@@ -175,7 +181,9 @@ def _project(prior: Float, psi_rad: Float) -> Float:
     return np.asarray(np.linalg.lstsq(prior, psi_rad, rcond=1e-9)[0])
 
 
-def _amplitudes(frames: Frames, place: Place, psi: Float, trust: Float, orders: tuple[int, ...]) -> Amplitudes:
+def _amplitudes(
+    frames: Frames, place: Place, psi: Float, trust: Float, orders: tuple[int, ...]
+) -> Amplitudes:
     first = np.exp(1j * (frames.carrier_rad + place.at_frames(psi)))
     turns = [first**k for k in orders]
     weight = place.of_nodes(trust)
@@ -184,7 +192,9 @@ def _amplitudes(frames: Frames, place: Place, psi: Float, trust: Float, orders: 
     )
     weighted = design * weight[:, None]
     gram = weighted.T @ design
-    ridge = np.repeat([RIDGE * first.size / size**2 for size in [HARMONIC_SIZE[k - 1] for k in orders]], 2)
+    ridge = np.repeat(
+        [RIDGE * first.size / size**2 for size in [HARMONIC_SIZE[k - 1] for k in orders]], 2
+    )
     gram[np.diag_indices_from(gram)] += np.concatenate([[0.0], ridge])
     found = np.linalg.solve(gram, weighted.T @ frames.columns)
     residual = frames.columns - design @ found
@@ -232,9 +242,16 @@ def _deviation(amplitude: Amplitudes) -> Complex:
     return np.asarray(2.0 * (amplitude.residual @ weighted) * amplitude.turns[0].conj() / power)
 
 
-def _likelihood(
-    place: Place, amplitude: Amplitudes, trust: Float
-) -> tuple[Float, Float, Float]:
+def _gain(across: Float, expected: Float) -> Float:
+    """Size of the flicker around each node relative to the window's, at most one and a half."""
+    kernel = np.hanning(GAIN_NODES + 2)[1:-1]
+    beyond = np.convolve(across, kernel, "same")
+    share = np.convolve(expected, kernel, "same")
+    steady = STEADY * np.max(share)
+    return np.asarray(np.clip(1.0 + beyond / np.maximum(share + steady, 1e-30), 0.0, 1.5))
+
+
+def _likelihood(place: Place, amplitude: Amplitudes, trust: Float) -> tuple[Float, Float, Float]:
     """Gradient and information of the phase at each node, from all harmonics."""
     gradient, information = np.zeros(place.nodes), np.zeros(place.nodes)
     new = trust
@@ -248,11 +265,12 @@ def _likelihood(
         across = place.sums(np.sum(k * wave.real * weights * amplitude.residual, axis=1))
         if expected.sum() <= 0.0:
             continue
+        gain = _gain(trust * across, trust * expected)
         total = (trust * expected).sum()
         excess = max(_noise(trust * told, ALONG_HZ), _noise(trust * across, ACROSS_HZ)) / total
         excess = max(excess, 1e-3)
-        gradient += trust * told / excess
-        information += trust * expected / excess
+        gradient += gain * trust * told / excess
+        information += gain**2 * trust * expected / excess
         if k == 1:
             away = (told**2 + across**2) / np.maximum(expected * excess, 1e-30)
             new = (TAILS + 2.0) / (TAILS + away)

@@ -1,0 +1,187 @@
+"""Flicker that was found, followed from second to second.
+
+Each second's phase is that of the window around it, fitted anew from what was known before, and
+checked: the tone must stand out where the fit says it is.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found
+from rsenf.flicker.grid_prior import NODES_PER_S
+from rsenf.flicker.phase_fit import Frames, PhaseFit, Place, fit_phase
+from rsenf.flicker.phase_path import PhasePath
+from rsenf.flicker.profile import ProfileBasis
+from rsenf.flicker.second import FlickerSecond
+from rsenf.flicker.slow_time import SlowTime
+from rsenf.flicker.tone import Tone, ToneFinder
+
+Float = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+WINDOW_S = 31  # that a second's phase is fitted in
+AHEAD_S = 15  # of it, after the second
+CHECK_S = 20  # window in which the tone has to stand out
+MIN_FILL_RATIO = 0.5
+TOO_FEW = "too few frames are usable"
+# How far the tone may be from where the fit says it is, in resolution cells.
+MAX_OFF_CELLS = 1.0
+MEMORY = 0.1  # share of a new second in the template that the check looks with
+# The phase is linear between nodes, which real grids aren't quite: what that leaves, Hz.
+MODEL_STD_HZ = 4e-5
+
+
+class Lock:
+    """Follows flicker from where it was found.
+
+    Parameters
+    ----------
+    found : Found
+        Where that was.
+    start : int
+        Second at which its window begins.
+    basis : ProfileBasis
+    frame_rate_hz, min_snr : float
+    ramp : ndarray of complex, shape (columns,), optional
+        What the phase is measured against: that of an earlier lock on the same light.
+    """
+
+    def __init__(
+        self,
+        found: Found,
+        start: int,
+        basis: ProfileBasis,
+        frame_rate_hz: float,
+        min_snr: float,
+        ramp: Complex | None = None,
+    ) -> None:
+        self.nominal_hz, self.turns = found.nominal_hz, found.turns
+        own = basis.ramps(np.array([found.turns]))[:, 0]
+        self.ramp: Complex = own if ramp is None else ramp
+        self._rate_hz, self._min_snr = frame_rate_hz, min_snr
+        self._template: Complex = own / np.linalg.norm(own)
+        self._path = PhasePath(found.psi_rad, start)
+        self._fit: tuple[tuple[int, int], PhaseFit | None] = (0, 0), None
+        self.failed = 0  # seconds in a row in which the tone didn't stand out
+
+    def extend(self, buffer: SlowTime, start: int, end: int) -> PhaseFit | None:
+        """Fit the phase over some seconds, from what is known of it; None without frames."""
+        if self._fit[0] == (start, end):
+            return self._fit[1]
+        t_s, columns = frames_of(buffer, start, end)
+        fit = None
+        if t_s.size > (end - start) / 2:
+            carrier = 4.0 * np.pi * self.nominal_hz * t_s
+            frames = Frames(t_s - start, carrier, columns)
+            fit = self._aligned(fit_phase(frames, self._path.between(start, end)))
+            self._path.set(start, fit.psi_rad)
+        self._fit = (start, end), fit
+        return fit
+
+    def second(self, buffer: SlowTime, blank: FlickerSecond, end: int) -> FlickerSecond:
+        """Fill in one second, by the window around it, of the frames before second ``end``."""
+        index, first = blank.index, int(buffer.first_t_s)
+        start = max(min(index + 1 + AHEAD_S, end) - WINDOW_S, first)
+        stop = min(start + WINDOW_S, end)
+        fit = self.extend(buffer, start, stop)
+        blank = dataclasses.replace(blank, nominal_hz=self.nominal_hz, turns=self.turns)
+        if fit is None:
+            return dataclasses.replace(blank, reason=TOO_FEW)
+        check_from = max(min(index - CHECK_S // 2, stop - CHECK_S), start)
+        tone, reason = self._check(buffer, check_from, min(check_from + CHECK_S, stop))
+        self.failed = self.failed + 1 if reason else 0
+        self._path.forget_before(start)
+        blank = dataclasses.replace(blank, snr_db=_decibels(tone.snr), reason=reason)
+        if reason:
+            return blank
+        self._learn(fit)
+        return self._filled(buffer, blank, fit, start)
+
+    def _filled(
+        self, buffer: SlowTime, blank: FlickerSecond, fit: PhaseFit, start: int
+    ) -> FlickerSecond:
+        part = buffer.between(blank.index, blank.index + 1)
+        if part.stop == part.start:
+            return dataclasses.replace(blank, reason=TOO_FEW)
+        node, psi = (blank.index - start) * NODES_PER_S, fit.psi_rad
+        turns = float(psi[node + NODES_PER_S] - psi[node]) / (2.0 * np.pi)
+        t_s = buffer.times(part)
+        at_frames = Place(t_s - start, psi.size).at_frames(psi)
+        return dataclasses.replace(
+            blank,
+            usable=True,
+            f0_hz=2.0 * self.nominal_hz + turns,
+            f0_var_hz2=float(fit.second_var_hz2[node]) + MODEL_STD_HZ**2,
+            phase_rad=4.0 * np.pi * self.nominal_hz * t_s + at_frames,
+            **self._amplitude(blank.index, fit, start),
+        )
+
+    def _amplitude(self, index: int, fit: PhaseFit, start: int) -> dict[str, Any]:
+        """Amplitude over one second of a fit's window: its model's, and what frames say beyond."""
+        own = (fit.t_s >= index - start) & (fit.t_s < index + 1 - start)
+        told = fit.information[(index - start) * NODES_PER_S :][:NODES_PER_S].sum()
+        if not own.any() or not told > 0.0:
+            return {}
+        psi = Place(fit.t_s[own], fit.psi_rad.size).at_frames(fit.psi_rad)
+        along = np.abs(np.sum(self.ramp.conj() * fit.template))
+        size = float(along / np.sum(np.abs(self.ramp) ** 2))
+        return {
+            "amplitude": complex(size * np.mean(np.exp(1j * psi) * (1.0 + fit.deviation[own]))),
+            "amplitude_var": float(size**2 / told),
+        }
+
+    def _check(self, buffer: SlowTime, start: int, end: int) -> tuple[Tone, str]:
+        """Whether the tone stands out in a window, where the fit says it is."""
+        t_s, columns = frames_of(buffer, start, end)
+        if t_s.size < MIN_FILL_RATIO * self._rate_hz * (end - start):
+            return _NO_TONE, TOO_FEW
+        finder, t_mid = ToneFinder(float(end - start), SEARCH_HZ), t_s - (start + end) / 2.0
+        carrier = np.exp(-4j * np.pi * self.nominal_hz * t_s)
+        series = (columns @ self._template.conj()) * carrier
+        _, power = finder.periodograms(series[:, None], carrier, t_mid)
+        tone = finder.strongest(power[:, 0], t_mid)
+        psi = self._path.between(start, end)
+        slope_hz = float(psi[-1] - psi[0]) / (2.0 * np.pi * (end - start))
+        if tone.snr < self._min_snr:
+            return tone, NO_FLICKER
+        if tone.at_edge:
+            return tone, "strongest at the edge of the search band"
+        if abs(tone.offset_hz - slope_hz) * (end - start) > MAX_OFF_CELLS:
+            return tone, "the phase was lost"
+        return tone, ""
+
+    def _aligned(self, fit: PhaseFit) -> PhaseFit:
+        """Return a fit whose template is in phase with the ramp: what no fit can know by itself."""
+        turn = np.sum(fit.weights * self.ramp.conj() * fit.template)
+        if not abs(turn) > 0.0:
+            return fit
+        turn /= abs(turn)
+        psi = fit.psi_rad + float(np.angle(turn))
+        return dataclasses.replace(fit, psi_rad=psi, template=fit.template * turn.conjugate())
+
+    def _learn(self, fit: PhaseFit) -> None:
+        """Let a good second into the memory of how the flicker shows in the columns."""
+        new = fit.template * fit.weights
+        size = np.linalg.norm(new)
+        if size > 0.0:
+            mixed = self._template + MEMORY * (new / size - self._template)
+            self._template = mixed / np.linalg.norm(mixed)
+
+
+_NO_TONE = Tone(0.0, np.inf, 0.0, 0.0, at_edge=False)
+
+
+def frames_of(buffer: SlowTime, start: int, end: int) -> tuple[Float, Float]:
+    """Times and columns of the usable frames of some seconds."""
+    part = buffer.between(start, end)
+    usable = buffer.usable(part)
+    return buffer.times(part)[usable], buffer.values(part)[usable].real
+
+
+def _decibels(ratio: float) -> float:
+    return float(10.0 * np.log10(ratio)) if 0 < ratio < np.inf else float("nan")
