@@ -23,6 +23,7 @@ nodes:
   grid:   {kind: reference, grid: ce, input: ce.csv}
   match:  {kind: match, cameras: [cam1], grid: ce}
   record: {kind: record, out: all.mcap}
+  idle:   {kind: idle, cameras: [cam1]}
 """
 
 
@@ -68,6 +69,7 @@ def test_a_good_graph_and_its_defaults(load: Callable[[str], Graph]) -> None:
     assert (decode.frames, decode.record_video, decode.pace) == ("ring", True, False)
     assert outputs(decode) == [("frames", "cam1"), ("video", "cam1")]
     assert sender_of(graph, "track", "cam1") == "track"
+    assert sender_of(graph, "idle", "cam1") == "idle"
     assert sender_of(graph, "reference", "ce") == "grid"
     assert sender_of(graph, "track", "cam2") == ""
 
@@ -134,6 +136,9 @@ nodes:
         (("grid: ce}", "grid: ce, method: guess}"), 8, "no method 'guess'; one of ncc"),
         (("  track:  {", "  track:  {track: {method: guess}, "), 6, "no method 'guess'; one of"),
         (("all.mcap}", "all.mcap, topics: [/x]}"), 9, "'/x' is no key expression"),
+        (("idle, cameras: [cam1]", "idle, cameras: [cam2]"), 10, "nobody sends the rows"),
+        (("kind: idle, ", "kind: idle, idle: {method: guess}, "), 10, "no method 'guess'; one of"),
+        (("kind: idle, ", "kind: idle, idle: {every_s: 0}, "), 10, "an estimate every 0"),
         (("camera: cam1", "camera: reference"), 4, "'reference' is taken"),
         (("camera: cam1", 'camera: "*"'), 4, "no name"),
         (("  rows: ", '  "a b": '), 5, "no name"),

@@ -38,7 +38,7 @@ def scene() -> Picture:
 def filmed(
     axis: str, rate_hz: float, enf_hz: float = 50.017, *, read_out: float = 0.7, ratio: float = 0.05
 ) -> tuple[Picture, Picture]:
-    """Pictures under flicker, read out along an axis in a share of the frame; negative: backwards."""
+    """Pictures under flicker, read out in a share of the frame; negative: backwards."""
     time_s = np.arange(int(SECONDS * rate_hz)) / rate_hz
     lines = HEIGHT if axis == "rows" else WIDTH
     at_s = time_s[:, None] + np.arange(lines) / lines * read_out / rate_hz

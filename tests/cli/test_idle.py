@@ -1,0 +1,111 @@
+"""What ``rsenf idle`` says of a recording, of two, and of those that it can say nothing of."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.hidden_clip import HiddenClip
+
+Rsenf = Callable[..., subprocess.CompletedProcess[str]]
+KEYS = {
+    "verdict", "method", "idle_ratio", "idle_ratio_std", "idle_ratio_low", "idle_ratio_high",
+    "read_out_time_s", "read_out_time_std_s", "direction", "frame_rate_hz", "nominal_hz", "reason",
+    "warnings",
+}  # fmt: skip
+
+
+def estimate(rsenf: Rsenf, *words: object) -> dict[str, Any]:
+    """The JSON of ``rsenf idle``, which has succeeded without a word on stderr."""
+    done = rsenf("idle", *words, "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+def truth_of(clip: Path) -> dict[str, Any]:
+    truth: dict[str, Any] = json.loads(clip.with_suffix(".truth.json").read_text())
+    return truth
+
+
+def test_a_video(rsenf: Rsenf, clip: Path) -> None:
+    found, truth = estimate(rsenf, clip), truth_of(clip)
+    assert set(found) == KEYS
+    assert (found["verdict"], found["method"], found["reason"]) == ("estimated", "coherent", None)
+    assert found["idle_ratio"] == pytest.approx(truth["idle_ratio"], abs=0.005)
+    assert found["idle_ratio_low"] < found["idle_ratio"] < found["idle_ratio_high"]
+    assert found["read_out_time_s"] == pytest.approx(truth["read_out_time_s"], rel=0.01)
+    assert 0 < found["read_out_time_std_s"] < 0.01 * truth["read_out_time_s"]
+    assert (found["direction"], found["nominal_hz"]) == ("forward", 50.0)
+    assert found["frame_rate_hz"] == pytest.approx(30000 / 1001, abs=1e-3)
+
+
+def test_a_video_read_out_along_its_columns(rsenf: Rsenf, tmp_path: Path) -> None:
+    clip = tmp_path / "turned.mp4"
+    model = tmp_path / "turned.yaml"
+    model.write_text(
+        "version: 2\nshutter: {rows: 180, columns: 240, idle_ratio: 0.25, read_out: columns}\n"
+    )
+    words = ("--out", clip, "--model", model, "--duration-s", "30", "--seed", "4")
+    assert rsenf("simulate", *words).returncode == 0
+    found = estimate(rsenf, clip)
+    assert found["verdict"] == "estimated"
+    assert found["idle_ratio"] == pytest.approx(0.25, abs=0.01)
+    assert estimate(rsenf, clip, "--read-out", "columns") == found
+    assert estimate(rsenf, clip, "--read-out", "rows")["verdict"] != "estimated"
+
+
+def test_in_words(rsenf: Rsenf, hidden: HiddenClip) -> None:
+    done = rsenf("idle", hidden.clip)
+    assert done.returncode == 0
+    head, *rest = done.stdout.splitlines()
+    assert head.startswith("estimated: 38.0")
+    assert head.endswith(" % of each frame is idle")
+    names = [line.strip().split("  ")[0] for line in rest]
+    assert names == ["95 % interval", "read-out time", "direction", "grid", "frame rate",
+                     "what it means"]  # fmt: skip
+    assert all(line.startswith("note: ") for line in done.stderr.splitlines())
+
+
+@pytest.mark.processes
+def test_a_recording_of_its_rows_says_the_same(rsenf: Rsenf, clip: Path, recording: Path) -> None:
+    assert estimate(rsenf, recording) == estimate(rsenf, clip)
+
+
+@pytest.mark.parametrize(
+    ("what", "verdict"), [("noise", "no_signal"), ("mean", "refused")]
+)  # fmt: skip
+def test_nothing_to_say_is_a_result(
+    rsenf: Rsenf, tmp_path: Path, what: str, verdict: str
+) -> None:
+    time_s = np.arange(900) / 30.0
+    level = np.random.default_rng(2).normal(100.0, 1.0, (900, 60))
+    if what == "noise":
+        np.savez(tmp_path / "in.npz", rows=level.astype(np.float32), frame_time_s=time_s)
+    else:
+        wave = 100.0 + 5.0 * np.cos(2 * np.pi * 100.03 * time_s)
+        np.savez(tmp_path / "in.npz", luminance=wave, frame_rate_hz=29.7)
+    found = estimate(rsenf, tmp_path / "in.npz")
+    assert found["verdict"] == verdict
+    assert found["reason"]
+    unknown = {"idle_ratio", "idle_ratio_std", "idle_ratio_low", "idle_ratio_high",
+               "read_out_time_s", "read_out_time_std_s", "direction"}  # fmt: skip
+    assert {key for key in unknown if found[key] is not None} == set()
+
+
+def test_no_such_method(rsenf: Rsenf, hidden: HiddenClip) -> None:
+    done = rsenf("idle", hidden.clip, "--method", "guess")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("rsenf: no idle method 'guess' (one of ")
+
+
+def test_no_such_file(rsenf: Rsenf) -> None:
+    done = rsenf("idle", "gone.mp4")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("rsenf: gone.mp4: no such file")
