@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.flicker.zero_alias_errors import noise_ratio, standard_error
-from rsenf.flicker.zero_alias_fit import Fit, refine
+from rsenf.flicker.zero_alias_fit import Point, refine
 from rsenf.flicker.zero_alias_rows import Float, RowLogs, row_logs
 from rsenf.flicker.zero_alias_start import starts
 
@@ -51,11 +51,12 @@ class ZeroAlias:
     turns, turns_std : float
         ``q``: turns of the first harmonic's phase down the rows of one frame, at the mean
         frequency; and its standard error.
-    phase_rad, phase_std : ndarray, shape (bins,)
-        Phase of each bin, continuous, up to a constant, at the middle of the read-out; and its
-        standard error.
+    t_s : ndarray, shape (bins,)
+        Times of the bins.
+    phase_rad : ndarray, shape (bins,)
+        Phase of each bin, continuous and up to a constant, half a read-out after ``t_s``.
     phase_cov : ndarray, shape (bins, bins)
-        Covariance of the phases, for whatever is computed from them.
+        Covariance of the phases.
     amplitude, amplitude_std : float
         Of the first harmonic in the logarithm of the light: relative to the mean where it is small.
     series : ndarray of complex, shape (harmonics,)
@@ -65,8 +66,6 @@ class ZeroAlias:
     read_out_s, read_out_std : float
         Signed read-out time as the ramp's change with the frequency shows it: negative where the
         mirror image is the right one. Seldom known well.
-    span_rad : float
-        How far the phase has turned between its extremes.
     explained : float
         Share of what varies, beyond a common gain, that the flicker explains.
     noise_ratio : float
@@ -75,8 +74,8 @@ class ZeroAlias:
 
     turns: float
     turns_std: float
+    t_s: Float
     phase_rad: Float
-    phase_std: Float
     phase_cov: Float
     amplitude: float
     amplitude_std: float
@@ -84,9 +83,35 @@ class ZeroAlias:
     texture: Float
     read_out_s: float
     read_out_std: float
-    span_rad: float
     explained: float
     noise_ratio: float
+
+    @property
+    def phase_std(self) -> Float:
+        """Standard error of each phase, shape (bins,)."""
+        return np.asarray(np.sqrt(np.diag(self.phase_cov)))
+
+    @property
+    def span_rad(self) -> float:
+        """How far the phase has turned between its extremes."""
+        return float(np.ptp(self.phase_rad))
+
+    def rate_hz(self, edges_s: Float) -> tuple[Float, Float]:
+        """Mean rate of the phase between times, and its variance, each of shape (edges - 1,).
+
+        Parameters
+        ----------
+        edges_s : ndarray, shape (edges,)
+            Increasing; phases between bins lie on lines through the nearest two.
+        """
+        after = np.clip(np.searchsorted(self.t_s, edges_s), 1, self.t_s.size - 1)
+        step_s = self.t_s[after] - self.t_s[after - 1]
+        share = (edges_s - self.t_s[after - 1]) / step_s
+        at_edge = np.zeros((edges_s.size, self.t_s.size))
+        row = np.arange(edges_s.size)
+        at_edge[row, after - 1], at_edge[row, after] = 1.0 - share, share
+        turn = np.diff(at_edge, axis=0) / (2.0 * np.pi * np.diff(edges_s))[:, None]
+        return turn @ self.phase_rad, np.einsum("eb,bc,ec->e", turn, self.phase_cov, turn)
 
     @property
     def is_flicker(self) -> bool:
@@ -144,52 +169,50 @@ def separate(level: Float, t_s: Float, weight: Float | None = None) -> ZeroAlias
             f"{len(level)} bins of rows, {t_s.size} times and {weight.size} weights",
             f"as many of each, from {MIN_BINS} to {MAX_BINS}",
         )
-    data = row_logs(level, t_s, weight)
+    data = row_logs(level.mean(axis=2), t_s, weight)
     tried = [refine(data, start, STEPS) for start in starts(data)]
     if not tried:
         return None
-    fit = _with_harmonics(data, min(tried, key=lambda f: f.point.power))
-    ratio = noise_ratio(fit.point)
-    return _result(level, refine(data, fit.flicker, STEPS, ratio), ratio)
+    point = _with_harmonics(data, min(tried, key=lambda p: p.power))
+    ratio = noise_ratio(point)
+    return _result(level, refine(data, point.flicker, STEPS, ratio), ratio)
 
 
-def _with_harmonics(data: RowLogs, fit: Fit) -> Fit:
+def _with_harmonics(data: RowLogs, point: Point) -> Point:
     """Add harmonics for as long as each brings something; the second always."""
     for harmonics in range(2, HARMONICS + 1):
-        more = refine(data, fit.flicker.with_harmonics(harmonics), STEPS)
-        gain = (fit.point.power - more.point.power) / more.point.noise_var
-        fit = more
+        more = refine(data, point.flicker.with_harmonics(harmonics), STEPS)
+        gain = (point.power - more.power) / more.noise_var
+        point = more
         if harmonics > 2 and gain < WORTH:
             break
-    return fit
+    return point
 
 
-def _result(level: Float, fit: Fit, ratio: float) -> ZeroAlias:
-    point, flicker = fit.point, fit.flicker
-    bins = flicker.phase_rad.size
-    cov = fit.covariance[:bins, :bins]
+def _result(level: Float, point: Point, ratio: float) -> ZeroAlias:
+    flicker, data, covariance = point.flicker, point.data, point.covariance()
+    bins = data.t_s.size
     return ZeroAlias(
         turns=flicker.turns,
-        turns_std=standard_error(fit, 0),
+        turns_std=standard_error(point, covariance, 0, ratio),
+        t_s=data.t_s,
         phase_rad=flicker.phase_rad,
-        phase_std=np.sqrt(np.diag(cov)),
-        phase_cov=cov,
+        phase_cov=covariance[:bins, :bins],
         amplitude=float(flicker.series[0].real),
-        amplitude_std=standard_error(fit, 2),
+        amplitude_std=standard_error(point, covariance, 2, ratio),
         series=flicker.series,
-        texture=_texture(level, fit),
+        texture=_texture(level, point),
         read_out_s=flicker.read_out_s,
-        read_out_std=standard_error(fit, 1),
-        span_rad=float(np.ptp(flicker.phase_rad)),
-        explained=1.0 - point.power / point.data.power(point.data.value),
+        read_out_std=standard_error(point, covariance, 1, ratio),
+        explained=1.0 - point.power / data.power(data.value),
         noise_ratio=ratio,
     )
 
 
-def _texture(level: Float, fit: Fit) -> Float:
+def _texture(level: Float, point: Point) -> Float:
     """Mean levels without what the flicker, which is uneven over time, adds to their logarithms."""
-    weight = fit.point.data.weight
+    data = point.data
     place = (np.arange(level.shape[1]) + 0.5) / level.shape[1]
-    light = fit.flicker.light(fit.flicker.waves(fit.point.data.t_s, place))
-    mean = np.average(level, axis=0, weights=weight)
-    return np.asarray(mean / np.average(np.exp(light), axis=0, weights=weight)[:, None])
+    light = point.flicker.light(point.flicker.waves(data.t_s, place))
+    mean = np.average(level, axis=0, weights=data.weight)
+    return np.asarray(mean / np.average(np.exp(light), axis=0, weights=data.weight)[:, None])

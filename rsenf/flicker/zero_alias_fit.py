@@ -1,7 +1,7 @@
 """Least squares of flicker on texture, all unknowns at once.
 
 The logarithm of a picture's rows is a sum: texture, common gain, and the flicker as a function of
-its phase, ``z[i,r,s] = b_rs + γ_is + Σ_k Re c_k·exp(j·k·φ_ir)`` with
+its phase, ``z[i,r] = b_r + γ_i + Σ_k Re c_k·exp(j·k·φ_ir)`` with
 ``φ_ir = ψ_i + 2π·q·u_r + (ψ'_i − mean ψ')·τ·(u_r − ½)``. Texture and gain are linear and many, so
 both are projected out of the data and of every derivative (variable projection, Golub & Pereyra,
 SIAM J. Numer. Anal. 10, 413, 1973): nothing is subtracted that the flicker can't claim back. What
@@ -80,28 +80,95 @@ class Flicker:
         return np.asarray(np.tensordot(self.series, waves, 1).real)
 
 
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """Where the steps ended.
+class Point:
+    """A flicker, and what the data say of it.
 
     Parameters
     ----------
-    point : Point
-        The flicker there, and what it leaves of the data.
-    covariance : ndarray
-        Of (phases, ``q``, ``τ``, ``c_1``, ``Re c_2``, ``Im c_2``, …).
+    data : RowLogs
+        What is to be explained.
+    flicker : Flicker
+        What it is explained by.
+    noise_ratio : float
+        Variance of the noise that acts on the phases over that of the residual.
+
+    Attributes
+    ----------
+    residual : ndarray, shape (bins, rows)
+        What is left of the data.
+    power : float
+        Its weighted sum of squares.
+    noise_var : float
+        Variance of one logarithm of weight 1, times ``noise_ratio``.
     """
 
-    point: Point
-    covariance: Float
+    def __init__(self, data: RowLogs, flicker: Flicker, noise_ratio: float = 1.0) -> None:
+        self.data, self.flicker = data, flicker
+        self.waves = flicker.waves(data.t_s, data.place)
+        self.residual = data.value - data.centred(flicker.light(self.waves))
+        self.power = data.power(self.residual)
+        spent = flicker.phase_rad.size + 2 * flicker.series.size + 1
+        self.noise_var = noise_ratio * self.power / data.freedom(spent)
 
-    @property
-    def flicker(self) -> Flicker:
-        """The flicker there."""
-        return self.point.flicker
+    def cost(self, noise_var: float, prior: Float) -> float:
+        """Sum of squares, and the price of what is unlikely beforehand."""
+        known = self._known(len(prior))
+        return self.power + noise_var * float(known @ prior @ known)
+
+    def slope(self) -> Float:
+        """Derivative of the light by the phase, shape (bins, rows)."""
+        order = 1j * np.arange(1, self.flicker.series.size + 1)
+        return np.asarray(np.tensordot(order * self.flicker.series, self.waves, 1).real)
+
+    def columns(self) -> Float:
+        """Centred derivatives by ``q``, ``τ`` and ``c``: (parameters, bins, rows)."""
+        slope = self.slope()
+        found = [
+            slope * (2.0 * np.pi * self.data.place),
+            slope * self.flicker.stretch(self.data.t_s, self.data.place),
+            self.waves[0].real,
+        ]
+        for wave in self.waves[1:]:
+            found += [wave.real, -wave.imag]
+        return self.data.centred(np.stack(found))
+
+    def equations(self, prior: Float) -> tuple[Float, Float]:
+        """Normal matrix and right-hand side, texture and gain projected out.
+
+        A bin's phase changes that bin's rows alone, so without texture the phases' block is
+        diagonal; projecting the texture out takes a product of rank ``rows`` from it.
+        """
+        data, bins = self.data, self.flicker.phase_rad.size
+        slope = data.without_gain(self.slope())
+        pull = data.weighted(slope)
+        others = self.columns()
+        weighted = data.weighted(others).reshape(len(others), -1)
+        normal = self.noise_var * prior
+        gradient = -normal @ self._known(len(prior))
+        normal[:bins, :bins] -= pull @ (slope * data.weight[:, None]).T / data.weight.sum()
+        normal[np.arange(bins), np.arange(bins)] += np.einsum("im,im->i", pull, slope)
+        cross = np.einsum("im,cim->ci", pull, others)
+        normal[bins:, :bins] += cross
+        normal[:bins, bins:] += cross.T
+        normal[bins:, bins:] += weighted @ others.reshape(len(others), -1).T
+        gradient[:bins] += np.einsum("im,im->i", pull, self.residual)
+        gradient[bins:] += weighted @ self.residual.reshape(-1)
+        return normal, gradient
+
+    def covariance(self) -> Float:
+        """Covariance of (phases, ``q``, ``τ``, ``c_1``, ``Re c_2``, ``Im c_2``, …)."""
+        normal, _ = self.equations(prior_precision(self.data.t_s, self.flicker.series.size))
+        return np.asarray(self.noise_var * np.linalg.pinv(normal, hermitian=True), np.float64)
+
+    def _known(self, size: int) -> Float:
+        """Those unknowns that something is known of beforehand, else 0."""
+        known = np.zeros(size)
+        known[: self.flicker.phase_rad.size] = self.flicker.phase_rad
+        known[self.flicker.phase_rad.size + 1] = self.flicker.read_out_s
+        return known
 
 
-def refine(data: RowLogs, start: Flicker, steps: int, noise_ratio: float = 1.0) -> Fit:
+def refine(data: RowLogs, start: Flicker, steps: int, noise_ratio: float = 1.0) -> Point:
     """Descend from a start to the least squares near it.
 
     Parameters
@@ -113,103 +180,31 @@ def refine(data: RowLogs, start: Flicker, steps: int, noise_ratio: float = 1.0) 
     steps : int
         No more than these.
     noise_ratio : float
-        Noise in the flicker's part of the data over what the residual has on average.
+        As for :class:`Point`.
     """
+    prior = prior_precision(data.t_s, start.series.size)
     now = Point(data, start, noise_ratio)
+    normal, gradient = now.equations(prior)
     damping = 1e-3
-    normal, gradient = now.equations()
     for _ in range(steps):
-        scale = np.diag(normal)
-        tried = Point(
-            data,
-            now.flicker.moved(_solve(normal + np.diag(damping * scale), gradient)),
-            noise_ratio,
-        )
-        gain = (now.cost(now.noise_var) - tried.cost(now.noise_var)) / now.noise_var
+        stiff = normal + np.diag(damping * np.diag(normal))
+        step = np.asarray(np.linalg.solve(stiff, gradient), np.float64)
+        tried = Point(data, now.flicker.moved(step), noise_ratio)
+        gain = now.cost(now.noise_var, prior) - tried.cost(now.noise_var, prior)
         if gain <= 0.0:
             damping *= 10.0
             if damping > STIFFEST:
                 break
             continue
+        enough = gain < ENOUGH * now.noise_var
         now, damping = tried, max(damping / 10.0, 1e-9)
-        normal, gradient = now.equations()
-        if gain < ENOUGH:
+        if enough:
             break
-    return Fit(now, now.noise_var * np.asarray(np.linalg.pinv(normal, hermitian=True), np.float64))
+        normal, gradient = now.equations(prior)
+    return now
 
 
-def _solve(matrix: Float, right: Float) -> Float:
-    return np.asarray(np.linalg.solve(matrix, right), np.float64)
-
-
-class Point:
-    """A flicker, and what the data say of it."""
-
-    def __init__(self, data: RowLogs, flicker: Flicker, noise_ratio: float) -> None:
-        self.data, self.flicker = data, flicker
-        self.waves = flicker.waves(data.t_s, data.place)
-        self.residual = data.value - data.centred(flicker.light(self.waves))
-        self.power = data.power(self.residual)
-        spent = flicker.phase_rad.size + 2 * flicker.series.size + 1
-        self.noise_var = noise_ratio * self.power / data.freedom(spent)
-        self.prior = _prior(data.t_s, 3 + 2 * (flicker.series.size - 1))
-
-    def cost(self, noise_var: float) -> float:
-        """Sum of squares, and what is known beforehand."""
-        known = np.zeros(len(self.prior))
-        known[: self.flicker.phase_rad.size] = self.flicker.phase_rad
-        known[self.flicker.phase_rad.size + 1] = self.flicker.read_out_s
-        return self.power + noise_var * float(known @ self.prior @ known)
-
-    def columns(self) -> Float:
-        """Centred derivatives by ``q``, ``τ`` and ``c``: (parameters, bins, rows, strips)."""
-        data, flicker = self.data, self.flicker
-        slope = self.slope()
-        found = [
-            slope * (2.0 * np.pi * data.place),
-            slope * flicker.stretch(data.t_s, data.place),
-            self.waves[0].real,
-        ]
-        for wave in self.waves[1:]:
-            found += [wave.real, -wave.imag]
-        return np.stack([data.centred(part) for part in found])
-
-    def slope(self) -> Float:
-        """Derivative by the phase, shape (bins, rows)."""
-        order = 1j * np.arange(1, self.flicker.series.size + 1)
-        return np.asarray(np.tensordot(order * self.flicker.series, self.waves, 1).real)
-
-    def equations(self) -> tuple[Float, Float]:
-        """Normal matrix and right-hand side, texture and gain projected out.
-
-        A bin's phase changes that bin's rows alone, so without texture the phases' block is
-        diagonal; projecting the texture out takes a product of rank ``rows·strips`` from it.
-        """
-        data, bins = self.data, self.flicker.phase_rad.size
-        slope = data.without_gain(self.slope()[:, :, None])
-        pull = data.weighted(slope).reshape(bins, -1)
-        slope = slope.reshape(bins, -1) * data.weight[:, None]
-        others = self.columns()
-        count = len(others)
-        cross = np.stack([np.einsum("im,im->i", pull, c.reshape(bins, -1)) for c in others])
-        weighted = data.weighted(others).reshape(count, -1)
-        known = np.zeros(bins + count)
-        known[:bins], known[bins + 1] = self.flicker.phase_rad, self.flicker.read_out_s
-        normal = self.noise_var * self.prior
-        gradient = -normal @ known
-        normal[:bins, :bins] -= pull @ slope.T / data.weight.sum()
-        normal[np.arange(bins), np.arange(bins)] += np.einsum(
-            "im,im->i", pull, slope / data.weight[:, None]
-        )
-        normal[bins:, :bins] += cross
-        normal[:bins, bins:] += cross.T
-        normal[bins:, bins:] += weighted @ others.reshape(count, -1).T
-        gradient[:bins] += np.einsum("im,im->i", pull, self.residual.reshape(bins, -1))
-        gradient[bins:] += weighted @ self.residual.reshape(-1)
-        return normal, gradient
-
-
-def _prior(t_s: Float, others: int) -> Float:
+def prior_precision(t_s: Float, harmonics: int) -> Float:
     """Inverse covariance known beforehand: a rate that wanders, and a read-out within a frame.
 
     It is blind to the phases' level and slope, and to all else.
@@ -221,7 +216,8 @@ def _prior(t_s: Float, others: int) -> Float:
     change[row, row + 1] = -1.0 / step[:-1] - 1.0 / step[1:]
     change[row, row + 2] = 1.0 / step[1:]
     variance = RATE_WANDER**2 * (step[:-1] + step[1:]) / 2.0
-    out = np.zeros((t_s.size + others, t_s.size + others))
+    size = t_s.size + 1 + 2 * harmonics
+    out = np.zeros((size, size))
     out[: t_s.size, : t_s.size] = change.T @ (change / variance[:, None])
     out[t_s.size + 1, t_s.size + 1] = READ_OUT_S**-2
     return out

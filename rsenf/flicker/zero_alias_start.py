@@ -17,6 +17,8 @@ TURNS = (0.2, 6.0)  # 120 Hz light at 24 frames a second is 5 turns a frame
 TURNS_STEP = 0.05
 PEAKS = 3
 SHARE = 0.2  # of the highest peak: lower ones aren't tried
+# A peak of noise holds as much as its neighbours, give or take this over the root of the bins.
+CHANCE = 6.0
 
 
 def starts(data: RowLogs) -> list[Flicker]:
@@ -52,18 +54,21 @@ def _power(data: RowLogs, turns: float) -> float:
 def _seen(data: RowLogs, turns: float) -> tuple[Float, Float]:
     """Each bin seen through cosine and sine of a ramp, (2, bins), and their Gram matrix."""
     angle = 2.0 * np.pi * turns * data.place
-    ramp = data.without_gain(np.stack([np.cos(angle), np.sin(angle)])[:, :, None])
-    weighted = (ramp * data.row_weight).reshape(2, -1)
-    return weighted @ data.value.reshape(len(data.t_s), -1).T, weighted @ ramp.reshape(2, -1).T
+    ramp = data.without_gain(np.stack([np.cos(angle), np.sin(angle)]))
+    weighted = ramp * data.row_weight
+    return weighted @ data.value.T, weighted @ ramp.T
 
 
 def _peaks(data: RowLogs) -> list[float]:
-    """Ramps whose planes hold more of the data than their neighbours', the fullest first."""
+    """Ramps whose planes hold more of the data than noise would, the fullest first."""
     grid = np.arange(TURNS[0], TURNS[1], TURNS_STEP)
     power = np.array([_power(data, turns) for turns in grid])
+    bins = data.t_s.size
+    noise = 2 * bins * (data.power(data.value) - power.max()) / data.freedom(2 * bins)
+    least = max(SHARE * power.max(), (1.0 + CHANCE / np.sqrt(bins)) * noise)
     inner = np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] >= power[2:])) + 1
     ranked = sorted(inner, key=lambda k: -power[k])[:PEAKS]
-    return [float(grid[k]) for k in ranked if power[k] >= SHARE * power[ranked[0]]]
+    return [float(grid[k]) for k in ranked if power[k] >= least]
 
 
 def _circle(points: Complex, weight: Float) -> tuple[complex, float]:
