@@ -6,10 +6,15 @@ from collections.abc import Callable
 
 from rsenf.errors import UsageError
 from rsenf.stage import Stage
+from rsenf.track.frame_mean import FrameMeanTracker
+from rsenf.track.phase import PhaseTracker
+from rsenf.track.row_concat import RowConcatTracker
 from rsenf.track.settings import TrackSettings
 from rsenf.track.stft import StftTracker
+from rsenf.track.superpixel import SuperpixelTracker
 
-METHODS: dict[str, Callable[[TrackSettings], Stage]] = {"stft": StftTracker}
+_TRACKERS = (StftTracker, FrameMeanTracker, RowConcatTracker, SuperpixelTracker, PhaseTracker)
+METHODS: dict[str, Callable[[TrackSettings], Stage]] = {t.name: t for t in _TRACKERS}
 
 
 def make_tracker(settings: TrackSettings) -> Stage:

@@ -22,6 +22,7 @@ from rsenf.track.settings import TrackSettings
 # Row blocks held back until the frame rate is known well enough for the phase ramps.
 RATE_NEEDS_S = 1.0
 MIN_FILL_RATIO = 0.8
+NO_FLICKER = "no mains flicker stands out"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -70,6 +71,10 @@ class SlidingTracker(ABC):
     def _reduce(self, block: RowBlock) -> NDArray[np.complex128]:
         """Reduce a block to the values of its frames, shape (frames, values)."""
 
+    def _fits(self, block: RowBlock) -> bool:
+        """Whether a block has the shape of the first."""
+        return block.rows == self._rows
+
     @abstractmethod
     def _judge(self, window: Window, blank: EnfEstimate) -> EnfEstimate:
         """Fill in what is found in a window, or the reason why nothing is."""
@@ -104,7 +109,7 @@ class SlidingTracker(ABC):
         self._waiting = []
 
     def _take(self, buffer: SlowTime, block: RowBlock) -> None:
-        if block.rows == self._rows:
+        if self._fits(block):
             buffer.append(block, self._reduce(block))
 
     def _complete(self, *, final: bool) -> list[Any]:

@@ -17,7 +17,7 @@ from rsenf.flicker.lines import Line, candidate_lines, project, templates
 from rsenf.flicker.tone import ToneFinder
 from rsenf.messages import EnfEstimate, RowBlock
 from rsenf.track.settings import TrackSettings
-from rsenf.track.sliding import SlidingTracker, Window, decibels
+from rsenf.track.sliding import NO_FLICKER, SlidingTracker, Window, decibels
 from rsenf.track.window import LineFit, fit_lines, slow_time_amplitude
 
 # A 20 s window reports a weighted mean of the grid's frequency; a value for its middle second
@@ -105,7 +105,7 @@ class StftTracker(SlidingTracker):
         tone, near_zero = fit.tone, self._near_zero(fit.line, rate_hz)
         min_snr = self.settings.min_snr * (DRIFT_MARGIN if near_zero else 1.0)
         if tone.amplitude < MIN_AMPLITUDE_LEVEL or tone.snr < min_snr:
-            return "no mains flicker stands out"
+            return NO_FLICKER
         if tone.at_edge:
             return "strongest at the edge of the search band"
         if self._rows == 1 and near_zero and not self.settings.nominal_hz:

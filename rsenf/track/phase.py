@@ -1,0 +1,208 @@
+"""ENF from the phase's step down the stream: no read-out time, no concatenation.
+
+H. Han, Y. Jeon, B. Song, J. W. Yoon, "A phase-based approach for ENF signal extraction from
+rolling shutter videos", IEEE Signal Processing Letters 29, 2022: the phase of the flicker's
+pattern down the rows is compared between consecutive frames, so what happens in the idle period
+doesn't matter. Here:
+
+- A frame's phasor is its row profile's component along the strongest of the paper's ramps, less
+  the picture's texture, turned back by the nominal frequency and by the offset that the spectrum
+  of the window shows. Which ramp it is changes the phasor by a factor only, and that cancels. Rows
+  are weighted by a Hann window, or the other harmonics, which make more turns down the rows, and
+  the ramp's mirror image would leak in: at 30 frames/s the fourth has the first one's alias.
+- What is left of them turns at other rates, so frames are averaged under Hann windows, half of
+  each overlapping the next: of half a second where the flicker is strong, longer where noise
+  would otherwise swamp a step.
+- The steps ``z_{n+1}·conj(z_n)`` over an interval are summed with weights that fall off as a
+  parabola to its ends, which for white noise is as good as any unbiased estimator can be (S. Kay,
+  "A fast and accurate single frequency estimator", IEEE Trans. ASSP 37, 1989). The interval is the
+  one with the least error: shorter has more noise, longer smears the grid's own changes.
+
+Frame times are exact, and an average counts at the mean time of the frames that are in it, so lost
+frames cost only themselves.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.flicker.tone import ToneFinder
+from rsenf.messages import EnfEstimate, RowBlock
+from rsenf.timebase import nanoseconds
+from rsenf.track.alias import is_folded
+from rsenf.track.sliding import Window
+from rsenf.track.stft import StftTracker
+from rsenf.track.window import LineFit
+
+Float = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Half the length of the Hann windows: the step from one average to the next.
+STEPS_S = (0.25, 0.5, 1.0, 2.0)
+# Power of an average over its noise below which a longer one is taken.
+MIN_STEP_SNR = 30.0
+# Steps on either side of the centre that an interval may have.
+HALF_STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 38)
+# Correlation of the noise of Hann windows that overlap by half.
+OVERLAP = 1.0 / 6.0
+# Where noise is measured, away from the tone: beyond what the grid's changes spread it over.
+NOISE_HZ = np.arange(0.4, 1.2, 0.05)
+# Amplitude of the mirror image over the flicker's, above which the other harmonics' images are
+# there too, some of them so near that only the longest interval tells them apart.
+MAX_MIRROR = 0.3
+# A mean over an interval with weights that fall off as a parabola differs from the grid's mean
+# over its middle second by this much: length (s) and standard deviation (mHz), measured on the
+# first half of a day of the continental grid.
+SMEAR_S = (1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
+SMEAR_MHZ = (0.016, 0.056, 0.155, 0.38, 0.74, 1.19, 2.12)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Step:
+    """Frequency by phase steps, beside the window's tone: offset and variance, and its interval."""
+
+    offset_hz: float
+    var_hz2: float
+    length_s: float
+
+
+class PhaseTracker(StftTracker):
+    """Phase steps over an interval that adapts; what window and line there are, the STFT says."""
+
+    name = "phase"
+
+    def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
+        lines = super()._prepare(first, frame_rate_hz)
+        if first.rows > 1:
+            place = (np.arange(first.rows) + 0.5) / first.rows
+            taper = np.sin(np.pi * place) ** 2
+            self._ramps = self._ramps * (taper / taper.mean())[:, None]
+        return lines
+
+    def _why_unusable(self, fit: LineFit, rate_hz: float) -> str:
+        if is_folded(fit.line, rate_hz, 0.5 / STEPS_S[0]):
+            return (
+                "the flicker turns too slowly from frame to frame to tell it from its mirror image"
+            )
+        return super()._why_unusable(fit, rate_hz)
+
+    def _fill(self, blank: EnfEstimate, best: LineFit, window: Window) -> EnfEstimate:
+        estimate = super()._fill(blank, best, window)
+        scale = 2.0 * best.line.harmonic
+        step = self._step(best, window, scale)
+        if step is None:
+            return dataclasses.replace(blank, reason="too many frames lost around the middle")
+        if step.var_hz2 > self.settings.max_std_hz**2:
+            return dataclasses.replace(blank, snr_db=estimate.snr_db, reason="too uncertain")
+        origin_ns = window.buffer.origin_ns
+        return dataclasses.replace(
+            estimate,
+            start_pts_ns=origin_ns + nanoseconds(window.centre_s - step.length_s / 2.0),
+            end_pts_ns=origin_ns + nanoseconds(window.centre_s + step.length_s / 2.0),
+            enf_hz=estimate.enf_hz + step.offset_hz / scale,
+            enf_var_hz2=step.var_hz2,
+        )
+
+    def _step(self, best: LineFit, window: Window, scale: float) -> _Step | None:
+        """Best interval around the window's centre; frequencies of the grid, not of the light."""
+        part = window.part
+        t_s = window.buffer.times(part)
+        turn_hz = best.line.carrier_hz + best.tone.offset_hz
+        column = self._lines.index(best.line)
+        values = window.buffer.values(part)[:, column] - best.constant
+        phasors = values * np.exp(-2j * np.pi * turn_hz * t_s)
+        t_s = t_s - window.centre_s
+        noise = _noise_level2(self._finder, phasors, t_s)
+        for step_s in STEPS_S:
+            half = int((self.settings.window_s / 2.0) / step_s) - 1
+            z, at_s, filled = _averages(phasors, t_s, step_s, half)
+            noise_z = noise * 1.5 / (2.0 * step_s * window.frame_rate_hz)
+            enough = best.tone.amplitude**2 >= MIN_STEP_SNR * noise_z
+            if enough or step_s == STEPS_S[-1]:
+                break
+        halves = [m for m in HALF_STEPS if m <= half]
+        if _is_mirrored(values, best.tone.amplitude):
+            halves = halves[-1:]
+        steps = [_over_interval(z, at_s, filled, m, step_s, noise_z, scale) for m in halves]
+        return min((s for s in steps if s), key=lambda s: s.var_hz2, default=None)
+
+
+def _noise_level2(finder: ToneFinder, phasors: Complex, t_s: Float) -> float:
+    """Noise power of one frame's phasor (levels²), by the spectrum on both sides of the tone."""
+    weights = finder.window(t_s)
+    turns = np.exp(-2j * np.pi * np.outer(np.concatenate((-NOISE_HZ, NOISE_HZ)), t_s))
+    power = np.abs(turns @ (weights * phasors)) ** 2
+    return float(np.mean(power) / (weights @ weights))
+
+
+def _is_mirrored(values: Complex, amplitude: float) -> bool:
+    """Whether the flicker's mirror image is in the phasors: all rows flicker nearly at once.
+
+    The mean square of ``A·exp(jθ) + B·exp(−jθ)`` is ``2·A·B``, that of noise is 0 on average.
+    """
+    power = amplitude**2
+    noise = max(float(np.mean(np.abs(values) ** 2)) - power, 0.0)
+    image = 0.5 * abs(np.mean(values**2))
+    return bool(image > MAX_MIRROR * power + 2.0 * noise / np.sqrt(values.size))
+
+
+def _averages(
+    phasors: Complex, t_s: Float, step_s: float, half: int
+) -> tuple[Complex, Float, NDArray[np.bool_]]:
+    """Hann-weighted averages at ``−half … half`` steps: values, mean times, whether well filled."""
+    count = 2 * half + 1
+    place = t_s / step_s + half
+    before = np.floor(place).astype(np.int64)
+    up = np.sin(0.5 * np.pi * (place - before)) ** 2
+    index = np.concatenate((before, before + 1))
+    weight = np.concatenate((1.0 - up, up))
+    inside = (index >= 0) & (index < count)
+    index, weight = index[inside], weight[inside]
+
+    def total(values: Float) -> Float:
+        return np.asarray(np.bincount(index, weight * np.tile(values, 2)[inside], count), float)
+
+    filled = total(np.ones_like(t_s))
+    usual = np.maximum(np.median(filled), 1e-9)
+    safe = np.maximum(filled, 1e-9)
+    z = np.asarray((total(phasors.real) + 1j * total(phasors.imag)) / safe, np.complex128)
+    return z, total(t_s) / safe, np.asarray(filled >= 0.5 * usual)
+
+
+def _over_interval(
+    z: Complex,
+    at_s: Float,
+    filled: NDArray[np.bool_],
+    half: int,
+    step_s: float,
+    noise_z: float,
+    scale: float,
+) -> _Step | None:
+    """Weighted sum of the steps ``half`` to either side of the centre; None with too few."""
+    centre = z.size // 2
+    part = slice(centre - half, centre + half + 1)
+    z, at_s, filled = z[part], at_s[part], filled[part]
+    good = filled[1:] & filled[:-1]
+    if np.mean(good) < 0.8:
+        return None
+    middle = (np.arange(2 * half) + 0.5) / half - 1.0
+    weight = np.where(good, 1.0 - middle**2, 0.0)
+    product = z[1:] * z[:-1].conj()
+    total = weight @ product
+    size = np.abs(product) * weight
+    dt_s = float(size @ np.diff(at_s) / size.sum())
+    # Noise of the sum across its direction: what single averages add, next to what neighbours
+    # share, and noise times noise.
+    power = max(abs(total) / weight.sum() - OVERLAP * noise_z, 1e-12)
+    edges = np.diff(weight, prepend=0.0, append=0.0)
+    linear = edges @ edges + 2.0 * OVERLAP * (edges[1:] @ edges[:-1])
+    across = 0.5 * noise_z * (power * linear + noise_z * (weight @ weight))
+    noise_hz2 = across / (2.0 * np.pi * dt_s * power * weight.sum() * scale) ** 2
+    length_s = float(np.hypot(2.0 * half * step_s, 1.6 * step_s))
+    smear_hz = 1e-3 * float(np.interp(length_s, SMEAR_S, SMEAR_MHZ))
+    return _Step(
+        float(np.angle(total) / (2.0 * np.pi * dt_s)), float(noise_hz2) + smear_hz**2, length_s
+    )
