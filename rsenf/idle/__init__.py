@@ -5,13 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rsenf.errors import UsageError
-from rsenf.idle.coherent import coherent
+from rsenf.idle import coherent, line_ratio, vertical_phase
 from rsenf.idle.seen import Finding, Seen
 from rsenf.idle.settings import IdleSettings
 from rsenf.idle.stage import IdleStage
 from rsenf.stage import Stage
 
-METHODS: dict[str, Callable[[Seen], Finding]] = {"coherent": coherent}
+METHODS: dict[str, Callable[[Seen], Finding]] = {
+    "coherent": coherent.conclude,
+    "vertical_phase": vertical_phase.conclude,
+    "line_ratio": line_ratio.continuous,
+    "line_ratio_bins": line_ratio.binned,
+}
 
 
 def make_idle(settings: IdleSettings) -> Stage:

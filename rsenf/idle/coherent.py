@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from rsenf.idle.limits import MIN_FLICKER_RATIO, STILL, WEAK, too_still
+from rsenf.idle.limits import MIN_COHERENCE, MIN_FLICKER_RATIO, NO_RAMP, STILL, WEAK, hardly_turned
 from rsenf.idle.moments import HARMONICS
 from rsenf.idle.ramp import Profile, find_ramp
+from rsenf.idle.row_tones import coherence, row_tones
 from rsenf.idle.seen import Finding, Seen
 from rsenf.idle.spread import jackknife_var
+from rsenf.idle.still import still
 
 BEYOND = 1.05  # of the steepest ramp that a frame has room for: its peak may lie a little outside
 
 
-def coherent(seen: Seen) -> Finding:
+def conclude(seen: Seen) -> Finding:
     """Conclude from the most likely ramp down the rows."""
-    if too_still(seen):
+    if seen.stands_still:
+        return still(seen)
+    if hardly_turned(seen):
         return STILL
     ramp = find_ramp(seen.moments, BEYOND * seen.most_turns)
     if ramp.flicker_ratio < MIN_FLICKER_RATIO:
         return WEAK
+    tone, level = row_tones(seen.moments)
+    if coherence(tone, level, ramp.turns) < MIN_COHERENCE:
+        return NO_RAMP
     profile = Profile(seen.moments, HARMONICS, ramp.brightness)
     variance = max(jackknife_var(profile, ramp.turns), ramp.bound_var)
-    return Finding.of_turns(ramp.turns, variance)
+    return Finding.of_turns(ramp.turns, variance, seen.f0_hz)

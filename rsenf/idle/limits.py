@@ -12,44 +12,77 @@ MAX_STILL_RATIO = 0.96
 MIN_FLICKER_RATIO = 1e-3
 # Below this many turns every row sees the same light: half a millisecond of read-out.
 MIN_TURNS = 0.05
-MAX_STD_RATIO = 0.025  # standard error of the idle ratio
+MAX_STD_RATIO = 0.035  # standard error of the idle ratio
 # Of the frame period: a read-out can't take longer, an estimate may by its error.
 SLACK_RATIO = 0.02
+# Of the rows' tones, the least share that adds up along the ramp.
+MIN_COHERENCE = 0.6
+# Two grids whose light shows alike from frame to frame, within so many Hz.
+ALIKE_HZ = 1.0
 
 CROP = "a crop, as by electronic image stabilisation, counts as idle"
+
+
+def refused(reason: str) -> Finding:
+    """Return a refusal."""
+    return Finding(verdict="refused", reason=reason)
+
+
+NO_FLICKER = Finding(verdict="no_signal", reason="no mains flicker stands out")
+TOO_SHORT = Finding(verdict="no_signal", reason="too short to tell")
+STILL = Finding(
+    verdict="ambiguous",
+    reason="the flicker stands still from frame to frame, and its phase turned by less than about "
+    "a radian: it can't be told from the picture's texture",
+)
+WEAK = refused(
+    "hardly any flicker is left: an exposure of a whole number of its periods (anti-flicker), or "
+    "a nearly steady light"
+)
+NO_ROWS = refused("one mean for the whole frame: the rows are needed")
+SAWTOOTH = refused(
+    "the brightness ramps and is reset at key frames: weighted prediction of the encoder, not light"
+)
+GLOBAL = refused(
+    "all rows show the same phase: a global shutter, a very short read-out, or a codec that copies "
+    "rows downwards"
+)
+NO_RAMP = refused("the rows' phases don't lie on one ramp")
+TOO_LONG = refused("by the rows' phases a frame would take longer to read than it lasts")
 
 
 def checked(seen: Seen, finding: Finding) -> Finding:
     """Return the finding, or why it must not be claimed."""
     if finding.verdict != "estimated":
         return finding
-    std_ratio = finding.turns_std / seen.most_turns
-    if abs(finding.turns) < max(MIN_TURNS, 2.0 * finding.turns_std):
-        return _refused(
-            "every row sees the light at once: a global shutter, or a very short read-out"
-        )
+    std_ratio = finding.read_out_std_s * seen.frame_rate_hz
     if not std_ratio <= MAX_STD_RATIO:
-        return _refused(f"too uncertain: ±{100 * std_ratio:.1f} points, the codec has gone too far")
-    if seen.idle_ratio(finding.turns) < -max(SLACK_RATIO, 3.0 * std_ratio):
-        return _refused("the rows' phases would take longer than a frame to read")
+        return refused(f"too uncertain (±{100 * std_ratio:.1f} points): the codec has gone too far")
+    if abs(finding.turns) < max(MIN_TURNS, 2.0 * finding.read_out_std_s * finding.f0_hz):
+        return GLOBAL
+    if finding.read_out_s * seen.frame_rate_hz - 1.0 > max(SLACK_RATIO, 3.0 * std_ratio):
+        return TOO_LONG
     return finding
 
 
-def too_still(seen: Seen) -> bool:
-    """Whether the flicker hardly turned from frame to frame, so that texture hides it."""
+def hardly_turned(seen: Seen) -> bool:
+    """Whether the followed flicker hardly turned from frame to frame, so that texture hides it."""
     return seen.moments.still_ratio() > MAX_STILL_RATIO
 
 
-def _refused(reason: str) -> Finding:
-    return Finding(verdict="refused", reason=reason)
+def look_alike(frame_rate_hz: float) -> Finding:
+    """Say that the frame rate can't tell the two grids apart."""
+    return Finding(
+        verdict="ambiguous",
+        reason=f"at {frame_rate_hz:.4g} frames/s light on 50 and on 60 Hz looks alike: give the "
+        "nominal frequency",
+    )
 
 
-STILL = Finding(
-    verdict="ambiguous",
-    reason="the flicker stands still from frame to frame, and its phase turned by less than about "
-    "a radian: it can't be told from the picture's texture",
-)
-WEAK = _refused(
-    "hardly any flicker is left: an exposure of a whole number of its periods (anti-flicker), or "
-    "a nearly steady light"
-)
+def are_alike(frame_rate_hz: float) -> bool:
+    """Whether 100 and 120 Hz have the same alias, or mirror images of each other."""
+    gaps = (120.0 - 100.0, 120.0 + 100.0)
+    return any(
+        abs((gap + frame_rate_hz / 2) % frame_rate_hz - frame_rate_hz / 2) < ALIKE_HZ
+        for gap in gaps
+    )

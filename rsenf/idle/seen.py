@@ -6,37 +6,54 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rsenf.idle.bins import Bins
 from rsenf.idle.moments import Moments
 
 NAN = float("nan")
+# The follower's sums are of use from here on.
+MIN_FRAMES = 100
+# Nearer to 0 Hz than this the flicker stands still from frame to frame, and the grid's deviation
+# alone tells it from the texture.
+STILL_HZ = 1.0
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Seen:
     """Everything so far, in memory that doesn't grow.
 
     Parameters
     ----------
     moments : Moments
-        Sums over the frames whose phase is known.
-    nominal_hz, f0_hz : float
-        Nominal grid frequency, and mean illumination frequency.
+        Sums over the frames at which the flicker's phase is known.
+    bins : Bins
+        Mean rows of short times, whether or not any flicker was found in them.
+    nominal_hz : float
+        Nominal grid frequency: found, or the one whose flicker would stand still; NaN for neither.
+    f0_hz : float
+        Mean illumination frequency, as far as it was followed.
     frame_rate_hz : float
     """
 
     moments: Moments
+    bins: Bins
     nominal_hz: float
     f0_hz: float
     frame_rate_hz: float
 
     @property
+    def stands_still(self) -> bool:
+        """Whether the flicker's alias is at 0 Hz."""
+        return abs(alias_hz(2.0 * self.nominal_hz, self.frame_rate_hz)) < STILL_HZ
+
+    @property
+    def followed(self) -> bool:
+        """Whether the flicker was followed for long enough."""
+        return self.moments.frames >= MIN_FRAMES
+
+    @property
     def most_turns(self) -> float:
         """Turns down the rows of a read-out that takes all of the frame."""
         return self.f0_hz / self.frame_rate_hz
-
-    def idle_ratio(self, turns: float) -> float:
-        """Return the share of the frame that is left after so many turns."""
-        return 1.0 - abs(turns) / self.most_turns
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +69,8 @@ class Finding:
     turns : float
         Of the first harmonic down the rows of one frame; negative is bottom to top.
     turns_var : float
+    f0_hz : float
+        Mean illumination frequency that the turns are of.
     direction : str
         'forward', 'reverse', or '' when not told apart.
     warnings : tuple of str
@@ -61,21 +80,32 @@ class Finding:
     reason: str = ""
     turns: float = NAN
     turns_var: float = NAN
+    f0_hz: float = NAN
     direction: str = ""
     warnings: tuple[str, ...] = ()
 
     @classmethod
-    def of_turns(cls, turns: float, turns_var: float, *warnings: str) -> Finding:
+    def of_turns(cls, turns: float, turns_var: float, f0_hz: float) -> Finding:
         """Claim a number of turns, and the direction by its sign."""
         return cls(
             verdict="estimated",
             turns=turns,
             turns_var=turns_var,
+            f0_hz=f0_hz,
             direction="forward" if turns > 0 else "reverse",
-            warnings=warnings,
         )
 
     @property
-    def turns_std(self) -> float:
-        """Standard error of the turns."""
-        return float(np.sqrt(self.turns_var))
+    def read_out_s(self) -> float:
+        """Time from the first row to the last and one more."""
+        return abs(self.turns) / self.f0_hz
+
+    @property
+    def read_out_std_s(self) -> float:
+        """Its standard error."""
+        return float(np.sqrt(self.turns_var)) / self.f0_hz
+
+
+def alias_hz(carrier_hz: float, frame_rate_hz: float) -> float:
+    """Return where a frequency shows from frame to frame, within ± half the rate."""
+    return (carrier_hz + frame_rate_hz / 2) % frame_rate_hz - frame_rate_hz / 2

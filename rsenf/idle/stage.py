@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from rsenf.idle.limits import CROP, checked
+from rsenf.idle.bins import Bins
+from rsenf.idle.limits import (
+    CROP,
+    NO_ROWS,
+    SAWTOOTH,
+    TOO_SHORT,
+    are_alike,
+    checked,
+    look_alike,
+)
 from rsenf.idle.moments import Moments
 from rsenf.idle.pairing import Pairing, PhasedBlock
 from rsenf.idle.sawtooth import Sawtooth
-from rsenf.idle.seen import Finding, Seen
+from rsenf.idle.seen import STILL_HZ, Finding, Seen, alias_hz
 from rsenf.idle.settings import IdleSettings
 from rsenf.messages import Header, IdleEstimate, RowBlock
 from rsenf.timebase import NS_PER_S
 
 MIN_ROWS = 16
-MIN_FRAMES = 100
 # Half-width of the 95 % interval in standard errors: Student's t for a dozen bands of rows.
 INTERVAL_STDS = 2.2
-# Two grids whose light shows alike from frame to frame, within so many Hz.
-ALIKE_HZ = 1.0
 
 
 class IdleStage:
@@ -40,26 +47,27 @@ class IdleStage:
         self._pairing = Pairing(settings.nominal_hz)
         self._sawtooth = Sawtooth()
         self._moments: Moments | None = None
+        self._bins: Bins | None = None
+        self._unusable: Counter[str] = Counter()
+        self._first: Header | None = None
+        self._first_number, self._first_ns, self._rows = 0, 0, 0
         self._header: Header | None = None
-        self._first: RowBlock | None = None
-        self._number, self._pts_ns = -1, 0
-        self._unusable: dict[str, int] = {}
-        self._frames = 0
-        self._published = 0
-        self._due = 1
+        self._number, self._last_ns, self._frames = -1, 0, 0
+        self._published, self._due = 0, 1
 
     def update(self, message: RowBlock) -> list[Any]:
         """Take a block of rows; return the estimate that is due, if any."""
         if message.frames == 0:
             return []
         if self._first is None:
-            self._first = message
-        if message.rows != self._first.rows:
+            self._begin(message)
+        if message.rows != self._rows:
             return []
+        self._look(message)
         for phased in self._pairing.update(message):
             self._take(phased)
-        span_s = (self._pts_ns - int(self._first.frame_pts_ns[0])) / NS_PER_S
-        if self._header is None or span_s < self._due * self._settings.every_s:
+        span_s = (self._last_ns - self._first_ns) / NS_PER_S
+        if span_s < self._due * self._settings.every_s:
             return []
         self._due = int(span_s / self._settings.every_s) + 1
         return [self._publish()]
@@ -70,82 +78,89 @@ class IdleStage:
             self._take(phased)
         return [self._publish()] if self._header is not None else []
 
-    def _take(self, phased: PhasedBlock) -> None:
-        block = phased.block
+    def _begin(self, block: RowBlock) -> None:
+        self._first, self._rows = block.header, block.rows
+        self._first_number, self._first_ns = int(block.frame_number[0]), int(block.frame_pts_ns[0])
+        self._moments, self._bins = Moments(block.rows), Bins(block)
+
+    def _look(self, block: RowBlock) -> None:
+        """Take from a block what needs no phase."""
+        assert self._bins is not None
         self._header = block.header
-        self._number, self._pts_ns = int(block.frame_number[-1]), int(block.frame_pts_ns[-1])
+        self._number, self._last_ns = int(block.frame_number[-1]), int(block.frame_pts_ns[-1])
         self._frames += block.frames
         if not block.usable:
-            self._unusable[block.reason] = self._unusable.get(block.reason, 0) + block.frames
+            self._unusable[block.reason] += block.frames
             return
-        level = block.level.mean(axis=2, dtype=np.float64)
-        self._sawtooth.add(level.mean(axis=1))
+        self._bins.add(block)
+        self._sawtooth.add(block.level.mean(axis=(1, 2), dtype=np.float64))
+
+    def _take(self, phased: PhasedBlock) -> None:
+        """Add the frames whose phase is known now."""
+        assert self._moments is not None
         known = np.isfinite(phased.phase_rad)
-        if block.rows >= MIN_ROWS and known.any():
-            if self._moments is None:
-                self._moments = Moments(block.rows)
-            self._moments.add(phased.phase_rad[known], level[known])
+        if phased.block.usable and known.any():
+            level = phased.block.level[known].mean(axis=2, dtype=np.float64)
+            self._moments.add(phased.phase_rad[known], level)
 
     def _frame_rate_hz(self) -> float:
-        assert self._first is not None
-        frames = self._number - int(self._first.frame_number[0])
-        span_ns = self._pts_ns - int(self._first.frame_pts_ns[0])
+        span_ns = self._last_ns - self._first_ns
+        frames = self._number - self._first_number
         return frames * NS_PER_S / span_ns if span_ns > 0 else float("nan")
 
     def _finding(self, rate_hz: float) -> Finding:
         """What can be said before any method has a say, or the method's word."""
-        assert self._first is not None
-        if self._first.rows < MIN_ROWS:
-            return Finding(
-                verdict="refused", reason="one mean for the whole frame: the rows are needed"
-            )
+        assert self._bins is not None
+        assert self._moments is not None
+        if self._rows < MIN_ROWS:
+            return NO_ROWS
         if self._sawtooth.found:
-            return Finding(
-                verdict="refused",
-                reason="the brightness ramps and is reset at key frames: weighted prediction of "
-                "the encoder, not light",
-            )
-        nominal_hz = self._pairing.nominal_hz
-        if self._moments is None or self._moments.frames < MIN_FRAMES:
-            return Finding(verdict="no_signal", reason=self._why_nothing())
-        if self._settings.nominal_hz is None and _alike(rate_hz):
-            return Finding(
-                verdict="ambiguous",
-                reason=f"at {rate_hz:.4g} frames/s light on 50 and on 60 Hz looks alike: give the "
-                "nominal frequency",
-            )
+            return SAWTOOTH
         seen = Seen(
             moments=self._moments,
-            nominal_hz=nominal_hz,
+            bins=self._bins,
+            nominal_hz=self._nominal_hz(rate_hz),
             f0_hz=self._pairing.f0_hz,
             frame_rate_hz=rate_hz,
         )
-        return checked(seen, self._conclude(seen))
+        if not seen.followed and not seen.stands_still:
+            return Finding(verdict="no_signal", reason=self._why_nothing())
+        finding = checked(seen, self._conclude(seen))
+        claims = finding.verdict in ("estimated", "ambiguous")
+        if claims and self._settings.nominal_hz is None and are_alike(rate_hz):
+            return look_alike(rate_hz)
+        return finding
+
+    def _nominal_hz(self, rate_hz: float) -> float:
+        """Nominal grid frequency: the one followed, or one whose flicker would stand still."""
+        if np.isfinite(self._pairing.nominal_hz):
+            return self._pairing.nominal_hz
+        given = self._settings.nominal_hz
+        tried = (given,) if given else (50.0, 60.0)
+        still = [hz for hz in tried if abs(alias_hz(2.0 * hz, rate_hz)) < STILL_HZ]
+        return still[0] if still else float("nan")
 
     def _why_nothing(self) -> str:
         """Most frequent reason why no frame could be used."""
-        reasons = dict(self._pairing.reasons)
-        if sum(self._unusable.values()) > self._frames / 2:
-            reasons = self._unusable
-        if not reasons:
-            return "too short to tell"
-        return max(reasons, key=lambda r: reasons[r])
+        mostly_unusable = 2 * self._unusable.total() > self._frames
+        reasons = self._unusable if mostly_unusable else self._pairing.reasons
+        return reasons.most_common(1)[0][0] if reasons else TOO_SHORT.reason
 
     def _publish(self) -> IdleEstimate:
         assert self._header is not None
         assert self._first is not None
         rate_hz = self._frame_rate_hz()
         finding = self._finding(rate_hz)
-        first = self._first.header
         header = dataclasses.replace(
             self._header,
             seq=self._published,
-            frame_first=int(self._first.frame_number[0]),
+            frame_first=self._first.frame_first,
             frame_last=self._number,
-            pts_ns=first.pts_ns,
-            camera_time_ns=first.camera_time_ns,
+            pts_ns=self._first.pts_ns,
+            camera_time_ns=self._first.camera_time_ns,
         )
         self._published += 1
+        claims = finding.verdict == "estimated"
         blank = IdleEstimate(
             header=header,
             method=self._settings.method,
@@ -153,18 +168,16 @@ class IdleStage:
             reason=finding.reason,
             direction=finding.direction,
             frame_rate_hz=rate_hz,
-            nominal_hz=self._pairing.nominal_hz,
-            warnings=finding.warnings,
+            nominal_hz=self._nominal_hz(rate_hz) if claims else self._pairing.nominal_hz,
+            warnings=(*finding.warnings, CROP) if claims else finding.warnings,
         )
-        if finding.verdict != "estimated":
-            return blank
-        return _claim(blank, finding, self._pairing.f0_hz)
+        return _with_numbers(blank, finding) if claims else blank
 
 
-def _claim(blank: IdleEstimate, finding: Finding, f0_hz: float) -> IdleEstimate:
+def _with_numbers(blank: IdleEstimate, finding: Finding) -> IdleEstimate:
     """Put the numbers in: ``T_ro = |q|/f_0`` and ``ρ = 1 − T_ro·F_r``."""
-    read_out_s, std_s = abs(finding.turns) / f0_hz, finding.turns_std / f0_hz
-    idle, std = 1.0 - read_out_s * blank.frame_rate_hz, std_s * blank.frame_rate_hz
+    idle = 1.0 - finding.read_out_s * blank.frame_rate_hz
+    std = finding.read_out_std_s * blank.frame_rate_hz
     low, high = np.clip([idle - INTERVAL_STDS * std, idle + INTERVAL_STDS * std], 0.0, 1.0)
     return dataclasses.replace(
         blank,
@@ -172,15 +185,6 @@ def _claim(blank: IdleEstimate, finding: Finding, f0_hz: float) -> IdleEstimate:
         idle_ratio_var=std**2,
         idle_ratio_low=float(low),
         idle_ratio_high=float(high),
-        read_out_time_s=read_out_s,
-        read_out_time_var_s2=std_s**2,
-        warnings=(*finding.warnings, CROP),
+        read_out_time_s=finding.read_out_s,
+        read_out_time_var_s2=finding.read_out_std_s**2,
     )
-
-
-def _alike(frame_rate_hz: float) -> bool:
-    """Whether 100 and 120 Hz have the same alias, or mirror images of each other."""
-    a, b = (hz % frame_rate_hz for hz in (100.0, 120.0))
-    gaps = np.array([a - b, a + b])
-    gaps = np.abs((gaps + frame_rate_hz / 2) % frame_rate_hz - frame_rate_hz / 2)
-    return bool(np.min(gaps) < ALIKE_HZ)

@@ -1,0 +1,130 @@
+"""The paper's estimator: the two strongest lines of the row series, and the ratio between them.
+
+Concatenating the rows of all frames puts the flicker's line at ``f_0 − m·F_r`` with the amplitude
+``|sinc(c − m)|``, ``c = f_0·ρ/F_r`` (:mod:`rsenf.flicker.lines`; paper Eq. 21, ``Shifted_ENF``).
+The strongest two are the neighbours of ``c``, and the ratio of their amplitudes is ``(1 − x)/x``
+where ``x`` is how far ``c`` is from the stronger one. Lines below 0 Hz, which are seen folded,
+belong to it as any other; those beyond them are strongest when the last row is read first.
+
+The paper compares with a table in steps of 5 %; that is the method of another name.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.flicker.lines import Line, templates
+from rsenf.idle.limits import MIN_COHERENCE, MIN_FLICKER_RATIO, STILL, WEAK, hardly_turned, refused
+from rsenf.idle.row_tones import coherence, row_tones
+from rsenf.idle.seen import Finding, Seen
+
+Float = NDArray[np.float64]
+
+BIN = 0.05  # idle ratio between the rows of the paper's tables
+# Nearer than this to one line the second is too weak to tell a side.
+ON_A_LINE = 0.01
+
+# Texture pulls two neighbours of the strongest line apart by three times what it does to ``c``.
+DOUBT = 1.0 / 3.0
+
+MIRRORED = refused(
+    "the frame rate divides the flicker's frequency: lines fall on their own mirror images and on "
+    "the texture, and their ratio depends on the light's phase"
+)
+NO_MATCH = refused("no match: the strongest lines aren't those of one ramp, as the model has them")
+
+
+@dataclass(frozen=True)
+class TwoLines:
+    """The strongest line ``m``, on which side of it the next one is, and their amplitude ratio.
+
+    ``third_ratio`` is that of the strongest line to its other neighbour.
+    """
+
+    m: int
+    side: int
+    ratio: float
+    third_ratio: float
+
+    def place(self) -> float:
+        """``c``, by the strongest two."""
+        return self.m + self.side / (1.0 + self.ratio)
+
+    def error(self) -> float:
+        """Standard error of ``c``: a share of how far off it is by what the third line says.
+
+        That line is ``(1 + x)/x`` times weaker than the first.
+        """
+        return DOUBT * abs(1.0 / (1.0 + self.ratio) - 1.0 / max(self.third_ratio - 1.0, 1.0))
+
+
+def continuous(seen: Seen) -> Finding:
+    """Conclude from the two strongest lines, anywhere between the rows of the tables."""
+    found = _two_lines(seen)
+    if isinstance(found, Finding):
+        return found
+    return _claim(seen, found.place(), found.error())
+
+
+def binned(seen: Seen) -> Finding:
+    """Conclude as the paper: the row of its table with these lines and the nearest ratio."""
+    found = _two_lines(seen)
+    if isinstance(found, Finding):
+        return found
+    table = [
+        (abs(math.log(ratio / found.ratio)), c)
+        for c, ratio in _table(seen.most_turns, found.m, found.side)
+    ]
+    if not table:
+        return NO_MATCH
+    error = math.hypot(found.error(), BIN / math.sqrt(12.0) * seen.most_turns)
+    return _claim(seen, min(table)[1], error)
+
+
+def _two_lines(seen: Seen) -> TwoLines | Finding:
+    if seen.stands_still:
+        return MIRRORED
+    if hardly_turned(seen):
+        return STILL
+    tone, level = row_tones(seen.moments)
+    if 2.0 * np.abs(tone).mean() < MIN_FLICKER_RATIO * level.mean():
+        return WEAK
+    number = np.arange(-1, math.ceil(2.0 * seen.most_turns) + 2)
+    lines = tuple(Line(seen.f0_hz / 2.0, 1, -int(m)) for m in number)
+    # Nothing is to be hidden from these ramps: the texture is gone from the rows' own tones.
+    size = np.abs(tone @ templates(lines, seen.frame_rate_hz, tone.size, -1.0))
+    first = int(np.argmax(size[1:-1])) + 1
+    side = 1 if size[first + 1] > size[first - 1] else -1
+    others = np.delete(size, [first, first + side])
+    if others.max() > size[first + side]:
+        return NO_MATCH
+    floor = np.finfo(float).tiny
+    found = TwoLines(
+        int(number[first]),
+        side,
+        float(size[first] / max(size[first + side], floor)),
+        float(size[first] / max(size[first - side], floor)),
+    )
+    aligned = coherence(tone, level, seen.most_turns - found.place())
+    return found if aligned >= MIN_COHERENCE else NO_MATCH
+
+
+def _table(most_turns: float, m: int, side: int) -> list[tuple[float, float]]:
+    """Rows of the paper's table with these two lines: ``c`` and the ratio, both read-outs."""
+    out = []
+    for idle in np.arange(0.0, 1.0, BIN):
+        for c in (idle * most_turns, (2.0 - idle) * most_turns):
+            x = (c - m) * side
+            if abs(x) < ON_A_LINE:
+                out.append((c, 1.0 / ON_A_LINE))
+            elif 0.0 < x <= 0.5:
+                out.append((c, (1.0 - x) / x))
+    return out
+
+
+def _claim(seen: Seen, c: float, error: float) -> Finding:
+    return Finding.of_turns(seen.most_turns - c, error**2, seen.f0_hz)

@@ -1,0 +1,70 @@
+"""Flicker that stands still from frame to frame: 25 frames a second on 50 Hz, 30 on 60, and so on.
+
+The alias is at 0 Hz, and every row's flicker looks like texture, but for the grid's deviation,
+which turns all rows' phases together. Texture, ramp and phases are fitted jointly
+(:mod:`rsenf.flicker.zero_alias`). The mirror image fits equally well: read-out from the last row,
+and the deviation with the other sign.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from rsenf.flicker.zero_alias import MIN_BINS, ZeroAlias, separate
+from rsenf.idle.limits import MIN_FLICKER_RATIO, NO_FLICKER, STILL, TOO_SHORT, WEAK
+from rsenf.idle.seen import Finding, Seen, alias_hz
+
+# Deviations of the illumination's frequency from its nominal: a large one, as a standard deviation.
+USUAL_HZ = 0.06
+# Odds at which a direction counts as known by its deviation being a usual one, as a logarithm.
+SURE = 7.0
+
+ASSUMED = "top to bottom is assumed: the direction of read-out can't be told at this frame rate"
+
+
+def still(seen: Seen) -> Finding:
+    """Conclude from the joint fit of texture and flicker."""
+    if len(seen.bins) < MIN_BINS:
+        return TOO_SHORT
+    level, t_s, frames = seen.bins.means()
+    fit = separate(level, t_s, frames)
+    if fit is None or not fit.is_flicker:
+        return NO_FLICKER
+    if fit.amplitude < MIN_FLICKER_RATIO:
+        return WEAK
+    if not fit.determined:
+        return STILL
+    return _claim(seen, fit, _mean_rate_hz(fit, t_s))
+
+
+def _mean_rate_hz(fit: ZeroAlias, t_s: np.typing.NDArray[np.float64]) -> float:
+    return float((fit.phase_rad[-1] - fit.phase_rad[0]) / (t_s[-1] - t_s[0]) / (2.0 * np.pi))
+
+
+def _claim(seen: Seen, fit: ZeroAlias, rate_hz: float) -> Finding:
+    """Claim the ramp, and its direction if the fit or the grid's usual deviation tells it."""
+    carrier_hz = 2.0 * seen.nominal_hz
+    still_hz = carrier_hz - alias_hz(carrier_hz, seen.frame_rate_hz)
+    odds = _log_odds(still_hz + rate_hz - carrier_hz, still_hz - rate_hz - carrier_hz)
+    sign = fit.direction or (int(np.sign(odds)) if abs(odds) > SURE else 0)
+    found = Finding.of_turns(
+        (sign or 1) * fit.turns, fit.turns_std**2, still_hz + (sign or 1) * rate_hz
+    )
+    if sign:
+        return found
+    # The frequency may be as far on the other side.
+    either_var = (fit.turns * rate_hz / still_hz) ** 2
+    return dataclasses.replace(
+        found,
+        f0_hz=still_hz,
+        turns_var=found.turns_var + either_var,
+        direction="",
+        warnings=(ASSUMED,),
+    )
+
+
+def _log_odds(forward_hz: float, reverse_hz: float) -> float:
+    """Logarithm of the odds of two deviations from the nominal frequency."""
+    return (reverse_hz**2 - forward_hz**2) / (2.0 * USUAL_HZ**2)

@@ -1,0 +1,60 @@
+"""Vertical phase analysis: the phase of every row's own series, and its slope down the rows.
+
+Hajj-Ahmad, Berkovich & Wu, "Exploiting power signatures for camera forensics", IEEE Signal
+Processing Letters 23, 713, 2016, as the paper compares with it: the phase of row ``l`` at the
+flicker's alias advances by ``2π·f_0·T_ro/L`` from row to row. With ``f_I`` rows read in a second
+and ``N_c`` rows in a frame the idle ratio is ``1 − N_c·F_r/f_I`` (the paper prints the fraction
+upside down). Each row is taken on its own, so a weak one unwraps wrongly; and at an alias of 0 Hz
+a row's flicker and its texture are the same.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.idle.limits import (
+    MIN_COHERENCE,
+    MIN_FLICKER_RATIO,
+    NO_RAMP,
+    STILL,
+    WEAK,
+    hardly_turned,
+    refused,
+)
+from rsenf.idle.row_tones import coherence, row_tones
+from rsenf.idle.seen import Finding, Seen
+from rsenf.idle.spread import left_out
+
+Float = NDArray[np.float64]
+
+AT_ZERO = refused(
+    "the flicker's alias is at 0 Hz, where a row's flicker can't be told from texture"
+)
+
+
+def conclude(seen: Seen) -> Finding:
+    """Conclude from the slope of the rows' phases."""
+    if seen.stands_still:
+        return AT_ZERO
+    if hardly_turned(seen):
+        return STILL
+    tone, level = row_tones(seen.moments)
+    if 2.0 * np.abs(tone).mean() < MIN_FLICKER_RATIO * level.mean():
+        return WEAK
+    phase, weight = np.unwrap(np.angle(tone)), np.abs(tone) ** 2
+    slope = _slopes(phase, weight[None, :])[0]
+    if coherence(tone, level, float(slope) * phase.size / (2.0 * np.pi)) < MIN_COHERENCE:
+        return NO_RAMP
+    without = _slopes(phase, weight * left_out(phase.size))
+    scale = phase.size / (2.0 * np.pi)
+    variance = (len(without) - 1) * float(np.var(without))
+    return Finding.of_turns(float(slope) * scale, variance * scale**2, seen.f0_hz)
+
+
+def _slopes(phase: Float, weight: Float) -> Float:
+    """Weighted slopes by row number, one for each weighting: (tries,) from (tries, rows)."""
+    row = np.arange(phase.size)
+    total = weight.sum(axis=1)
+    place = row - (weight @ row / total)[:, None]
+    return np.asarray(np.sum(weight * place * phase, axis=1) / np.sum(weight * place**2, axis=1))
