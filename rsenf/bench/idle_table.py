@@ -24,9 +24,15 @@ def idle_rows(records: Iterable[Record], by: Sequence[str] = CELL) -> list[dict[
     """Return a row for each cell and method; errors in percentage points of the frame period.
 
     Errors are those of the clips that were estimated; all others are counted, each as what it is.
+    ``beaten`` counts clips in which another method came nearer to the truth by more than this
+    one's own standard error.
     """
     return [
-        cell | {"method": method} | _row(found) | _mark(cell, method)
+        cell
+        | {"method": method}
+        | _row(found)
+        | {"beaten": _beaten(found, [f for m, f in methods.items() if m != method])}
+        | _mark(cell, method)
         for cell, methods in cells(records, by, "idle")
         for method, found in methods.items()
     ]
@@ -34,8 +40,7 @@ def idle_rows(records: Iterable[Record], by: Sequence[str] = CELL) -> list[dict[
 
 def _row(found: Sequence[Found]) -> dict[str, Any]:
     verdicts = Counter("broke" if "broke" in r else r["verdict"] for _, r in found)
-    given = [r for _, r in found if r.get("verdict") == "estimated"]
-    given = [r for r in given if r["error_percent"] is not None]
+    given = [r for _, r in found if _error(r) is not None]
     errors = [abs(r["error_percent"]) for r in given]
     stds = [r["std_percent"] for r in given if r["std_percent"]]
     relative = [e for r in given for e in relative_errors(r).tolist()]
@@ -50,6 +55,26 @@ def _row(found: Sequence[Found]) -> dict[str, Any]:
         "bound_percent": median(bounds),
         "cpu_ms_per_s": cpu_ms_per_s(found),
     }
+
+
+def _beaten(found: Sequence[Found], others: Sequence[Sequence[Found]]) -> int:
+    nearest: dict[str, float] = {}
+    for record, result in (pair for other in others for pair in other):
+        error = _error(result)
+        if error is not None:
+            nearest[record["key"]] = min(error, nearest.get(record["key"], error))
+    return sum(
+        error - nearest[record["key"]] > (result["std_percent"] or 0.0)
+        for record, result in found
+        if (error := _error(result)) is not None and record["key"] in nearest
+    )
+
+
+def _error(result: dict[str, Any]) -> float | None:
+    """Size of the error of a clip that was estimated."""
+    if result.get("verdict") != "estimated" or result["error_percent"] is None:
+        return None
+    return abs(float(result["error_percent"]))
 
 
 def _mark(cell: dict[str, Any], method: str) -> dict[str, Any]:

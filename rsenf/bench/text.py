@@ -16,8 +16,9 @@ _ZERO = """\
 more; <1 rad: by less, too little to tell flicker from texture."""
 _IDLE_NOTE = f"""\
 Errors in percentage points of the frame period, over the clips that were estimated; est, amb, ref
-and none count clips: estimated, ambiguous, refused, no signal. spread: rms of error over standard
-error. bound: Cramér–Rao, uncoded. The paper, five cameras at 720p and 29.97 fps, 6 videos each:
+and none count clips: estimated, ambiguous, refused, no signal. beaten: clips in which another
+method came nearer by more than this one's standard error. spread: rms of error over standard error.
+bound: Cramér–Rao, uncoded. The paper, five cameras at 720p and 29.97 fps, 6 videos each:
 average errors {min(PAPER_AVERAGE_ERROR_PERCENT)} to {max(PAPER_AVERAGE_ERROR_PERCENT):.2f}."""
 _ENF_NOTE = """\
 rms of a clip in mHz, against the grid's mean over the second around each value. bright: clips with
@@ -61,7 +62,7 @@ def _made_from(document: Row) -> str:
 
 
 _IDLE_HEAD = ("cell", "coding", "method", "clips", "est", "amb", "ref", "none", "broke", "median",
-              "worst", "std", "spread", "bound", "mark", "ms/s")  # fmt: skip
+              "worst", "beaten", "std", "spread", "bound", "mark", "ms/s")  # fmt: skip
 _ENF_HEAD = ("cell", "coding", "method", "clips", "with", "broke", "usable", "median", "worst",
              "bright", "median", "worst", "within", ">stft", "std", "spread", ">3σ", "bound",
              "mark", "ms/s")  # fmt: skip
@@ -73,8 +74,8 @@ def _idle_cells(row: Row) -> list[str]:
     return [
         _cell(row), row["coding"], row["method"], str(row["clips"]),
         *(str(row[verdict]) for verdict in (*VERDICTS, "broke")),
-        *(_number(row[f"{name}_percent"]) for name in ("median", "worst", "std")),
-        _number(row["spread"]), _number(row["bound_percent"]),
+        _number(row["median_percent"]), _number(row["worst_percent"]), str(row["beaten"]),
+        _number(row["std_percent"]), _number(row["spread"]), _number(row["bound_percent"]),
         _against(row["mark_percent"], row["median_percent"]), _number(row["cpu_ms_per_s"]),
     ]  # fmt: skip
 

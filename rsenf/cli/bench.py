@@ -47,7 +47,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=count, default=2, metavar="N", help="processes (2)")
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--json", action="store_true")
-    how.add_argument("--markdown", action="store_true", help="for a page; sizes together")
+    how.add_argument("--markdown", action="store_true", help="for a page")
+    parser.add_argument("--pool-sizes", action="store_true", help="all sizes in one cell")
     plan = parser.add_argument_group("clips")
     plan.add_argument("--seed", type=count, dest="first_seed", metavar="FIRST", help="(0)")
     plan.add_argument("--clips", type=count, metavar="N", help="of each cell (20) or scene (40)")
@@ -85,8 +86,8 @@ def run(args: argparse.Namespace) -> int:
     else:
         with tempfile.TemporaryDirectory() as folder:
             records = _records(args, clips, Path(folder))
-    document = tabulate(args.table, records)
-    _print(args, document, records)
+    document = tabulate(args.table, records, pooled=args.pool_sizes)
+    _print(args, document)
     broke = sum(row["broke"] for row in document["rows"])
     if broke:
         say(f"methods broke {broke} times: see 'broke' in the results")
@@ -123,15 +124,14 @@ def _records(args: argparse.Namespace, clips: list[Clip], folder: Path) -> list[
         return measure_missing(clips, out, grids, max(args.jobs, 1), progress)
 
 
-def _print(args: argparse.Namespace, document: dict[str, Any], records: list[Record]) -> None:
-    from rsenf.bench.document import tabulate
+def _print(args: argparse.Namespace, document: dict[str, Any]) -> None:
     from rsenf.bench.text import page, text
     from rsenf.cli.console import print_json
 
     if args.json:
         print_json(document)
     elif args.markdown:
-        print(page(tabulate(args.table, records, pooled=True)))
+        print(page(document))
     else:
         print(text(document))
 

@@ -41,6 +41,17 @@ def test_idle_counts_verdicts_and_judges_estimates_alone() -> None:
     assert row["cpu_ms_per_s"] == pytest.approx(10.0)
 
 
+def test_idle_is_beaten_where_another_came_nearer_by_more_than_its_standard_error() -> None:
+    pairs = [
+        (idle("estimated", 0.5, 0.1), idle("estimated", -0.1, 2.0)),  # nearer by four of them
+        (idle("estimated", 0.5, 0.5), idle("estimated", 0.1, 2.0)),  # nearer, but not by one
+        (idle("estimated", 0.5, 0.1), idle("refused")),
+        (idle("refused"), idle("estimated", 0.1, 0.1)),
+    ]
+    records = [lit(n, {"coherent": a, "vertical_phase": b}, {}) for n, (a, b) in enumerate(pairs)]
+    assert [row["beaten"] for row in idle_rows(records)] == [1, 0]
+
+
 def test_alias_at_zero_is_a_cell_by_how_far_the_flicker_turns() -> None:
     at_25 = {"frame_rate": "25", "frames": 1500}
     assert idle_row()["turned"] is None

@@ -1,0 +1,80 @@
+"""Judging: each method says what it says when it runs alone; what breaks is counted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rsenf.bench import judge
+from rsenf.idle import METHODS as IDLE_METHODS
+from rsenf.idle import IdleSettings, make_idle
+from rsenf.messages import Header, RowBlock
+from rsenf.model import CaptureModel, GridPath, Shutter, simulate_rows, synthetic_grid
+from rsenf.rows.luminance import blocks_from_luminance
+
+GRID = synthetic_grid(21, 40.0)
+TRUE_RATIO = 0.3
+
+
+@pytest.fixture(scope="module")
+def blocks() -> list[RowBlock]:
+    model = CaptureModel(shutter=Shutter(rows=120, columns=320, idle_ratio=TRUE_RATIO))
+    rows = simulate_rows(model, GRID, 24.0, 21, strips=2)
+    return list(blocks_from_luminance(rows.level, rows.frame_time_s, Header()))
+
+
+@pytest.fixture(scope="module")
+def idle_together(blocks: Sequence[RowBlock]) -> dict[str, dict[str, Any]]:
+    return judge.judge_idle(blocks, TRUE_RATIO)
+
+
+@pytest.mark.parametrize("method", IDLE_METHODS)
+def test_idle_methods_say_what_they_say_alone(
+    blocks: Sequence[RowBlock], idle_together: dict[str, dict[str, Any]], method: str
+) -> None:
+    stage = make_idle(IdleSettings(method=method))
+    alone = [m for block in blocks for m in stage.update(block)] + stage.flush()
+    together = idle_together[method]
+    assert together["verdict"] == alone[-1].verdict
+    assert together["reason"] == alone[-1].reason
+    if np.isfinite(alone[-1].idle_ratio):
+        assert together["idle_percent"] == pytest.approx(100 * alone[-1].idle_ratio, abs=1e-7)
+        error = 100 * (alone[-1].idle_ratio - TRUE_RATIO)
+        assert together["error_percent"] == pytest.approx(error, abs=1e-7)
+        std = 100 * np.sqrt(alone[-1].idle_ratio_var)
+        assert together["std_percent"] == pytest.approx(std, abs=1e-7)
+
+
+def test_enf_errors_are_against_the_mean_of_the_second_around_each_value(
+    blocks: Sequence[RowBlock],
+) -> None:
+    found = judge.judge_enf(blocks, GRID)["stft"]
+    # On a grid that is higher throughout, every error is as much lower.
+    higher = GridPath(GRID.freq_hz + 0.05, GRID.step_s, GRID.start_s)
+    lower = judge.judge_enf(blocks, higher)["stft"]
+    assert len(found["t_s"]) == len(found["std_mhz"]) == 5
+    assert found["t_s"][0] == pytest.approx(10.0)
+    assert np.subtract(lower["error_mhz"], found["error_mhz"]) == pytest.approx(-50.0, abs=1e-4)
+
+
+def test_a_method_that_breaks_is_a_result(
+    blocks: Sequence[RowBlock], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: Any) -> Any:
+        raise ZeroDivisionError("nothing there")
+
+    monkeypatch.setitem(judge.IDLE_METHODS, "broken", broken)
+    monkeypatch.setitem(judge.ENF_METHODS, "broken", broken)
+    idle, enf = judge.judge_idle(blocks, TRUE_RATIO), judge.judge_enf(blocks, GRID)
+    assert idle["broken"] == enf["broken"] == {"broke": "ZeroDivisionError: nothing there"}
+    assert idle["coherent"]["verdict"] == "estimated"
+    assert enf["stft"]["t_s"]
+
+
+def test_rows_that_no_idle_method_can_take_are_a_result(blocks: Sequence[RowBlock]) -> None:
+    found = judge.judge_idle([None], TRUE_RATIO)  # type: ignore[list-item]  # on purpose
+    assert set(found) == set(IDLE_METHODS)
+    assert all(result["broke"].startswith("AttributeError") for result in found.values())
