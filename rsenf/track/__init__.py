@@ -8,13 +8,20 @@ from rsenf.errors import UsageError
 from rsenf.stage import Stage
 from rsenf.track.frame_mean import FrameMeanTracker
 from rsenf.track.phase import PhaseTracker
+from rsenf.track.projection import ProjectionTracker
 from rsenf.track.row_concat import RowConcatTracker
 from rsenf.track.settings import TrackSettings
 from rsenf.track.stft import StftTracker
 from rsenf.track.superpixel import SuperpixelTracker
 
-_TRACKERS = (StftTracker, FrameMeanTracker, RowConcatTracker, SuperpixelTracker, PhaseTracker)
-METHODS: dict[str, Callable[[TrackSettings], Stage]] = {t.name: t for t in _TRACKERS}
+METHODS: dict[str, Callable[[TrackSettings], Stage]] = {
+    "projection": ProjectionTracker,
+    "stft": StftTracker,
+    "frame_mean": FrameMeanTracker,
+    "row_concat": RowConcatTracker,
+    "superpixel": SuperpixelTracker,
+    "phase": PhaseTracker,
+}
 
 
 def make_tracker(settings: TrackSettings) -> Stage:
