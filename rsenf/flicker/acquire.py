@@ -78,6 +78,8 @@ def acquire(
     t_mid = t_s - sum(span_s) / 2.0
     best: tuple[float, float, Tone, Complex] | None = None
     for nominal_hz in nominals_hz:
+        if abs(alias_hz(2.0 * nominal_hz, frame_rate_hz)) < SEARCH_HZ:
+            continue  # where brightness drifts, a tone tells nothing
         carrier = np.exp(-4j * np.pi * nominal_hz * t_s)
         turns = turns_grid(basis, nominal_hz, frame_rate_hz)
         series = columns @ basis.ramps(turns).conj()
@@ -91,8 +93,6 @@ def acquire(
     nominal_hz, one_turns, tone, baseband = best
     if tone.at_edge:
         return "strongest at the edge of the search band"
-    if abs(alias_hz(2.0 * nominal_hz, frame_rate_hz)) < SEARCH_HZ:
-        return "alias near 0 Hz"
     nodes_t = np.arange(round(length_s / NODE_S) + 1) * NODE_S - length_s / 2.0
     offset_hz, drift_hz_s = _with_drift(baseband, t_mid, tone.offset_hz, finder)
     psi = 2.0 * np.pi * (offset_hz * nodes_t + drift_hz_s * nodes_t**2 / 2.0)
@@ -104,7 +104,7 @@ def turns_grid(basis: ProfileBasis, nominal_hz: float, frame_rate_hz: float) -> 
     if basis.rows == 1:
         return np.zeros(1)
     most = int(np.ceil(2.0 * nominal_hz / frame_rate_hz / TURNS_STEP))
-    return np.arange(-most, most + 1) * TURNS_STEP
+    return np.asarray(np.arange(-most, most + 1) * TURNS_STEP, np.float64)
 
 
 def _with_drift(

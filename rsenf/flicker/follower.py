@@ -14,6 +14,7 @@ from rsenf.flicker.lock import AHEAD_S, TOO_FEW, WINDOW_S, Lock, frames_of
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slow_time import SlowTime
+from rsenf.flicker.still import EVERY_S, SHORTEST_S, SPAN_S, StillFlicker, near_zero
 from rsenf.messages import RowBlock
 from rsenf.timebase import nanoseconds
 
@@ -50,6 +51,8 @@ class FlickerFollower:
         self._reached = 0  # whole seconds that have been looked at
         self._next = 0  # second to be emitted next
         self._lock: Lock | None = None
+        self._still: StillFlicker | None = None  # where an alias may be at 0 Hz
+        self._still_until = 0  # second up to which its phase is known
         self._ramp: NDArray[np.complex128] | None = None
         self._why = NO_FLICKER
 
@@ -89,6 +92,9 @@ class FlickerFollower:
         most_turns = HARMONICS * 2.0 * max(self._nominals) / self._rate_hz
         self._basis = ProfileBasis(self._waiting[0].rows, most_turns)
         self._buffer = SlowTime(self._basis.columns, int(pts[0]))
+        still = [n for n in self._nominals if near_zero(n, self._rate_hz)]
+        if still and self._basis.rows > 1:
+            self._still = StillFlicker(still[0])
         for block in self._waiting:
             if block.rows == self._basis.rows:
                 self._append(self._basis, block)
@@ -97,6 +103,8 @@ class FlickerFollower:
 
     def _append(self, basis: ProfileBasis, block: RowBlock) -> None:
         self._buffer.append(block, basis.reduce(block).astype(np.complex128))
+        if self._still is not None:
+            self._still.add(block, self._buffer.origin_ns)
 
     def _advance(self, *, final: bool) -> list[FlickerSecond]:
         """Look at every second that is full, then, at the end, at what is left."""
@@ -114,35 +122,50 @@ class FlickerFollower:
         look_s = min(LOOK_S, end)
         if self._lock is None and (look_s == LOOK_S or (final and look_s >= SHORT_S)):
             self._look(end - look_s, end)
-        if final:
-            due = end
-        elif self._lock is None:
-            due = end - HOLD_S
-        else:
+        if self._lock is not None:
+            self._still = None
             due = end - AHEAD_S if end >= WINDOW_S else 0
+        else:
+            self._look_still(end, final=final)
+            due = max(self._still_until - AHEAD_S, end - HOLD_S)
         out = []
-        while self._next < due:
+        while self._next < (end if final else due):
             out.append(self._second(self._next, end))
             self._next += 1
         kept_s = WINDOW_S if self._lock else 0
         self._buffer.forget_before(min(self._next, end - LOOK_S) - kept_s)
         return out
 
+    def _look_still(self, end: int, *, final: bool) -> None:
+        """Look, now and then, for flicker that stands nearly still."""
+        if self._still is None or end < SHORTEST_S:
+            return
+        self._still.forget_before(end - SPAN_S)
+        if final or end % EVERY_S == 0:
+            if self._still.look(end):
+                self._still_until = end
+                self._nominals = (self._still.nominal_hz,)
+            else:
+                self._why = self._still.why
+
     def _second(self, index: int, end: int) -> FlickerSecond:
+        part = self._buffer.between(index, index + 1)
         blank = FlickerSecond(
             index=index,
             start_s=float(index),
             end_s=index + 1.0,
             reason=self._why,
             frame_rate_hz=self._rate_hz,
-            frame_number=self._buffer.numbers(self._buffer.between(index, index + 1)),
+            frame_number=self._buffer.numbers(part),
         )
-        if self._lock is None:
-            return blank
-        second = self._lock.second(self._buffer, blank, end)
-        if self._lock.failed >= GIVE_UP_S:
-            self._lock, self._why = None, second.reason
-        return second
+        if self._lock is not None:
+            second = self._lock.second(self._buffer, blank, end)
+            if self._lock.failed >= GIVE_UP_S:
+                self._lock, self._why = None, second.reason
+            return second
+        if self._still is not None and index < self._still_until:
+            return self._still.second(blank, self._buffer.times(part))
+        return blank
 
     def _look(self, start: int, end: int) -> None:
         """Look for flicker, and go back along it to the first second that isn't out yet."""

@@ -64,6 +64,8 @@ class Lock:
         own = basis.ramps(np.array([found.turns]))[:, 0]
         self.ramp: Complex = own if ramp is None else ramp
         self._rate_hz, self._min_snr = frame_rate_hz, min_snr
+        self._basis = basis
+        self._seen: Complex = np.zeros_like(own)  # sum of the templates of good seconds, in phase
         self._template: Complex = own / np.linalg.norm(own)
         self._path = PhasePath(found.psi_rad, start)
         self._fit: tuple[tuple[int, int], PhaseFit | None] = (0, 0), None
@@ -100,7 +102,7 @@ class Lock:
         if reason:
             return blank
         self._learn(fit)
-        return self._filled(buffer, blank, fit, start)
+        return self._filled(buffer, dataclasses.replace(blank, turns=self.turns), fit, start)
 
     def _filled(
         self, buffer: SlowTime, blank: FlickerSecond, fit: PhaseFit, start: int
@@ -166,6 +168,9 @@ class Lock:
 
     def _learn(self, fit: PhaseFit) -> None:
         """Let a good second into the memory of how the flicker shows in the columns."""
+        self._seen = self._seen + fit.template
+        if self._basis.rows > 1:
+            self.turns = self._basis.turns_of(self._seen)
         new = fit.template * fit.weights
         size = np.linalg.norm(new)
         if size > 0.0:

@@ -15,6 +15,7 @@ from what the model leaves there: after a codec it is far from white.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from rsenf.flicker.grid_prior import NODE_S, NODES_PER_S, phase_prior
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+Kind = TypeVar("Kind", np.float64, np.complex128)
 
 HARMONICS = 3
 # Further ones tell no phase, but a codec makes them, and they lie near the first.
@@ -143,13 +145,14 @@ def fit_phase(frames: Frames, psi_rad: Float) -> PhaseFit:
 
 
 class Place:
-    """Where the frames lie between the nodes."""
+    """Where the frames, in the order of time, lie between the nodes."""
 
     def __init__(self, t_s: Float, nodes: int) -> None:
         self.nodes = nodes
         self._left = np.clip((t_s / NODE_S).astype(np.intp), 0, nodes - 2)
         self._beyond = t_s / NODE_S - self._left
         self._nearest = np.clip(np.rint(t_s / NODE_S).astype(np.intp), 0, nodes - 1)
+        self._seen, self._first = np.unique(self._nearest, return_index=True)
 
     def at_frames(self, values: Float) -> Float:
         """Values at nodes, linear in between, at the frames."""
@@ -159,10 +162,10 @@ class Place:
         """Value of the nearest node, at the frames."""
         return np.asarray(values[self._nearest])
 
-    def sums(self, values: Float) -> Float:
+    def sums(self, values: NDArray[Kind]) -> NDArray[Kind]:
         """Sum over the frames nearest to each node, shape (nodes, …)."""
         out = np.zeros((self.nodes, *values.shape[1:]), values.dtype)
-        np.add.at(out, self._nearest, values)
+        out[self._seen] = np.add.reduceat(values, self._first, axis=0)
         return out
 
 

@@ -18,6 +18,7 @@ Complex = NDArray[np.complex128]
 
 # Turns kept beyond those of the fastest ramp, for what texture does to it.
 SPARE_TURNS = 2
+TURNS_STEP = 0.05
 
 
 class ProfileBasis:
@@ -36,6 +37,10 @@ class ProfileBasis:
         angle = 2.0 * np.pi * np.outer((np.arange(rows) + 0.5) / rows, np.arange(1, most + 1))
         waves = np.sqrt(2.0) * np.hstack([np.cos(angle), np.sin(angle)])
         self._waves = np.hstack([np.ones((rows, 1)), waves])
+        count = int(np.ceil(max_turns / TURNS_STEP))
+        self._turns: Float = np.asarray(np.arange(-count, count + 1) * TURNS_STEP, np.float64)
+        self._grid = self.ramps(self._turns)
+        self._grid /= np.linalg.norm(self._grid, axis=0)
 
     @property
     def columns(self) -> int:
@@ -54,3 +59,12 @@ class ProfileBasis:
         """Columns of ramps ``exp(j·2π·turns·x)`` down the frame, shape (columns, ramps)."""
         place = (np.arange(self.rows) + 0.5) / self.rows
         return np.asarray(self._waves.T @ np.exp(2j * np.pi * np.outer(place, turns)) / self.rows)
+
+    def turns_of(self, template: Complex) -> float:
+        """Turns of the ramp that is most like a template, shape (columns,)."""
+        power = np.abs(template.conj() @ self._grid) ** 2
+        peak = int(np.clip(np.argmax(power), 1, power.size - 2))
+        a, b, c = power[peak - 1 : peak + 2]
+        bend = a - 2.0 * b + c
+        beyond = 0.5 * (a - c) / bend if bend < 0.0 else 0.0
+        return float(self._turns[peak] + TURNS_STEP * np.clip(beyond, -1.0, 1.0))

@@ -1,0 +1,184 @@
+"""Flicker that stands nearly still from frame to frame, followed by what its slow turning shows.
+
+Where the alias is at or near 0 Hz, texture and flicker are told apart jointly over as long a span
+as there is (:mod:`rsenf.flicker.zero_alias`); here its phases, with their covariance, meet the
+grid's habits, and become seconds. The sign of the deviation rests on the direction of read-out,
+which is taken to be from the first row to the last unless the data say otherwise.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.flicker.acquire import SEARCH_HZ, alias_hz
+from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
+from rsenf.flicker.phase_fit import Place
+from rsenf.flicker.second import FlickerSecond
+from rsenf.flicker.zero_alias import ZeroAlias, separate
+from rsenf.messages import RowBlock
+
+Float = NDArray[np.float64]
+
+SPAN_S = 120  # at most that long a span is separated
+SHORTEST_S = 20
+EVERY_S = 15
+BINS_PER_S = 4
+BANDS = 120
+TOO_STILL = "alias at 0 Hz, and the flicker's phase has turned too little to tell it from texture"
+NOT_FLICKER = "no mains flicker stands out"
+# Deviations (of the illumination) at which the other direction of read-out becomes more plausible.
+LIKELY_HZ, UNLIKELY_HZ = 0.1, 0.15
+MODEL_STD_HZ = 4e-5
+
+
+def near_zero(nominal_hz: float, frame_rate_hz: float) -> bool:
+    """Whether 0 Hz lies in the band in which the alias may be."""
+    return abs(alias_hz(2.0 * nominal_hz, frame_rate_hz)) < SEARCH_HZ
+
+
+class StillFlicker:
+    """Bins of rows, and the phase that they show.
+
+    Parameters
+    ----------
+    nominal_hz : float
+        The grid whose alias is near 0 Hz.
+    """
+
+    def __init__(self, nominal_hz: float) -> None:
+        self.nominal_hz = nominal_hz
+        self._sum: dict[int, Float] = {}  # by bin: rows, then time, frame number and frames
+        self._path: _Path | None = None
+        self.why = NOT_FLICKER
+
+    def add(self, block: RowBlock, origin_ns: int) -> None:
+        """Take a block of rows, frame by frame."""
+        if not block.usable:
+            return
+        t_s = (block.frame_pts_ns - origin_ns) / 1e9
+        edges = np.unique(np.linspace(0, block.rows, min(block.rows, BANDS) + 1).astype(int))
+        profile = block.level.mean(axis=2, dtype=np.float64)
+        bands = np.add.reduceat(profile, edges[:-1], axis=1) / np.diff(edges)
+        for t, number, rows in zip(t_s.tolist(), block.frame_number.tolist(), bands, strict=True):
+            k = int(t * BINS_PER_S)
+            told = np.concatenate([rows, [t, number, 1.0]])
+            self._sum[k] = self._sum[k] + told if k in self._sum else told
+
+    def forget_before(self, second: int) -> None:
+        """Drop the bins before a second."""
+        for k in [k for k in self._sum if k < second * BINS_PER_S]:
+            del self._sum[k]
+
+    def look(self, end: int) -> bool:
+        """Separate what there is before second ``end``; whether flicker's phase is known."""
+        start = max(end - SPAN_S, min(self._sum, default=0) // BINS_PER_S)
+        keys = sorted(k for k in self._sum if start * BINS_PER_S <= k < end * BINS_PER_S)
+        if len(keys) < SHORTEST_S * BINS_PER_S // 2:
+            self.why = "too few frames are usable"
+            return False
+        told = np.array([self._sum[k] for k in keys])
+        frames = told[:, -1]
+        t_s, numbers = told[:, -3] / frames, told[:, -2] / frames
+        found = separate(told[:, :-3] / frames[:, None], t_s, frames)
+        if found is None or not found.is_flicker:
+            self.why = NOT_FLICKER
+            return False
+        if not found.determined:
+            self.why = TOO_STILL
+            return False
+        rate_hz = float(np.polyfit(t_s - t_s[0], numbers - numbers[0], 1)[0])
+        level = float(np.mean(found.texture))
+        self._path = _path(found, self.nominal_hz, rate_hz, start, end, level, self._path)
+        return True
+
+    def second(self, blank: FlickerSecond, frame_t_s: Float) -> FlickerSecond:
+        """Fill in one second of the span last looked at, whose frames have these times."""
+        path = self._path
+        assert path is not None
+        blank = dataclasses.replace(
+            blank, nominal_hz=self.nominal_hz, turns=path.turns, snr_db=path.snr_db
+        )
+        node = (blank.index - path.start) * NODES_PER_S
+        own = (path.t_s >= blank.index) & (path.t_s < blank.index + 1)
+        if not 0 <= node < path.second_var_hz2.size or not own.any():
+            return dataclasses.replace(blank, reason="too few frames are usable")
+        psi = path.psi_rad
+        turned = float(psi[node + NODES_PER_S] - psi[node]) / (2.0 * np.pi)
+        at_frames = Place(frame_t_s - path.start, psi.size).at_frames(psi)
+        return dataclasses.replace(
+            blank,
+            usable=True,
+            reason="",
+            f0_hz=2.0 * self.nominal_hz + turned,
+            f0_var_hz2=float(path.second_var_hz2[node]) + MODEL_STD_HZ**2,
+            phase_rad=4.0 * np.pi * self.nominal_hz * frame_t_s + at_frames,
+            amplitude=complex(path.size * np.mean(np.exp(1j * path.told_rad[own]))),
+            amplitude_var=float(path.size**2 * np.mean(path.told_var[own]) / own.sum()),
+        )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Path:
+    start: int
+    turns: float
+    snr_db: float
+    size: float  # levels
+    psi_rad: Float  # at nodes, relative to the nominal frequency's
+    second_var_hz2: Float
+    t_s: Float  # of the bins
+    told_rad: Float  # what they say by themselves
+    told_var: Float
+
+
+def _path(
+    found: ZeroAlias, nominal_hz: float, rate_hz: float, start: int, end: int, level: float,
+    before: _Path | None,
+) -> _Path:  # fmt: skip
+    """Phase of the light in a span, smoothed as grids are smooth."""
+    t_s = found.t_s
+    stands_hz = rate_hz * round(2.0 * nominal_hz / rate_hz)  # whose alias is exactly 0 Hz
+    sign = _direction(found, stands_hz - 2.0 * nominal_hz)
+    told = sign * found.phase_rad + 2.0 * np.pi * (stands_hz - 2.0 * nominal_hz) * t_s
+    prior = phase_prior((end - start) * NODES_PER_S + 1).basis
+    place = Place(t_s - start, prior.shape[0])
+    seen = np.column_stack([place.at_frames(direction) for direction in prior.T])
+    noise = found.phase_cov + 1e-12 * np.eye(t_s.size)
+    heard = np.linalg.solve(noise, np.column_stack([seen, told - told.mean()]))
+    precision = seen.T @ heard[:, :-1] + np.eye(prior.shape[1])
+    psi = prior @ np.linalg.solve(precision, seen.T @ heard[:, -1]) + told.mean()
+    over_second = (prior[NODES_PER_S:] - prior[:-NODES_PER_S]) / (2.0 * np.pi)
+    variance = np.einsum("ij,ji->i", over_second, np.linalg.solve(precision, over_second.T))
+    turn = 0.0
+    if before is not None:
+        turn = 2.0 * np.pi * round(_apart(before, psi, start) / (2.0 * np.pi))
+    snr = (found.amplitude / found.amplitude_std) ** 2 / 2.0
+    return _Path(
+        start=start,
+        turns=sign * found.turns,
+        snr_db=float(10.0 * np.log10(snr)),
+        size=found.amplitude * level,
+        psi_rad=psi + turn,
+        second_var_hz2=variance,
+        t_s=t_s,
+        told_rad=told + turn,
+        told_var=np.diag(found.phase_cov),
+    )
+
+
+def _direction(found: ZeroAlias, stands_off_hz: float) -> int:
+    """1 for a read-out from the first row to the last, −1 for the other way round."""
+    if found.direction:
+        return found.direction
+    slope_hz = float(np.polyfit(found.t_s, found.phase_rad, 1)[0]) / (2.0 * np.pi)
+    forward, reverse = abs(stands_off_hz + slope_hz), abs(stands_off_hz - slope_hz)
+    return -1 if forward > UNLIKELY_HZ and reverse < LIKELY_HZ else 1
+
+
+def _apart(before: _Path, psi: Float, start: int) -> float:
+    """How far an earlier path is from a later one where they overlap."""
+    skip = (start - before.start) * NODES_PER_S
+    old = before.psi_rad[skip:]
+    return float(np.median(old[: psi.size] - psi[: old.size])) if old.size else 0.0
