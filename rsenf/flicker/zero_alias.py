@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
-from rsenf.flicker.zero_alias_errors import noise_ratio, standard_error
+from rsenf.flicker.zero_alias_errors import explained, noise_ratio, standard_error
 from rsenf.flicker.zero_alias_fit import Point, refine
-from rsenf.flicker.zero_alias_rows import Float, RowLogs, row_logs
+from rsenf.flicker.zero_alias_rows import Float, row_logs
 from rsenf.flicker.zero_alias_start import starts
 
 MAX_BINS = 500
-MIN_BINS = 8
+MIN_BINS, MIN_ROWS = 8, 16
 HARMONICS = 8
 STEPS = 12
 # Improvement of chi-squared, for its two numbers, that a further harmonic must bring.
@@ -29,13 +29,17 @@ WORTH = 20.0
 # The phase must have turned this far, and the circle's radius be known this well.
 MIN_SPAN_RAD = 1.0
 MIN_AMPLITUDE_SNR = 8.0
-# Of what varies, the least that one ramp with one modulus must explain.
-MIN_EXPLAINED = 0.5
+# Of what varies slowly, the least that one ramp with one modulus must explain; and the least that
+# its first two harmonics must, for more of them to be worth a try.
+MIN_EXPLAINED, HOPELESS = 0.9, 0.5
 # No lamp's logarithm swings further in its first harmonic.
 MAX_AMPLITUDE = 5.0
-# Standard errors from zero that make a sign sure, and between a plausible read-out and its limit.
+# Standard errors from zero that make a sign sure, and between two read-out times that agree.
 SURE_SIGN, PLAUSIBLE = 5.0, 3.0
-READ_OUT_LIMIT_S = 1.0 / 24.0
+# Half a turn and less looks like drift: the waveform can take some of the ramp's change upon it.
+LEAST_TURNS = 0.75
+CYCLE = 64  # phases at which a cycle's light is summed
+LIGHT_HZ, LIGHT_RATIO = 110.0, 0.1  # illumination frequencies of either grid, roughly
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,12 +66,12 @@ class ZeroAlias:
     series : ndarray of complex, shape (harmonics,)
         All harmonics of the logarithm of the light, the first real.
     texture : ndarray, shape (rows, strips)
-        Levels under the mean light.
+        Levels under the light's mean over a cycle.
     read_out_s, read_out_std : float
         Signed read-out time as the ramp's change with the frequency shows it: negative where the
         mirror image is the right one. Seldom known well.
     explained : float
-        Share of what varies, beyond a common gain, that the flicker explains.
+        Share of what varies, beyond a common gain and noise, that the flicker explains.
     noise_ratio : float
         Noise where the flicker is, over white noise of the same power; 1 for a clean recording.
     """
@@ -117,7 +121,7 @@ class ZeroAlias:
     def is_flicker(self) -> bool:
         """Whether it is one ramp of constant modulus: drift, shake and noise are not."""
         known = self.amplitude > MIN_AMPLITUDE_SNR * self.amplitude_std
-        return known and self.amplitude < MAX_AMPLITUDE and self.explained > MIN_EXPLAINED
+        return known and self.explained > MIN_EXPLAINED
 
     @property
     def determined(self) -> bool:
@@ -128,15 +132,19 @@ class ZeroAlias:
     def direction(self) -> int:
         """Direction of the read-out: 1 first row first, -1 last row first, 0 if it isn't known.
 
-        Known where one sign of ``read_out_s`` is excluded and the other's size is plausible.
+        Known where the sign of ``read_out_s`` is sure, and its size is that of the ramp.
         """
-        if not self.determined or abs(self.read_out_s) < SURE_SIGN * self.read_out_std:
-            return 0
-        longest_s = READ_OUT_LIMIT_S + PLAUSIBLE * self.read_out_std
-        return int(np.sign(self.read_out_s)) if abs(self.read_out_s) < longest_s else 0
+        by_ramp_s = self.turns / LIGHT_HZ
+        amiss_s = abs(abs(self.read_out_s) - by_ramp_s)
+        sure = abs(self.read_out_s) > SURE_SIGN * self.read_out_std
+        plausible = amiss_s < PLAUSIBLE * self.read_out_std + LIGHT_RATIO * by_ramp_s
+        told = self.determined and self.turns > LEAST_TURNS and sure and plausible
+        return int(np.sign(self.read_out_s)) if told else 0
 
 
-def separate(level: Float, t_s: Float, weight: Float | None = None) -> ZeroAlias | None:
+def separate(
+    level: NDArray[np.floating], t_s: NDArray[np.floating], weight: Float | None = None
+) -> ZeroAlias | None:
     """Tell texture and flicker apart.
 
     Parameters
@@ -153,38 +161,50 @@ def separate(level: Float, t_s: Float, weight: Float | None = None) -> ZeroAlias
     Returns
     -------
     ZeroAlias or None
-        None where nothing at all varies along a ramp.
+        None where nothing varies along a ramp, or by no lamp's waveform.
 
     Raises
     ------
     UsageError
-        For fewer than 8 or more than 500 bins, or arrays that don't fit together.
+        For fewer than 8 or more than 500 bins, fewer than 16 rows, or arrays that don't fit.
     """
-    level = np.asarray(level, np.float64)
-    level = level[:, :, None] if level.ndim == 2 else level
-    t_s = np.asarray(t_s, np.float64)
-    weight = np.ones(t_s.size) if weight is None else np.asarray(weight, np.float64)
-    if not MIN_BINS <= t_s.size <= MAX_BINS or len(level) != t_s.size or weight.size != t_s.size:
+    rows = np.asarray(level, np.float64)
+    rows = rows[:, :, None] if rows.ndim == 2 else rows
+    time_s = np.asarray(t_s, np.float64)
+    weight = np.ones(time_s.size) if weight is None else np.asarray(weight, np.float64)
+    if (
+        not MIN_BINS <= time_s.size <= MAX_BINS
+        or len(rows) != time_s.size
+        or weight.size != time_s.size
+    ):
         raise UsageError(
-            f"{len(level)} bins of rows, {t_s.size} times and {weight.size} weights",
+            f"{len(rows)} bins of rows, {time_s.size} times and {weight.size} weights",
             f"as many of each, from {MIN_BINS} to {MAX_BINS}",
         )
-    data = row_logs(level.mean(axis=2), t_s, weight)
+    if rows.shape[1] < MIN_ROWS:
+        raise UsageError(f"{rows.shape[1]} rows", f"a ramp shows on {MIN_ROWS} rows or more")
+    data = row_logs(rows.mean(axis=2), time_s, weight)
     tried = [refine(data, start, STEPS) for start in starts(data)]
     if not tried:
         return None
-    point = _with_harmonics(data, min(tried, key=lambda p: p.power))
+    best = min(tried, key=lambda p: p.power)
+    point = refine(data, best.flicker.with_harmonics(2), STEPS)
+    if explained(point) < HOPELESS:
+        return None
+    point = _with_harmonics(point)
     ratio = noise_ratio(point)
-    return _result(level, refine(data, point.flicker, STEPS, ratio), ratio)
+    point = refine(data, point.flicker, STEPS, ratio)
+    plausible = 0.0 < point.flicker.series[0].real < MAX_AMPLITUDE
+    return _result(rows, point, ratio) if plausible else None
 
 
-def _with_harmonics(data: RowLogs, point: Point) -> Point:
-    """Add harmonics for as long as each brings something; the second always."""
-    for harmonics in range(2, HARMONICS + 1):
-        more = refine(data, point.flicker.with_harmonics(harmonics), STEPS)
+def _with_harmonics(point: Point) -> Point:
+    """Add harmonics for as long as each brings something."""
+    for harmonics in range(point.flicker.series.size + 1, HARMONICS + 1):
+        more = refine(point.data, point.flicker.with_harmonics(harmonics), STEPS)
         gain = (point.power - more.power) / more.noise_var
         point = more
-        if harmonics > 2 and gain < WORTH:
+        if gain < WORTH:
             break
     return point
 
@@ -204,15 +224,19 @@ def _result(level: Float, point: Point, ratio: float) -> ZeroAlias:
         texture=_texture(level, point),
         read_out_s=flicker.read_out_s,
         read_out_std=standard_error(point, covariance, 1, ratio),
-        explained=1.0 - point.power / data.power(data.value),
+        explained=explained(point),
         noise_ratio=ratio,
     )
 
 
 def _texture(level: Float, point: Point) -> Float:
-    """Mean levels without what the flicker, which is uneven over time, adds to their logarithms."""
-    data = point.data
+    """Levels under the light's mean over a cycle; over time, the flicker's phases are uneven."""
+    flicker, data = point.flicker, point.data
     place = (np.arange(level.shape[1]) + 0.5) / level.shape[1]
-    light = point.flicker.light(point.flicker.waves(data.t_s, place))
-    mean = np.average(level, axis=0, weights=data.weight)
-    return np.asarray(mean / np.average(np.exp(light), axis=0, weights=data.weight)[:, None])
+    seen = np.average(
+        np.exp(flicker.light(flicker.waves(data.t_s, place))), axis=0, weights=data.weight
+    )
+    order = np.arange(1, flicker.series.size + 1)
+    cycle = np.exp(1j * order * np.linspace(0.0, 2.0 * np.pi, CYCLE, endpoint=False)[:, None])
+    mean = np.mean(np.exp((cycle @ flicker.series).real))
+    return np.asarray(np.average(level, axis=0, weights=data.weight) * (mean / seen)[:, None])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsenf.flicker.zero_alias_rows import Float
 
@@ -30,7 +31,7 @@ class RowBins:
         self._t_s: dict[int, float] = {}
         self._frames: dict[int, int] = {}
 
-    def add(self, t_s: Float, level: Float) -> None:
+    def add(self, t_s: Float, level: NDArray[np.floating]) -> None:
         """Add frames.
 
         Parameters

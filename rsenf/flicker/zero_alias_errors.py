@@ -23,6 +23,18 @@ HARM = 2.0
 BLOCKS = ((10, 12), (20, 12), (30, 24), (240, 12))
 
 
+def explained(point: Point) -> float:
+    """Share that the flicker explains of what varies slowly; at most 1.
+
+    What differs from one bin to the next is noise, half of the mean squared difference.
+    """
+    data = point.data
+    step = np.diff(point.residual, axis=0) ** 2 @ data.row_weight
+    noise = 0.5 * step.mean() * data.weight.sum()
+    total = data.power(data.value)
+    return float((total - point.power) / max(total - min(noise, point.power), 1e-300))
+
+
 def noise_ratio(point: Point) -> float:
     """Variance of the noise that acts on the phases, over white noise's of the same power.
 

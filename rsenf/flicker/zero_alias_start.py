@@ -27,7 +27,9 @@ def starts(data: RowLogs) -> list[Flicker]:
     Each ramp comes with two circles: the one that fits its points best, and its mirror image on
     the other side of them, which noise can make of a short arc.
     """
-    found = []
+    found: list[Flicker] = []
+    if not data.power(data.value) > 0.0:
+        return found
     for turns in _peaks(data):
         points = _plane(data, turns)
         centre, radius = _circle(points, data.weight)
@@ -68,7 +70,7 @@ def _peaks(data: RowLogs) -> list[float]:
     least = max(SHARE * power.max(), (1.0 + CHANCE / np.sqrt(bins)) * noise)
     inner = np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] >= power[2:])) + 1
     ranked = sorted(inner, key=lambda k: -power[k])[:PEAKS]
-    return [float(grid[k]) for k in ranked if power[k] >= least]
+    return [float(grid[k]) for k in ranked if power[k] > least]
 
 
 def _circle(points: Complex, weight: Float) -> tuple[complex, float]:

@@ -1,0 +1,221 @@
+"""Texture and flicker at an alias of 0 Hz: against the simulator's truth, and invariances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from rsenf.errors import UsageError
+from rsenf.flicker.zero_alias import ZeroAlias, separate
+from rsenf.flicker.zero_alias_bins import RowBins
+from rsenf.model import (
+    CaptureModel,
+    Codec,
+    GridPath,
+    Light,
+    Shutter,
+    render_frames,
+    simulate_rows,
+    synthetic_grid,
+    write_video,
+)
+
+Float = NDArray[np.float64]
+AnyFloat = NDArray[np.floating]
+DURATION_S = 40
+
+
+@dataclass(frozen=True)
+class Clip:
+    """Binned rows, and what is true of them."""
+
+    level: Float
+    t_s: Float
+    frames: Float
+    turns: float
+    grid: GridPath
+    read_out_s: float
+
+    def separate(self) -> ZeroAlias:
+        found = separate(self.level, self.t_s, self.frames)
+        assert found is not None
+        return found
+
+    def rate_hz(self, edges_s: Float) -> Float:
+        """How far the light is from its nominal frequency, half a read-out after the frames."""
+        edges_s = edges_s + self.read_out_s / 2
+        return 2 * (self.grid.mean_hz(edges_s[:-1], edges_s[1:]) - self.grid.nominal_hz)
+
+
+def model_of(lamp: str, fps: int, idle: float, rows: int = 360, columns: int = 320) -> CaptureModel:
+    shutter = Shutter(frame_rate=Fraction(fps), idle_ratio=idle, rows=rows, columns=columns)
+    return CaptureModel(light=Light(lamp=lamp), shutter=shutter)
+
+
+def grid_turning(seed: int, nominal_hz: float, span_rad: float | None) -> GridPath:
+    """Return a grid path whose deviation turns the light's phase by so much in the clip."""
+    grid = synthetic_grid(seed, DURATION_S + 5, nominal_hz=nominal_hz)
+    if span_rad is None:
+        return grid
+    deviation_hz = grid.freq_hz - nominal_hz
+    span = 4 * np.pi * np.ptp(np.cumsum(deviation_hz[: DURATION_S + 1]))
+    return GridPath(nominal_hz + deviation_hz * span_rad / span, nominal_hz=nominal_hz)
+
+
+def clip_of(seed: int, model: CaptureModel, grid: GridPath) -> Clip:
+    data = simulate_rows(model, grid, DURATION_S, seed, strips=2)
+    return binned(data.frame_time_s, data.level, model, grid)
+
+
+def binned(t_s: Float, level: AnyFloat, model: CaptureModel, grid: GridPath) -> Clip:
+    bins = RowBins(0.0)
+    bins.add(t_s, level)
+    read_out_s = model.shutter.read_out_time_s
+    f0_hz = 2 * float(grid.mean_hz(np.zeros(1), t_s[-1:])[0])
+    return Clip(*bins.means(), f0_hz * read_out_s, grid, read_out_s)
+
+
+@pytest.mark.parametrize(
+    ("lamp", "fps", "idle", "span_rad"),
+    [
+        ("tone", 25, 0.05, None),
+        ("led", 25, 0.3, 1.2),
+        ("halogen", 30, 0.5, None),
+        ("cfl", 25, 0.75, 2.0),
+        ("incandescent", 30, 0.8, 1.2),
+        ("sodium", 25, 0.4, None),
+        ("led", 60, 0.4, 4.0),
+    ],
+)
+def test_raw_rows_give_ramp_and_frequency(
+    lamp: str, fps: int, idle: float, span_rad: float | None
+) -> None:
+    grid = grid_turning(41, 50.0 if fps == 25 else 60.0, span_rad)
+    clip = clip_of(42, model_of(lamp, fps, idle), grid)
+    found = clip.separate()
+    assert found.determined
+    assert abs(found.turns - clip.turns) < 5e-4  # hundredths of a point of the idle period
+    assert abs(found.turns - clip.turns) < 4 * found.turns_std
+    edges_s = np.arange(1.0, DURATION_S - 1.0)
+    rate_hz, variance_hz2 = found.rate_hz(edges_s)
+    error_hz = rate_hz - clip.rate_hz(edges_s)
+    assert np.sqrt(np.mean(error_hz**2)) < 3e-4
+    assert np.sqrt(np.mean(error_hz**2 / variance_hz2)) < 2.5
+
+
+def test_texture_is_that_of_steady_light() -> None:
+    grid = grid_turning(43, 50.0, 1.5)
+    clip = clip_of(44, model_of("led", 25, 0.3), grid)
+    steady = simulate_rows(
+        CaptureModel(
+            light=Light(daylight_ratio=1.0), shutter=model_of("led", 25, 0.3).shutter
+        ),
+        grid, 4, 44, strips=2,
+    ).level.mean(axis=0)  # fmt: skip
+    found = clip.separate()
+    # Flicker of a tenth of the level stays in a mean over time.
+    assert np.std(clip.level.mean(axis=0) / steady) > 0.03
+    assert np.std(found.texture / steady) < 1e-3
+
+
+def test_errors_have_the_size_of_their_standard_errors() -> None:
+    """Over noise, textures, ramps and paths: cheap rows by the same law, written out here."""
+    scores = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        turns, t_s = rng.uniform(0.9, 3.8), np.arange(120) * 0.5
+        phase = np.cumsum(0.05 * rng.standard_normal(120)) + rng.uniform(-0.1, 0.1) * t_s
+        place = (np.arange(100) + 0.5) / 100
+        angle = phase[:, None] + 2 * np.pi * turns * place
+        light = 1 + 0.05 * np.cos(angle) + 0.005 * np.cos(2 * angle + 1)
+        level = 100 * np.exp(0.1 * rng.standard_normal(100)) * light
+        found = separate(level + 0.3 * rng.standard_normal(level.shape), t_s)
+        assert found is not None
+        if found.determined:
+            scores.append((found.turns - turns) / found.turns_std)
+    assert len(scores) > 20
+    assert 0.7 < np.sqrt(np.mean(np.square(scores))) < 1.3
+
+
+def test_upside_down_is_the_mirror_image() -> None:
+    """Rows from the last to the first: the same ramp, phases and read-out with other signs."""
+    clip = clip_of(46, model_of("led", 25, 0.3), grid_turning(45, 50.0, None))
+    found, turned = clip.separate(), Clip(**{**vars(clip), "level": clip.level[:, ::-1]}).separate()
+    assert turned.turns == pytest.approx(found.turns, abs=1e-6)
+    np.testing.assert_allclose(np.diff(turned.phase_rad), -np.diff(found.phase_rad), atol=1e-5)
+    assert turned.read_out_s == pytest.approx(-found.read_out_s, abs=1e-4)
+    assert (found.direction, turned.direction) == (1, -1)
+    assert found.read_out_s == pytest.approx(clip.read_out_s, abs=4 * found.read_out_std)
+
+
+def test_a_common_gain_changes_nothing() -> None:
+    clip = clip_of(48, model_of("led", 25, 0.3), grid_turning(47, 50.0, 1.5))
+    drift = 1 + 0.05 * np.sin(clip.t_s / 9) + 0.002 * (clip.t_s > 20)
+    drifting = Clip(**{**vars(clip), "level": clip.level * drift[:, None, None]})
+    assert drifting.separate().turns == pytest.approx(clip.separate().turns, abs=1e-6)
+
+
+def test_little_turning_is_not_determined() -> None:
+    for span_rad in (0.0, 0.3, 0.8):
+        clip = clip_of(50, model_of("led", 25, 0.3), grid_turning(49, 50.0, span_rad))
+        found = separate(clip.level, clip.t_s, clip.frames)
+        assert found is None or not found.determined
+
+
+def test_drifts_along_the_rows_are_no_flicker() -> None:
+    """Smooth patterns of the rows that come and go: shadows, clouds, a picture that creeps."""
+    t_s, place = np.arange(120) * 0.5, (np.arange(100) + 0.5) / 100
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        paths = {
+            0: np.cumsum(rng.standard_normal((2, 120)), axis=1) / 11,
+            1: rng.standard_normal((2, 1)) * t_s / 60,
+            2: np.sin(2 * np.pi * t_s / rng.uniform(5, 200, (2, 1))),
+        }[seed % 3]
+        order = np.arange(1, 10)
+        size = rng.standard_normal((2, 9)) / order ** rng.uniform(0.5, 2)
+        patterns = size @ np.cos(np.pi * order[:, None] * place + rng.uniform(0, 6, (9, 1)))
+        level = 100 * np.exp(0.01 * paths.T @ patterns) + 0.05 * rng.standard_normal((120, 100))
+        found = separate(level, t_s)
+        assert found is None or not found.determined
+
+
+def test_noise_alone_is_nothing() -> None:
+    rng = np.random.default_rng(0)
+    noise = 0.1 * rng.standard_normal((60, 100))
+    assert separate(100 + noise, np.arange(60.0)) is None
+    assert separate(np.full((60, 100), 100.0), np.arange(60.0)) is None
+    assert separate(np.zeros((60, 100)), np.arange(60.0)) is None
+
+
+def test_after_h264_at_50_kbit(tmp_path: Path) -> None:
+    model, grid = model_of("led", 25, 0.3, rows=360, columns=640), grid_turning(51, 50.0, None)
+
+    path = tmp_path / "clip.mp4"
+    write_video(path, render_frames(model, grid, DURATION_S, 52), Codec(bitrate_bps=50_000))
+    t_s, level = [], []
+    with av.open(str(path)) as container:
+        for frame in container.decode(video=0):
+            assert frame.time is not None
+            t_s.append(frame.time)
+            level.append(frame.to_ndarray(format="gray").mean(axis=1, dtype=np.float32))
+    clip = binned(np.array(t_s), np.array(level)[:, :, None], model, grid)
+    found = clip.separate()
+    assert found.determined
+    assert abs(found.turns - clip.turns) * 25 < 0.2  # points of the idle period
+    assert abs(found.turns - clip.turns) < 3 * found.turns_std
+
+
+def test_arrays_that_do_not_fit_are_refused() -> None:
+    with pytest.raises(UsageError, match="9 bins of rows, 8 times"):
+        separate(np.ones((9, 50)), np.arange(8.0))
+    with pytest.raises(UsageError, match="501 bins"):
+        separate(np.ones((501, 50)), np.arange(501.0))
+    with pytest.raises(UsageError, match="4 rows"):
+        separate(np.ones((50, 4)), np.arange(50.0))
