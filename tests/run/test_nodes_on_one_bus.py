@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
+from rsenf_nodes.idle import IdleLane
 from rsenf_nodes.rows import RowsLane
 from run_samples import GRAPH, Counting, block, end_after, node_on, wall
 
@@ -18,7 +19,7 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import alive_key, camera_key, health_key, reference_key
 from rsenf.bus.loopback import Loopback
 from rsenf.errors import InputError
-from rsenf.messages import EnfEstimate, Frame, Header, Health
+from rsenf.messages import EnfEstimate, Frame, Header, Health, IdleEstimate, RowBlock
 from rsenf.rows.stage import Rows
 from rsenf.run import peers as peers_module
 from rsenf.run import pump as pump_module
@@ -367,3 +368,54 @@ def test_frames_of_a_stranger_do_not_end_the_rows_node(network: Loopback) -> Non
         thread.join(10)
     assert [m.frames for m in until_end(out)] == [8, 8, 0]
     assert node.inbox.counters.rejected == 1
+
+
+class Guessing:
+    """An idle stage that is refused at first, and knows at the end."""
+
+    def update(self, message: RowBlock) -> list[Any]:
+        return [IdleEstimate(header=message.header.numbered(0), verdict="refused", reason="dark")]
+
+    def flush(self) -> list[Any]:
+        return [
+            IdleEstimate(
+                header=Header(seq=1), verdict="estimated", idle_ratio=0.25, idle_ratio_var=1e-6
+            )
+        ]
+
+
+def test_an_idle_node_says_how_far_it_has_come_with_each_camera(network: Loopback) -> None:
+    nodes = {"idle": {"kind": "idle", "cameras": ["cam", "yard"]}}
+    node = node_on(network, "idle", {"version": 1, "site": "lab", "nodes": nodes})
+    health = health_of(network, "idle")
+    latest: dict[str, str] = {}
+    lanes: list[Lane] = [
+        IdleLane(
+            Runner("idle", Guessing),
+            node.publisher(camera, "idle"),
+            {node.subscribe(camera_key("lab", camera, "rows")): "rows"},
+            node=node,
+            camera=camera,
+            latest=latest,
+        )
+        for camera in ("cam", "yard")
+    ]
+    out = listen(network, camera_key("lab", "yard", "idle"))
+    with pumping(node, lanes) as thread:
+        for camera in ("cam", "yard"):
+            rows = network.bus(camera).publisher(camera_key("lab", camera, "rows"), SIGNALS)
+            rows.send(block(0))
+            if camera == "yard":
+                rows.send(end_after(block(0)))
+        assert [m.verdict for m in until_end(out)] == ["refused", "estimated", "no_signal"]
+        node.stop.set()
+        thread.join(10)
+    said = []
+    while received := health.receive(0.0):
+        said.append(received.message.detail)
+    assert said == [
+        "cam refused: dark",
+        "cam refused: dark; yard refused: dark",
+        "cam refused: dark; yard idle 25.000 ± 0.100 %",
+        "cam idle 25.000 ± 0.100 %; yard idle 25.000 ± 0.100 %",
+    ]
