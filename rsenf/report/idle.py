@@ -22,10 +22,10 @@ MEANINGS = {
     "no_signal": "no flicker of mains light was found",
     "refused": "there is flicker, but this recording can't bear an answer",
 }
-VERDICTS = {
+COMPARED = {
     "different": "the read-out times differ: two cameras, or two modes of one",
-    "compatible": "the read-out times agree, which proves nothing: many cameras share one",
-    "undecidable": "nothing can be said",
+    "compatible": "the read-out times agree, which proves nothing",
+    "undecidable": "the read-out times neither agree nor differ clearly, or one is unknown",
 }
 
 
@@ -104,9 +104,8 @@ def comparison_json(found: Comparison) -> dict[str, Any]:
 
 def comparison_words(found: Comparison) -> str:
     """Say to a person whether two recordings were read out in the same time."""
-    lines = [f"{found.verdict}: {VERDICTS[found.verdict]}"]
+    lines = [f"{found.verdict}: {COMPARED[found.verdict]}"]
     if math.isfinite(found.log10_lr_same_readout):
-        lines.append(
-            f"  log10 of the likelihood ratio for the same: {found.log10_lr_same_readout:+.1f}"
-        )
-    return "\n".join([*lines, *(f"  {caveat}" for caveat in found.caveats)])
+        ratio = f"10^{found.log10_lr_same_readout:+.1f}"
+        lines.append(f"  likelihood      {ratio}, for one read-out time against two cameras'")
+    return "\n".join([*lines, *(f"  mind that       {caveat}" for caveat in found.caveats)])

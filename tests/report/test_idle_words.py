@@ -6,8 +6,15 @@ import json
 
 import pytest
 
+from rsenf.idle.compare import Comparison
 from rsenf.messages import IdleEstimate
-from rsenf.report.idle import decimals, idle_json, idle_words
+from rsenf.report.idle import (
+    comparison_json,
+    comparison_words,
+    decimals,
+    idle_json,
+    idle_words,
+)
 
 KNOWN = IdleEstimate(
     method="coherent",
@@ -69,3 +76,25 @@ def test_no_estimate_in_words() -> None:
 )
 def test_decimals_show_two_digits_of_the_error(error: float, shown: int) -> None:
     assert decimals(error) == shown
+
+
+def test_a_comparison() -> None:
+    found = Comparison(
+        verdict="compatible", log10_lr_same_readout=2.34, caveats=("equal ones prove nothing",)
+    )
+    assert comparison_json(found) == {
+        "log10_lr_same_readout": 2.34,
+        "verdict": "compatible",
+        "caveats": ["equal ones prove nothing"],
+    }
+    assert comparison_words(found).splitlines() == [
+        "compatible: the read-out times agree, which proves nothing",
+        "  likelihood      10^+2.3, for one read-out time against two cameras'",
+        "  mind that       equal ones prove nothing",
+    ]
+
+
+def test_a_comparison_that_is_none() -> None:
+    found = Comparison(verdict="undecidable", log10_lr_same_readout=float("nan"), caveats=())
+    assert comparison_json(found)["log10_lr_same_readout"] is None
+    assert len(comparison_words(found).splitlines()) == 1

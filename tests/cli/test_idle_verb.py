@@ -81,9 +81,7 @@ def test_a_recording_of_its_rows_says_the_same(rsenf: Rsenf, clip: Path, recordi
 @pytest.mark.parametrize(
     ("what", "verdict"), [("noise", "no_signal"), ("mean", "refused")]
 )  # fmt: skip
-def test_nothing_to_say_is_a_result(
-    rsenf: Rsenf, tmp_path: Path, what: str, verdict: str
-) -> None:
+def test_nothing_to_say_is_a_result(rsenf: Rsenf, tmp_path: Path, what: str, verdict: str) -> None:
     time_s = np.arange(900) / 30.0
     level = np.random.default_rng(2).normal(100.0, 1.0, (900, 60))
     if what == "noise":
@@ -97,6 +95,50 @@ def test_nothing_to_say_is_a_result(
     unknown = {"idle_ratio", "idle_ratio_std", "idle_ratio_low", "idle_ratio_high",
                "read_out_time_s", "read_out_time_std_s", "direction"}  # fmt: skip
     assert {key for key in unknown if found[key] is not None} == set()
+
+
+@pytest.fixture(scope="module")
+def three(rsenf: Rsenf, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Path]:
+    """Rows of two clips of one camera, and of one of another."""
+    folder = tmp_path_factory.mktemp("three")
+    paths = []
+    for seed, idle_ratio in ((1, 0.3), (2, 0.3), (3, 0.4)):
+        path = folder / f"clip{seed}.npz"
+        words = ("--out", path, "--duration-s", 30, "--size", "64x240", "--seed", seed)
+        assert rsenf("simulate", *words, "--idle-ratio", idle_ratio).returncode == 0
+        paths.append(path)
+    return paths[0], paths[1], paths[2]
+
+
+@pytest.mark.parametrize(("other", "verdict"), [(1, "compatible"), (2, "different")])
+def test_two_recordings(
+    rsenf: Rsenf, three: tuple[Path, Path, Path], other: int, verdict: str
+) -> None:
+    found = estimate(rsenf, three[0], three[other])
+    assert set(found) == {
+        "recordings", "log10_lr_same_readout", "verdict", "caveats", "warnings",
+    }  # fmt: skip
+    assert found["recordings"] == [str(three[0]), str(three[other])]
+    assert found["verdict"] == verdict
+    assert (found["log10_lr_same_readout"] > 0) == (verdict == "compatible")
+    assert any("prove" in line for line in found["caveats"]) == (verdict == "compatible")
+
+
+def test_two_recordings_in_words(rsenf: Rsenf, three: tuple[Path, Path, Path]) -> None:
+    done = rsenf("idle", three[0], three[2])
+    assert done.returncode == 0
+    heads = [line for line in done.stdout.splitlines() if not line.startswith(" ")]
+    assert [head.split(": ")[0] for head in heads] == [str(three[0]), str(three[2]), "different"]
+
+
+def test_one_of_two_without_flicker(
+    rsenf: Rsenf, three: tuple[Path, Path, Path], tmp_path: Path
+) -> None:
+    level = np.full((900, 60), 100.0, np.float32)
+    np.savez(tmp_path / "dark.npz", rows=level, frame_time_s=np.arange(900) / 30.0)
+    found = estimate(rsenf, three[0], tmp_path / "dark.npz")
+    assert (found["verdict"], found["log10_lr_same_readout"]) == ("undecidable", None)
+    assert any("no read-out time: " in line for line in found["caveats"])
 
 
 def test_no_such_method(rsenf: Rsenf, hidden: HiddenClip) -> None:
