@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.idle.bins import Bins
+from rsenf.flicker.zero_alias_bins import RowBins
 from rsenf.idle.moments import Moments
 
 NAN = float("nan")
@@ -15,6 +16,7 @@ MIN_FRAMES = 100
 # Nearer to 0 Hz than this the flicker stands still from frame to frame, and the grid's deviation
 # alone tells it from the texture.
 STILL_HZ = 1.0
+ASSUMED = "top to bottom is assumed: the direction of read-out can't be told at this frame rate"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,8 +27,10 @@ class Seen:
     ----------
     moments : Moments
         Sums over the frames at which the flicker's phase is known.
-    bins : Bins
+    bins : RowBins
         Mean rows of short times, whether or not any flicker was found in them.
+    binned_s : float
+        Time that they cover.
     nominal_hz : float
         Nominal grid frequency: found, or the one whose flicker would stand still; NaN for neither.
     f0_hz : float
@@ -35,7 +39,8 @@ class Seen:
     """
 
     moments: Moments
-    bins: Bins
+    bins: RowBins
+    binned_s: float
     nominal_hz: float
     f0_hz: float
     frame_rate_hz: float
@@ -44,6 +49,17 @@ class Seen:
     def stands_still(self) -> bool:
         """Whether the flicker's alias is at 0 Hz."""
         return abs(alias_hz(2.0 * self.nominal_hz, self.frame_rate_hz)) < STILL_HZ
+
+    @property
+    def is_mirrored(self) -> bool:
+        """Whether it is at half the frame rate: either sense of rotation looks the same."""
+        return abs(alias_hz(4.0 * self.nominal_hz, self.frame_rate_hz)) < STILL_HZ
+
+    @property
+    def mirror_hz(self) -> float:
+        """Frequency about which they look the same."""
+        double_hz = 4.0 * self.nominal_hz
+        return (double_hz - alias_hz(double_hz, self.frame_rate_hz)) / 2.0
 
     @property
     def followed(self) -> bool:
@@ -93,6 +109,25 @@ class Finding:
             turns_var=turns_var,
             f0_hz=f0_hz,
             direction="forward" if turns > 0 else "reverse",
+        )
+
+    def undirected(self, mirror_hz: float) -> Finding:
+        """Return the finding without its direction: the mirror image fits as well.
+
+        Parameters
+        ----------
+        mirror_hz : float
+            Illumination frequency about which the true one may be on either side.
+        """
+        turns = abs(self.turns)
+        either_var = (turns * (self.f0_hz - mirror_hz) / mirror_hz) ** 2
+        return dataclasses.replace(
+            self,
+            turns=turns,
+            turns_var=self.turns_var + either_var,
+            f0_hz=mirror_hz,
+            direction="",
+            warnings=(ASSUMED,),
         )
 
     @property

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.idle.bins import Bins
+from rsenf.flicker.zero_alias_bins import RowBins
+from rsenf.idle.frame_clock import FrameClock
 from rsenf.idle.limits import (
     CROP,
     NO_ROWS,
@@ -24,10 +25,12 @@ from rsenf.idle.pairing import Pairing, PhasedBlock
 from rsenf.idle.sawtooth import Sawtooth
 from rsenf.idle.seen import STILL_HZ, Finding, Seen, alias_hz
 from rsenf.idle.settings import IdleSettings
-from rsenf.messages import Header, IdleEstimate, RowBlock
+from rsenf.messages import IdleEstimate, RowBlock
 from rsenf.timebase import NS_PER_S
 
 MIN_ROWS = 16
+# Of a stream, how much is kept in bins: longer ones would blur what the grid's deviation turns.
+BINNED_S = 240.0
 # Half-width of the 95 % interval in standard errors: Student's t for a dozen bands of rows.
 INTERVAL_STDS = 2.2
 
@@ -47,12 +50,13 @@ class IdleStage:
         self._pairing = Pairing(settings.nominal_hz)
         self._sawtooth = Sawtooth()
         self._moments: Moments | None = None
-        self._bins: Bins | None = None
+        self._bins = RowBins(0.0)
+        self._binned_s = 0.0
         self._unusable: Counter[str] = Counter()
-        self._first: Header | None = None
-        self._first_number, self._first_ns, self._rows = 0, 0, 0
-        self._header: Header | None = None
-        self._number, self._last_ns, self._frames = -1, 0, 0
+        self._first: RowBlock | None = None
+        self._clock = FrameClock()
+        self._rows, self._strips, self._frames = 0, 0, 0
+        self._newest: RowBlock | None = None
         self._published, self._due = 0, 1
 
     def update(self, message: RowBlock) -> list[Any]:
@@ -66,33 +70,35 @@ class IdleStage:
         self._look(message)
         for phased in self._pairing.update(message):
             self._take(phased)
-        span_s = (self._last_ns - self._first_ns) / NS_PER_S
-        if span_s < self._due * self._settings.every_s:
+        passed = self._clock.span_s / self._settings.every_s
+        if passed < self._due:
             return []
-        self._due = int(span_s / self._settings.every_s) + 1
+        self._due = int(passed) + 1
         return [self._publish()]
 
     def flush(self) -> list[Any]:
         """Return the last estimate, from all of the stream."""
         for phased in self._pairing.flush():
             self._take(phased)
-        return [self._publish()] if self._header is not None else []
+        return [self._publish()] if self._newest is not None else []
 
     def _begin(self, block: RowBlock) -> None:
-        self._first, self._rows = block.header, block.rows
-        self._first_number, self._first_ns = int(block.frame_number[0]), int(block.frame_pts_ns[0])
-        self._moments, self._bins = Moments(block.rows), Bins(block)
+        self._first, self._rows, self._strips = block, block.rows, block.strips
+        self._moments = Moments(block.rows)
 
     def _look(self, block: RowBlock) -> None:
         """Take from a block what needs no phase."""
-        assert self._bins is not None
-        self._header = block.header
-        self._number, self._last_ns = int(block.frame_number[-1]), int(block.frame_pts_ns[-1])
+        assert self._first is not None
+        self._newest = block
+        self._clock.add(block)
         self._frames += block.frames
         if not block.usable:
             self._unusable[block.reason] += block.frames
             return
-        self._bins.add(block)
+        if self._clock.span_s < BINNED_S and block.strips == self._strips:
+            t_s = (block.frame_pts_ns - self._first.frame_pts_ns[0]) / NS_PER_S
+            self._bins.add(t_s, block.level.astype(np.float64))
+            self._binned_s = self._clock.span_s
         self._sawtooth.add(block.level.mean(axis=(1, 2), dtype=np.float64))
 
     def _take(self, phased: PhasedBlock) -> None:
@@ -103,14 +109,8 @@ class IdleStage:
             level = phased.block.level[known].mean(axis=2, dtype=np.float64)
             self._moments.add(phased.phase_rad[known], level)
 
-    def _frame_rate_hz(self) -> float:
-        span_ns = self._last_ns - self._first_ns
-        frames = self._number - self._first_number
-        return frames * NS_PER_S / span_ns if span_ns > 0 else float("nan")
-
     def _finding(self, rate_hz: float) -> Finding:
         """What can be said before any method has a say, or the method's word."""
-        assert self._bins is not None
         assert self._moments is not None
         if self._rows < MIN_ROWS:
             return NO_ROWS
@@ -119,21 +119,29 @@ class IdleStage:
         seen = Seen(
             moments=self._moments,
             bins=self._bins,
+            binned_s=self._binned_s,
             nominal_hz=self._nominal_hz(rate_hz),
             f0_hz=self._pairing.f0_hz,
             frame_rate_hz=rate_hz,
         )
         if not seen.followed and not seen.stands_still:
             return Finding(verdict="no_signal", reason=self._why_nothing())
-        finding = checked(seen, self._conclude(seen))
+        finding = self._conclude(seen)
+        if finding.verdict == "estimated" and seen.is_mirrored and not seen.stands_still:
+            finding = finding.undirected(seen.mirror_hz)
+        finding = checked(seen, finding)
         claims = finding.verdict in ("estimated", "ambiguous")
         if claims and self._settings.nominal_hz is None and are_alike(rate_hz):
             return look_alike(rate_hz)
         return finding
 
     def _nominal_hz(self, rate_hz: float) -> float:
-        """Nominal grid frequency: the one followed, or one whose flicker would stand still."""
-        if np.isfinite(self._pairing.nominal_hz):
+        """Nominal grid frequency: the one followed, or one whose flicker would stand still.
+
+        The second only once the follower has found nothing that moves: flicker of the other grid
+        leaves in the bins what looks like slow flicker.
+        """
+        if np.isfinite(self._pairing.nominal_hz) or not self._pairing.seconds:
             return self._pairing.nominal_hz
         given = self._settings.nominal_hz
         tried = (given,) if given else (50.0, 60.0)
@@ -147,17 +155,17 @@ class IdleStage:
         return reasons.most_common(1)[0][0] if reasons else TOO_SHORT.reason
 
     def _publish(self) -> IdleEstimate:
-        assert self._header is not None
         assert self._first is not None
-        rate_hz = self._frame_rate_hz()
+        assert self._newest is not None
+        rate_hz = self._clock.frame_rate_hz
         finding = self._finding(rate_hz)
+        first, last = self._first.header, self._newest.header
         header = dataclasses.replace(
-            self._header,
+            last,
             seq=self._published,
-            frame_first=self._first.frame_first,
-            frame_last=self._number,
-            pts_ns=self._first.pts_ns,
-            camera_time_ns=self._first.camera_time_ns,
+            frame_first=first.frame_first,
+            pts_ns=first.pts_ns,
+            camera_time_ns=first.camera_time_ns,
         )
         self._published += 1
         claims = finding.verdict == "estimated"

@@ -8,25 +8,22 @@ and the deviation with the other sign.
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
-from rsenf.flicker.zero_alias import MIN_BINS, ZeroAlias, separate
+from rsenf.flicker.zero_alias import ZeroAlias, separate
 from rsenf.idle.limits import MIN_FLICKER_RATIO, NO_FLICKER, STILL, TOO_SHORT, WEAK
 from rsenf.idle.seen import Finding, Seen, alias_hz
 
+SHORTEST_S = 8.0
 # Deviations of the illumination's frequency from its nominal: a large one, as a standard deviation.
-USUAL_HZ = 0.06
+USUAL_HZ = 0.04
 # Odds at which a direction counts as known by its deviation being a usual one, as a logarithm.
 SURE = 7.0
-
-ASSUMED = "top to bottom is assumed: the direction of read-out can't be told at this frame rate"
 
 
 def still(seen: Seen) -> Finding:
     """Conclude from the joint fit of texture and flicker."""
-    if len(seen.bins) < MIN_BINS:
+    if seen.binned_s < SHORTEST_S:
         return TOO_SHORT
     level, t_s, frames = seen.bins.means()
     fit = separate(level, t_s, frames)
@@ -49,20 +46,9 @@ def _claim(seen: Seen, fit: ZeroAlias, rate_hz: float) -> Finding:
     still_hz = carrier_hz - alias_hz(carrier_hz, seen.frame_rate_hz)
     odds = _log_odds(still_hz + rate_hz - carrier_hz, still_hz - rate_hz - carrier_hz)
     sign = fit.direction or (int(np.sign(odds)) if abs(odds) > SURE else 0)
-    found = Finding.of_turns(
-        (sign or 1) * fit.turns, fit.turns_std**2, still_hz + (sign or 1) * rate_hz
-    )
-    if sign:
-        return found
-    # The frequency may be as far on the other side.
-    either_var = (fit.turns * rate_hz / still_hz) ** 2
-    return dataclasses.replace(
-        found,
-        f0_hz=still_hz,
-        turns_var=found.turns_var + either_var,
-        direction="",
-        warnings=(ASSUMED,),
-    )
+    way = sign or 1
+    found = Finding.of_turns(way * fit.turns, fit.turns_std**2, still_hz + way * rate_hz)
+    return found if sign else found.undirected(still_hz)
 
 
 def _log_odds(forward_hz: float, reverse_hz: float) -> float:

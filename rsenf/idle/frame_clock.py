@@ -1,0 +1,45 @@
+"""The frame rate over all of a stream, whatever frames are missing from it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rsenf.messages import RowBlock
+from rsenf.timebase import NS_PER_S
+
+
+class FrameClock:
+    """Counts frame periods and the time they take.
+
+    A frame that never came counts all the same: by the jump in frame numbers, or, in a file whose
+    frames are only counted, by an interval that is twice as long as usual.
+    """
+
+    def __init__(self) -> None:
+        self._first_ns, self._last_ns, self._last_number = -1, 0, 0
+        self._usual_ns = 0.0
+        self._periods = 0
+
+    def add(self, block: RowBlock) -> None:
+        """Take the times of a block's frames."""
+        pts, number = block.frame_pts_ns, block.frame_number
+        if self._first_ns < 0:
+            self._first_ns = self._last_ns = int(pts[0])
+            self._last_number = int(number[0])
+        gaps = np.diff(pts, prepend=self._last_ns)
+        jumps = np.diff(number, prepend=self._last_number)
+        if not self._usual_ns and np.any(gaps > 0):
+            self._usual_ns = float(np.median(gaps[gaps > 0]))
+        by_time = np.rint(gaps / self._usual_ns) if self._usual_ns else jumps
+        self._periods += int(np.sum(np.maximum(jumps, by_time)))
+        self._last_ns, self._last_number = int(pts[-1]), int(number[-1])
+
+    @property
+    def span_s(self) -> float:
+        """Time from the first frame to the last."""
+        return (self._last_ns - self._first_ns) / NS_PER_S
+
+    @property
+    def frame_rate_hz(self) -> float:
+        """Frames per second; NaN before there are two."""
+        return self._periods / self.span_s if self.span_s > 0 else float("nan")
