@@ -36,11 +36,13 @@ def claims_rows(records: Iterable[Record]) -> list[dict[str, Any]]:
 
 def _row(found: Sequence[Found]) -> dict[str, Any]:
     claims = sum(claimed(result) for _, result in found)
+    right = sum(_is_right(record, result) for record, result in found)
     return {
         "clips": len(found),
         "claims": claims,
-        "right": sum(_is_right(record, result) for record, result in found),
         "bound_ratio": rate_bound(claims, len(found)),
+        "right": right,
+        "false_bound_ratio": rate_bound(claims - right, len(found)),
         "broke": sum("broke" in result for _, result in found),
         "cpu_ms_per_s": cpu_ms_per_s(found),
     }

@@ -124,4 +124,4 @@ def _root(variance: float) -> float:
 
 
 def _number(value: float, digits: int = 8) -> float | None:
-    return round(value, digits) if math.isfinite(value) else None
+    return round(float(value), digits) if math.isfinite(value) else None

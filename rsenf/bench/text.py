@@ -27,8 +27,8 @@ with a value. spread: rms of error over standard error; >3σ: share of the value
 bound: Cramér–Rao of one second by itself, uncoded."""
 _CLAIMS_NOTE = """\
 Clips with nothing to claim. A claim is an idle ratio that was given, or one usable second of ENF.
-right: claims within three standard errors of the truth, where the exposure leaves some flicker.
-below: the rate of claims that so few refute with 95 % confidence."""
+below: the rate of claims that so few refute with 95 % confidence. right: claims within three
+standard errors of the truth, where the exposure leaves some flicker; others: all but those."""
 
 
 def text(document: Row) -> str:
@@ -66,7 +66,8 @@ _IDLE_HEAD = ("cell", "coding", "method", "clips", "est", "amb", "ref", "none", 
 _ENF_HEAD = ("cell", "coding", "method", "clips", "with", "broke", "usable", "median", "worst",
              "bright", "median", "worst", "within", ">stft", "std", "spread", ">3σ", "bound",
              "mark", "ms/s")  # fmt: skip
-_CLAIMS_HEAD = ("scene", "coding", "of", "method", "clips", "claims", "right", "below", "broke",
+_CLAIMS_HEAD = ("scene", "coding", "of", "method", "clips", "claims", "below", "right",
+                "others below", "broke",
                 "ms/s")  # fmt: skip
 
 
@@ -95,7 +96,8 @@ def _enf_cells(row: Row) -> list[str]:
 def _claims_cells(row: Row) -> list[str]:
     return [
         row["scene"], row["coding"], row["kind"], row["method"], str(row["clips"]),
-        str(row["claims"]), str(row["right"]), _percent(row["bound_ratio"]), str(row["broke"]),
+        str(row["claims"]), _percent(row["bound_ratio"]), str(row["right"]),
+        _percent(row["false_bound_ratio"]), str(row["broke"]),
         _number(row["cpu_ms_per_s"]),
     ]  # fmt: skip
 

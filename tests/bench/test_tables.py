@@ -119,6 +119,7 @@ def test_claims_are_values_that_were_given() -> None:
     assert (everything["clips"], everything["claims"], everything["right"]) == (5, 2, 1)
     assert everything["broke"] == 1
     assert everything["bound_ratio"] == rate_bound(2, 5)
+    assert everything["false_bound_ratio"] == rate_bound(1, 5)
 
 
 @pytest.mark.parametrize("table", ["idle", "enf", "claims"])
