@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from rsenf import __version__
-from rsenf.bench.bounds import enf_bound_hz, idle_bound_ratio, phase_information
+from rsenf.bench.bounds import enf_bound_hz
 from rsenf.bench.film import film
 from rsenf.bench.grids import grid_for
 from rsenf.bench.judge import judge_enf, judge_idle
 from rsenf.bench.plan import LIT, Clip
 from rsenf.bench.scenes import Setting, setting_of
+from rsenf.idle.bound import idle_ratio_bound
 from rsenf.model import GridPath
 from rsenf.model.sensor import QUANTISATION_VAR
 
@@ -76,10 +77,15 @@ def _lit_facts(clip: Clip, setting: Setting, grid: GridPath) -> dict[str, Any]:
     levels = setting.flicker_levels(clip.nominal_hz)
     pixel_var = model.sensor.variance(np.array([model.scene.level], np.float32)) + QUANTISATION_VAR
     row_noise = float(np.sqrt(pixel_var[0] / shutter.across_px))
-    information = phase_information(levels, row_noise)
-    rate_hz, frames = float(shutter.frame_rate), round(clip.duration_s * shutter.frame_rate)
-    enf_hz = enf_bound_hz(information, shutter.rows, rate_hz, shutter.read_out_time_s)
-    idle = idle_bound_ratio(information, shutter.rows, frames, rate_hz, 2 * clip.nominal_hz)
+    rate_hz = float(shutter.frame_rate)
+    enf_hz = enf_bound_hz(
+        noise_level=row_noise, amplitude_level=levels, rows=shutter.rows, frame_rate_hz=rate_hz,
+        read_out_time_s=shutter.read_out_time_s,
+    )  # fmt: skip
+    idle = idle_ratio_bound(
+        noise_level=row_noise, amplitude_level=levels, rows=shutter.rows, frame_rate_hz=rate_hz,
+        frames=round(clip.duration_s * shutter.frame_rate), f0_hz=2 * clip.nominal_hz,
+    )  # fmt: skip
     return {
         "flicker_level": levels[0],
         "row_noise_level": row_noise,

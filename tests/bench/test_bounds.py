@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rsenf.bench.bounds import enf_bound_hz, idle_bound_ratio, phase_information, rate_bound
+from rsenf.bench.bounds import enf_bound_hz, rate_bound
+from rsenf.idle.bound import idle_ratio_bound
 
 Array = NDArray[np.float64]
 
@@ -48,7 +49,10 @@ def test_enf_bound_is_what_maximum_likelihood_reaches() -> None:
         return flicker(2 * np.pi * f0_hz * centred + p[0] * centred + p[1])
 
     std = estimated_std(model, np.array([0.0, 0.4]), 0) / (2 * np.pi) / 2
-    bound = enf_bound_hz(phase_information(LEVELS, NOISE), rows, rate_hz, read_out_s)
+    bound = enf_bound_hz(
+        noise_level=NOISE, amplitude_level=LEVELS, rows=rows, frame_rate_hz=rate_hz,
+        read_out_time_s=read_out_s,
+    )  # fmt: skip
     assert bound == pytest.approx(std, rel=CLOSE)
 
 
@@ -62,14 +66,20 @@ def test_idle_bound_is_what_maximum_likelihood_reaches() -> None:
         return flicker(p[1:, None] + p[0] * down).ravel()
 
     std = estimated_std(model, true, 0) * rate_hz / (2 * np.pi * f0_hz)
-    bound = idle_bound_ratio(phase_information(LEVELS, NOISE), rows, frames, rate_hz, f0_hz)
+    bound = idle_ratio_bound(
+        noise_level=NOISE, amplitude_level=LEVELS, frames=frames, rows=rows,
+        frame_rate_hz=rate_hz, f0_hz=f0_hz,
+    )  # fmt: skip
     # The phases of a few frames average the information less well than those of a clip.
     assert bound == pytest.approx(std, rel=CLOSE + 0.05)
 
 
 def test_without_flicker_nothing_is_known() -> None:
-    assert enf_bound_hz(0.0, 720, 30.0, 0.02) == math.inf
-    assert idle_bound_ratio(0.0, 720, 900, 30.0, 100.0) == math.inf
+    bound = enf_bound_hz(
+        noise_level=NOISE, amplitude_level=(0.0,), rows=720, frame_rate_hz=30.0,
+        read_out_time_s=0.02,
+    )  # fmt: skip
+    assert bound == math.inf
 
 
 @pytest.mark.parametrize(("events", "trials"), [(0, 200), (1, 200), (7, 40)])
