@@ -58,8 +58,8 @@ def checked(seen: Seen, finding: Finding) -> Finding:
     std_ratio = finding.read_out_std_s * seen.frame_rate_hz
     if not std_ratio <= MAX_STD_RATIO:
         return refused(
-            f"too uncertain, ±{100 * std_ratio:.1f} points: the codec has gone too far, or there is too "
-            "little light or time"
+            f"too uncertain, ±{100 * std_ratio:.1f} points: the codec has gone too far, or "
+            "there is too little light or time"
         )
     if abs(finding.turns) < max(MIN_TURNS, 2.0 * finding.read_out_std_s * finding.f0_hz):
         return GLOBAL

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 Float = NDArray[np.float64]
 
 RESET_LEVEL = 8.0  # a step of the frame's mean that is a reset: light doesn't do that
-OVER_USUAL = 6.0  # and this many times larger than the steps usually are
+OVER_USUAL = 6.0  # and this many times larger than steps are on average
+WARM_UP = 25  # steps before any is judged
 MIN_RESETS = 2
 MIN_RETURN = 0.5  # share of the resets that ramps have to make good for
-FORGET = 0.05  # of a step, in the running size of usual steps
 
 
 class Sawtooth:
@@ -25,7 +25,7 @@ class Sawtooth:
 
     def __init__(self) -> None:
         self._last = float("nan")
-        self._usual = 0.0
+        self._steps, self._travelled = 0, 0.0
         self._up, self._down = 0, 0
         self._jumped, self._drifted = 0.0, 0.0
 
@@ -38,12 +38,14 @@ class Sawtooth:
                 self._take(step)
 
     def _take(self, step: float) -> None:
-        if abs(step) > max(RESET_LEVEL, OVER_USUAL * self._usual):
+        usual = self._travelled / max(self._steps, 1)
+        self._steps += 1
+        self._travelled += abs(step)
+        if self._steps > WARM_UP and abs(step) > max(RESET_LEVEL, OVER_USUAL * usual):
             self._up, self._down = self._up + (step > 0), self._down + (step < 0)
             self._jumped += step
-            return
-        self._usual += FORGET * (abs(step) - self._usual)
-        self._drifted += step
+        else:
+            self._drifted += step
 
     @property
     def found(self) -> bool:

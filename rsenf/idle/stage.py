@@ -124,7 +124,8 @@ class IdleStage:
             f0_hz=self._pairing.f0_hz,
             frame_rate_hz=rate_hz,
         )
-        if not seen.followed and not seen.stands_still:
+        nothing_usable = self._unusable.total() == self._frames
+        if nothing_usable or not (seen.followed or seen.stands_still):
             return Finding(verdict="no_signal", reason=self._why_nothing())
         finding = self._conclude(seen)
         if finding.verdict == "estimated" and seen.is_mirrored and not seen.stands_still:

@@ -1,0 +1,146 @@
+"""Sums, profile likelihood and standard error, against slow least squares over every frame."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from rsenf.idle.bound import idle_ratio_bound
+from rsenf.idle.moments import HARMONICS, Moments
+from rsenf.idle.ramp import Profile, Ramp, find_ramp
+from rsenf.idle.spread import bands, jackknife_var, left_out
+from tests.oracle.ramp_search import explained_by_ramp
+
+Float = NDArray[np.float64]
+FRAMES, ROWS = 300, 64
+
+
+def clip(
+    turns: float,
+    *,
+    advance: float = 2.1,
+    noise: float = 0.3,
+    seed: int = 0,
+    frames: int = FRAMES,
+    rows: int = ROWS,
+) -> tuple[Float, Float, Float]:
+    """Rows of uneven brightness under a lamp with two harmonics: levels, phases, brightness."""
+    rng = np.random.default_rng(seed)
+    phase = np.cumsum(advance + 0.02 * rng.standard_normal(frames))
+    brightness = rng.uniform(60, 140, rows)
+    at = phase[:, None] + 2 * np.pi * turns * np.arange(rows) / rows
+    light = 1 + 0.08 * np.cos(at + 0.4) + 0.02 * np.cos(2 * at - 1.0)
+    return (
+        brightness * light + noise * rng.standard_normal((frames, rows)),
+        phase,
+        brightness,
+    )
+
+
+def moments_of(level: Float, phase: Float, step: int = FRAMES) -> Moments:
+    out = Moments(level.shape[1])
+    for first in range(0, len(level), step):
+        out.add(phase[first : first + step], level[first : first + step])
+    return out
+
+
+def fit(level: Float, phase: Float) -> tuple[Ramp, float]:
+    """Return the ramp, and its variance by leaving out bands."""
+    moments = moments_of(level, phase)
+    ramp = find_ramp(moments, 4.0)
+    return ramp, jackknife_var(Profile(moments, HARMONICS, ramp.brightness), ramp.turns)
+
+
+def test_sums_do_not_depend_on_how_frames_come() -> None:
+    level, phase, _ = clip(2.3)
+    once, often = moments_of(level, phase), moments_of(level, phase, 7)
+    assert once.frames == often.frames
+    assert np.allclose(once.row, often.row, rtol=1e-12)
+    assert np.allclose(once.turn, often.turn, atol=1e-9)
+
+
+@pytest.mark.parametrize("harmonics", [1, 2, 3])
+@pytest.mark.parametrize("advance", [2.1, 0.01])
+def test_profile_equals_least_squares_over_all_frames(harmonics: int, advance: float) -> None:
+    level, phase, brightness = clip(2.3, advance=advance)
+    profile = Profile(moments_of(level, phase), harmonics, brightness)
+    tries = np.array([-2.3, 0.4, 2.1, 2.3, 2.35])
+    fast = profile.explained(tries, np.ones((1, ROWS)))
+    slow = [explained_by_ramp(level, phase, brightness, t, harmonics) for t in tries]
+    assert fast == pytest.approx(slow, rel=1e-4)
+
+
+@pytest.mark.parametrize("turns", [-3.1, -0.6, 0.7, 2.31, 3.6])
+def test_top_is_that_of_the_slow_search(turns: float) -> None:
+    level, phase, _ = clip(turns, seed=3)
+    ramp, _ = fit(level, phase)
+    near = ramp.turns + np.linspace(-2e-3, 2e-3, 41)
+    slow = [explained_by_ramp(level, phase, ramp.brightness, t, HARMONICS) for t in near]
+    assert abs(near[int(np.argmax(slow))] - ramp.turns) <= 1.01e-4
+    assert abs(ramp.turns - turns) < 5 * np.sqrt(ramp.bound_var)
+
+
+def test_brightness_amplitude_and_noise_are_those_of_the_clip() -> None:
+    level, phase, brightness = clip(2.3)
+    ramp, _ = fit(level, phase)
+    assert ramp.brightness == pytest.approx(brightness, rel=1e-3)
+    assert ramp.flicker_ratio == pytest.approx(0.08, rel=0.01)
+    assert abs(ramp.amplitude[1]) == pytest.approx(0.02, rel=0.05)
+    assert ramp.noise_var == pytest.approx(0.09, rel=0.05)
+
+
+def test_flicker_that_hardly_turns_is_told_from_texture() -> None:
+    # Three radians in all: a row's own mean holds flicker, and no row alone could tell.
+    level, phase, _ = clip(2.3, advance=0.01, seed=5)
+    ramp, variance = fit(level, phase)
+    assert abs(ramp.turns - 2.3) < 4 * np.sqrt(max(variance, ramp.bound_var))
+    assert abs(ramp.turns - 2.3) < 3e-3
+
+
+def test_standard_errors_are_true_for_white_noise() -> None:
+    scores, ratios = [], []
+    for seed in range(30):
+        level, phase, _ = clip(2.3, noise=2.0, seed=seed, frames=120)
+        ramp, variance = fit(level, phase)
+        scores.append((ramp.turns - 2.3) / np.sqrt(max(variance, ramp.bound_var)))
+        ratios.append(variance / ramp.bound_var)
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.4
+    assert 0.7 < np.mean(ratios) < 1.6
+
+
+def test_standard_errors_are_true_for_errors_of_whole_bands() -> None:
+    """As a codec's: the phase of a band of rows is off, by the same for the whole clip."""
+    scores, rows = [], 960
+    for seed in range(20):
+        rng = np.random.default_rng([seed, 1])
+        _, phase, brightness = clip(2.3, noise=0.0, seed=seed, frames=60, rows=rows)
+        at = phase[:, None] + 2 * np.pi * 2.3 * np.arange(rows) / rows
+        at = at + np.repeat(rng.normal(0, 0.2, rows // 48), 48)
+        ramp, variance = fit(brightness * (1 + 0.08 * np.cos(at)), phase)
+        scores.append((ramp.turns - 2.3) / np.sqrt(variance))
+        assert variance > 20 * ramp.bound_var
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.4
+
+
+def test_bands_cover_all_rows_once() -> None:
+    for rows in (16, 100, 480, 719, 1080):
+        assert bands(rows)[0] == 0
+        weight = left_out(rows)
+        assert np.all((1 - weight).sum(axis=0) == 1)
+        assert len(weight) >= 10
+
+
+def test_bound_is_the_curvature_of_the_likelihood() -> None:
+    level, phase, _ = clip(2.3, noise=0.5, frames=600)
+    ramp, _ = fit(level, phase)
+    mean = np.sqrt(np.mean(ramp.brightness**2))
+    bound = idle_ratio_bound(
+        noise_level=0.5,
+        amplitude_level=[0.08 * mean, 0.02 * mean],
+        frames=600,
+        rows=ROWS,
+        frame_rate_hz=30.0,
+        f0_hz=100.0,
+    )
+    assert bound == pytest.approx(np.sqrt(ramp.bound_var) * 30.0 / 100.0, rel=0.1)
