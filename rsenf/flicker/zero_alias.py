@@ -26,11 +26,13 @@ HARMONICS = 8
 STEPS = 12
 # Improvement of chi-squared, for its two numbers, that a further harmonic must bring.
 WORTH = 20.0
+# Orders of a lamp's share that varies down the rows; and what it must leave of the residual.
+SHARES, SHARES_WORTH = 4, 0.7
 # The phase must have turned this far, and the circle's radius be known this well.
 MIN_SPAN_RAD = 1.0
+MAX_TURNS_STD = 0.02  # half a point of the idle period at 25 frames a second
 MIN_AMPLITUDE_SNR = 8.0
-# Of what varies slowly, the least that one ramp with one modulus must explain; and the least that
-# its first two harmonics must, for more of them to be worth a try.
+# Of what varies slowly, the least that one ramp must explain to be flicker, and to be a result.
 MIN_EXPLAINED, HOPELESS = 0.9, 0.5
 # No lamp's logarithm swings further in its first harmonic.
 MAX_AMPLITUDE = 5.0
@@ -65,6 +67,9 @@ class ZeroAlias:
         Of the first harmonic in the logarithm of the light: relative to the mean where it is small.
     series : ndarray of complex, shape (harmonics,)
         All harmonics of the logarithm of the light, the first real.
+    share : ndarray, shape (orders,)
+        How the lamp's share in the light varies down the rows, by Chebyshev polynomials from order
+        1 on: daylight that falls on some rows more than on others. Empty where it doesn't vary.
     texture : ndarray, shape (rows, strips)
         Levels under the light's mean over a cycle.
     read_out_s, read_out_std : float
@@ -84,6 +89,7 @@ class ZeroAlias:
     amplitude: float
     amplitude_std: float
     series: NDArray[np.complex128]
+    share: Float
     texture: Float
     read_out_s: float
     read_out_std: float
@@ -126,7 +132,8 @@ class ZeroAlias:
     @property
     def determined(self) -> bool:
         """Whether it is flicker whose phase has turned enough for its ramp to be relied on."""
-        return self.is_flicker and self.span_rad >= MIN_SPAN_RAD
+        known = self.turns_std < MAX_TURNS_STD
+        return self.is_flicker and known and self.span_rad >= MIN_SPAN_RAD
 
     @property
     def direction(self) -> int:
@@ -189,22 +196,35 @@ def separate(
         return None
     best = min(tried, key=lambda p: p.power)
     point = refine(data, best.flicker.with_harmonics(2), STEPS)
-    if explained(point) < HOPELESS:
+    uneven = refine(data, point.flicker.with_share(SHARES), STEPS)
+    if explained(uneven) < HOPELESS:
         return None
-    point = _with_harmonics(point)
+    point = _with_share(_with_harmonics(point), uneven)
     ratio = noise_ratio(point)
     point = refine(data, point.flicker, STEPS, ratio)
     plausible = 0.0 < point.flicker.series[0].real < MAX_AMPLITUDE
     return _result(rows, point, ratio) if plausible else None
 
 
+def _with_share(even: Point, uneven: Point) -> Point:
+    """Let the lamp's share vary down the rows where that explains much more than harmonics do.
+
+    Not where the noise is white without it, nor instead of harmonics, whose part it could play
+    where the ramp is short.
+    """
+    if noise_ratio(even) <= 1.0:
+        return even
+    uneven = _with_harmonics(uneven)
+    return uneven if uneven.power < SHARES_WORTH * even.power else even
+
+
 def _with_harmonics(point: Point) -> Point:
     """Add harmonics for as long as each brings something."""
     for harmonics in range(point.flicker.series.size + 1, HARMONICS + 1):
         more = refine(point.data, point.flicker.with_harmonics(harmonics), STEPS)
-        gain = (point.power - more.power) / more.noise_var
+        enough = point.power - more.power < WORTH * more.noise_var * noise_ratio(more)
         point = more
-        if gain < WORTH:
+        if enough:
             break
     return point
 
@@ -221,6 +241,7 @@ def _result(level: Float, point: Point, ratio: float) -> ZeroAlias:
         amplitude=float(flicker.series[0].real),
         amplitude_std=standard_error(point, covariance, 2, ratio),
         series=flicker.series,
+        share=flicker.share,
         texture=_texture(level, point),
         read_out_s=flicker.read_out_s,
         read_out_std=standard_error(point, covariance, 1, ratio),
@@ -234,9 +255,10 @@ def _texture(level: Float, point: Point) -> Float:
     flicker, data = point.flicker, point.data
     place = (np.arange(level.shape[1]) + 0.5) / level.shape[1]
     seen = np.average(
-        np.exp(flicker.light(flicker.waves(data.t_s, place))), axis=0, weights=data.weight
+        np.exp(flicker.light(flicker.waves(data.t_s, place), place)), axis=0, weights=data.weight
     )
     order = np.arange(1, flicker.series.size + 1)
     cycle = np.exp(1j * order * np.linspace(0.0, 2.0 * np.pi, CYCLE, endpoint=False)[:, None])
-    mean = np.mean(np.exp((cycle @ flicker.series).real))
+    shares = flicker.shares(place)
+    mean = np.mean(np.exp((cycle @ flicker.series).real[:, None] * shares), axis=0)
     return np.asarray(np.average(level, axis=0, weights=data.weight) * (mean / seen)[:, None])

@@ -47,7 +47,7 @@ def noise_ratio(point: Point) -> float:
     ramps = np.exp(-2j * np.pi * turns[turns > LEAST_TURNS, None] * data.place)
     seen = (residual * data.row_weight) @ ramps.T
     near = np.mean(np.abs(seen) ** 2 * data.weight[:, None]) / (variance * data.place.size)
-    light = data.without_gain(point.flicker.light(point.waves))
+    light = data.without_gain(point.flicker.light(point.waves, data.place))
     along = (light * residual) @ data.row_weight
     modulus = np.mean(along**2 * data.weight / (light**2 @ data.row_weight)) / variance
     chance = 2.0 * np.sqrt(2.0 / data.t_s.size)

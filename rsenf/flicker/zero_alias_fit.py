@@ -1,7 +1,7 @@
 """Least squares of flicker on texture, all unknowns at once.
 
 The logarithm of a picture's rows is a sum: texture, common gain, and the flicker as a function of
-its phase, ``z[i,r] = b_r + γ_i + Σ_k Re c_k·exp(j·k·φ_ir)`` with
+its phase, ``z[i,r] = b_r + γ_i + s_r·Σ_k Re c_k·exp(j·k·φ_ir)`` with
 ``φ_ir = ψ_i + 2π·q·u_r + (ψ'_i − mean ψ')·τ·(u_r − ½)``. Texture and gain are linear and many, so
 both are projected out of the data and of every derivative (variable projection, Golub & Pereyra,
 SIAM J. Numer. Anal. 10, 413, 1973): nothing is subtracted that the flicker can't claim back. What
@@ -32,12 +32,22 @@ STIFFEST = 1e6  # damping beyond which no step will help
 
 @dataclass(frozen=True, eq=False)
 class Flicker:
-    """Flicker as the fit knows it: each bin's phase, ``q``, ``τ``, and ``c_k``; ``c_1`` is real."""
+    """Flicker as the fit knows it: each bin's phase, ``q``, ``τ``, ``s`` and ``c_k``.
+
+    ``c_1`` is real. ``s = 1 + Σ_p share_p·T_p(2u − 1)`` is the lamp's share in the light of each
+    row, where daylight falls on some more than on others; ``share`` may be empty.
+    """
 
     phase_rad: Float
     turns: float
     read_out_s: float
     series: Complex
+    share: Float
+
+    @property
+    def unknowns(self) -> int:
+        """How many numbers it is."""
+        return self.phase_rad.size + 1 + 2 * self.series.size + self.share.size
 
     def with_harmonics(self, harmonics: int) -> Flicker:
         """Return the same flicker with room for more harmonics."""
@@ -45,16 +55,21 @@ class Flicker:
         series[: self.series.size] = self.series
         return replace(self, series=series)
 
+    def with_share(self, order: int) -> Flicker:
+        """Return the same flicker with room for a share that varies down the rows."""
+        return replace(self, share=np.zeros(order))
+
     def moved(self, step: Float) -> Flicker:
         """Return the flicker one step further, in the order of the normal equations."""
         bins = self.phase_rad.size
-        pairs = step[bins + 3 :]
+        pairs, shares = np.split(step[bins + 3 :], [2 * self.series.size - 2])
         change = np.concatenate(([step[bins + 2]], pairs[::2] + 1j * pairs[1::2]))
         return Flicker(
             self.phase_rad + step[:bins],
             self.turns + float(step[bins]),
             self.read_out_s + float(step[bins + 1]),
             self.series + change,
+            self.share + shares,
         )
 
     def stretch(self, t_s: Float, place: Float) -> Float:
@@ -75,9 +90,13 @@ class Flicker:
             np.multiply(out[k - 1], first, out=out[k])
         return out
 
-    def light(self, waves: Complex) -> Float:
+    def shares(self, place: Float) -> Float:
+        """``s`` of each row, shape (rows,)."""
+        return np.asarray(1.0 + self.share @ polynomials(place, self.share.size))
+
+    def light(self, waves: Complex, place: Float) -> Float:
         """Its part of the logarithms, shape (bins, rows)."""
-        return np.asarray(np.tensordot(self.series, waves, 1).real)
+        return np.asarray(np.tensordot(self.series, waves, 1).real * self.shares(place))
 
 
 class Point:
@@ -105,9 +124,9 @@ class Point:
     def __init__(self, data: RowLogs, flicker: Flicker, noise_ratio: float = 1.0) -> None:
         self.data, self.flicker = data, flicker
         self.waves = flicker.waves(data.t_s, data.place)
-        self.residual = data.value - data.centred(flicker.light(self.waves))
+        self.residual = data.value - data.centred(flicker.light(self.waves, data.place))
         self.power = data.power(self.residual)
-        spent = flicker.phase_rad.size + 2 * flicker.series.size + 1
+        spent = flicker.phase_rad.size + 2 * flicker.series.size + 1 + flicker.share.size
         self.noise_var = noise_ratio * self.power / data.freedom(spent)
 
     def cost(self, noise_var: float, prior: Float) -> float:
@@ -118,18 +137,21 @@ class Point:
     def slope(self) -> Float:
         """Derivative of the light by the phase, shape (bins, rows)."""
         order = 1j * np.arange(1, self.flicker.series.size + 1)
-        return np.asarray(np.tensordot(order * self.flicker.series, self.waves, 1).real)
+        slope = np.tensordot(order * self.flicker.series, self.waves, 1).real
+        return np.asarray(slope * self.flicker.shares(self.data.place))
 
     def columns(self) -> Float:
-        """Centred derivatives by ``q``, ``τ`` and ``c``: (parameters, bins, rows)."""
-        slope = self.slope()
+        """Centred derivatives by ``q``, ``τ``, ``c`` and shares: (parameters, bins, rows)."""
+        slope, shares = self.slope(), self.flicker.shares(self.data.place)
         found = [
             slope * (2.0 * np.pi * self.data.place),
             slope * self.flicker.stretch(self.data.t_s, self.data.place),
-            self.waves[0].real,
+            self.waves[0].real * shares,
         ]
         for wave in self.waves[1:]:
-            found += [wave.real, -wave.imag]
+            found += [wave.real * shares, -wave.imag * shares]
+        plain = np.tensordot(self.flicker.series, self.waves, 1).real
+        found += [plain * p for p in polynomials(self.data.place, self.flicker.share.size)]
         return self.data.centred(np.stack(found))
 
     def equations(self, prior: Float) -> tuple[Float, Float]:
@@ -156,8 +178,8 @@ class Point:
         return normal, gradient
 
     def covariance(self) -> Float:
-        """Covariance of (phases, ``q``, ``τ``, ``c_1``, ``Re c_2``, ``Im c_2``, …)."""
-        normal, _ = self.equations(prior_precision(self.data.t_s, self.flicker.series.size))
+        """Covariance of (phases, ``q``, ``τ``, ``c_1``, ``Re c_2``, ``Im c_2``, …, shares)."""
+        normal, _ = self.equations(prior_precision(self.data.t_s, self.flicker.unknowns))
         return np.asarray(self.noise_var * np.linalg.pinv(normal, hermitian=True), np.float64)
 
     def _known(self, size: int) -> Float:
@@ -182,7 +204,7 @@ def refine(data: RowLogs, start: Flicker, steps: int, noise_ratio: float = 1.0) 
     noise_ratio : float
         As for :class:`Point`.
     """
-    prior = prior_precision(data.t_s, start.series.size)
+    prior = prior_precision(data.t_s, start.unknowns)
     now = Point(data, start, noise_ratio)
     normal, gradient = now.equations(prior)
     damping = 1e-3
@@ -204,7 +226,13 @@ def refine(data: RowLogs, start: Flicker, steps: int, noise_ratio: float = 1.0) 
     return now
 
 
-def prior_precision(t_s: Float, harmonics: int) -> Float:
+def polynomials(place: Float, count: int) -> Float:
+    """Chebyshev polynomials of orders 1 to ``count`` down the frame, shape (count, rows)."""
+    order = np.arange(1, count + 1)[:, None]
+    return np.asarray(np.cos(order * np.arccos(2.0 * place - 1.0)))
+
+
+def prior_precision(t_s: Float, unknowns: int) -> Float:
     """Inverse covariance known beforehand: a rate that wanders, and a read-out within a frame.
 
     It is blind to the phases' level and slope, and to all else.
@@ -216,8 +244,7 @@ def prior_precision(t_s: Float, harmonics: int) -> Float:
     change[row, row + 1] = -1.0 / step[:-1] - 1.0 / step[1:]
     change[row, row + 2] = 1.0 / step[1:]
     variance = RATE_WANDER**2 * (step[:-1] + step[1:]) / 2.0
-    size = t_s.size + 1 + 2 * harmonics
-    out = np.zeros((size, size))
+    out = np.zeros((unknowns, unknowns))
     out[: t_s.size, : t_s.size] = change.T @ (change / variance[:, None])
     out[t_s.size + 1, t_s.size + 1] = READ_OUT_S**-2
     return out

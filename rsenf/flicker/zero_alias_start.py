@@ -36,7 +36,7 @@ def starts(data: RowLogs) -> list[Flicker]:
         middle = np.average(points, weights=data.weight)
         for c in (centre, 2.0 * middle - centre):
             phase = np.unwrap(np.angle(points - c))
-            found.append(Flicker(phase, turns, 0.0, np.array([radius + 0j])))
+            found.append(Flicker(phase, turns, 0.0, np.array([radius + 0j]), np.empty(0)))
     return found
 
 
