@@ -1,7 +1,8 @@
 """Print the ENF of a recording, one value a second.
 
 Without --json a table goes to stdout; with it JSON Lines, one object for each second, t_s counted
-from the first frame to the centre of the 20 s window. A second without a usable signal is a line
+from the first frame to the centre of what the value covers: a second (0.5, 1.5, …) by the default
+method, a window of 20 s (10, 11, …) by stft and its kin. A second without a usable signal is a line
 too: its enf_hz is null.
 """
 
@@ -93,14 +94,9 @@ def _print_table(estimates: Sequence[EnfEstimate]) -> None:
 
 def summary(analysis: Analysis) -> str:
     """One line on what was found of the ENF."""
-    from rsenf.track import TrackSettings
-
     estimates = analysis.estimates
     if not estimates:
-        return (
-            f"too short to tell: {analysis.seconds:.1f} s of video, the first value needs "
-            f"{TrackSettings.window_s:.0f} s"
-        )
+        return f"too short to tell: {analysis.seconds:.1f} s of video"
     usable = [e for e in estimates if e.usable]
     if not usable:
         # What is wrong with the rows themselves explains best why no window of them is of use.

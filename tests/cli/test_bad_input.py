@@ -122,9 +122,7 @@ def test_a_truncated_recording_gives_what_is_there(
 def test_too_short_to_tell_is_a_result(rsenf: Rsenf, verb: str, grid: Path, tmp_path: Path) -> None:
     done = call(rsenf, verb, grey_video(tmp_path / "short.mp4", 10, 100), grid)
     assert done.returncode == 0
-    assert "short.mp4: too short to tell: 0.3 s of video, the first value needs 20 s" in line_of(
-        done
-    )
+    assert "short.mp4: too short to tell: 0.3 s of video" in line_of(done)
     assert done.stdout.startswith("no_decision: " if verb == "verify" else "")
 
 

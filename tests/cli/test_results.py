@@ -30,11 +30,16 @@ def strict(text: str) -> Any:
     return json.loads(text, parse_constant=refuse, object_pairs_hook=check)
 
 
-def test_track_gives_one_value_a_second(rsenf: Rsenf, clip: Path) -> None:
-    done = rsenf("track", clip, "--json")
+@pytest.mark.parametrize(
+    ("method", "first_s", "values"), [("stft", 10.0, 26), ("projection", 0.5, 45)]
+)
+def test_track_gives_one_value_a_second(
+    rsenf: Rsenf, clip: Path, method: str, first_s: float, values: int
+) -> None:
+    done = rsenf("track", clip, "--json", "--method", method)
     assert done.returncode == 0
     lines = [strict(line) for line in done.stdout.splitlines()]
-    assert [line["t_s"] for line in lines] == [10.0 + k for k in range(26)]
+    assert [line["t_s"] for line in lines] == [first_s + k for k in range(values)]
     truth = json.loads(clip.with_suffix(".truth.json").read_text())
     middle = np.interp([line["t_s"] for line in lines], truth["t_s"], truth["enf_hz"])
     for line, true_hz in zip(lines, middle, strict=True):
@@ -42,7 +47,7 @@ def test_track_gives_one_value_a_second(rsenf: Rsenf, clip: Path) -> None:
         assert line["usable"] is True
         assert abs(line["enf_hz"] - true_hz) < 4 * line["enf_std_hz"]
         assert line["snr_db"] > 20.0
-    assert done.stderr.startswith("note: 26 of 26 values usable; 50 Hz grid, ")
+    assert done.stderr.startswith(f"note: {values} of {values} values usable; 50 Hz grid, ")
 
 
 def test_track_in_a_table(rsenf: Rsenf, clip: Path) -> None:
@@ -55,7 +60,7 @@ def test_track_in_a_table(rsenf: Rsenf, clip: Path) -> None:
 def test_seconds_without_a_signal_are_lines_too(rsenf: Rsenf, tmp_path: Path) -> None:
     noise = np.random.default_rng(2).normal(100.0, 1.0, 900)
     np.savez(tmp_path / "noise.npz", luminance=noise, frame_rate_hz=30.0)
-    done = rsenf("track", tmp_path / "noise.npz", "--json")
+    done = rsenf("track", tmp_path / "noise.npz", "--json", "--method", "stft")
     lines = [strict(line) for line in done.stdout.splitlines()]
     assert [line["t_s"] for line in lines] == [10.0 + k for k in range(11)]
     assert {(line["enf_hz"], line["usable"]) for line in lines} == {(None, False)}

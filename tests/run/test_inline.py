@@ -18,7 +18,10 @@ from rsenf.run.inputs import Input
 from rsenf.track import TrackSettings
 
 RATE_HZ = 30.0
-SETTINGS: dict[str, Any] = {"rows": RowsSettings(), "track": TrackSettings(nominal_hz=50.0)}
+SETTINGS: dict[str, Any] = {
+    "rows": RowsSettings(),
+    "track": TrackSettings(method="stft", nominal_hz=50.0),
+}
 
 
 class Given(Input):

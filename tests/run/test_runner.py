@@ -13,7 +13,7 @@ from rsenf.rows.stage import Rows
 from rsenf.run.runner import Chain, Runner
 from rsenf.track import TrackSettings, make_tracker
 
-SHORT = TrackSettings(window_s=4.0, nominal_hz=50.0, max_std_hz=1.0)
+SHORT = TrackSettings(method="stft", window_s=4.0, nominal_hz=50.0, max_std_hz=1.0)
 
 
 def chain(tapped: list[Any]) -> Chain:
