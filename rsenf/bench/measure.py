@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import platform
 import time
 from importlib.metadata import version
@@ -10,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rsenf import __version__
+import rsenf
 from rsenf.bench.bounds import enf_bound_hz
 from rsenf.bench.film import film
 from rsenf.bench.grids import grid_for
@@ -34,7 +36,7 @@ def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
     grids : Path or None
         Folder of measured grids.
     """
-    begin_s = time.perf_counter()
+    begin_s, versions = time.perf_counter(), _versions()
     setting = setting_of(clip)
     grid, grid_name = grid_for(grids, clip.nominal_hz, clip.duration_s, clip.generator("grid"))
     filmed = film(clip, setting, grid)
@@ -67,7 +69,7 @@ def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
         "found": found,
         "cpu_s": {step: round(s, 2) for step, s in filmed.cpu_s.items()},
         "wall_s": round(time.perf_counter() - begin_s, 2),
-        "versions": _versions(),
+        "versions": versions,
     }
 
 
@@ -106,11 +108,22 @@ def _alias_turn_rad(clip: Clip, frame_rate_hz: float, grid: GridPath) -> float:
     return float(np.ptp(2 * np.pi * (2 * grid.cycles(t_s) - beside * t_s)))
 
 
+@functools.cache
 def _versions() -> dict[str, str]:
+    """Versions of what measures, as it was when this process measured its first clip.
+
+    ``source`` is of the program's own files: two runs between which one was edited differ in it.
+    """
     import av
 
+    folder = Path(rsenf.__file__).parent
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*.py")):
+        digest.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
+
     return {
-        "rsenf": __version__,
+        "rsenf": rsenf.__version__,
+        "source": digest.hexdigest()[:16],
         "python": platform.python_version(),
         **{name: version(name) for name in _LIBRARIES},
         "libavcodec": ".".join(map(str, av.library_versions["libavcodec"])),

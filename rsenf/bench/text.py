@@ -58,6 +58,8 @@ def _made_from(document: Row) -> str:
         told.append(f"seeds {seeds[0]} to {seeds[-1]}")
         told.append("seconds each: " + ", ".join(f"{s:g}" for s in document["durations_s"]))
         told.append(f"grid: {', '.join(document['grids'])}")
+    if len(document["versions"]) > 1:
+        told.append(f"made by {len(document['versions'])} versions of the program")
     return "; ".join(told) + (_ZERO if zero else "")
 
 

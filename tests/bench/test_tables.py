@@ -135,6 +135,11 @@ def test_every_table_can_be_written(table: str) -> None:
     assert len(lines) > 2
 
 
+def test_records_of_several_versions_are_said_to_be() -> None:
+    records = [lit(n, {}, {}, versions={"source": s}) for n, s in enumerate("ab")]
+    assert "made by 2 versions" in text(tabulate("idle", records))
+
+
 def test_tables_of_nothing_can_be_written() -> None:
     for table in ("idle", "enf", "claims"):
         assert "clips: 0" in text(tabulate(table, []))
