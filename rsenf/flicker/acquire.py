@@ -7,7 +7,7 @@ stands out most is taken, with its drift over the window.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ Complex = NDArray[np.complex128]
 
 SEARCH_HZ = 1.0  # of the illumination's frequency
 MIN_SNR = 40.0
+LIKELY_HZ = 0.1  # standard deviation of the illumination's frequency that is taken for likely
 TURNS_STEP = 0.25
 NO_FLICKER = "no mains flicker stands out"
 # Drifts of the illumination's frequency tried, Hz/s: grids drift by 3e-3 now and then.
@@ -85,10 +86,10 @@ def acquire(
         series = columns @ basis.ramps(turns).conj()
         _, power = finder.periodograms(series * carrier[:, None], carrier, t_mid)
         for i in range(turns.size):
-            tone = finder.strongest(power[:, i], t_mid)
+            tone = strongest(finder, power[:, i], t_mid)
             if best is None or tone.snr > best[2].snr:
                 best = nominal_hz, float(turns[i]), tone, series[:, i] * carrier
-    if best is None or best[2].snr < min_snr:
+    if best is None or not stands_out(best[2], min_snr):
         return NO_FLICKER
     nominal_hz, one_turns, tone, baseband = best
     if tone.at_edge:
@@ -97,6 +98,25 @@ def acquire(
     offset_hz, drift_hz_s = _with_drift(baseband, t_mid, tone.offset_hz, finder)
     psi = 2.0 * np.pi * (offset_hz * nodes_t + drift_hz_s * nodes_t**2 / 2.0)
     return Found(nominal_hz, one_turns, tone, psi)
+
+
+def strongest(finder: ToneFinder, power: Float, t_s: Float) -> Tone:
+    """Strongest tone, over the noise beside it or in the whole band, whichever is more.
+
+    So many ramps are tried that one with little noise beside it is sure to come by.
+    """
+    tone = finder.strongest(power, t_s)
+    noise = float(np.median(power)) / np.log(2.0)
+    snr = min(tone.snr, tone.amplitude**2 / noise) if noise > 0.0 else tone.snr
+    return replace(tone, snr=float(snr))
+
+
+def stands_out(tone: Tone, min_snr: float) -> bool:
+    """Whether a tone is more than noise: the farther from the nominal frequency, the more it takes.
+
+    Logarithms of odds: noise reaches a power with a chance that falls exponentially with it.
+    """
+    return tone.snr >= min_snr + (tone.offset_hz / LIKELY_HZ) ** 2 / 2.0
 
 
 def turns_grid(basis: ProfileBasis, nominal_hz: float, frame_rate_hz: float) -> Float:

@@ -14,7 +14,7 @@ from rsenf.flicker.lock import AHEAD_S, TOO_FEW, WINDOW_S, Lock, frames_of
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slow_time import SlowTime
-from rsenf.flicker.still import EVERY_S, SHORTEST_S, SPAN_S, StillFlicker, near_zero
+from rsenf.flicker.still import EVERY_S, SHORTEST_S, SPAN_S, StillFlicker, may_stand_still
 from rsenf.messages import RowBlock
 from rsenf.timebase import nanoseconds
 
@@ -92,9 +92,9 @@ class FlickerFollower:
         most_turns = HARMONICS * 2.0 * max(self._nominals) / self._rate_hz
         self._basis = ProfileBasis(self._waiting[0].rows, most_turns)
         self._buffer = SlowTime(self._basis.columns, int(pts[0]))
-        still = [n for n in self._nominals if near_zero(n, self._rate_hz)]
-        if still and self._basis.rows > 1:
-            self._still = StillFlicker(still[0])
+        for nominal_hz in self._nominals:
+            if may_stand_still(nominal_hz, self._rate_hz, self._basis.rows):
+                self._still = StillFlicker(nominal_hz)
         for block in self._waiting:
             if block.rows == self._basis.rows:
                 self._append(self._basis, block)

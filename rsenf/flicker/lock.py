@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found
+from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found, stands_out, strongest
 from rsenf.flicker.grid_prior import NODES_PER_S
 from rsenf.flicker.phase_fit import Frames, PhaseFit, Place, fit_phase
 from rsenf.flicker.phase_path import PhasePath
@@ -34,6 +34,9 @@ MAX_OFF_CELLS = 1.0
 MEMORY = 0.1  # share of a new second in the template that the check looks with
 # The phase is linear between nodes, which real grids aren't quite: what that leaves, Hz.
 MODEL_STD_HZ = 4e-5
+# Where a codec lets through more or less of the flicker than around, it turns its phase as well:
+# the standard error grows by so much for a change by a factor e, and below a size nothing is said.
+UNSETTLED, MIN_GAIN = 4.0, 0.6
 
 
 class Lock:
@@ -111,6 +114,10 @@ class Lock:
         if part.stop == part.start:
             return dataclasses.replace(blank, reason=TOO_FEW)
         node, psi = (blank.index - start) * NODES_PER_S, fit.psi_rad
+        gain = float(np.mean(fit.gain[node : node + NODES_PER_S]))
+        if gain < MIN_GAIN:
+            return dataclasses.replace(blank, reason="the flicker is much weaker than around")
+        unsettled = 1.0 + UNSETTLED * abs(np.log(gain))
         turns = float(psi[node + NODES_PER_S] - psi[node]) / (2.0 * np.pi)
         t_s = buffer.times(part)
         at_frames = Place(t_s - start, psi.size).at_frames(psi)
@@ -118,7 +125,7 @@ class Lock:
             blank,
             usable=True,
             f0_hz=2.0 * self.nominal_hz + turns,
-            f0_var_hz2=float(fit.second_var_hz2[node]) + MODEL_STD_HZ**2,
+            f0_var_hz2=float(fit.second_var_hz2[node]) * unsettled**2 + MODEL_STD_HZ**2,
             phase_rad=4.0 * np.pi * self.nominal_hz * t_s + at_frames,
             **self._amplitude(blank.index, fit, start),
         )
@@ -129,11 +136,11 @@ class Lock:
         told = fit.information[(index - start) * NODES_PER_S :][:NODES_PER_S].sum()
         if not own.any() or not told > 0.0:
             return {}
-        psi = Place(fit.t_s[own], fit.psi_rad.size).at_frames(fit.psi_rad)
+        middle = float(fit.psi_rad[(index - start) * NODES_PER_S + NODES_PER_S // 2])
         along = np.abs(np.sum(self.ramp.conj() * fit.template))
         size = float(along / np.sum(np.abs(self.ramp) ** 2))
         return {
-            "amplitude": complex(size * np.mean(np.exp(1j * psi) * (1.0 + fit.deviation[own]))),
+            "amplitude": complex(size * np.exp(1j * middle) * (1.0 + np.mean(fit.deviation[own]))),
             "amplitude_var": float(size**2 / told),
         }
 
@@ -146,10 +153,10 @@ class Lock:
         carrier = np.exp(-4j * np.pi * self.nominal_hz * t_s)
         series = (columns @ self._template.conj()) * carrier
         _, power = finder.periodograms(series[:, None], carrier, t_mid)
-        tone = finder.strongest(power[:, 0], t_mid)
+        tone = strongest(finder, power[:, 0], t_mid)
         psi = self._path.between(start, end)
         slope_hz = float(psi[-1] - psi[0]) / (2.0 * np.pi * (end - start))
-        if tone.snr < self._min_snr:
+        if not stands_out(tone, self._min_snr):
             return tone, NO_FLICKER
         if tone.at_edge:
             return tone, "strongest at the edge of the search band"

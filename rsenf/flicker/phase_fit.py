@@ -41,6 +41,7 @@ GAIN_NODES, STEADY = 24, 0.1
 TAILS = 4.0
 MAX_STEPS = 16
 REST, NEARLY = 1e-2, 1.0
+REST_RAD, NEARLY_RAD = 1e-4, 5e-4
 # Noise is told from bands around the tone. What is in quadrature to the phase can be taken from
 # close by; along it, the phase has followed whatever is slow.
 COLUMNS_HZ, ALONG_HZ, ACROSS_HZ = (0.3, 1.6), (0.2, 0.8), (0.05, 0.5)
@@ -82,6 +83,8 @@ class PhaseFit:
         One over the noise variance of a frame in each column near the first harmonic.
     information : ndarray, shape (nodes,)
         Fisher information of the data about each node's phase.
+    gain : ndarray, shape (nodes,)
+        Size of the first harmonic around each node, relative to the window's.
     t_s : ndarray, shape (frames,)
         Times of the frames since the window's first node.
     deviation : ndarray of complex, shape (frames,)
@@ -94,6 +97,7 @@ class PhaseFit:
     template: Complex
     weights: Float
     information: Float
+    gain: Float
     t_s: Float
     deviation: Complex
 
@@ -116,7 +120,7 @@ def fit_phase(frames: Frames, psi_rad: Float) -> PhaseFit:
     for _ in range(MAX_STEPS):
         psi = prior @ coefficient
         amplitude = _amplitudes(frames, place, psi, trust, orders)
-        gradient, information, trust = _likelihood(place, amplitude, trust)
+        gradient, information, trust, gain = _likelihood(place, amplitude, trust)
         precision = prior.T @ (information[:, None] * prior)
         precision[np.diag_indices_from(precision)] += 1.0
         step = np.linalg.solve(precision, prior.T @ gradient - coefficient)
@@ -124,8 +128,9 @@ def fit_phase(frames: Frames, psi_rad: Float) -> PhaseFit:
         shape = moved - moved.mean()
         largest = np.max(np.abs(shape))
         coefficient = coefficient + step * min(1.0, 1.0 / max(largest, 1e-12))
-        # How far the step goes, in standard errors all told: below REST nothing changes any more.
-        if float(shape @ (information * shape)) < (REST if settled else NEARLY):
+        # How far the step goes, in standard errors all told, and in rad.
+        far, farthest = float(shape @ (information * shape)), float(np.max(np.abs(shape)))
+        if far < (REST if settled else NEARLY) or farthest < (REST_RAD if settled else NEARLY_RAD):
             if settled:
                 break
             settled = True
@@ -139,6 +144,7 @@ def fit_phase(frames: Frames, psi_rad: Float) -> PhaseFit:
         template=amplitude.harmonic[0],
         weights=amplitude.weights[0],
         information=information,
+        gain=gain,
         t_s=frames.t_s,
         deviation=_deviation(amplitude),
     )
@@ -254,10 +260,15 @@ def _gain(across: Float, expected: Float) -> Float:
     return np.asarray(np.clip(1.0 + beyond / np.maximum(share + steady, 1e-30), 0.0, 1.5))
 
 
-def _likelihood(place: Place, amplitude: Amplitudes, trust: Float) -> tuple[Float, Float, Float]:
-    """Gradient and information of the phase at each node, from all harmonics."""
+def _likelihood(
+    place: Place, amplitude: Amplitudes, trust: Float
+) -> tuple[Float, Float, Float, Float]:
+    """Gradient and information of the phase at each node, from all harmonics.
+
+    Also how far each node is trusted next time, and the first harmonic's gain.
+    """
     gradient, information = np.zeros(place.nodes), np.zeros(place.nodes)
-    new = trust
+    new, first_gain = trust, np.ones(place.nodes)
     for k, turn in enumerate(amplitude.turns[:HARMONICS], start=1):
         weights = amplitude.weights[k - 1]
         wave = turn[:, None] * amplitude.harmonic[k - 1]
@@ -276,5 +287,5 @@ def _likelihood(place: Place, amplitude: Amplitudes, trust: Float) -> tuple[Floa
         information += gain**2 * trust * expected / excess
         if k == 1:
             away = (told**2 + across**2) / np.maximum(expected * excess, 1e-30)
-            new = (TAILS + 2.0) / (TAILS + away)
-    return gradient, information, new
+            new, first_gain = (TAILS + 2.0) / (TAILS + away), gain
+    return gradient, information, new, first_gain

@@ -40,7 +40,6 @@ class ProfileBasis:
         count = int(np.ceil(max_turns / TURNS_STEP))
         self._turns: Float = np.asarray(np.arange(-count, count + 1) * TURNS_STEP, np.float64)
         self._grid = self.ramps(self._turns)
-        self._grid /= np.linalg.norm(self._grid, axis=0)
 
     @property
     def columns(self) -> int:
@@ -62,7 +61,7 @@ class ProfileBasis:
 
     def turns_of(self, template: Complex) -> float:
         """Turns of the ramp that is most like a template, shape (columns,)."""
-        power = np.abs(template.conj() @ self._grid) ** 2
+        power = np.abs(template.conj() @ self._grid) ** 2 / np.sum(np.abs(self._grid) ** 2, axis=0)
         peak = int(np.clip(np.argmax(power), 1, power.size - 2))
         a, b, c = power[peak - 1 : peak + 2]
         bend = a - 2.0 * b + c

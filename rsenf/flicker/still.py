@@ -17,7 +17,7 @@ from rsenf.flicker.acquire import SEARCH_HZ, alias_hz
 from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
 from rsenf.flicker.phase_fit import Place
 from rsenf.flicker.second import FlickerSecond
-from rsenf.flicker.zero_alias import ZeroAlias, separate
+from rsenf.flicker.zero_alias import MIN_ROWS, ZeroAlias, separate
 from rsenf.messages import RowBlock
 
 Float = NDArray[np.float64]
@@ -28,15 +28,18 @@ EVERY_S = 15
 BINS_PER_S = 4
 BANDS = 120
 TOO_STILL = "alias at 0 Hz, and the flicker's phase has turned too little to tell it from texture"
+NO_GRID = "what turns moves as no grid's phase does"
 NOT_FLICKER = "no mains flicker stands out"
 # Deviations (of the illumination) at which the other direction of read-out becomes more plausible.
 LIKELY_HZ, UNLIKELY_HZ = 0.1, 0.15
 MODEL_STD_HZ = 4e-5
+# Mean square of the prior's largest directions, beside the free ones: 1 for a grid.
+FREE, MAX_WANDER = 2, 12.0
 
 
-def near_zero(nominal_hz: float, frame_rate_hz: float) -> bool:
-    """Whether 0 Hz lies in the band in which the alias may be."""
-    return abs(alias_hz(2.0 * nominal_hz, frame_rate_hz)) < SEARCH_HZ
+def may_stand_still(nominal_hz: float, frame_rate_hz: float, rows: int) -> bool:
+    """Whether 0 Hz lies in the band in which the alias may be, and rows enough to tell a ramp."""
+    return rows >= MIN_ROWS and abs(alias_hz(2.0 * nominal_hz, frame_rate_hz)) < SEARCH_HZ
 
 
 class StillFlicker:
@@ -91,7 +94,11 @@ class StillFlicker:
             return False
         rate_hz = float(np.polyfit(t_s - t_s[0], numbers - numbers[0], 1)[0])
         level = float(np.mean(found.texture))
-        self._path = _path(found, self.nominal_hz, rate_hz, start, end, level, self._path)
+        path = _path(found, self.nominal_hz, rate_hz, start, end, level, self._path)
+        if path is None:
+            self.why = NO_GRID
+            return False
+        self._path = path
         return True
 
     def second(self, blank: FlickerSecond, frame_t_s: Float) -> FlickerSecond:
@@ -108,6 +115,8 @@ class StillFlicker:
         psi = path.psi_rad
         turned = float(psi[node + NODES_PER_S] - psi[node]) / (2.0 * np.pi)
         at_frames = Place(frame_t_s - path.start, psi.size).at_frames(psi)
+        bins = Place(path.t_s[own] - path.start, psi.size).at_frames(psi)
+        beyond = np.mean(np.exp(1j * (path.told_rad[own] - bins)))
         return dataclasses.replace(
             blank,
             usable=True,
@@ -115,7 +124,7 @@ class StillFlicker:
             f0_hz=2.0 * self.nominal_hz + turned,
             f0_var_hz2=float(path.second_var_hz2[node]) + MODEL_STD_HZ**2,
             phase_rad=4.0 * np.pi * self.nominal_hz * frame_t_s + at_frames,
-            amplitude=complex(path.size * np.mean(np.exp(1j * path.told_rad[own]))),
+            amplitude=complex(path.size * np.exp(1j * psi[node + NODES_PER_S // 2]) * beyond),
             amplitude_var=float(path.size**2 * np.mean(path.told_var[own]) / own.sum()),
         )
 
@@ -136,8 +145,8 @@ class _Path:
 def _path(
     found: ZeroAlias, nominal_hz: float, rate_hz: float, start: int, end: int, level: float,
     before: _Path | None,
-) -> _Path:  # fmt: skip
-    """Phase of the light in a span, smoothed as grids are smooth."""
+) -> _Path | None:  # fmt: skip
+    """Phase of the light in a span, smoothed as grids are smooth; None where no grid is so."""
     t_s = found.t_s
     stands_hz = rate_hz * round(2.0 * nominal_hz / rate_hz)  # whose alias is exactly 0 Hz
     sign = _direction(found, stands_hz - 2.0 * nominal_hz)
@@ -148,7 +157,10 @@ def _path(
     noise = found.phase_cov + 1e-12 * np.eye(t_s.size)
     heard = np.linalg.solve(noise, np.column_stack([seen, told - told.mean()]))
     precision = seen.T @ heard[:, :-1] + np.eye(prior.shape[1])
-    psi = prior @ np.linalg.solve(precision, seen.T @ heard[:, -1]) + told.mean()
+    coefficient = np.linalg.solve(precision, seen.T @ heard[:, -1])
+    if np.mean(coefficient[FREE : FREE + 10] ** 2) > MAX_WANDER:
+        return None
+    psi = prior @ coefficient + told.mean()
     over_second = (prior[NODES_PER_S:] - prior[:-NODES_PER_S]) / (2.0 * np.pi)
     variance = np.einsum("ij,ji->i", over_second, np.linalg.solve(precision, over_second.T))
     turn = 0.0
