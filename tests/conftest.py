@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
+# As in every process of rsenf, and before NumPy is imported: threads that fight for few cores cost
+# many times their gain.
+os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
 
 from tests.hidden_clip import HiddenClip, hide_clip
 
