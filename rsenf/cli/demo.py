@@ -163,7 +163,7 @@ def _compare(paths: dict[str, Path], start_s: float) -> dict[str, Any]:
     return {
         **{name: str(path) for name, path in paths.items()},
         "estimates": len(estimates),
-        "usable": len(errors),
+        "usable": sum(e.usable for e in estimates),
         "enf_error_rms_mhz": (sum(e * e for e in errors) / len(errors)) ** 0.5 if errors else None,
         "enf_error_max_mhz": max(map(abs, errors), default=None),
         "true_lag_s": start_s,
@@ -191,7 +191,7 @@ def _tell(summary: dict[str, Any], paths: dict[str, Path]) -> None:
     print(
         f"ENF        {summary['usable']} values, one a second; error against the truth "
         f"{rms_mhz:.2f} mHz rms, {worst_mhz:.2f} mHz at most"
-        if summary["usable"]
+        if rms_mhz is not None
         else "ENF        no usable signal"
     )
     if verdict["decision"] == "match":
