@@ -13,10 +13,11 @@ doesn't matter. Here:
 - What is left of them turns at other rates, so frames are averaged under Hann windows, half of
   each overlapping the next: of half a second where the flicker is strong, longer where noise
   would otherwise swamp a step.
-- The steps ``z_{n+1}·conj(z_n)`` over an interval are summed with weights that fall off as a
-  parabola to its ends, which for white noise is as good as any unbiased estimator can be (S. Kay,
-  "A fast and accurate single frequency estimator", IEEE Trans. ASSP 37, 1989). The interval is the
-  one with the least error: shorter has more noise, longer smears the grid's own changes.
+- The steps ``z_{n+1}·conj(z_n)`` over an interval are summed with weights that fall off to its
+  ends. As a parabola they would be as good as can be in white noise (S. Kay, "A fast and accurate
+  single frequency estimator", IEEE Trans. ASSP 37, 1989); squared, they give less to the ends,
+  where the grid has moved on. The interval is the one with the least error: shorter has more
+  noise, longer smears the grid's own changes.
 
 Frame times are exact, and an average counts at the mean time of the frames that are in it, so lost
 frames cost only themselves.
@@ -29,6 +30,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.flicker.lines import Line
 from rsenf.flicker.tone import ToneFinder
 from rsenf.messages import EnfEstimate, RowBlock
 from rsenf.timebase import nanoseconds
@@ -58,6 +60,9 @@ MAX_MIRROR = 0.3
 # first half of a day of the continental grid.
 SMEAR_S = (1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 SMEAR_MHZ = (0.016, 0.056, 0.155, 0.38, 0.74, 1.19, 2.12)
+# Length of a parabola over that of a squared one as wide, by their second moments; and over the
+# step, for the Hann window of the averages.
+SPREAD, HANN_SPREAD = np.sqrt(20.0 / 28.0), 1.6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,6 +79,28 @@ class PhaseTracker(StftTracker):
 
     name = "phase"
 
+    def _candidates(self, nominal_hz: float, frame_rate_hz: float, rows: int) -> tuple[Line, ...]:
+        """Ramps both ways, as the read-out may run upward, and of a turn at least.
+
+        With less, a ramp's mirror image is within the Hann window's width.
+        """
+        if rows == 1:
+            return super()._candidates(nominal_hz, frame_rate_hz, rows)
+        own = Line(nominal_hz, self.settings.harmonic, 0)
+        most = max(2.0 * own.turns(frame_rate_hz), 2.0)
+        reach = int(1.5 * most) + 1
+        lines = [dataclasses.replace(own, m=m) for m in range(-reach, reach + 1)]
+        return tuple(
+            x
+            for x in lines
+            if 1.0 <= abs(x.turns(frame_rate_hz)) <= most and self.settings.line_m in (None, x.m)
+        )
+
+    def _rank(self, fit: LineFit, rate_hz: float) -> tuple[bool, bool, float]:
+        """By size: under strong light a mirror image stands out as well as what it mirrors."""
+        usable, clear, _ = super()._rank(fit, rate_hz)
+        return usable, clear, fit.tone.amplitude
+
     def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
         lines = super()._prepare(first, frame_rate_hz)
         if first.rows > 1:
@@ -84,9 +111,7 @@ class PhaseTracker(StftTracker):
 
     def _why_unusable(self, fit: LineFit, rate_hz: float) -> str:
         if is_folded(fit.line, rate_hz, 0.5 / STEPS_S[0]):
-            return (
-                "the flicker turns too slowly from frame to frame to tell it from its mirror image"
-            )
+            return "the phase turns too slowly from frame to frame to tell its mirror image apart"
         return super()._why_unusable(fit, rate_hz)
 
     def _fill(self, blank: EnfEstimate, best: LineFit, window: Window) -> EnfEstimate:
@@ -115,13 +140,14 @@ class PhaseTracker(StftTracker):
         values = window.buffer.values(part)[:, column] - best.constant
         phasors = values * np.exp(-2j * np.pi * turn_hz * t_s)
         t_s = t_s - window.centre_s
-        noise = _noise_level2(self._finder, phasors, t_s)
+        noise_of_shortest = None
         for step_s in STEPS_S:
             half = int((self.settings.window_s / 2.0) / step_s) - 1
             z, at_s, filled = _averages(phasors, t_s, step_s, half)
-            noise_z = noise * 1.5 / (2.0 * step_s * window.frame_rate_hz)
-            enough = best.tone.amplitude**2 >= MIN_STEP_SNR * noise_z
-            if enough or step_s == STEPS_S[-1]:
+            if noise_of_shortest is None:
+                noise_of_shortest = _noise_level2(self._finder, z[filled], at_s[filled])
+            noise_z = noise_of_shortest * STEPS_S[0] / step_s
+            if best.tone.amplitude**2 >= MIN_STEP_SNR * noise_z:
                 break
         halves = [m for m in HALF_STEPS if m <= half]
         if _is_mirrored(values, best.tone.amplitude):
@@ -130,11 +156,15 @@ class PhaseTracker(StftTracker):
         return min((s for s in steps if s), key=lambda s: s.var_hz2, default=None)
 
 
-def _noise_level2(finder: ToneFinder, phasors: Complex, t_s: Float) -> float:
-    """Noise power of one frame's phasor (levels²), by the spectrum on both sides of the tone."""
+def _noise_level2(finder: ToneFinder, z: Complex, t_s: Float) -> float:
+    """Noise power of the shortest averages (levels²), by their spectrum beside the tone.
+
+    Not by the frames': where some are lost, a tone's own spectrum has a floor. What the Hann
+    window takes from the noise there is what the overlap adds to it, but for a tenth.
+    """
     weights = finder.window(t_s)
     turns = np.exp(-2j * np.pi * np.outer(np.concatenate((-NOISE_HZ, NOISE_HZ)), t_s))
-    power = np.abs(turns @ (weights * phasors)) ** 2
+    power = np.abs(turns @ (weights * z)) ** 2
     return float(np.mean(power) / (weights @ weights))
 
 
@@ -189,7 +219,7 @@ def _over_interval(
     if np.mean(good) < 0.8:
         return None
     middle = (np.arange(2 * half) + 0.5) / half - 1.0
-    weight = np.where(good, 1.0 - middle**2, 0.0)
+    weight = np.where(good, (1.0 - middle**2) ** 2, 0.0)
     product = z[1:] * z[:-1].conj()
     total = weight @ product
     size = np.abs(product) * weight
@@ -201,7 +231,8 @@ def _over_interval(
     linear = edges @ edges + 2.0 * OVERLAP * (edges[1:] @ edges[:-1])
     across = 0.5 * noise_z * (power * linear + noise_z * (weight @ weight))
     noise_hz2 = across / (2.0 * np.pi * dt_s * power * weight.sum() * scale) ** 2
-    length_s = float(np.hypot(2.0 * half * step_s, 1.6 * step_s))
+    # Of the parabola that spreads over time as much as these weights and averages do.
+    length_s = float(step_s * np.hypot(2.0 * half * SPREAD, HANN_SPREAD))
     smear_hz = 1e-3 * float(np.interp(length_s, SMEAR_S, SMEAR_MHZ))
     return _Step(
         float(np.angle(total) / (2.0 * np.pi * dt_s)), float(noise_hz2) + smear_hz**2, length_s
