@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from rsenf.rows.settings import RowsSettings
     from rsenf.track import TrackSettings
 
+# The ENF method that has no use for a choice among harmonics and lines.
+ALL_LINES = "projection"
+
 
 @contextmanager
 def progress_bar(what: str, total_s: float | None) -> Iterator[Callable[[float], None]]:
@@ -96,7 +99,7 @@ def add_track_arguments(parser: argparse.ArgumentParser, *method: str) -> None:
         *method, dest="enf_method", metavar="NAME", help="ENF estimator (projection)"
     )
     group.add_argument(
-        "--harmonic", type=int, choices=(1, 2, 3), default=1, help="of the illumination frequency"
+        "--harmonic", type=int, choices=(1, 2, 3), help="of the illumination frequency (1)"
     )
     group.add_argument(
         "--line", type=int, metavar="M", help="line k·f0 + M·F_r; the strongest otherwise"
@@ -111,10 +114,15 @@ def track_settings(args: argparse.Namespace, nominal_hz: float | None) -> TrackS
     method = args.enf_method or TrackSettings.method
     if method not in METHODS:
         raise UsageError(f"no ENF method {method!r}", f"one of {', '.join(METHODS)}")
+    if method == ALL_LINES and (args.harmonic or args.line is not None):
+        raise UsageError(
+            f"{method} follows all harmonics and lines together",
+            "leave --harmonic and --line out, or name another method, such as stft",
+        )
     return TrackSettings(
         method=method,
         nominal_hz=args.nominal_hz or nominal_hz,
-        harmonic=args.harmonic,
+        harmonic=args.harmonic or 1,
         line_m=args.line,
     )
 

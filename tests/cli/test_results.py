@@ -50,6 +50,13 @@ def test_track_gives_one_value_a_second(
     assert done.stderr.startswith(f"note: {values} of {values} values usable; 50 Hz grid, ")
 
 
+def test_a_line_is_no_use_to_a_method_that_follows_all(rsenf: Rsenf, clip: Path) -> None:
+    for words in (("--line", "0"), ("--harmonic", "1")):
+        done = rsenf("track", clip, "--method", "projection", *words)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr.startswith("rsenf: projection follows all harmonics and lines together")
+
+
 def test_track_in_a_table(rsenf: Rsenf, clip: Path) -> None:
     head, *rows = rsenf("track", clip).stdout.splitlines()
     lines = [strict(line) for line in rsenf("track", clip, "--json").stdout.splitlines()]

@@ -74,6 +74,14 @@ def test_a_good_graph_and_its_defaults(load: Callable[[str], Graph]) -> None:
     assert sender_of(graph, "track", "cam2") == ""
 
 
+def test_a_rows_node_may_find_the_axis_by_itself(
+    load: Callable[[str], Graph], problems: Callable[[str], list[str]]
+) -> None:
+    text = GOOD.replace("kind: rows, ", "kind: rows, rows: {read_out_axis: AXIS}, ")
+    load(text.replace("AXIS", "auto"))
+    assert "'rows', 'columns' or 'auto'" in problems(text.replace("AXIS", "diagonal"))[0]
+
+
 def test_every_problem_at_once_with_its_line(problems: Callable[[str], list[str]]) -> None:
     text = """\
 version: 2
