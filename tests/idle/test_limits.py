@@ -1,0 +1,57 @@
+"""Limits that hold for every method."""
+
+from __future__ import annotations
+
+import pytest
+
+from rsenf.flicker.zero_alias_bins import RowBins
+from rsenf.idle.limits import are_alike, checked, is_second_harmonic
+from rsenf.idle.moments import Moments
+from rsenf.idle.seen import Finding, Seen
+
+NTSC_HZ = 30000 / 1001
+
+
+def seen(f0_hz: float, frame_rate_hz: float, nominal_hz: float = 50.0) -> Seen:
+    return Seen(
+        moments=Moments(100),
+        bins=RowBins(0.0),
+        binned_s=0.0,
+        nominal_hz=nominal_hz,
+        f0_hz=f0_hz,
+        frame_rate_hz=frame_rate_hz,
+    )
+
+
+def test_second_harmonic_mirrored_onto_the_first_is_told_by_its_deviation() -> None:
+    # 200.02 Hz shows at -9.77 Hz from frame to frame, mirrored as 99.68 Hz would.
+    assert is_second_harmonic(seen(10 * NTSC_HZ - 200.02, NTSC_HZ))
+    assert not is_second_harmonic(seen(100.01, NTSC_HZ))
+    assert not is_second_harmonic(seen(99.9, NTSC_HZ))
+    assert not is_second_harmonic(seen(100.1, 23.976))
+
+
+@pytest.mark.parametrize(
+    ("frame_rate_hz", "alike"),
+    [(20.0, True), (10.0, True), (27.5, True), (25.0, False), (NTSC_HZ, False), (60.0, False)],
+)
+def test_frame_rates_at_which_grids_look_alike(frame_rate_hz: float, alike: bool) -> None:
+    assert are_alike(frame_rate_hz) is alike
+
+
+def test_claims_are_checked() -> None:
+    now = seen(100.0, 30.0)
+    good = Finding.of_turns(2.0, 1e-4, 100.0)
+    assert checked(now, good) is good
+    assert "uncertain" in checked(now, Finding.of_turns(2.0, 0.1, 100.0)).reason
+    assert "global" in checked(now, Finding.of_turns(0.01, 1e-6, 100.0)).reason
+    assert "longer" in checked(now, Finding.of_turns(3.6, 1e-6, 100.0)).reason
+    assert checked(now, Finding.of_turns(3.34, 1e-3, 100.0)).verdict == "estimated"
+
+
+def test_without_a_direction_the_frequency_may_be_on_either_side() -> None:
+    found = Finding.of_turns(-2.0, 1e-6, 100.05).undirected(100.0)
+    assert found.direction == ""
+    assert found.turns == 2.0
+    assert found.turns_var == pytest.approx(1e-6 + (2.0 * 0.05 / 100.0) ** 2)
+    assert found.warnings
