@@ -55,7 +55,7 @@ site: lab
 nodes:
   decode: {{kind: decode, camera: cam, input: "{video}", frames: {frames}, pace: {pace}}}
   rows:   {{kind: rows, cameras: [cam]}}
-  track:  {{kind: track, cameras: [cam], track: {{nominal_hz: 50}}}}
+  track:  {{kind: track, cameras: [cam], track: {{method: {method}, nominal_hz: 50}}}}
   idle:   {{kind: idle, cameras: [cam], idle: {{nominal_hz: 50}}}}
   grid:   {{kind: reference, grid: ce, input: "{reference}"}}
   match:  {{kind: match, cameras: [cam], grid: ce}}
@@ -78,7 +78,13 @@ class Graphs:
         self, film: Film, frames: str = "ring", *, pace: bool = False, **more: object
     ) -> Path:
         """Write a graph of all seven kinds of nodes."""
-        values = {"video": film.video, "reference": film.reference, "out": self.out, **more}
+        values = {
+            "video": film.video,
+            "reference": film.reference,
+            "out": self.out,
+            "method": "stft",
+            **more,
+        }
         text = GRAPH.format(frames=frames, pace=str(pace).lower(), **values)
         if frames == "fused":
             text = text.replace("  rows:   {kind: rows, cameras: [cam]}\n", "")
