@@ -96,7 +96,7 @@ def add_track_arguments(parser: argparse.ArgumentParser, *method: str) -> None:
     """Arguments of every verb that tracks ENF; ``method`` spells the one that names how."""
     group = parser.add_argument_group("ENF")
     group.add_argument(
-        *method, dest="enf_method", metavar="NAME", help="ENF estimator (projection)"
+        *method, dest="enf_method", metavar="NAME", help="ENF estimator, such as projection or stft"
     )
     group.add_argument(
         "--harmonic", type=int, choices=(1, 2, 3), help="of the illumination frequency (1)"

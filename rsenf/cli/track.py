@@ -1,9 +1,9 @@
 """Print the ENF of a recording, one value a second.
 
 Without --json a table goes to stdout; with it JSON Lines, one object for each second, t_s counted
-from the first frame to the centre of what the value covers: a second (0.5, 1.5, …) by the default
-method, a window of 20 s (10, 11, …) by stft and its kin. A second without a usable signal is a line
-too: its enf_hz is null.
+from the first frame to the centre of what the value covers: a second (0.5, 1.5, …) by
+projection, a window of 20 s (10, 11, …) by stft and its kin. A second without a usable signal is a
+line too: its enf_hz is null.
 """
 
 from __future__ import annotations
