@@ -178,7 +178,7 @@ def enf_errors_mhz(estimates: list[EnfEstimate], truth: dict[str, Any]) -> list[
     import numpy as np
 
     # The truth holds means over whole seconds, centred on halves, as projection's estimates are;
-    # those of a 20 s window are centred on whole seconds. Between two of them their mean is that of the two seconds around it.
+    # those of a 20 s window are centred on whole seconds: there, the mean of two is the truth.
     t_s, enf_hz = np.array(truth["t_s"]), np.array(truth["enf_hz"])
     usable = [e for e in estimates if e.usable and t_s[0] <= e.t_s <= t_s[-1]]
     true_hz = np.interp([e.t_s for e in usable], t_s, enf_hz)
