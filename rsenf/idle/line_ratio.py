@@ -12,7 +12,7 @@ The paper compares with a table in steps of 5 %; that is the method of another n
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,24 +42,28 @@ NO_MATCH = refused("no match: the strongest lines aren't those of one ramp, as t
 class TwoLines:
     """The strongest line ``m``, on which side of it the next one is, and their amplitude ratio.
 
-    ``third_ratio`` is that of the strongest line to its other neighbour.
+    ``third_ratio`` is that of the strongest line to its other neighbour, ``aligned`` the share of
+    the rows' tones that adds up along the ramp that the lines stand for.
     """
 
     m: int
     side: int
     ratio: float
     third_ratio: float
+    aligned: float = 1.0
 
     def place(self) -> float:
         """``c``, by the strongest two."""
         return self.m + self.side / (1.0 + self.ratio)
 
     def error(self) -> float:
-        """Standard error of ``c``: a share of how far off it is by what the third line says.
+        """Standard error of ``c``, from how far the model fits.
 
-        That line is ``(1 + x)/x`` times weaker than the first.
+        A share of how far off it is by what the third line says, which is ``(1 + x)/x`` times
+        weaker than the first; and the share of the tones that is off the ramp.
         """
-        return DOUBT * abs(1.0 / (1.0 + self.ratio) - 1.0 / max(self.third_ratio - 1.0, 1.0))
+        third = 1.0 / (1.0 + self.ratio) - 1.0 / max(self.third_ratio - 1.0, 1.0)
+        return math.hypot(DOUBT * third, 1.0 - self.aligned)
 
 
 def continuous(seen: Seen) -> Finding:
@@ -110,7 +114,7 @@ def _two_lines(seen: Seen) -> TwoLines | Finding:
         float(size[first] / max(size[first - side], floor)),
     )
     aligned = coherence(tone, level, seen.most_turns - found.place())
-    return found if aligned >= MIN_COHERENCE else NO_MATCH
+    return replace(found, aligned=aligned) if aligned >= MIN_COHERENCE else NO_MATCH
 
 
 def _table(most_turns: float, m: int, side: int) -> list[tuple[float, float]]:

@@ -61,6 +61,8 @@ def test_place_and_error_between_lines() -> None:
     lines = TwoLines(m=1, side=1, ratio=3.0, third_ratio=5.0)
     assert lines.place() == pytest.approx(1.25)
     assert lines.error() == pytest.approx(0.0)
+    off = TwoLines(m=1, side=1, ratio=3.0, third_ratio=5.0, aligned=0.9)
+    assert off.error() == pytest.approx(0.1)
     assert TwoLines(m=1, side=-1, ratio=3.0, third_ratio=4.0).place() == pytest.approx(0.75)
     assert TwoLines(m=1, side=1, ratio=3.0, third_ratio=4.0).error() > 0.02
 
