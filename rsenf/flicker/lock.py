@@ -31,12 +31,18 @@ MIN_FILL_RATIO = 0.5
 TOO_FEW = "too few frames are usable"
 # How far the tone may be from where the fit says it is, in resolution cells.
 MAX_OFF_CELLS = 1.0
+# What has been found needs less to be believed: it is looked for in one place only.
+HELD = 0.8
 MEMORY = 0.1  # share of a new second in the template that the check looks with
 # The phase is linear between nodes, which real grids aren't quite: what that leaves, Hz.
 MODEL_STD_HZ = 4e-5
 # Where a codec lets through more or less of the flicker than around, it turns its phase as well:
 # the standard error grows by so much for a change by a factor e, and below a size nothing is said.
 UNSETTLED, MIN_GAIN = 4.0, 0.6
+# At the ends of the data a phase is known from one side only, and noise there is seldom like that
+# in the middle, by which it is judged: more than so many times the least variance isn't used,
+# unless it is small (Hz).
+LEAST_SURE, SURE_STD_HZ = 3.0, 1e-3
 
 
 class Lock:
@@ -118,6 +124,10 @@ class Lock:
         if gain < MIN_GAIN:
             return dataclasses.replace(blank, reason="the flicker is much weaker than around")
         unsettled = 1.0 + UNSETTLED * abs(np.log(gain))
+        variance = float(fit.second_var_hz2[node]) * unsettled**2 + MODEL_STD_HZ**2
+        least = float(np.min(fit.second_var_hz2)) + SURE_STD_HZ**2
+        if variance > LEAST_SURE * least:
+            return dataclasses.replace(blank, reason="much less sure than what lies beside it")
         turns = float(psi[node + NODES_PER_S] - psi[node]) / (2.0 * np.pi)
         t_s = buffer.times(part)
         at_frames = Place(t_s - start, psi.size).at_frames(psi)
@@ -125,7 +135,7 @@ class Lock:
             blank,
             usable=True,
             f0_hz=2.0 * self.nominal_hz + turns,
-            f0_var_hz2=float(fit.second_var_hz2[node]) * unsettled**2 + MODEL_STD_HZ**2,
+            f0_var_hz2=variance,
             phase_rad=4.0 * np.pi * self.nominal_hz * t_s + at_frames,
             **self._amplitude(blank.index, fit, start),
         )
@@ -156,7 +166,7 @@ class Lock:
         tone = strongest(finder, power[:, 0], t_mid)
         psi = self._path.between(start, end)
         slope_hz = float(psi[-1] - psi[0]) / (2.0 * np.pi * (end - start))
-        if not stands_out(tone, self._min_snr):
+        if not stands_out(tone, HELD * self._min_snr):
             return tone, NO_FLICKER
         if tone.at_edge:
             return tone, "strongest at the edge of the search band"

@@ -44,8 +44,8 @@ class FlickerSecond:
         constant of the epoch; it continues from second to second without jumps of 2π.
     amplitude : complex
         The first harmonic in the middle of the second by that second's own frames, levels,
-        relative to ``exp(j·2π·2·nominal_hz·t)``. Unlike the phase it isn't smoothed: its errors in different
-        seconds have nothing to do with each other.
+        relative to ``exp(j·2π·2·nominal_hz·t)``. Unlike the phase it isn't smoothed: its errors in
+        different seconds have nothing to do with each other.
     amplitude_var : float
         Variance of its real part, and of its imaginary part, levels².
     """

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import SEARCH_HZ, alias_hz
-from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
+from rsenf.flicker.grid_prior import MEAN_STD_HZ, NODES_PER_S, phase_prior
 from rsenf.flicker.phase_fit import Place
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.zero_alias import MIN_ROWS, ZeroAlias, separate
@@ -33,8 +33,9 @@ NOT_FLICKER = "no mains flicker stands out"
 # Deviations (of the illumination) at which the other direction of read-out becomes more plausible.
 LIKELY_HZ, UNLIKELY_HZ = 0.1, 0.15
 MODEL_STD_HZ = 4e-5
-# Mean square of the prior's largest directions, beside the free ones: 1 for a grid.
-FREE, MAX_WANDER = 2, 12.0
+# Mean squares of the prior's ten and forty largest directions, beside the free ones, are 1 for a
+# grid; and a grid whose illumination is farther from its nominal frequency has broken down.
+FREE, MAX_WANDER, MAX_FAST, FARTHEST_HZ = 2, 10.0, 5.0, 0.3
 
 
 def may_stand_still(nominal_hz: float, frame_rate_hz: float, rows: int) -> bool:
@@ -158,7 +159,8 @@ def _path(
     heard = np.linalg.solve(noise, np.column_stack([seen, told - told.mean()]))
     precision = seen.T @ heard[:, :-1] + np.eye(prior.shape[1])
     coefficient = np.linalg.solve(precision, seen.T @ heard[:, -1])
-    if np.mean(coefficient[FREE : FREE + 10] ** 2) > MAX_WANDER:
+    mean_hz, moves = coefficient[1] * MEAN_STD_HZ, coefficient[FREE:] ** 2
+    if abs(mean_hz) > FARTHEST_HZ or moves[:10].mean() > MAX_WANDER or moves[:40].mean() > MAX_FAST:
         return None
     psi = prior @ coefficient + told.mean()
     over_second = (prior[NODES_PER_S:] - prior[:-NODES_PER_S]) / (2.0 * np.pi)
