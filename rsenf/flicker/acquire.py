@@ -1,8 +1,9 @@
 """Is there mains flicker in these seconds, of which grid, and how does it run down the rows?
 
 For each nominal frequency and each number of turns that its harmonic may make down the rows, the
-tone near the alias: the same periodogram, and the same strictness, as the paper's estimator. What
-stands out most is taken, with its drift over the window.
+tone near the alias: the same periodogram, and the same strictness, as the paper's estimator. Of
+what stands out the strongest is taken, with its drift over the window: the flicker's overtones, and
+what leaks into ramps with little noise, may stand out more than the flicker itself.
 """
 
 from __future__ import annotations
@@ -87,7 +88,7 @@ def acquire(
         _, power = finder.periodograms(series * carrier[:, None], carrier, t_mid)
         for i in range(turns.size):
             tone = strongest(finder, power[:, i], t_mid)
-            if best is None or tone.snr > best[2].snr:
+            if best is None or _rank(tone, min_snr) > _rank(best[2], min_snr):
                 best = nominal_hz, float(turns[i]), tone, series[:, i] * carrier
     if best is None or not stands_out(best[2], min_snr):
         return NO_FLICKER
@@ -109,6 +110,12 @@ def strongest(finder: ToneFinder, power: Float, t_s: Float) -> Tone:
     noise = float(np.median(power)) / np.log(2.0)
     snr = min(tone.snr, tone.amplitude**2 / noise) if noise > 0.0 else tone.snr
     return replace(tone, snr=float(snr))
+
+
+def _rank(tone: Tone, min_snr: float) -> tuple[bool, float]:
+    """What stands out first, the strongest of it; else what nearly does."""
+    clear = stands_out(tone, min_snr) and not tone.at_edge
+    return clear, tone.amplitude if clear else tone.snr
 
 
 def stands_out(tone: Tone, min_snr: float) -> bool:

@@ -147,8 +147,8 @@ class Lock:
         if not own.any() or not told > 0.0:
             return {}
         middle = float(fit.psi_rad[(index - start) * NODES_PER_S + NODES_PER_S // 2])
-        along = np.abs(np.sum(self.ramp.conj() * fit.template))
-        size = float(along / np.sum(np.abs(self.ramp) ** 2))
+        ramp = self._basis.ramps(np.array([self.turns]))[:, 0]
+        size = float(np.abs(ramp.conj() @ fit.template) / np.sum(np.abs(ramp) ** 2))
         return {
             "amplitude": complex(size * np.exp(1j * middle) * (1.0 + np.mean(fit.deviation[own]))),
             "amplitude_var": float(size**2 / told),

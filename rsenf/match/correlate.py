@@ -70,7 +70,7 @@ def _decide(
                 "one time stands out, but its place is uncertain by over "
                 f"{settings.tolerance_s:g} s"
             )
-        how = "averaged like the estimates" if found.smoothed else "as it is"
+        how = found.way.text
         return "match", f"one time fits, and no other nearly as well (reference {how})"
     if stands_out and not fits:
         return "no_decision", "the best time fits better than chance, but not as well as it should"

@@ -50,12 +50,23 @@ def window_kernel(window_s: float, step_s: float) -> FloatArray:
     return np.asarray(weights / weights.sum(), np.float64)
 
 
+def box_kernel(length_s: float, step_s: float) -> FloatArray:
+    """Weights that average values of a step over a longer one, about the middle value.
+
+    Where the longer step holds an even number of values, its two ends get half of one each.
+    """
+    half = length_s / step_s / 2
+    reach = int(half + 0.5 - 1e-9)
+    weights = np.diff(np.clip(np.arange(-reach, reach + 2) - 0.5, -half, half))
+    return np.asarray(weights / weights.sum(), np.float64)
+
+
 def _cumulative(v: FloatArray, t: FloatArray) -> FloatArray:
     """Running trapezoidal integral from the first point."""
     return np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * np.diff(t))])
 
 
-def average(freq_hz: FloatArray, weights: FloatArray) -> FloatArray:
+def average(freq_hz: FloatArray, weights: FloatArray, least_ratio: float = 1.0) -> FloatArray:
     """Average a gappy series under symmetric weights.
 
     Parameters
@@ -64,11 +75,13 @@ def average(freq_hz: FloatArray, weights: FloatArray) -> FloatArray:
         NaN in gaps.
     weights : ndarray, odd length
         Summing to 1.
+    least_ratio : float
+        Share of the weights that must meet valid values.
 
     Returns
     -------
     ndarray, shape (n,)
-        NaN wherever the weights reach into a gap or over an end: nothing is made up.
+        NaN wherever more of the weights than that falls into a gap or over an end.
     """
     if freq_hz.size < weights.size:
         return np.full(freq_hz.size, np.nan)
@@ -76,7 +89,9 @@ def average(freq_hz: FloatArray, weights: FloatArray) -> FloatArray:
     level = float(freq_hz[ok].mean()) if ok.any() else 0.0
     half = weights.size // 2
     out = np.full(freq_hz.size, np.nan)
-    full = np.convolve(ok, np.ones(weights.size), "valid") > weights.size - 0.5
-    smooth = level + np.convolve(np.where(ok, freq_hz - level, 0.0), weights, "valid")
-    out[half : freq_hz.size - half] = np.where(full, smooth, np.nan)
+    met = np.convolve(ok, weights, "valid")
+    enough = met > least_ratio - 1e-9
+    total = np.convolve(np.where(ok, freq_hz - level, 0.0), weights, "valid")
+    smooth = level + total / np.where(enough, met, 1.0)
+    out[half : freq_hz.size - half] = np.where(enough, smooth, np.nan)
     return out

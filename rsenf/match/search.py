@@ -2,22 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.match.kernel import average, window_kernel
+from rsenf.match.kernel import average, box_kernel, window_kernel
 from rsenf.match.score import LagScorer, Peak
 from rsenf.match.series import Grid, Track, phases, to_step_of
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
 
 NEIGHBOURHOOD_RATIO = 1.5  # of the resolution: nearer lags belong to the same peak
+USUAL_WINDOW_S = 20.0  # over which references are averaged, where they are
+MIN_AVERAGED = 0.8  # of the weights of an average of estimates, which some seconds lack
 MAX_TAIL = 64  # at most so many peaks describe the tail of wrong lags
 SPARE = 4  # a broad peak can top several stretches: refine so many times the peaks wanted
 
-WAYS = {"window": (True,), "none": (False,), "auto": (True, False)}
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """One way to make a clip and a reference comparable.
+
+    ``text`` says what was done to the reference; ``smear_var_hz2`` is what of the estimates'
+    variance is owed to their window, and undone by averaging the reference alike.
+    """
+
+    track: Track
+    grid: Grid
+    text: str
+    smear_var_hz2: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +41,7 @@ class Search:
     ``peaks`` are at least a neighbourhood apart, the best first; of ``stretches`` neighbourhoods
     searched the best ``tail`` and two more have theirs among them. ``lags`` were compared. Of
     ``possible`` lags at which the clip lies within the reference's span, ``inside`` were.
-    ``scorers`` compare at any lag under the averaging that fitted best (``smoothed``).
+    ``scorers`` compare at any lag in the ``way`` that fitted best.
     """
 
     peaks: list[Peak]
@@ -35,8 +49,7 @@ class Search:
     lags: int
     possible: int
     inside: int
-    smoothed: bool
-    smear_var_hz2: float
+    way: Way
     scorers: list[LagScorer]
 
     @property
@@ -56,37 +69,63 @@ class Search:
 
 
 def search(track: Track, grid: Grid, settings: MatchSettings) -> Search:
-    """Compare a track with a reference at every lag, under each way of averaging the reference.
+    """Compare a track with a reference at every lag, in each way that the settings allow.
 
     Returns
     -------
     Search
-        Under the way that fits best.
+        In the way that fits best.
 
     Raises
     ------
     UsageError
         When the steps of the two don't fit each other.
     """
-    grid = to_step_of(track, grid)
-    averaged = average(grid.freq_hz, window_kernel(track.window_s, grid.step_s))
-    smear = grid.freq_hz - averaged
-    smear_var = float(np.nanvar(smear)) if np.isfinite(smear).any() else 0.0
     found: list[Search] = []
     ordinary_hz2 = 0.0
-    for smoothed in WAYS[settings.smoothing]:
-        series = averaged if smoothed else grid.freq_hz
-        usable_s = track.usable * track.hop_s
-        scorers = [LagScorer(t, series, settings, usable_s) for t in phases(track, grid.step_s)]
-        # One yardstick for both ways, or their scores could not be compared.
+    grid = to_step_of(track, grid)
+    for way in ways(track, grid, settings.smoothing):
+        usable_s = way.track.usable * way.track.hop_s
+        scorers = [
+            LagScorer(t, way.grid.freq_hz, settings, usable_s)
+            for t in phases(way.track, grid.step_s)
+        ]
+        # One yardstick for all ways, or their scores could not be compared.
         ordinary_hz2 = ordinary_hz2 or scorers[0].sample_ordinary_var()
         for scorer in scorers:
             scorer.ordinary_var_hz2 = ordinary_hz2
-        found.append(_search(scorers, smoothed, smear_var if smoothed else 0.0))
+        found.append(_search(scorers, way))
     return max(found, key=lambda s: s.peaks[0].score if s.peaks else -np.inf)
 
 
-def _search(scorers: list[LagScorer], smoothed: bool, smear_var_hz2: float) -> Search:
+def ways(track: Track, grid: Grid, smoothing: str) -> list[Way]:
+    """Return the ways to make the two comparable.
+
+    Estimates of a long window are averages, so the reference is averaged alike. Published
+    references are sometimes averages already: then they are taken as they are, and estimates of a
+    short window are averaged in their place.
+    """
+    if track.window_s <= grid.step_s:  # averaging the reference would change nothing
+        step = _averaged(track, box_kernel(grid.step_s, track.hop_s), track.window_s)
+        plain = Way(step, grid, "as it is")
+        weights = window_kernel(USUAL_WINDOW_S, track.hop_s)
+        coarse = _averaged(track, weights, USUAL_WINDOW_S)
+        averaged = Way(coarse, grid, "taken as an average already")
+        return [plain, averaged] if smoothing == "auto" and coarse.usable else [plain]
+    plain = Way(track, grid, "as it is")
+    freq_hz = average(grid.freq_hz, window_kernel(track.window_s, grid.step_s))
+    smear = grid.freq_hz - freq_hz
+    smear_var = float(np.nanvar(smear)) if np.isfinite(smear).any() else 0.0
+    averaged = Way(track, replace(grid, freq_hz=freq_hz), "averaged like the estimates", smear_var)
+    return {"window": [averaged], "none": [plain], "auto": [averaged, plain]}[smoothing]
+
+
+def _averaged(track: Track, weights: FloatArray, window_s: float) -> Track:
+    enf_hz = average(track.enf_hz, weights, MIN_AVERAGED)
+    return replace(track, enf_hz=enf_hz, window_s=window_s)
+
+
+def _search(scorers: list[LagScorer], way: Way) -> Search:
     """Pass over all lags, keep the best of every stretch, refine the best of those."""
     apart_s = NEIGHBOURHOOD_RATIO * scorers[0].track.resolution_s
     lags = possible = inside = 0
@@ -109,7 +148,7 @@ def _search(scorers: list[LagScorer], smoothed: bool, smear_var_hz2: float) -> S
     order = np.argsort(-all_score, kind="stable")[: SPARE * (tail + 2) * len(scorers)]
     refined = [scorers[all_owner[i]].peak(int(all_lag[i])) for i in order]
     peaks = _distinct(refined, apart_s)[: tail + 2]
-    return Search(peaks, tail, lags, possible, inside, smoothed, smear_var_hz2, scorers)
+    return Search(peaks, tail, lags, possible, inside, way, scorers)
 
 
 def _stretch_maxima(scores: FloatArray, length: int) -> tuple[FloatArray, NDArray[np.int64]]:

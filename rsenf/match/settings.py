@@ -22,7 +22,8 @@ class MatchSettings:
     smoothing : str
         ``window`` averages the reference as the tracker's window averaged the grid, ``none`` takes
         it as it is, ``auto`` takes the better of the two: published references are sometimes
-        averages already, and those of a camera's laboratory mostly are.
+        averages already, and those of a camera's laboratory mostly are. For estimates of a second
+        ``auto`` also averages the estimates instead.
     reference_std_hz : float
         How far an honest reference may be from the grid at the lamp. Two recordings of one grid
         differ by 0.05 to 1.2 mHz in the measured data.

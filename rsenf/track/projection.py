@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.flicker.faint import FAINT, MIN_FLICKER_RATIO
 from rsenf.flicker.follower import FlickerFollower
 from rsenf.flicker.second import FlickerSecond
 from rsenf.messages import EnfEstimate, Header, RowBlock
@@ -33,9 +34,13 @@ class ProjectionTracker:
         self.settings = settings or TrackSettings(method="projection")
         self._follower = FlickerFollower(self.settings.nominal_hz, min_snr=self.settings.min_snr)
         self._header: Header | None = None
+        self._least_level = 0.0
 
     def update(self, message: RowBlock) -> list[Any]:
         """Take a block of rows; return the estimates of the seconds that it completes."""
+        if message.frames and self._header is None and message.rows > 1:
+            level = float(message.level.mean(dtype=np.float64))
+            self._least_level = MIN_FLICKER_RATIO * level
         if message.frames:
             self._header = message.header
         return [self._estimate(second) for second in self._follower.update(message)]
@@ -51,6 +56,8 @@ class ProjectionTracker:
             return dataclasses.replace(blank, reason="too uncertain")
         if not second.usable:
             return blank
+        if abs(second.amplitude) < self._least_level:
+            return dataclasses.replace(blank, reason=FAINT)
         return dataclasses.replace(
             blank,
             enf_hz=second.f0_hz / 2.0,

@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.flicker.faint import MIN_FLICKER_RATIO
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
@@ -23,6 +24,8 @@ from rsenf.track.settings import TrackSettings
 RATE_NEEDS_S = 1.0
 MIN_FILL_RATIO = 0.8
 NO_FLICKER = "no mains flicker stands out"
+# Weaker than this (levels) is rounding, not light.
+MIN_AMPLITUDE_LEVEL = 1e-4
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -62,6 +65,8 @@ class SlidingTracker(ABC):
         self._header: Header | None = None
         self._hops = 0
         self._rows = 0
+        # Of a tone ``a·exp(jφ)``, half of the flicker's own amplitude.
+        self._least_level = MIN_AMPLITUDE_LEVEL
 
     @abstractmethod
     def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
@@ -103,6 +108,9 @@ class SlidingTracker(ABC):
         frames = int(last.frame_number[-1] - first.frame_number[0])
         rate_hz = frames * 1e9 / int(last.frame_pts_ns[-1] - first.frame_pts_ns[0])
         self._rows = first.rows
+        if first.rows > 1:
+            level = float(np.mean([block.level.mean(dtype=np.float64) for block in self._waiting]))
+            self._least_level = max(MIN_AMPLITUDE_LEVEL, MIN_FLICKER_RATIO * level / 2.0)
         self._buffer = SlowTime(self._prepare(first, rate_hz), int(first.frame_pts_ns[0]))
         for block in self._waiting:
             self._take(self._buffer, block)

@@ -13,18 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
+from rsenf.flicker.faint import FAINT
 from rsenf.flicker.lines import Line, candidate_lines, project, templates
 from rsenf.flicker.tone import ToneFinder
 from rsenf.messages import EnfEstimate, RowBlock
 from rsenf.track.settings import TrackSettings
-from rsenf.track.sliding import NO_FLICKER, SlidingTracker, Window, decibels
+from rsenf.track.sliding import (
+    MIN_AMPLITUDE_LEVEL,
+    NO_FLICKER,
+    SlidingTracker,
+    Window,
+    decibels,
+)
 from rsenf.track.window import LineFit, fit_lines, slow_time_amplitude
 
 # A 20 s window reports a weighted mean of the grid's frequency; a value for its middle second
 # differs from it by this much, measured on the first half of a day of the continental grid.
 SMEAR_STD_HZ = 1.5e-3
-# Weaker than this (levels) is rounding, not light.
-MIN_AMPLITUDE_LEVEL = 1e-4
 # Nearer to 0 Hz than this (resolution cells) the tone, its mirror image and the constant can't be
 # told apart: errors came to 7 mHz at one cell, 0.3 mHz at one and a half.
 ZERO_CELLS = 1.5
@@ -106,6 +111,8 @@ class StftTracker(SlidingTracker):
         min_snr = self.settings.min_snr * (DRIFT_MARGIN if near_zero else 1.0)
         if tone.amplitude < MIN_AMPLITUDE_LEVEL or tone.snr < min_snr:
             return NO_FLICKER
+        if tone.amplitude < self._least_level:
+            return FAINT
         if tone.at_edge:
             return "strongest at the edge of the search band"
         if self._rows == 1 and near_zero and not self.settings.nominal_hz:

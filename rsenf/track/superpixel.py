@@ -24,13 +24,20 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.flicker.faint import FAINT
 from rsenf.flicker.lines import Line
 from rsenf.flicker.tone import NOISE_CELLS, OVERSAMPLING, ToneFinder
 from rsenf.messages import EnfEstimate, RowBlock
 from rsenf.track.alias import check_line, is_folded, why_nothing
 from rsenf.track.settings import TrackSettings
-from rsenf.track.sliding import NO_FLICKER, SlidingTracker, Window, decibels
-from rsenf.track.stft import MIN_AMPLITUDE_LEVEL, SMEAR_STD_HZ
+from rsenf.track.sliding import (
+    MIN_AMPLITUDE_LEVEL,
+    NO_FLICKER,
+    SlidingTracker,
+    Window,
+    decibels,
+)
+from rsenf.track.stft import SMEAR_STD_HZ
 
 Float = NDArray[np.float64]
 
@@ -137,6 +144,8 @@ class SuperpixelTracker(SlidingTracker):
         s = self.settings
         if peak.level < MIN_AMPLITUDE_LEVEL or peak.rarity < s.min_snr:
             return NO_FLICKER
+        if peak.level < self._least_level:
+            return FAINT
         if peak.at_edge:
             return "strongest at the edge of the search band"
         if peak.offset_var_hz2 > (s.max_std_hz * 2.0 * s.harmonic) ** 2:

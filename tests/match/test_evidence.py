@@ -14,7 +14,7 @@ from rsenf.match.search import Search
 
 def search_of(scores, tail, seconds=281.0):
     peaks = [Peak(i * 100.0, s, seconds, 0.9, 0.0, 1e-6, 0.0) for i, s in enumerate(scores)]
-    return Search(peaks, tail, 1, 1, 1, False, 0.0, [])
+    return Search(peaks, tail, 1, 1, 1, None, [])
 
 
 def test_chance_fits_are_counted_rightly_when_there_is_only_chance():

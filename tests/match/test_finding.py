@@ -133,6 +133,21 @@ def test_a_reference_averaged_by_somebody_is_recognised():
         assert found.residual_std_hz < 0.8e-3
 
 
+def test_means_of_a_second_meet_averaged_and_coarse_references():
+    from rsenf.match.kernel import average, window_kernel
+
+    averaged = average(DAY, window_kernel(20.0, 1.0))
+    clip = clip_of(DAY, 6000.5, 300, 11, window_s=1.0)
+    for reference, how in ((averaged, "taken as an average already"), (DAY, "as it is")):
+        found = match_ncc(clip, grid_from(reference), SETTINGS)
+        assert found.decision == "match"
+        assert how in found.reason
+        assert found.lag_s == pytest.approx(6000.5, abs=4 * found.lag_std_s)
+    coarse = match_ncc(clip, grid_from(DAY.reshape(-1, 2).mean(axis=1), step_s=2.0), SETTINGS)
+    assert coarse.decision == "match"
+    assert coarse.lag_s == pytest.approx(6000.5, abs=0.5)
+
+
 def test_averaging_the_reference_lowers_the_residual():
     clip = clip_of(DAY, 6000.5, 300, 12)
     plain = match_ncc(clip, grid_from(DAY), MatchSettings(smoothing="none"))
