@@ -43,6 +43,7 @@ UNSETTLED, MIN_GAIN = 4.0, 0.6
 # in the middle, by which it is judged: more than so many times the least variance isn't used,
 # unless it is small (Hz).
 LEAST_SURE, SURE_STD_HZ = 3.0, 1e-3
+END_S = 5
 
 
 class Lock:
@@ -126,7 +127,8 @@ class Lock:
         unsettled = 1.0 + UNSETTLED * abs(np.log(gain))
         variance = float(fit.second_var_hz2[node]) * unsettled**2 + MODEL_STD_HZ**2
         least = float(np.min(fit.second_var_hz2)) + SURE_STD_HZ**2
-        if variance > LEAST_SURE * least:
+        from_end = min(blank.index - start, psi.size // NODES_PER_S - 1 - (blank.index - start))
+        if from_end < END_S and variance > LEAST_SURE * least:
             return dataclasses.replace(blank, reason="much less sure than what lies beside it")
         turns = float(psi[node + NODES_PER_S] - psi[node]) / (2.0 * np.pi)
         t_s = buffer.times(part)
