@@ -10,7 +10,10 @@ from rsenf.errors import UsageError
 
 @dataclass(frozen=True)
 class TrackSettings:
-    """Settings that every ENF method understands.
+    """Settings of the ENF methods.
+
+    ``projection`` follows all harmonics and lines at once and chooses its window by itself: those
+    from ``harmonic`` to ``search_hz`` are of the methods with a fixed window.
 
     Parameters
     ----------
@@ -36,7 +39,7 @@ class TrackSettings:
     # Read by whoever validates a configuration file: a misspelt key is an error.
     __pydantic_config__: ClassVar = {"extra": "forbid"}
 
-    method: str = "stft"
+    method: str = "projection"
     nominal_hz: float | None = None
     harmonic: int = 1
     line_m: int | None = None
