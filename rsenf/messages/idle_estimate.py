@@ -19,7 +19,7 @@ class IdleEstimate:
     header: Header = field(1, "", None)
     method: str = field(2, "name of the estimator", "")
     verdict: str = field(3, "'estimated', 'ambiguous', 'no_signal' or 'refused'", "no_signal")
-    reason: str = field(4, "why ambiguous or refused; empty otherwise", "")
+    reason: str = field(4, "why nothing is claimed; empty when estimated", "")
     idle_ratio: float = field(5, "0 to 1; NaN for none", NAN)
     idle_ratio_var: float = field(6, "its variance", NAN)
     idle_ratio_low: float = field(7, "lower end of the 95 % interval", NAN)
