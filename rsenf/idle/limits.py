@@ -12,6 +12,9 @@ MAX_STILL_RATIO = 0.96
 MIN_FLICKER_RATIO = 1e-3
 # Below this many turns every row sees the same light: half a millisecond of read-out.
 MIN_TURNS = 0.05
+# Few turns want proof: an encoder that copies rows downwards leaves just such a ramp, and scatters
+# the rows' phases by far more than noise does. Below so many turns the error has to be so small.
+FEW_TURNS, FEW_STD_RATIO = 0.5, 1e-3
 MAX_STD_RATIO = 0.035  # standard error of the idle ratio
 # Of the frame period: a read-out can't take longer, an estimate may by its error.
 SLACK_RATIO = 0.02
@@ -67,6 +70,8 @@ def checked(seen: Seen, finding: Finding) -> Finding:
             "there is too little light or time"
         )
     if abs(finding.turns) < max(MIN_TURNS, 2.0 * finding.read_out_std_s * finding.f0_hz):
+        return GLOBAL
+    if abs(finding.turns) < FEW_TURNS and std_ratio > FEW_STD_RATIO:
         return GLOBAL
     if finding.read_out_s * seen.frame_rate_hz - 1.0 > max(SLACK_RATIO, 3.0 * std_ratio):
         return TOO_LONG

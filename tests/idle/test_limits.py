@@ -45,6 +45,9 @@ def test_claims_are_checked() -> None:
     assert checked(now, good) is good
     assert "uncertain" in checked(now, Finding.of_turns(2.0, 0.1, 100.0)).reason
     assert "global" in checked(now, Finding.of_turns(0.01, 1e-6, 100.0)).reason
+    # A short read-out is believed where the rows agree on it, as no codec's do.
+    assert "copies rows" in checked(now, Finding.of_turns(0.3, 0.01**2, 100.0)).reason
+    assert checked(now, Finding.of_turns(0.3, 0.001**2, 100.0)).verdict == "estimated"
     assert "longer" in checked(now, Finding.of_turns(3.6, 1e-6, 100.0)).reason
     assert checked(now, Finding.of_turns(3.34, 1e-3, 100.0)).verdict == "estimated"
 
