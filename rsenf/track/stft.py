@@ -31,7 +31,8 @@ from rsenf.track.window import LineFit, fit_lines, slow_time_amplitude
 # differs from it by this much, measured on the first half of a day of the continental grid.
 SMEAR_STD_HZ = 1.5e-3
 # Nearer to 0 Hz than this (resolution cells) the tone, its mirror image and the constant can't be
-# told apart: errors came to 7 mHz at one cell, 0.3 mHz at one and a half.
+# told apart: errors came to 7 mHz at one cell, 0.3 mHz at one and a half. Where the nominal's own
+# alias is that near, a tone farther off is more likely such a confusion than the grid.
 ZERO_CELLS = 1.5
 # Where 0 Hz lies in the search band, drifts of brightness make tones of their own: flicker must
 # stand out so many times more there, and be stronger than its mirror image by this much.
@@ -117,7 +118,8 @@ class StftTracker(SlidingTracker):
             return "strongest at the edge of the search band"
         if self._rows == 1 and near_zero and not self.settings.nominal_hz:
             return "alias near 0 Hz, where brightness drifts: give the nominal frequency"
-        if abs(fit.line.alias_hz(rate_hz) + tone.offset_hz) < ZERO_CELLS / self.settings.window_s:
+        alias_hz = fit.line.alias_hz(rate_hz)
+        if min(abs(alias_hz), abs(alias_hz + tone.offset_hz)) < ZERO_CELLS / self.settings.window_s:
             return "alias too near 0 Hz, where the picture's texture hides it"
         if self._rows > 1 and near_zero and fit.one_sided < MIN_ONE_SIDED:
             return "a slow change of brightness near 0 Hz, not to be told from flicker there"
