@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 # The ENF method that has no use for a choice among harmonics and lines.
 ALL_LINES = "projection"
+# Takes means of regions, finer than rows and strips.
+REGIONS = "superpixel"
 
 
 @contextmanager
@@ -89,7 +91,8 @@ def row_settings(args: argparse.Namespace) -> RowsSettings:
     """Return the rows settings that the arguments ask for."""
     from rsenf.rows.settings import RowsSettings
 
-    return RowsSettings(read_out_axis=args.read_out, mask=not args.no_mask)
+    regions = getattr(args, "enf_method", None) == REGIONS
+    return RowsSettings(read_out_axis=args.read_out, mask=not args.no_mask, tile_means=regions)
 
 
 def add_track_arguments(parser: argparse.ArgumentParser, *method: str) -> None:
