@@ -80,7 +80,7 @@ def has(image: np.ndarray, colour: str) -> bool:
 def test_a_match(tmp_path: Path) -> None:
     freq_hz = grid_hz(1500)
     blocks = reference(freq_hz, 1_700_000_000 * 10**9)
-    rows, estimates, result = analysed(lit(freq_hz, 700, 90), blocks)
+    rows, estimates, result = analysed(lit(freq_hz, 700, 180), blocks)
     assert result.decision == "match"
     assert result.lag_s == pytest.approx(700, abs=1)
     draw(tmp_path / "x.png", rows, estimates, blocks, result)
