@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rsenf.flicker.acquire import alias_hz
 from rsenf.flicker.zero_alias_bins import RowBins
 from rsenf.idle.moments import Moments
 
@@ -139,8 +140,3 @@ class Finding:
     def read_out_std_s(self) -> float:
         """Its standard error."""
         return float(np.sqrt(self.turns_var)) / self.f0_hz
-
-
-def alias_hz(carrier_hz: float, frame_rate_hz: float) -> float:
-    """Return where a frequency shows from frame to frame, within ± half the rate."""
-    return (carrier_hz + frame_rate_hz / 2) % frame_rate_hz - frame_rate_hz / 2

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.flicker.acquire import alias_hz
 from rsenf.flicker.zero_alias_bins import RowBins
 from rsenf.idle.frame_clock import FrameClock
 from rsenf.idle.limits import (
@@ -23,7 +24,7 @@ from rsenf.idle.limits import (
 from rsenf.idle.moments import Moments
 from rsenf.idle.pairing import Pairing, PhasedBlock
 from rsenf.idle.sawtooth import Sawtooth
-from rsenf.idle.seen import STILL_HZ, Finding, Seen, alias_hz
+from rsenf.idle.seen import STILL_HZ, Finding, Seen
 from rsenf.idle.settings import IdleSettings
 from rsenf.messages import IdleEstimate, RowBlock
 from rsenf.timebase import NS_PER_S

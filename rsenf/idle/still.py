@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from rsenf.flicker.acquire import alias_hz
 from rsenf.flicker.zero_alias import ZeroAlias, separate
 from rsenf.idle.limits import MIN_FLICKER_RATIO, NO_FLICKER, STILL, TOO_SHORT, WEAK
-from rsenf.idle.seen import Finding, Seen, alias_hz
+from rsenf.idle.seen import Finding, Seen
 
 SHORTEST_S = 8.0
 # Deviations of the illumination's frequency from its nominal: a large one, as a standard deviation.
