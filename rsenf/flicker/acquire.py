@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.grid_prior import NODE_S
+from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.tone import Tone, ToneFinder
 
@@ -42,11 +43,6 @@ class Found:
     turns: float
     tone: Tone
     psi_rad: Float
-
-
-def alias_hz(carrier_hz: float, frame_rate_hz: float) -> float:
-    """Return where a frequency shows from frame to frame, within ± half the rate."""
-    return (carrier_hz + frame_rate_hz / 2) % frame_rate_hz - frame_rate_hz / 2
 
 
 def acquire(

@@ -48,11 +48,16 @@ class Line:
 
     def alias_hz(self, frame_rate_hz: float) -> float:
         """Return the frequency at which it shows from frame to frame, within ± half the rate."""
-        return (self.carrier_hz + frame_rate_hz / 2) % frame_rate_hz - frame_rate_hz / 2
+        return alias_hz(self.carrier_hz, frame_rate_hz)
 
     def turns(self, frame_rate_hz: float) -> float:
         """Turns of phase down the rows of one frame, ``f_y / F_r``."""
         return self.line_hz(frame_rate_hz) / frame_rate_hz
+
+
+def alias_hz(carrier_hz: float, frame_rate_hz: float) -> float:
+    """Return where a frequency shows from frame to frame, within ± half the rate."""
+    return (carrier_hz + frame_rate_hz / 2) % frame_rate_hz - frame_rate_hz / 2
 
 
 def candidate_lines(

@@ -13,8 +13,9 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.acquire import SEARCH_HZ, alias_hz
+from rsenf.flicker.acquire import SEARCH_HZ
 from rsenf.flicker.grid_prior import MEAN_STD_HZ, NODES_PER_S, phase_prior
+from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.phase_fit import Place
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.zero_alias import MIN_ROWS, ZeroAlias, separate

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.flicker.acquire import alias_hz
+from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.zero_alias_bins import RowBins
 from rsenf.idle.moments import Moments
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.flicker.acquire import alias_hz
+from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.zero_alias_bins import RowBins
 from rsenf.idle.frame_clock import FrameClock
 from rsenf.idle.limits import (

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rsenf.flicker.acquire import alias_hz
+from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.zero_alias import ZeroAlias, separate
 from rsenf.idle.limits import MIN_FLICKER_RATIO, NO_FLICKER, STILL, TOO_SHORT, WEAK
 from rsenf.idle.seen import Finding, Seen
