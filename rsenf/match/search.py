@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rsenf.match.coarse import stretch_maxima
 from rsenf.match.kernel import average, box_kernel, window_kernel
 from rsenf.match.score import LagScorer, Peak
 from rsenf.match.series import Grid, Track, phases, to_step_of
@@ -81,7 +82,20 @@ def search(track: Track, grid: Grid, settings: MatchSettings) -> Search:
     UsageError
         When the steps of the two don't fit each other.
     """
-    found: list[Search] = []
+    found = [_search(scorers, way) for way, scorers in prepared(track, grid, settings)]
+    return max(found, key=lambda s: s.peaks[0].score if s.peaks else -np.inf)
+
+
+def prepared(
+    track: Track, grid: Grid, settings: MatchSettings
+) -> Iterator[tuple[Way, list[LagScorer]]]:
+    """Yield each way that the settings allow, with what compares at any lag in it.
+
+    Raises
+    ------
+    UsageError
+        When the steps of the two don't fit each other.
+    """
     ordinary_hz2 = 0.0
     grid = to_step_of(track, grid)
     for way in ways(track, grid, settings.smoothing):
@@ -94,8 +108,7 @@ def search(track: Track, grid: Grid, settings: MatchSettings) -> Search:
         ordinary_hz2 = ordinary_hz2 or scorers[0].sample_ordinary_var()
         for scorer in scorers:
             scorer.ordinary_var_hz2 = ordinary_hz2
-        found.append(_search(scorers, way))
-    return max(found, key=lambda s: s.peaks[0].score if s.peaks else -np.inf)
+        yield way, scorers
 
 
 def ways(track: Track, grid: Grid, smoothing: str) -> list[Way]:
@@ -139,7 +152,7 @@ def _search(scorers: list[LagScorer], way: Way) -> Search:
             lags += int(compared.sum())
             possible += int(within.sum())
             inside += int((within & compared).sum())
-            best, where = _stretch_maxima(scores, max(round(apart_s / scorer.track.hop_s), 1))
+            best, where = stretch_maxima(scores, max(round(apart_s / scorer.track.hop_s), 1))
             score.append(best)
             lag.append(table.first_lag + where)
             owner.append(np.full(best.size, number))
@@ -149,17 +162,6 @@ def _search(scorers: list[LagScorer], way: Way) -> Search:
     refined = [scorers[all_owner[i]].peak(int(all_lag[i])) for i in order]
     peaks = _distinct(refined, apart_s)[: tail + 2]
     return Search(peaks, tail, lags, possible, inside, way, scorers)
-
-
-def _stretch_maxima(scores: FloatArray, length: int) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Find the best finite score of every stretch of lags that has one, and where it is."""
-    padded = np.full(-(-scores.size // length) * length, -np.inf)
-    padded[: scores.size] = np.where(np.isfinite(scores), scores, -np.inf)
-    rows = padded.reshape(-1, length)
-    where = rows.argmax(axis=1) + np.arange(rows.shape[0]) * length
-    best = padded[where]
-    found = np.isfinite(best)
-    return best[found], where[found]
 
 
 def _distinct(peaks: list[Peak], apart_s: float) -> list[Peak]:

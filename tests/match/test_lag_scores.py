@@ -1,0 +1,51 @@
+"""The curve of scores against lag says what the matcher says, at the lag that it found."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rsenf.match import MatchSettings
+from rsenf.match.correlate import match_ncc
+from rsenf.match.lag_scores import lag_scores
+from tests.match.match_clips import clip_of, grid_from, wandering_grid
+
+DAY = wandering_grid(20_000, seed=7)
+SETTINGS = MatchSettings()
+
+
+def whole_curve(track, grid, best_lag_s, method="ncc"):
+    pieces = list(lag_scores(method, track, grid, SETTINGS, best_lag_s))
+    assert {(p.name, p.unit) for p in pieces} == {("correlation", "1 is perfect")}
+    assert all((np.diff(p.lag_s) > 0).all() for p in pieces)
+    lag_s = np.concatenate([p.lag_s for p in pieces])
+    return lag_s, np.concatenate([p.score for p in pieces])
+
+
+@pytest.mark.parametrize(("window_s", "step_s"), [(20.0, 1.0), (1.0, 1.0), (1.0, 2.0)])
+def test_the_curve_has_its_top_at_the_match_and_covers_the_search(window_s, step_s):
+    freq_hz = DAY if step_s == 1.0 else DAY.reshape(-1, 2).mean(axis=1)
+    track = clip_of(DAY, 9876.0, 300, 2, window_s=window_s)
+    grid = grid_from(freq_hz, step_s=step_s)
+    found = match_ncc(track, grid, SETTINGS)
+    assert found.decision == "match"
+    lag_s, score = whole_curve(track, grid, found.lag_s)
+    best = int(np.nanargmax(score))
+    assert lag_s[best] == pytest.approx(found.lag_s, abs=1.0)
+    assert score[best] == pytest.approx(found.correlation, abs=2e-3)
+    assert np.isfinite(score).sum() == found.search_size
+
+
+def test_gaps_of_the_reference_are_gaps_of_the_curve():
+    freq_hz = DAY.copy()
+    freq_hz[12_000:13_000] = np.nan
+    track = clip_of(DAY, 5000.0, 200, 3)
+    grid = grid_from(freq_hz)
+    lag_s, score = whole_curve(track, grid, 5000.0)
+    assert np.isnan(score[(lag_s > 12_000) & (lag_s < 12_800)]).all()
+
+
+def test_a_method_without_a_curve_of_its_own_shows_the_correlation():
+    track, grid = clip_of(DAY, 5000.0, 200, 3), grid_from(DAY)
+    ours, other = (whole_curve(track, grid, 5000.0, name)[1] for name in ("ncc", "metric_1"))
+    assert np.array_equal(ours, other, equal_nan=True)
