@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from rsenf.match.score import LagScorer
 from rsenf.match.search import prepared
 from rsenf.match.series import Grid, Track
@@ -78,7 +80,8 @@ def correlations(
     ways = [scorers for _, scorers in prepared(track, grid, settings)]
     for scorer in max(ways, key=lambda scorers: _score_at(best_lag_s, scorers)):
         for table in scorer.tables():
-            lag_s = (table.lags + 0.5) * scorer.track.hop_s - scorer.track.first_s
+            lags = table.lags.astype(np.float64)
+            lag_s = (lags + 0.5) * scorer.track.hop_s - scorer.track.first_s
             yield LagScores(lag_s, table.correlation, "correlation", "1 is perfect")
 
 
