@@ -33,7 +33,7 @@ EXPECTED_DOF = 4.0
 # The likelihood ratio that the calibration can vouch for: it had about a thousand pairs.
 MAX_VERBAL_LOG10 = 3.0
 
-_SCALE = (  # ENFSI Guideline for Evaluative Reporting in Forensic Science, 2015
+SCALE = (  # ENFSI Guideline for Evaluative Reporting in Forensic Science, 2015
     (6.0, "extremely strong support"),
     (4.0, "very strong support"),
     (3.0, "strong support"),
@@ -132,7 +132,7 @@ def verbal(log10_lr: float) -> str:
         return ""
     size = min(abs(log10_lr), MAX_VERBAL_LOG10)
     side = "for this time" if log10_lr > 0 else "against this time"
-    for limit, words in _SCALE:
+    for limit, words in SCALE:
         if size >= limit:
             return f"{words} {side}"
     return "no support either way"
