@@ -6,6 +6,7 @@ import hashlib
 import platform
 import socket
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from rsenf import __version__
@@ -26,22 +27,28 @@ LIBRARIES = (
 
 def program_facts() -> dict[str, str]:
     """Versions of the program, its schemas and its libraries, and the host it runs on."""
-    from importlib import metadata  # 20 ms
-
-    facts = {
-        "rsenf": __version__,
-        "python": sys.version.split()[0],
+    versions = program_versions(LIBRARIES)
+    return {
+        "rsenf": versions.pop("rsenf"),
+        "python": versions.pop("python"),
         "platform": platform.platform(),
         "host": socket.gethostname(),
+        **{f"schema {name}": str(cls.VERSION) for name, cls in message_classes().items()},
+        **{f"library {name}": version for name, version in versions.items()},
     }
-    for name, cls in message_classes().items():
-        facts[f"schema {name}"] = str(cls.VERSION)
-    for name in LIBRARIES:
+
+
+def program_versions(libraries: Sequence[str]) -> dict[str, str]:
+    """Versions of the program, of Python and of libraries by name: nothing of the host."""
+    from importlib import metadata  # 20 ms
+
+    versions = {"rsenf": __version__, "python": sys.version.split()[0]}
+    for name in libraries:
         try:
-            facts[f"library {name}"] = metadata.version(name)
+            versions[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
-            facts[f"library {name}"] = "not installed"
-    return facts
+            versions[name] = "not installed"
+    return versions
 
 
 def input_facts(path: str | Path) -> dict[str, str]:
