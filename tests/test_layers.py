@@ -22,6 +22,7 @@ ALLOWED: dict[str, set[str]] = {
     # What estimators of the ENF and of the idle period have in common.
     "track": {*BASE, "flicker"},
     "idle": {*BASE, "flicker"},
+    "match": {*BASE, "flicker"},
     "reference": {*BASE, "flicker", "track"},
     "record": BASE,
     "bus": BASE,

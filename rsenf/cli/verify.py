@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--start", metavar="TIME", help="claimed start, ISO 8601 (UTC unless it says)"
     )
-    parser.add_argument("--method", default="ncc", metavar="NAME", help="matcher (ncc)")
+    parser.add_argument("--method", default="phase", metavar="NAME", help="matcher (phase)")
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw what was compared")
     parser.add_argument("--json", action="store_true", help="the verdict as JSON")
     add_reference_arguments(parser)

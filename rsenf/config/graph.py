@@ -138,7 +138,7 @@ class MatchNode(Strict):
     kind: Literal["match"]
     cameras: tuple[Camera, ...] = Field(min_length=1)
     grid: Name
-    method: str = "ncc"
+    method: str = "phase"
     interim_every_s: float = Field(0.0, ge=0, description="0: a result at the end only")
     match: MatchSettings = MatchSettings()
 

@@ -39,6 +39,21 @@ def _autocovariance() -> Float:
     return np.asarray(np.fft.irfft(spectrum) / NODE_S, np.float64)
 
 
+def wander_rad2(t_s: Float) -> Float:
+    """Mean square by which the phase strays from a steady course over times (rad²).
+
+    Parameters
+    ----------
+    t_s : ndarray
+        Whole multiples of :data:`NODE_S`, up to an hour.
+    """
+    # Var(Σ_1^k f) = Σ_{i,j} r(i − j): its second difference is twice the autocovariance.
+    r = _autocovariance()
+    bend = np.concatenate([[0.0, r[0]], 2.0 * r[1 : _LAGS // 2]])
+    spread = (2.0 * np.pi * NODE_S) ** 2 * np.cumsum(np.cumsum(bend))
+    return np.asarray(spread[np.rint(np.asarray(t_s) / NODE_S).astype(np.int64)], np.float64)
+
+
 @dataclass(frozen=True, eq=False)
 class PhasePrior:
     """Phases at ``nodes`` equidistant nodes as ``basis @ a``, the ``a`` independent and of unit

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 
 from rsenf.match.evidence import Evidence, fit_of, verbal, weigh
-from rsenf.match.matcher import Finding
+from rsenf.match.matcher import ENOUGH_COVERAGE, Finding
 from rsenf.match.score import Peak, independent_values
 from rsenf.match.search import Search, search
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import Candidate
-
-ENOUGH_COVERAGE = 0.5  # of the possible lags, before "not in this reference" is said
 
 
 def match_ncc(

@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from rsenf.errors import UsageError
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import Candidate
+from rsenf.timebase import nanoseconds, seconds
 
 NAN = float("nan")
+ENOUGH_COVERAGE = 0.5  # of the possible lags, before "not in this reference" is said
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
     """What a matcher concludes, with lags on the reference's axis; NaN for what it can't tell.
 
-    The fields are those of :class:`rsenf.messages.MatchResult`. Besides, ``claim_fit`` is the
-    chance of a residual as large as that at the claimed start, were it the true one, and
-    ``coverage_ratio`` the share of the possible lags that could be compared.
+    The fields are those of :class:`rsenf.messages.MatchResult`. Besides, ``grid`` is the reference
+    that the lag is in; ``claim_fit`` is the chance of a residual as large as that at the claimed
+    start, were it the true one; ``coverage_ratio`` is the share of the possible lags that could be
+    compared; ``log10_raw`` are likelihood ratios before calibration: against another time, against
+    none in the references, and a claim's.
     """
 
     decision: str
     reason: str
+    grid: Grid | None = None
     lag_s: float = NAN
     lag_std_s: float = NAN
     correlation: float = NAN
@@ -37,18 +44,68 @@ class Finding:
     search_size: int = 0
     coverage_ratio: float = 1.0
     claim_fit: float = NAN
+    claim_log10_lr: float = NAN
+    claim_log10_lr_other: float = NAN
+    log10_raw: tuple[float, float, float] = (NAN, NAN, NAN)
     verbal: str = ""
     candidates: tuple[Candidate, ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 class Matcher(Protocol):
-    """One method of comparing a track with a reference."""
+    """One method of comparing a track with references."""
+
+    def __call__(
+        self,
+        track: Track,
+        grids: Sequence[Grid],
+        settings: MatchSettings,
+        claimed_utc_ns: int = 0,
+    ) -> Finding:
+        """Compare; a claimed start, UTC since 1970, is looked at as well, where given."""
+        ...
+
+
+class OneReferenceMatcher(Protocol):
+    """A method that knows one reference only, and a claim as a lag in it."""
 
     def __call__(
         self, track: Track, grid: Grid, settings: MatchSettings, claimed_lag_s: float = NAN
     ) -> Finding:
         """Compare; a claimed lag is looked at as well, where given."""
         ...
+
+
+def one_reference(match: OneReferenceMatcher, name: str) -> Matcher:
+    """Make a matcher of a method that knows one reference only."""
+
+    def matcher(
+        track: Track,
+        grids: Sequence[Grid],
+        settings: MatchSettings,
+        claimed_utc_ns: int = 0,
+    ) -> Finding:
+        if len(grids) != 1:
+            raise UsageError(
+                f"method {name!r} compares with one reference, not {len(grids)}",
+                "give one, or use the method phase",
+            )
+        found = match(track, grids[0], settings, claimed_lag_s(grids[0], claimed_utc_ns))
+        return replace(found, grid=grids[0])
+
+    return matcher
+
+
+def claimed_lag_s(grid: Grid, claimed_utc_ns: int) -> float:
+    """Lag that a claimed start means; NaN without a claim or when the reference has no time."""
+    if not claimed_utc_ns or not grid.t0_ns:
+        return math.nan
+    return seconds(claimed_utc_ns - grid.t0_ns)
+
+
+def start_ns(grid: Grid, lag_s: float) -> int:
+    """Start that a lag means, UTC since 1970; 0 when it or the reference's isn't known."""
+    return grid.t0_ns + nanoseconds(lag_s) if grid.t0_ns and not math.isnan(lag_s) else 0
 
 
 def check_lengths(clip_s: float, reference_s: float) -> None:
@@ -66,16 +123,21 @@ def check_lengths(clip_s: float, reference_s: float) -> None:
         )
 
 
-def nothing_to_decide(track: Track, grid: Grid, settings: MatchSettings) -> str:
-    """Say why these two can't be compared at all; empty when they can."""
+def nothing_to_decide(track: Track, grids: Sequence[Grid], settings: MatchSettings) -> str:
+    """Say why these can't be compared at all; empty when they can."""
     usable_s = track.usable * track.hop_s
     if not track.usable:
         return "no usable signal"
     if usable_s < settings.min_seconds:
         return f"only {usable_s:g} usable seconds of ENF; at least {settings.min_seconds:g} needed"
-    if round(track.nominal_hz) != round(grid.nominal_hz):
+    if not of_nominal(track, grids):
         return (
             f"the light follows a {track.nominal_hz:.0f} Hz grid, "
-            f"the reference is of a {grid.nominal_hz:.0f} Hz one"
+            f"the reference is of a {grids[0].nominal_hz:.0f} Hz one"
         )
     return ""
+
+
+def of_nominal(track: Track, grids: Sequence[Grid]) -> list[Grid]:
+    """Return the references of grids with the nominal frequency that the light follows."""
+    return [grid for grid in grids if round(track.nominal_hz) == round(grid.nominal_hz)]

@@ -5,23 +5,15 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from rsenf.match.matcher import Finding
+from rsenf.match.matcher import Finding, claimed_lag_s, start_ns
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import Header, MatchResult
-from rsenf.timebase import nanoseconds, seconds
 
 NAN = float("nan")
 UNUSUAL_CLOCK_PPM = 150.0
 HOUR_S = 3600.0
 LAST_ZONE_H = 14
-
-
-def claimed_lag_s(grid: Grid, claimed_utc_ns: int) -> float:
-    """Lag that a claimed start means; NaN without a claim or when the reference has no time."""
-    if not claimed_utc_ns or not grid.t0_ns:
-        return NAN
-    return seconds(claimed_utc_ns - grid.t0_ns)
 
 
 def result_of(
@@ -39,7 +31,10 @@ def result_of(
     """Put a finding into a message."""
     claim_lag_s = claimed_lag_s(grid, claimed_utc_ns)
     candidates = tuple(
-        dataclasses.replace(c, start_utc_ns=_start_ns(grid, c.lag_s)) for c in finding.candidates
+        c
+        if c.grid
+        else dataclasses.replace(c, grid=grid.name, start_utc_ns=start_ns(grid, c.lag_s))
+        for c in finding.candidates
     )
     return MatchResult(
         header=header,
@@ -49,7 +44,7 @@ def result_of(
         reason=finding.reason,
         lag_s=finding.lag_s,
         lag_std_s=finding.lag_std_s,
-        start_utc_ns=_start_ns(grid, finding.lag_s),
+        start_utc_ns=start_ns(grid, finding.lag_s),
         correlation=finding.correlation,
         log10_lr=finding.log10_lr,
         log10_lr_absent=finding.log10_lr_absent,
@@ -64,25 +59,30 @@ def result_of(
         verbal=finding.verbal,
         final=final,
         candidates=candidates,
+        claim_log10_lr=finding.claim_log10_lr,
+        claim_log10_lr_other=finding.claim_log10_lr_other,
         warnings=(
             *_jump_warning(jumps),
+            *finding.warnings,
             *_warnings(finding, grid, track, claim_lag_s, claimed_utc_ns, settings),
         ),
     )
 
 
-def _start_ns(grid: Grid, lag_s: float) -> int:
-    return grid.t0_ns + nanoseconds(lag_s) if grid.t0_ns and not math.isnan(lag_s) else 0
-
-
 def _claim(finding: Finding, claim_lag_s: float, settings: MatchSettings) -> str:
-    """Supported by a match there; refuted by one elsewhere or by a misfit there."""
+    """Supported by a match there, or as a time that needed no search; refuted by a match elsewhere
+    or a misfit there.
+    """
     if math.isnan(claim_lag_s):
         return "undecidable"
     if finding.decision == "match":
         near = abs(finding.lag_s - claim_lag_s) <= settings.tolerance_s
         return "supported" if near else "refuted"
-    return "refuted" if finding.claim_fit < settings.min_fit else "undecidable"
+    limit = settings.min_log10_lr
+    if min(finding.claim_log10_lr, finding.claim_log10_lr_other) >= limit:
+        return "supported"
+    misfit = finding.claim_fit < settings.min_fit or finding.claim_log10_lr <= -limit
+    return "refuted" if misfit else "undecidable"
 
 
 def _jump_warning(jumps: int) -> list[str]:

@@ -79,6 +79,10 @@ class LagScorer:
         """Start of the clip on the reference's axis when value 0 meets sample ``lag``."""
         return (lag + 0.5) * self.track.hop_s - self.track.first_s
 
+    def lags_s(self, lags: NDArray[np.int64]) -> FloatArray:
+        """Do the same for many lags."""
+        return np.asarray((lags + 0.5) * self.track.hop_s - self.track.first_s, np.float64)
+
     def nearest_lag(self, lag_s: float) -> int:
         """Inverse of :meth:`lag_s`."""
         return round((lag_s + self.track.first_s) / self.track.hop_s - 0.5)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.messages import EnfEstimate, ReferenceBlock
@@ -20,7 +21,9 @@ class Track:
     """ENF estimates of one clip, value ``i`` centred at ``first_s + i·hop_s`` from its start.
 
     ``enf_hz`` (n,) is NaN where there is no usable estimate; ``var_hz2`` (n,) is the estimates'
-    own variance about the grid's 1 s mean.
+    own variance about the grid's 1 s mean. ``phase_rad`` (n,) is the illumination's phase in the
+    middle of each window less that of twice the nominal frequency, between −π and π, and
+    ``phase_var_rad2`` (n,) its variance; NaN where an estimate brings none.
     """
 
     first_s: float
@@ -29,6 +32,14 @@ class Track:
     enf_hz: FloatArray
     var_hz2: FloatArray
     nominal_hz: float
+    phase_rad: FloatArray = field(default_factory=lambda: np.empty(0))
+    phase_var_rad2: FloatArray = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        if not self.phase_rad.size:
+            nothing = np.full(self.enf_hz.size, np.nan)
+            object.__setattr__(self, "phase_rad", nothing)
+            object.__setattr__(self, "phase_var_rad2", nothing)
 
     @property
     def usable(self) -> int:
@@ -76,6 +87,7 @@ def track_of(estimates: Sequence[EnfEstimate]) -> Track:
     good = np.array([e.usable and np.isfinite(e.enf_hz) for e in ordered])
     enf[index[good]] = [e.enf_hz for e in ordered if e.usable and np.isfinite(e.enf_hz)]
     var[index[good]] = [e.enf_var_hz2 for e in ordered if e.usable and np.isfinite(e.enf_hz)]
+    phase, phase_var = _phases(ordered, index, good)
     nominals = [e.nominal_hz for e in ordered if e.usable and np.isfinite(e.nominal_hz)]
     return Track(
         first_s=float(t_s[0]),
@@ -84,7 +96,25 @@ def track_of(estimates: Sequence[EnfEstimate]) -> Track:
         enf_hz=enf,
         var_hz2=var,
         nominal_hz=float(np.median(nominals)) if nominals else float("nan"),
+        phase_rad=phase,
+        phase_var_rad2=phase_var,
     )
+
+
+def _phases(
+    ordered: Sequence[EnfEstimate], index: NDArray[np.int64], good: NDArray[np.bool_]
+) -> tuple[FloatArray, FloatArray]:
+    """Phase and its variance of each estimate that has an amplitude, on the uniform axis."""
+    phase, var = (np.full(index[-1] + 1, np.nan) for _ in range(2))
+    for i, e in enumerate(ordered):
+        if not good[i] or e.points != 1 or e.carrier_hz != 2.0 * e.nominal_hz:
+            continue
+        power = float(e.amplitude_re[0] ** 2 + e.amplitude_im[0] ** 2)
+        if power > 0.0:
+            phase[index[i]] = np.arctan2(e.amplitude_im[0], e.amplitude_re[0])
+            both = (e.amplitude_var_re[0] + e.amplitude_var_im[0]) / 2.0
+            var[index[i]] = float(both) / power
+    return phase, var
 
 
 def grid_of(blocks: Sequence[ReferenceBlock]) -> Grid:
@@ -132,6 +162,8 @@ def phases(track: Track, step_s: float) -> Iterator[Track]:
             hop_s=step_s,
             enf_hz=track.enf_hz[p::many],
             var_hz2=track.var_hz2[p::many],
+            phase_rad=track.phase_rad[p::many],
+            phase_var_rad2=track.phase_var_rad2[p::many],
         )
 
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from rsenf.errors import UsageError
+from rsenf.match.clip_phase import clip_phase
 from rsenf.match.correlate import match_ncc
 from rsenf.match.jumps import without_jumps
-from rsenf.match.matcher import Finding, Matcher, nothing_to_decide
-from rsenf.match.result import claimed_lag_s, result_of
+from rsenf.match.matcher import Finding, Matcher, nothing_to_decide, of_nominal, one_reference
+from rsenf.match.phase import match_phase
+from rsenf.match.result import result_of
 from rsenf.match.series import Grid, Track, grid_of, track_of
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import EnfEstimate, Header, MatchResult, ReferenceBlock
@@ -19,18 +22,24 @@ from rsenf.timebase import nanoseconds
 
 NAN = float("nan")
 
-METHODS: dict[str, Matcher] = {"ncc": match_ncc}
+METHODS: dict[str, Matcher] = {
+    "phase": match_phase,
+    "ncc": one_reference(match_ncc, "ncc"),
+}
 
 
 class Match:
-    """Collects a clip's ENF and a reference, and compares them. A :class:`rsenf.stage.Stage`.
+    """Collects a clip's ENF and references, and compares them. A :class:`rsenf.stage.Stage`.
 
     Parameters
     ----------
     method : str
-        Name of the matcher.
+        Name of the matcher. Estimates without a phase are compared by ``ncc`` in place of
+        ``phase``, and the result says so.
     grid : str
-        Name of the reference to use; that of the first block when empty.
+        Name of the reference to use; all that come when empty.
+    grids : sequence of Grid
+        References that are at hand already, beside those that come as blocks.
     claimed_utc_ns : int
         Claimed time of the first frame, UTC since 1970; 0 for none.
     interim_every_s : float
@@ -46,8 +55,9 @@ class Match:
     def __init__(
         self,
         *,
-        method: str = "ncc",
+        method: str = "phase",
         grid: str = "",
+        grids: Sequence[Grid] = (),
         claimed_utc_ns: int = 0,
         interim_every_s: float = 0.0,
         settings: MatchSettings | None = None,
@@ -57,7 +67,8 @@ class Match:
         self.method, self.grid, self.claimed_utc_ns = method, grid, claimed_utc_ns
         self.settings = settings or MatchSettings()
         self._every_ns = nanoseconds(interim_every_s)
-        self._blocks: dict[int, ReferenceBlock] = {}
+        self._grids = tuple(grids)
+        self._blocks: dict[str, dict[int, ReferenceBlock]] = {}
         self._begin()
 
     def _begin(self) -> None:
@@ -91,9 +102,8 @@ class Match:
         return [self._result(self._estimates, final=True)]
 
     def _take_block(self, block: ReferenceBlock) -> None:
-        self.grid = self.grid or block.grid
-        if block.grid == self.grid and block.samples:
-            self._blocks[block.first] = block
+        if self.grid in ("", block.grid) and block.samples:
+            self._blocks.setdefault(block.grid, {})[block.first] = block
 
     def _crosses_boundary(self, message: EnfEstimate) -> bool:
         """Whether this is the first window to reach the next multiple of the interim period."""
@@ -109,21 +119,28 @@ class Match:
         return out
 
     def _reference_ready(self) -> bool:
-        """Whether all of the reference is here; one that grows (no total) always is."""
-        blocks = self._blocks.values()
-        total = max((b.total for b in blocks), default=1)
-        return sum(b.samples for b in blocks) >= total
+        """Whether all of every reference is here; one that grows (no total) always is."""
+        for blocks in self._blocks.values():
+            total = max(b.total for b in blocks.values())
+            if sum(b.samples for b in blocks.values()) < total:
+                return False
+        return bool(self._blocks or self._grids)
 
     def _result(self, estimates: list[EnfEstimate], *, final: bool) -> MatchResult:
         track, jumps = without_jumps(track_of(estimates)) if estimates else (None, 0)
-        grid = grid_of(list(self._blocks.values())) if self._blocks else None
+        grids = [*self._grids, *(grid_of(list(b.values())) for b in self._blocks.values())]
+        method = self._method_for(track)
+        finding = self._finding(method, track, grids)
+        if method != self.method:
+            warning = f"these estimates carry no phase: compared by {method}"
+            finding = dataclasses.replace(finding, warnings=(*finding.warnings, warning))
         header = _header(estimates, self._published)
         self._published += 1
         return result_of(
-            self._finding(track, grid),
+            finding,
             header=header,
-            method=self.method,
-            grid=grid or Grid(self.grid, NAN, 0, 1.0, np.empty(0)),
+            method=method,
+            grid=finding.grid or (grids[0] if grids else Grid(self.grid, NAN, 0, 1.0, np.empty(0))),
             track=track,
             jumps=jumps,
             settings=self.settings,
@@ -131,17 +148,21 @@ class Match:
             final=final,
         )
 
-    def _finding(self, track: Track | None, grid: Grid | None) -> Finding:
+    def _method_for(self, track: Track | None) -> str:
+        no_phase = track is not None and track.usable and clip_phase(track) is None
+        return "ncc" if self.method == "phase" and no_phase else self.method
+
+    def _finding(self, method: str, track: Track | None, grids: list[Grid]) -> Finding:
         if track is None:
             reason = "no ENF estimate: the clip is shorter than one window"
-        elif grid is None:
+        elif not grids:
             reason = "no reference"
         else:
-            reason = nothing_to_decide(track, grid, self.settings)
-        if reason or track is None or grid is None:
+            reason = nothing_to_decide(track, grids, self.settings)
+        if reason or track is None:
             return Finding(decision="no_decision", reason=reason)
-        claimed = claimed_lag_s(grid, self.claimed_utc_ns)
-        return METHODS[self.method](track, grid, self.settings, claimed)
+        own = of_nominal(track, grids)
+        return METHODS[method](track, own, self.settings, self.claimed_utc_ns)
 
 
 def _header(estimates: list[EnfEstimate], seq: int) -> Header:

@@ -21,6 +21,7 @@ class Candidate:
     clock_ppm: float = field(4, "camera's clock error; positive is fast", NAN)
     log10_lr: float = field(5, "against the best lag elsewhere in the reference", NAN)
     seconds_used: float = field(6, "usable seconds that the comparison rests on", 0.0)
+    grid: str = field(7, "reference that the lag is in", "")
 
 
 @message(version=1)
@@ -54,3 +55,5 @@ class MatchResult:
     final: bool = field(22, "whether the stream had ended", False)
     candidates: tuple[Candidate, ...] = field(23, "ranked, the best first", ())
     warnings: tuple[str, ...] = field(24, "what a reader should know", ())
+    claim_log10_lr: float = field(25, "for the claimed time against none in the reference", NAN)
+    claim_log10_lr_other: float = field(26, "for the claimed time against another time", NAN)

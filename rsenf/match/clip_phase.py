@@ -1,0 +1,96 @@
+"""The flicker's phase through a clip, second by second: what the phase matcher follows.
+
+An estimator that publishes amplitudes gives the phase of each second by that second's own frames,
+so that errors of different seconds have nothing to do with each other. From one that publishes
+frequencies only, the phase is their running sum, which wanders as their errors do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.match.series import Track
+from rsenf.messages.schema import FloatArray
+
+# Of the illumination's phase: it flickers at twice the grid's frequency.
+RAD_PER_CYCLE = 4.0 * np.pi
+LONGEST_WINDOW_RATIO = 1.5  # of the hop: longer windows overlap, and their values aren't a phase
+
+
+@dataclass(frozen=True, eq=False)
+class ClipPhase:
+    """Phases at some instants of a clip.
+
+    Parameters
+    ----------
+    t_s : ndarray, shape (n,)
+        Instants from the clip's first frame, rising; whole hops apart, where none is missing.
+    phase_rad : ndarray, shape (n,)
+        Illumination's phase less that of twice the nominal frequency, on the camera's clock.
+    var_rad2 : ndarray, shape (n,)
+        Variance of each, independent of the others'.
+    walk_rad2 : ndarray, shape (n,)
+        Variance by which errors grow from the instant before to this one.
+    hop_s : float
+    nominal_hz : float
+    """
+
+    t_s: FloatArray
+    phase_rad: FloatArray
+    var_rad2: FloatArray
+    walk_rad2: FloatArray
+    hop_s: float
+    nominal_hz: float
+
+    @property
+    def size(self) -> int:
+        """How many there are."""
+        return int(self.t_s.size)
+
+    def between(self, start: int, stop: int) -> ClipPhase:
+        """Return a part of it, on the same clock."""
+        own = slice(start, stop)
+        return ClipPhase(
+            self.t_s[own], self.phase_rad[own], self.var_rad2[own], self.walk_rad2[own],
+            self.hop_s, self.nominal_hz,
+        )  # fmt: skip
+
+
+def clip_phase(track: Track) -> ClipPhase | None:
+    """Return a track's phases; None where its windows overlap, so that it has none."""
+    if track.window_s > LONGEST_WINDOW_RATIO * track.hop_s:
+        return None
+    own = np.isfinite(track.phase_rad) & np.isfinite(track.enf_hz)
+    if own.sum() >= 0.5 * track.usable:
+        return _measured(track, own)
+    return _summed(track)
+
+
+def _measured(track: Track, own: np.ndarray) -> ClipPhase:
+    """Take the phases as they are, and undo their jumps of 2π by the estimated frequency."""
+    index = np.flatnonzero(own)
+    t_s = np.asarray(track.first_s + index * track.hop_s, np.float64)
+    expected = _walked(t_s, track.enf_hz[index] - track.nominal_hz)
+    phase = expected + np.unwrap(track.phase_rad[index] - expected)
+    return ClipPhase(
+        t_s, phase, track.phase_var_rad2[index], np.zeros(index.size),
+        track.hop_s, track.nominal_hz,
+    )  # fmt: skip
+
+
+def _summed(track: Track) -> ClipPhase:
+    """Integrate the frequency: value ``i`` moves the phase over its own hop."""
+    index = np.flatnonzero(np.isfinite(track.enf_hz))
+    t_s = np.asarray(track.first_s + index * track.hop_s, np.float64)
+    per_hop = (RAD_PER_CYCLE * track.hop_s) ** 2
+    walk = per_hop * np.diff(np.cumsum(track.var_hz2[index]), prepend=0.0)
+    phase = _walked(t_s, track.enf_hz[index] - track.nominal_hz)
+    return ClipPhase(t_s, phase, np.zeros(index.size), walk, track.hop_s, track.nominal_hz)
+
+
+def _walked(t_s: FloatArray, away_hz: FloatArray) -> FloatArray:
+    """Phase by the trapezoidal rule; over a hole, by the frequencies at its ends."""
+    steps = RAD_PER_CYCLE * np.diff(t_s) * (away_hz[1:] + away_hz[:-1]) / 2
+    return np.concatenate([[0.0], np.cumsum(steps)])

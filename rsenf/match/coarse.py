@@ -1,0 +1,130 @@
+"""All lags of a reference, quickly: which of them deserve the phase filter.
+
+The residual's variance about a constant offset, of each lag, by FFT (:mod:`rsenf.match.ncc`), on
+the reference in pieces, so that a year needs no more memory than a day. Each stretch of a few
+seconds sends its best lag on, and of those the best few hundred of the whole search are kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.match.forecast import samples
+from rsenf.match.ncc import LagTable, lag_tables
+from rsenf.match.score import LagScorer
+from rsenf.match.series import Grid, Track, phases, to_step_of
+from rsenf.match.settings import MatchSettings
+from rsenf.messages.schema import FloatArray
+
+PIECE = 1 << 20  # samples of the reference at a time
+STRETCH_S = 8.0  # lags within it are one place
+KEPT = 512
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """What a quick look at all lags finds.
+
+    ``lag_s`` (c,) are the most promising, best first, with their ``score``; ``lags`` were compared,
+    of ``possible`` ones at which the clip lies within the reference's span ``inside``.
+    """
+
+    lag_s: FloatArray
+    score: FloatArray
+    lags: int
+    possible: int
+    inside: int
+
+    @property
+    def coverage_ratio(self) -> float:
+        """Share of the possible lags that could be compared; 1 when there is none."""
+        return self.inside / self.possible if self.possible else 1.0
+
+
+def survey(track: Track, grid: Grid, settings: MatchSettings, kept: int = KEPT) -> Survey:
+    """Look at every lag of a reference.
+
+    Raises
+    ------
+    UsageError
+        When the steps of the two don't fit each other.
+    """
+    lag_s, score = np.empty(0), np.empty(0)
+    lags = possible = inside = 0
+    for table, scorer, begin_s in _tables(track, grid, settings):
+        found = scorer.scores(table.pairs, table.offset, table.residual_var)
+        compared = np.isfinite(found)
+        last = round(grid.duration_s / scorer.track.hop_s) - scorer.x.size
+        first = round(begin_s / scorer.track.hop_s)
+        within = (table.lags + first >= 0) & (table.lags + first <= last)
+        lags += int(compared.sum())
+        possible += int(within.sum())
+        inside += int((within & compared).sum())
+        best, where = stretch_maxima(found, max(round(STRETCH_S / scorer.track.hop_s), 1))
+        at_s = begin_s + scorer.lags_s(table.first_lag + where)
+        lag_s, score = np.concatenate([lag_s, at_s]), np.concatenate([score, best])
+        if score.size > 4 * kept:
+            lag_s, score = _best(lag_s, score, kept)
+    return Survey(*_best(lag_s, score, kept), lags, possible, inside)
+
+
+def _tables(
+    track: Track, grid: Grid, settings: MatchSettings
+) -> Iterator[tuple[LagTable, LagScorer, float]]:
+    """Compare piece by piece; each lag comes once.
+
+    Yields the comparison, the scorer that made it, and where its piece begins (s).
+    """
+    usable_s = track.usable * track.hop_s
+    # A finer reference is averaged over the hop: a piece must hold whole hops.
+    per_hop = max(round(track.hop_s / grid.step_s), 1)
+    piece = PIECE // per_hop * per_hop
+    reach = int(np.ceil(track.enf_hz.size * track.hop_s / grid.step_s)) + 2 * per_hop
+    reach = -(-reach // per_hop) * per_hop
+    for start in range(0, grid.freq_hz.size, piece):
+        stop = min(start + piece + reach, grid.freq_hz.size)
+        part = replace(grid, freq_hz=samples(grid, start, stop))
+        part = to_step_of(track, part)
+        for thin in phases(track, part.step_s):
+            scorer = LagScorer(thin, part.freq_hz, settings, usable_s)
+            own = range(1 - thin.enf_hz.size if start == 0 else 0, piece // per_hop)
+            for table in lag_tables(
+                scorer.x, scorer.x_ok, scorer.y, scorer.y_ok, min_pairs=scorer.min_pairs
+            ):
+                kept = _within(table, own)
+                if kept.pairs.size:
+                    yield kept, scorer, start * grid.step_s
+
+
+def _within(table: LagTable, own: range) -> LagTable:
+    """Leave out the lags that belong to another piece."""
+    a = min(max(own.start - table.first_lag, 0), table.pairs.size)
+    b = max(min(own.stop - table.first_lag, table.pairs.size), a)
+    part = slice(a, b)
+    return LagTable(
+        table.first_lag + a,
+        table.pairs[part],
+        table.correlation[part],
+        table.offset[part],
+        table.residual_var[part],
+    )
+
+
+def stretch_maxima(scores: FloatArray, length: int) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Find the best finite score of every stretch of lags that has one, and where it is."""
+    padded = np.full(-(-scores.size // length) * length, -np.inf)
+    padded[: scores.size] = np.where(np.isfinite(scores), scores, -np.inf)
+    rows = padded.reshape(-1, length)
+    where = rows.argmax(axis=1) + np.arange(rows.shape[0]) * length
+    best = padded[where]
+    found = np.isfinite(best)
+    return best[found], where[found]
+
+
+def _best(lag_s: FloatArray, score: FloatArray, kept: int) -> tuple[FloatArray, FloatArray]:
+    order = np.argsort(-score, kind="stable")[:kept]
+    return lag_s[order], score[order]

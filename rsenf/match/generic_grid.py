@@ -1,0 +1,90 @@
+"""Likelihood of a clip's phases when no reference is at hand: what any grid might have done.
+
+It is the alternative that every lag is weighed against. The frequency is the Gaussian process of
+:mod:`rsenf.flicker.grid_prior`, livelier or calmer by a factor that isn't known, about a mean that
+isn't known either; the clip's errors are as at a lag.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rsenf.flicker.grid_prior import wander_rad2
+from rsenf.match.clip_phase import RAD_PER_CYCLE, ClipPhase
+from rsenf.messages.schema import FloatArray
+
+BLOCK = 600  # phases that are looked at together; stretches count as independent
+MEAN_STD_HZ = 0.03  # of the ENF's mean over a clip about the nominal, clock errors included
+LIVELINESS = ((0.5, 0.25), (1.0, 0.5), (2.0, 0.25))
+CLIP_RATIOS = ((1.0, 0.6), (2.0, 0.3), (4.0, 0.1))
+
+
+def generic_log_likelihood(clip: ClipPhase) -> FloatArray:
+    """Log-likelihood of each phase given those before it.
+
+    Parameters
+    ----------
+    clip : ClipPhase
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Zero for the first: any phase is as likely as any other.
+    """
+    parts = [
+        _block(clip.between(start, start + BLOCK + 1)) for start in range(0, clip.size - 1, BLOCK)
+    ]
+    return np.concatenate([np.zeros(min(clip.size, 1)), *parts])
+
+
+def _block(clip: ClipPhase) -> FloatArray:
+    """Log-likelihood of each step of the phase given the steps before."""
+    steps = np.diff(clip.phase_rad)
+    found, weights = [], []
+    for livelier, weight in LIVELINESS:
+        wander = livelier**2 * _wander(clip)
+        for ratio, of_ratio in CLIP_RATIOS:
+            found.append(_gaussian(steps, wander + ratio**2 * _noise(clip)))
+            weights.append(weight * of_ratio)
+    return _mixed(np.array(found), np.log(weights))
+
+
+def _wander(clip: ClipPhase) -> FloatArray:
+    """Covariance of the steps by the grid's wander and its unknown mean."""
+    index = np.rint((clip.t_s - clip.t_s[0]) / clip.hop_s).astype(np.int64)
+    spread = wander_rad2(np.arange(index[-1] + 1) * clip.hop_s)
+    a, b = index[:-1], index[1:]
+
+    def over(i: np.ndarray, j: np.ndarray) -> FloatArray:
+        return np.asarray(spread[np.abs(np.subtract.outer(i, j))], np.float64)
+
+    dt = np.diff(clip.t_s)
+    mean = (RAD_PER_CYCLE * MEAN_STD_HZ) ** 2 * np.outer(dt, dt)
+    return (over(b, a) + over(a, b) - over(a, a) - over(b, b)) / 2.0 + mean
+
+
+def _noise(clip: ClipPhase) -> FloatArray:
+    """Covariance of the steps by the phases' own errors."""
+    var = clip.var_rad2
+    beside = -var[1:-1]
+    return (
+        np.diag(var[1:] + var[:-1] + clip.walk_rad2[1:] + 1e-12)
+        + np.diag(beside, 1)
+        + np.diag(beside, -1)
+    )
+
+
+def _gaussian(steps: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Log-likelihood of each value given those before, by the Cholesky factor."""
+    from scipy.linalg import solve_triangular
+
+    root = np.linalg.cholesky(covariance)
+    white = solve_triangular(root, steps, lower=True)
+    return np.asarray(-0.5 * white**2 - np.log(np.diag(root)) - 0.5 * np.log(2 * np.pi))
+
+
+def _mixed(log_likelihood: FloatArray, log_weight: FloatArray) -> FloatArray:
+    """Each value's likelihood as the mean over models, by their weights after the values before."""
+    sums = np.cumsum(log_likelihood, axis=1) + log_weight[:, None]
+    total = np.logaddexp.reduce(sums, axis=0)
+    return np.diff(total, prepend=np.logaddexp.reduce(log_weight))

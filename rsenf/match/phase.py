@@ -1,0 +1,210 @@
+"""The matcher ``phase``: the clip's phase against the reference's, integrated, at every lag."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rsenf.match.calibration import calibration
+from rsenf.match.clip_phase import ClipPhase, clip_phase
+from rsenf.match.evidence import verbal
+from rsenf.match.matcher import ENOUGH_COVERAGE, Finding, claimed_lag_s, start_ns
+from rsenf.match.phase_search import (
+    APART_S,
+    PhaseScorer,
+    PhaseSearch,
+    Place,
+    refined,
+    search_phase,
+)
+from rsenf.match.score import LagScorer, Peak
+from rsenf.match.series import Grid, Track, phases, to_step_of
+from rsenf.match.settings import MatchSettings
+from rsenf.messages import Candidate
+
+LN10 = math.log(10.0)
+CLAIM_STEP_S = 0.25  # between the lags at which a claim is looked at
+
+
+@dataclass(frozen=True)
+class Raw:
+    """The model's own log10 likelihood ratios; NaN for what it can't tell."""
+
+    other: float
+    absent: float
+    claim: float = math.nan
+    claim_other: float = math.nan
+
+
+def match_phase(
+    track: Track, grids: Sequence[Grid], settings: MatchSettings, claimed_utc_ns: int = 0
+) -> Finding:
+    """Search references for the clip by its phase, and say what the best time is worth.
+
+    Two propositions are weighed against the time found: another time in these references, and a
+    time that is in none of them. The size of the search counts against the time found, in both.
+    A claimed time is weighed for itself, whatever else was searched.
+    """
+    clip = clip_phase(track)
+    assert clip is not None  # the stage asks for a matcher that can do with what there is
+    found = search_phase(track, clip, grids, settings)
+    if not found.places:
+        return Finding(
+            decision="no_decision",
+            reason="at no time do the clip and the reference share enough valid seconds",
+            coverage_ratio=found.coverage_ratio,
+        )
+    raw = weigh(found, grids, settings, claimed_utc_ns)
+    lines = calibration()
+    other, absent = lines.other(raw.other), lines.absent(raw.absent)
+    best = found.places[0]
+    decision, reason = _decide(found, other, absent, settings)
+    return Finding(
+        decision=decision,
+        reason=reason,
+        grid=grids[best.grid],
+        lag_s=best.lag_s,
+        lag_std_s=best.lag_std_s,
+        log10_lr=other,
+        log10_lr_absent=absent,
+        log10_raw=(raw.other, raw.absent, raw.claim),
+        claim_log10_lr=lines.claim(raw.claim),
+        claim_log10_lr_other=lines.claim(raw.claim_other),
+        search_size=found.lags,
+        coverage_ratio=found.coverage_ratio,
+        verbal=verbal(min(other, absent)),
+        candidates=_candidates(found, track, clip, grids, settings),
+        **_fit(found.scorers[best.grid], best, track, settings),
+    )
+
+
+def weigh(
+    found: PhaseSearch, grids: Sequence[Grid], settings: MatchSettings, claimed_utc_ns: int = 0
+) -> Raw:
+    """Weigh the best place of a search that has one, and a claim."""
+    best = found.places[0]
+    span = math.log(max(found.span_s, 1.0))
+    raw = Raw(
+        other=(best.weight - _together(found.places[1:], span)) / LN10,
+        absent=(best.weight - span) / LN10,
+    )
+    claims = []
+    for number, grid in enumerate(grids):
+        lag_s = claimed_lag_s(grid, claimed_utc_ns)
+        if math.isnan(lag_s):
+            continue
+        at = _claim_weight(found.scorers[number], number, lag_s, settings.tolerance_s)
+        elsewhere = [p for p in found.places if p.grid != number or abs(p.lag_s - lag_s) >= APART_S]
+        claims.append((at / LN10, (at - _together(elsewhere, span) + span) / LN10))
+    if not claims:
+        return raw
+    claim, claim_other = max(claims)
+    return Raw(raw.other, raw.absent, claim, claim_other)
+
+
+def _together(places: Sequence[Place], span: float) -> float:
+    """Likelihood of all of these places together; at least that of a second of no account."""
+    return float(np.logaddexp.reduce([-span, *(p.weight for p in places)]))
+
+
+def _claim_weight(scorer: PhaseScorer, number: int, lag_s: float, tolerance_s: float) -> float:
+    """Mean likelihood within the tolerance of a claimed lag (nats); NaN where there is none."""
+    at = lag_s + np.arange(-tolerance_s, tolerance_s + CLAIM_STEP_S / 2, CLAIM_STEP_S)
+    score = scorer.scores(at)
+    if not np.isfinite(score).any():
+        return math.nan
+    top = int(score.argmax())
+    peak = refined(scorer, Place(number, float(at[top]), tolerance_s, float(score[top])))
+    if abs(peak.lag_s - lag_s) > tolerance_s:
+        return float(np.logaddexp.reduce(score) - math.log(at.size))
+    return peak.score + math.log(min(peak.width_s / (2 * tolerance_s), 1.0))
+
+
+def _decide(
+    found: PhaseSearch, other: float, absent: float, settings: MatchSettings
+) -> tuple[str, str]:
+    """Return the decision and its reason."""
+    best, limit = found.places[0], settings.min_log10_lr
+    if absent >= limit and other >= limit:
+        if best.lag_std_s > settings.tolerance_s:
+            return "no_decision", (
+                "one time stands out, but its place is uncertain by over "
+                f"{settings.tolerance_s:g} s"
+            )
+        return "match", "one time fits, and no other nearly as well"
+    if absent <= -limit:
+        if found.coverage_ratio < ENOUGH_COVERAGE:
+            return "no_decision", (
+                f"no time fits, but only {found.coverage_ratio:.0%} of the times could be compared"
+            )
+        return "no_match", "no time in this reference fits the clip"
+    if absent >= limit:
+        return "no_decision", "several times fit about equally well"
+    return "no_decision", (
+        "the best time fits hardly better than some time must in a search of this size"
+    )
+
+
+def _fit(scorer: PhaseScorer, best: Place, track: Track, settings: MatchSettings) -> dict[str, Any]:
+    """Return what else is known at a place: the clock, and how alike the two frequencies are."""
+    clock, peak = scorer.clock(best.lag_s), _compared(track, scorer.grid, best.lag_s, settings)
+    own = track.var_hz2[np.isfinite(track.var_hz2)]
+    expected = float(own.mean()) + settings.reference_std_hz**2 if own.size else math.nan
+    return {
+        "clock_ppm": -clock.offset_hz / track.nominal_hz * 1e6,
+        "clock_std_ppm": clock.offset_std_hz / track.nominal_hz * 1e6,
+        "correlation": peak.correlation,
+        "residual_std_hz": math.sqrt(peak.residual_var_hz2),
+        "expected_std_hz": math.sqrt(expected),
+        "seconds_used": peak.seconds,
+    }
+
+
+def _compared(track: Track, grid: Grid, lag_s: float, settings: MatchSettings) -> Peak:
+    """Compare the frequencies at the nearest whole lag."""
+    around = 4 * max(track.hop_s, grid.step_s)
+    first = max(int((lag_s + track.first_s - around) / grid.step_s), 0)
+    # Whole hops, where the reference is the finer one.
+    per_hop = max(round(track.hop_s / grid.step_s), 1)
+    first = first // per_hop * per_hop
+    last = int((lag_s + track.first_s + track.enf_hz.size * track.hop_s + around) / grid.step_s) + 1
+    part = to_step_of(
+        track,
+        Grid(grid.name, grid.nominal_hz, 0, grid.step_s, np.asarray(grid.freq_hz[first:last])),
+    )
+    peaks = []
+    for thin in phases(track, part.step_s):
+        scorer = LagScorer(thin, part.freq_hz, settings, 0.0)
+        peaks.append(scorer.peak(scorer.nearest_lag(lag_s - first * grid.step_s)))
+    return min(peaks, key=lambda p: abs(p.lag_s + first * grid.step_s - lag_s))
+
+
+def _candidates(
+    found: PhaseSearch,
+    track: Track,
+    clip: ClipPhase,
+    grids: Sequence[Grid],
+    settings: MatchSettings,
+) -> tuple[Candidate, ...]:
+    """Return the best places, each with its likelihood ratio against the best of the others."""
+    out = []
+    for i, place in enumerate(found.places[: settings.candidates]):
+        others = found.places[1 if i == 0 else 0 :][:1]
+        clock = found.scorers[place.grid].clock(place.lag_s)
+        peak = _compared(track, grids[place.grid], place.lag_s, settings)
+        out.append(
+            Candidate(
+                lag_s=place.lag_s,
+                correlation=peak.correlation,
+                clock_ppm=-clock.offset_hz / track.nominal_hz * 1e6,
+                log10_lr=(place.weight - others[0].weight) / LN10 if others else math.nan,
+                seconds_used=clock.phases * clip.hop_s,
+                grid=grids[place.grid].name,
+                start_utc_ns=start_ns(grids[place.grid], place.lag_s),
+            )
+        )
+    return tuple(out)

@@ -1,0 +1,207 @@
+"""Search references for a clip by its phase: the lags that fit, each with its likelihood.
+
+A score is the log-likelihood of the clip's phases at a lag over that under any grid whatever, both
+of the same phases: those whose way from the one before lies in the reference. So lags with gaps,
+and lags in different references, compare with each other, and zero means that the reference tells
+no more than chance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.match.clip_phase import ClipPhase
+from rsenf.match.coarse import KEPT, Survey, survey
+from rsenf.match.forecast import forecast
+from rsenf.match.generic_grid import generic_log_likelihood
+from rsenf.match.phase_filter import ERRORS, Errors, Innovations, innovations
+from rsenf.match.series import Grid, Track
+from rsenf.match.settings import MatchSettings
+from rsenf.messages.schema import FloatArray
+
+# The clock's error is Gaussian of one of these sizes, shares and ppm: most cameras are within
+# 30 ppm, a real one is at 70.
+CLOCKS = ((0.5, 0.5), (0.35, 1.2), (0.15, 3.0))
+WORTHWHILE = 4.0  # phases after the first, below which a lag isn't scored
+USUAL_PHASES = 600  # of a clip: of a longer one fewer lags are kept
+QUICK: tuple[Errors, ...] = tuple(
+    Errors(0.25, hz, ratio) for hz in (3e-4, 1.5e-3) for ratio in (1.0, 2.5)
+)
+QUICK_SHIFTS_S = (-0.5, 0.0, 0.5)
+REFINED = 24
+APART_S = 6.0  # nearer lags are one place
+LEAST_STD_S = 0.01  # of a lag, in the search for its peak
+
+
+@dataclass(frozen=True)
+class Place:
+    """A lag in one of the references, at the top of its peak.
+
+    ``score`` in nats; ``width_s`` is the peak's integral over its height.
+    """
+
+    grid: int
+    lag_s: float
+    lag_std_s: float
+    score: float
+
+    @property
+    def width_s(self) -> float:
+        """Integral of the likelihood over the lag, over its maximum."""
+        return math.sqrt(2 * math.pi) * self.lag_std_s
+
+    @property
+    def weight(self) -> float:
+        """Logarithm of the likelihood's integral over the peak (nats)."""
+        return self.score + math.log(self.width_s)
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Offset of the clip's ENF from the reference's, by ``phases`` phases."""
+
+    offset_hz: float
+    offset_std_hz: float
+    phases: int
+
+
+class PhaseScorer:
+    """Scores lags of one reference for one clip."""
+
+    def __init__(
+        self, clip: ClipPhase, generic: FloatArray, grid: Grid, settings: MatchSettings
+    ) -> None:
+        self.clip, self.generic, self.grid, self.settings = clip, generic, grid, settings
+        self.least = max(WORTHWHILE, settings.min_overlap * clip.size)
+
+    def scores(self, lag_s: FloatArray, errors: Sequence[Errors] = ERRORS) -> FloatArray:
+        """Log-likelihood over any grid's, shape (c,); minus infinity with too few phases."""
+        found, own = self._run(lag_s, errors)
+        log_likelihood = np.logaddexp.reduce(self._by_clock(found, errors), axis=(0, 1))
+        score = np.where(found.count >= self.least, log_likelihood - own, -np.inf)
+        return np.asarray(score, np.float64)
+
+    def clock(self, lag_s: float) -> Clock:
+        """Weigh the offsets at one lag."""
+        found, _ = self._run(np.array([lag_s]), ERRORS)
+        by_clock = self._by_clock(found, ERRORS)[:, :, 0]
+        weight = np.exp(by_clock - np.logaddexp.reduce(by_clock, axis=None))
+        tell = found.rr[:, :1] + 1.0 / self._clock_var()[None, :]
+        mean, var = found.vr[:, :1] / tell, 1.0 / tell
+        offset = float((weight * mean).sum())
+        spread = float((weight * (var + (mean - offset) ** 2)).sum())
+        return Clock(offset, math.sqrt(spread), int(found.count[0]) + 1)
+
+    def _run(self, lag_s: FloatArray, errors: Sequence[Errors]) -> tuple[Innovations, FloatArray]:
+        phase, known = forecast(self.grid, lag_s, self.clip.t_s)
+        own = self.generic @ known
+        if (known == known[:, :1]).all():
+            known = known[:, :1]
+        residual = self.clip.phase_rad[:, None] - phase
+        return innovations(self.clip, residual, known, self.grid.step_s, errors), own
+
+    def _by_clock(self, found: Innovations, errors: Sequence[Errors]) -> FloatArray:
+        """Log-likelihood times weight, (errors, clocks, lags)."""
+        var = self._clock_var()[None, :, None]
+        share = np.array([share for share, _ in CLOCKS])[None, :, None]
+        weight = np.array([e.weight for e in errors])[:, None, None]
+        log_f, vv, vr, rr = (
+            part[:, None, :] for part in (found.log_f, found.vv, found.vr, found.rr)
+        )
+        left = vv - vr**2 / (rr + 1.0 / var)
+        found_log = np.log(weight * share) - 0.5 * (log_f + left + np.log1p(var * rr))
+        return np.asarray(found_log, np.float64)
+
+    def _clock_var(self) -> FloatArray:
+        """Variance of the ENF's offset under each size of clock error (Hz²)."""
+        scale = self.settings.clock_scale_ppm * 1e-6 * self.grid.nominal_hz
+        return np.array([(size * scale) ** 2 for _, size in CLOCKS])
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseSearch:
+    """Outcome of a search: places, best first, a neighbourhood apart, and how it was made."""
+
+    places: list[Place]
+    surveys: list[Survey]
+    scorers: list[PhaseScorer]
+    span_s: float
+
+    @property
+    def lags(self) -> int:
+        """How many lags were compared."""
+        return sum(s.lags for s in self.surveys)
+
+    @property
+    def coverage_ratio(self) -> float:
+        """Share of the possible lags that could be compared."""
+        possible = sum(s.possible for s in self.surveys)
+        return sum(s.inside for s in self.surveys) / possible if possible else 1.0
+
+
+def search_phase(
+    track: Track, clip: ClipPhase, grids: Sequence[Grid], settings: MatchSettings
+) -> PhaseSearch:
+    """Search references for a clip.
+
+    Raises
+    ------
+    UsageError
+        When the steps of the two don't fit each other.
+    """
+    generic = generic_log_likelihood(clip)
+    kept = int(np.clip(KEPT * USUAL_PHASES / max(clip.size, 1), 32, KEPT))
+    surveys = [survey(track, grid, settings, kept) for grid in grids]
+    scorers = [PhaseScorer(clip, generic, grid, settings) for grid in grids]
+    found: list[Place] = []
+    for number, (scorer, seen) in enumerate(zip(scorers, surveys, strict=True)):
+        found += _rough(number, scorer, seen.lag_s)
+    found = distinct(found)
+    best = [refined(scorers[place.grid], place) for place in found[:REFINED]]
+    places = distinct(best + found[REFINED:])
+    span_s = sum(s.lags * track.hop_s for s in surveys)
+    return PhaseSearch(places, surveys, scorers, span_s)
+
+
+def _rough(number: int, scorer: PhaseScorer, lag_s: FloatArray) -> list[Place]:
+    """Score the lags of a survey, each with its neighbours, under few sizes of the errors."""
+    if not lag_s.size:
+        return []
+    at = (lag_s[:, None] + np.array(QUICK_SHIFTS_S)).ravel()
+    score = scorer.scores(at, QUICK).reshape(lag_s.size, -1)
+    best = score.argmax(axis=1)
+    return [
+        Place(number, float(at[i * len(QUICK_SHIFTS_S) + b]), 0.5, float(score[i, b]))
+        for i, b in enumerate(best)
+        if np.isfinite(score[i, b])
+    ]
+
+
+def refined(scorer: PhaseScorer, place: Place) -> Place:
+    """Go to the top of a peak, in two passes, the second as fine as the peak is sharp."""
+    lag_s, std_s = place.lag_s, 0.25
+    for spread in (np.arange(-4, 5), np.arange(-3, 4)):
+        at = np.asarray(lag_s + std_s * spread, np.float64)
+        score = scorer.scores(at)
+        top = int(np.clip(score.argmax(), 1, at.size - 2))
+        before, here, after = score[top - 1 : top + 2]
+        bend = 2 * here - before - after
+        peaked = np.isfinite(bend) and bend > 0
+        shift = float(np.clip((after - before) / (2 * bend), -1, 1)) if peaked else 0.0
+        height = here + (after - before) * shift / 4 if peaked else here
+        lag_s = float(at[top] + shift * std_s)
+        std_s = float(np.clip(std_s / math.sqrt(bend), LEAST_STD_S, 1.0)) if peaked else 1.0
+    return Place(place.grid, lag_s, std_s, float(max(height, score.max())))
+
+
+def distinct(places: list[Place]) -> list[Place]:
+    """Sort best first and drop every place too near to a better one."""
+    out: list[Place] = []
+    for place in sorted(places, key=lambda p: -p.score):
+        if all(p.grid != place.grid or abs(p.lag_s - place.lag_s) >= APART_S for p in out):
+            out.append(place)
+    return out
