@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.bench.plan import LOSSLESS, Clip, bits_of
+from rsenf.bench.plan import codec_of
 from rsenf.bench.scenes import Setting
 from rsenf.decode import SourceSpec, open_source
 from rsenf.messages import Frame, Header, RowBlock
-from rsenf.model import Codec, FrameStream, GridPath, write_videos
+from rsenf.model import FrameStream, GridPath, write_videos
 from rsenf.model.exposures import Capture
 from rsenf.rows.stage import Rows
 from rsenf.timebase import pts_to_ns
@@ -56,7 +56,7 @@ class _Shown(FrameStream):
             yield pts, luma
 
 
-def film(clip: Clip, setting: Setting, grid: GridPath) -> Filmed:
+def film(setting: Setting, grid: GridPath, duration_s: float, codings: Sequence[str]) -> Filmed:
     """Film a clip, encode it in the same pass, decode, and sample the rows of every coding.
 
     What a lossless encoder gives is what went in, so those rows come straight from the frames.
@@ -72,16 +72,16 @@ def film(clip: Clip, setting: Setting, grid: GridPath) -> Filmed:
             rows.update(Frame(header=header, height_px=height, width_px=width, luma=luma))
         )
 
-    frames = _Shown(Capture(setting.model, grid, clip.duration_s, setting.seed), sample)
+    frames = _Shown(Capture(setting.model, grid, duration_s, setting.seed), sample)
     filmed = Filmed(truth=frames.truth)
+    codecs = {coding: codec_of(coding) for coding in codings}
     with tempfile.TemporaryDirectory(prefix="rsenf-bench-") as folder:
-        files = {c: Path(folder) / f"{c}.mp4" for c in clip.codings if c != LOSSLESS}
-        write_videos({path: Codec(bitrate_bps=bits_of(c)) for c, path in files.items()}, frames)
+        files = {coding: Path(folder) / f"{coding}.mp4" for coding in codings}
+        write_videos({files[c]: codec for c, codec in codecs.items() if codec}, frames)
         filmed.cpu_s["film"] = time.process_time() - begin_s
-        if LOSSLESS in clip.codings:
-            filmed.blocks[LOSSLESS] = blocks + rows.flush()
-        begin_s = time.process_time()
-        filmed.blocks |= {coding: _decoded(path) for coding, path in files.items()}
+        begin_s, blocks = time.process_time(), blocks + rows.flush()
+        for coding, codec in codecs.items():
+            filmed.blocks[coding] = _decoded(files[coding]) if codec else blocks
         filmed.cpu_s["decode"] = time.process_time() - begin_s
     return filmed
 

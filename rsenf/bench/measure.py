@@ -36,10 +36,10 @@ def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
     grids : Path or None
         Folder of measured grids.
     """
-    begin_s, versions = time.perf_counter(), _versions()
+    begin_s, made_by = time.perf_counter(), versions()
     setting = setting_of(clip)
     grid, grid_name = grid_for(grids, clip.nominal_hz, clip.duration_s, clip.generator("grid"))
-    filmed = film(clip, setting, grid)
+    filmed = film(setting, grid, clip.duration_s, clip.codings)
     truth = filmed.truth
     found = {
         coding: {
@@ -69,7 +69,7 @@ def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
         "found": found,
         "cpu_s": {step: round(s, 2) for step, s in filmed.cpu_s.items()},
         "wall_s": round(time.perf_counter() - begin_s, 2),
-        "versions": versions,
+        "versions": made_by,
     }
 
 
@@ -109,7 +109,7 @@ def _alias_turn_rad(clip: Clip, frame_rate_hz: float, grid: GridPath) -> float:
 
 
 @functools.cache
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
     """Versions of what measures, as it was when this process measured its first clip.
 
     ``source`` is of the program's own files: two runs between which one was edited differ in it.

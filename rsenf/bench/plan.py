@@ -11,7 +11,8 @@ from typing import TypeVar
 import numpy as np
 
 from rsenf.errors import UsageError
-from rsenf.model import parse_frame_rate
+from rsenf.model import Codec, parse_frame_rate
+from rsenf.model.codec import ENCODERS
 
 T = TypeVar("T")
 
@@ -26,8 +27,8 @@ NOTHING = ("no_light", "daylight", "anti_flicker", "black", "moving_camera")
 CODED_EVERY = 4
 
 
-def bits_of(coding: str) -> int | None:
-    """Return the bit rate of a coding in bits a second; None is lossless.
+def codec_of(coding: str) -> Codec | None:
+    """Return the codec of a coding at its bit rate; None is lossless.
 
     Raises
     ------
@@ -36,10 +37,14 @@ def bits_of(coding: str) -> int | None:
     """
     if coding == LOSSLESS:
         return None
-    number = coding.removesuffix("k")
-    if not number.isdecimal() or number == coding:
-        raise UsageError(f"{coding!r} is not a coding", "write lossless, or a bit rate like 150k")
-    return int(number) * 1000
+    name, _, rate = coding.rpartition("-")
+    number, name = rate.removesuffix("k"), name or "h264"
+    if not number.isdecimal() or number == rate or name not in ENCODERS:
+        raise UsageError(
+            f"{coding!r} is not a coding",
+            "write lossless, a bit rate of x264 like 150k, or one of another codec like vp9-300k",
+        )
+    return Codec(name=name, bitrate_bps=int(number) * 1000)
 
 
 @dataclass(frozen=True)
@@ -119,7 +124,7 @@ class Plan:
         for rate in self.frame_rates:
             parse_frame_rate(rate)
         for coding in self.codings:
-            bits_of(coding)
+            codec_of(coding)
 
     def lit(self) -> list[Clip]:
         """Clips with a lamp on the mains, seed by seed: a run that is stopped has even cells."""

@@ -66,7 +66,7 @@ def setting_of(clip: Clip) -> Setting:
             texture_ratio=float(rng.uniform(*TEXTURE_RATIO)),
         ),
     )
-    exposure_s = _spread(rng, EXPOSURE_S)
+    exposure_s = spread(rng, EXPOSURE_S)
     seed = int(rng.integers(2**31))
     if clip.scene == "anti_flicker":
         exposure_s = 1 / (2 * clip.nominal_hz)
@@ -84,21 +84,21 @@ def _unlit(model: CaptureModel, scene: str, rng: np.random.Generator) -> Capture
         return replace(model, scene=dark)
     if scene == "daylight":
         drift = CaptureModel().with_effect(
-            "auto_exposure", gain_ratio=_spread(rng, DRIFT_RATIO),
-            time_constant_s=_spread(rng, DRIFT_S),
+            "auto_exposure", gain_ratio=spread(rng, DRIFT_RATIO),
+            time_constant_s=spread(rng, DRIFT_S),
         )  # fmt: skip
         clouds = CaptureModel().with_effect(
-            "auto_exposure", gain_ratio=_spread(rng, CLOUDS_RATIO),
-            time_constant_s=_spread(rng, CLOUDS_S),
+            "auto_exposure", gain_ratio=spread(rng, CLOUDS_RATIO),
+            time_constant_s=spread(rng, CLOUDS_S),
         )  # fmt: skip
         return model.plus(*drift.effects, *clouds.effects)
     if scene == "moving_camera":
-        shake = Shake(shake_px=_spread(rng, SHAKE_PX), time_constant_s=_spread(rng, SHAKE_S))
+        shake = Shake(shake_px=spread(rng, SHAKE_PX), time_constant_s=spread(rng, SHAKE_S))
         return replace(model, scene=replace(model.scene, shake=shake))
     return model
 
 
-def _spread(rng: np.random.Generator, low_high: tuple[float, float]) -> float:
+def spread(rng: np.random.Generator, low_high: tuple[float, float]) -> float:
     """Draw evenly on a logarithmic scale."""
     low, high = low_high
     return math.exp(rng.uniform(math.log(low), math.log(high)))

@@ -5,36 +5,38 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from rsenf.bench.plan import Clip
 from rsenf.bench.results import Record, Results
-from rsenf.bench.workers import measure_all
+from rsenf.bench.workers import T, Work, work_all
+
+Progress = Callable[[int, int], None]
 
 
 def measure_missing(
-    clips: Sequence[Clip],
+    tasks: Sequence[T],
+    work: Work[T],
     out: Path,
-    grids: Path | None,
     jobs: int,
-    progress: Callable[[int, int], None] = lambda done, missing: None,
+    progress: Progress = lambda done, missing: None,
 ) -> list[Record]:
-    """Measure the clips that have no record yet; return the records of all, in the plan's order.
+    """Measure what has no record yet; return the records of all, in the plan's order.
 
     Parameters
     ----------
-    clips : sequence of Clip
+    tasks : sequence of Task
+        Clips, say.
+    work : callable
+        From one of them to its record.
     out : Path
         File of results, made where there is none; whatever else it holds stays in it.
-    grids : Path or None
-        Folder of measured grids.
     jobs : int
         Processes.
     progress : callable, optional
-        Called with the number of clips measured so far, and of those that were missing.
+        Called with the number measured so far, and of those that were missing.
     """
     with Results(out) as results:
-        missing = [clip for clip in clips if clip.key not in results.records]
+        missing = [task for task in tasks if task.key not in results.records]
         progress(0, len(missing))
-        for done, record in enumerate(measure_all(missing, grids, jobs), 1):
+        for done, record in enumerate(work_all(missing, work, jobs), 1):
             results.add(record)
             progress(done, len(missing))
-        return results.of(clip.key for clip in clips)
+        return results.of(task.key for task in tasks)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
     from rsenf.bench.plan import Clip, Plan
     from rsenf.bench.results import Record
 
-_TABLES = ("idle", "enf", "claims")
+RECORDING_TIME = "recording-time"
+_TABLES = ("idle", "enf", "claims", RECORDING_TIME)
 # Measured grids are not part of the project; in a checkout they lie beside it.
 _GRIDS = Path("../shared/data")
 _QUICK: dict[str, Any] = {
@@ -45,6 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--table-only", action="store_true", help="measure nothing: the clips that --out has"
     )
     parser.add_argument("--jobs", type=count, default=2, metavar="N", help="processes (2)")
+    parser.add_argument(
+        "--film-only", action="store_true", help="recording-time: make the films, and no trials yet"
+    )
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--json", action="store_true")
     how.add_argument("--markdown", action="store_true", help="for a page")
@@ -79,6 +84,10 @@ def run(args: argparse.Namespace) -> int:
 
     if args.table_only and not args.out:
         raise UsageError("--table-only without --out", "name the folder of the results")
+    if args.table == RECORDING_TIME:
+        from rsenf.cli import bench_recording_time
+
+        return bench_recording_time.run(args)
     plan = _plan(args)
     clips = plan.nothing() if args.table == "claims" else plan.lit()
     if args.out:
@@ -106,6 +115,7 @@ def _plan(args: argparse.Namespace) -> Plan:
 
 def _records(args: argparse.Namespace, clips: list[Clip], folder: Path) -> list[Record]:
     """Results of lit clips and of those with nothing to claim are different files."""
+    from rsenf.bench.measure import measure
     from rsenf.bench.results import read_records
     from rsenf.bench.session import measure_missing
     from rsenf.cli.console import progress_bar, say
@@ -113,7 +123,7 @@ def _records(args: argparse.Namespace, clips: list[Clip], folder: Path) -> list[
     out = folder / ("claims.jsonl" if args.table == "claims" else "clips.jsonl")
     if args.table_only:
         return list(read_records(out).values())
-    grids = args.grids or (_GRIDS if _GRIDS.is_dir() else None)
+    grids = grids_of(args)
     with progress_bar("measuring", sum(clip.duration_s for clip in clips)) as bar:
 
         def progress(done: int, missing: int) -> None:
@@ -121,7 +131,14 @@ def _records(args: argparse.Namespace, clips: list[Clip], folder: Path) -> list[
                 say(f"clips to measure: {missing} of {len(clips)}")
             bar(sum(clip.duration_s for clip in clips) * (1 - (missing - done) / len(clips)))
 
-        return measure_missing(clips, out, grids, max(args.jobs, 1), progress)
+        return measure_missing(
+            clips, partial(measure, grids=grids), out, max(args.jobs, 1), progress
+        )
+
+
+def grids_of(args: argparse.Namespace) -> Path | None:
+    """Folder of measured grids, where there is one."""
+    return args.grids or (_GRIDS if _GRIDS.is_dir() else None)
 
 
 def _print(args: argparse.Namespace, document: dict[str, Any]) -> None:

@@ -5,20 +5,23 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from rsenf.bench.measure import measure
 from rsenf.bench.plan import Clip, Plan
 from rsenf.bench.session import measure_missing
-from rsenf.bench.workers import measure_all
+from rsenf.bench.workers import work_all
 from rsenf.cli import bench, main
 from rsenf.errors import NodeFailed
 from rsenf.idle import METHODS as IDLE_METHODS
 from rsenf.track import METHODS as ENF_METHODS
 
 TINY = Plan(sizes=("240p",), frame_rates=("29.97",), codings=("lossless",), clips=3, duration_s=1.0)
+MEASURE = partial(measure, grids=None)
 
 
 class Stopped(Exception):
@@ -77,25 +80,25 @@ def test_a_stopped_run_loses_and_repeats_nothing(tmp_path: Path) -> None:
             raise Stopped
 
     with pytest.raises(Stopped):
-        measure_missing(clips, file, None, 1, stop)
+        measure_missing(clips, MEASURE, file, 1, stop)
     kept = file.read_bytes()
     assert kept.count(b"\n") == 1
-    records = measure_missing(clips, file, None, 2)
+    records = measure_missing(clips, MEASURE, file, 2)
     assert file.read_bytes().startswith(kept)
     assert sorted(r["key"] for r in records) == sorted(clip.key for clip in clips)
     assert file.read_bytes().count(b"\n") == len(clips)
-    assert measure_missing(clips, file, None, 2) == records
+    assert measure_missing(clips, MEASURE, file, 2) == records
 
 
 def test_a_process_that_dies_is_named() -> None:
     deadly = Deadly("lit", "240p", "25", 50.0, 5, 1.0)
     with pytest.raises(NodeFailed, match="'lit 240p 25fps 50Hz 5 1s"):
-        list(measure_all([deadly], None, 1))
+        list(work_all([deadly], MEASURE, 1))
 
 
 def test_a_clip_that_cannot_be_measured_stops_the_run() -> None:
     with pytest.raises(NodeFailed, match="KeyError"):
-        list(measure_all([Clip("lit", "99p", "25", 50.0, 5, 1.0)], None, 1))
+        list(work_all([Clip("lit", "99p", "25", 50.0, 5, 1.0)], MEASURE, 1))
 
 
 def test_table_only_needs_a_folder(capsys: pytest.CaptureFixture[str]) -> None:

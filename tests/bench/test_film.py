@@ -13,13 +13,13 @@ from rsenf.bench.plan import Clip
 from rsenf.bench.scenes import setting_of
 from rsenf.model import render_frames
 
-CLIP = Clip("lit", "240p", "29.97", 50.0, 3, 2.0, ("lossless", "400k", "50k"))
+CLIP = Clip("lit", "240p", "29.97", 50.0, 3, 2.0, ("lossless", "400k", "50k", "vp9-300k"))
 
 
 @pytest.fixture(scope="module")
 def filmed() -> Filmed:
     grid, _ = grid_for(None, 50.0, 2.0, CLIP.generator("grid"))
-    return film(CLIP, setting_of(CLIP), grid)
+    return film(setting_of(CLIP), grid, CLIP.duration_s, CLIP.codings)
 
 
 def levels(filmed: Filmed, coding: str) -> np.ndarray:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.bench.plan import NOTHING, Plan, bits_of
+from rsenf.bench.plan import NOTHING, Plan, codec_of
 from rsenf.bench.scenes import LAMPS, setting_of
 from rsenf.errors import UsageError
+from rsenf.model import Codec
 
 PLAN = Plan(clips=5, nominals_hz=(50.0, 60.0))
 
@@ -68,6 +69,13 @@ def test_a_plan_that_cannot_be_meant_so(wrong: dict[str, tuple[str, ...]]) -> No
         Plan(**wrong)  # type: ignore[arg-type]  # any one of them
 
 
-def test_codings_are_bit_rates() -> None:
-    assert bits_of("150k") == 150_000
-    assert bits_of("lossless") is None
+def test_codings_are_codecs_at_bit_rates() -> None:
+    assert codec_of("150k") == Codec(name="h264", bitrate_bps=150_000)
+    assert codec_of("vp9-300k") == Codec(name="vp9", bitrate_bps=300_000)
+    assert codec_of("lossless") is None
+
+
+@pytest.mark.parametrize("wrong", ["150", "k", "divx-150k", "-", "", "vp9"])
+def test_what_is_no_coding(wrong: str) -> None:
+    with pytest.raises(UsageError, match="not a coding"):
+        codec_of(wrong)

@@ -1,0 +1,109 @@
+"""Films on the disk: the rows of each coding as a recording, and the truth; whole or not at all."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+from rsenf.bench.film import film
+from rsenf.bench.grids import MARGIN_S
+from rsenf.bench.measure import versions
+from rsenf.bench.recording_time.days import lit_day
+from rsenf.bench.recording_time.plan import NOMINAL_HZ, Film
+from rsenf.bench.recording_time.scene import setting_of
+from rsenf.errors import InputError, RecordingError
+from rsenf.messages import RowBlock
+from rsenf.model import GridPath
+from rsenf.record.reader import open_recording
+from rsenf.record.writer import Recorder
+
+VERSION = 1
+_TRUTH = "truth.json"
+_TOPIC = "rows"
+
+
+def has_film(folder: Path, wanted: Film) -> bool:
+    """Whether a film has been made."""
+    return (folder / wanted.key / _TRUTH).is_file()
+
+
+def make_film(wanted: Film, folder: Path, grids: Path | None) -> dict[str, Any]:
+    """Film, encode and decode once, and keep the rows; return the truth.
+
+    Parameters
+    ----------
+    wanted : Film
+    folder : Path
+        Where films are kept, a folder each, which appears when it is complete.
+    grids : Path or None
+        Folder of measured grids.
+
+    Raises
+    ------
+    RecordingError
+        When it can't be written.
+    """
+    begin_s, setting, day = time.perf_counter(), setting_of(wanted), lit_day(grids)
+    latest_s = wanted.reference_s - wanted.duration_s - MARGIN_S
+    start_s = float(wanted.generator("start").uniform(0, latest_s))
+    grid = GridPath(day.freq_hz, day.step_s, start_s, NOMINAL_HZ)
+    filmed = film(setting, grid, wanted.duration_s, wanted.codings)
+    told = {
+        "version": VERSION,
+        "film": dataclasses.asdict(wanted),
+        "grid": day.grid,
+        "flicker_level": setting.flicker_levels(NOMINAL_HZ)[0],
+        "truth": filmed.truth,
+        "cpu_s": {step: round(s, 2) for step, s in filmed.cpu_s.items()},
+        "wall_s": round(time.perf_counter() - begin_s, 2),
+        "versions": versions(),
+    }
+    part = folder / f".{wanted.key}.part"
+    try:
+        # Of a run that was killed.
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir(parents=True)
+        for coding, blocks in filmed.blocks.items():
+            _write(part / f"{coding}.mcap", blocks)
+        (part / _TRUTH).write_text(json.dumps(told, allow_nan=False), encoding="utf-8")
+        os.replace(part, folder / wanted.key)
+    except OSError as exc:
+        raise RecordingError(f"can't write {part}: {exc.strerror}", "choose another --out") from exc
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return told
+
+
+def read_truth(folder: Path, wanted: Film) -> dict[str, Any]:
+    """Return what is true of a film that was made.
+
+    Raises
+    ------
+    InputError
+        When it can't be read, or is of another version.
+    """
+    path = folder / wanted.key / _TRUTH
+    try:
+        told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as exc:
+        raise InputError(f"{path}: not the truth of a film", "delete its folder") from exc
+    if told.get("version") != VERSION:
+        raise InputError(f"{path}: of another version", "delete its folder, or take another --out")
+    return told
+
+
+def read_rows(folder: Path, wanted: Film, coding: str) -> list[RowBlock]:
+    """Return the rows of one coding, as they were when it was decoded."""
+    recording = open_recording(folder / wanted.key / f"{coding}.mcap")
+    return [message for _, message, _ in recording.messages([_TOPIC])]
+
+
+def _write(path: Path, blocks: list[RowBlock]) -> None:
+    with Recorder(path, run_info={}, clock_ns=time.time_ns, fsync=False) as recorder:
+        for block in blocks:
+            recorder.write(_TOPIC, block)
