@@ -38,6 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--method", default="phase", metavar="NAME", help="matcher (phase)")
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw what was compared")
+    parser.add_argument(
+        "--report", type=Path, metavar="DIR", help="report to read: HTML, JSON and pictures"
+    )
     parser.add_argument("--json", action="store_true", help="the verdict as JSON")
     add_reference_arguments(parser)
     add_row_arguments(parser)
@@ -48,12 +51,14 @@ def run(args: argparse.Namespace) -> int:
     """Verify a recording's time."""
     from rsenf.cli.console import note, print_json, say
     from rsenf.cli.track import summary
+    from rsenf.cli.verify_report import begin_report, finish_report
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
     from rsenf.reference import read_reference
     from rsenf.report.verdict import verdict_json, verdict_words
 
     claimed_ns = _claimed_ns(args.start)
     _check_picture(args.picture)
+    made_utc = begin_report(args.report) if args.report else ""
     reference = read_reference(
         args.reference,
         timezone=args.timezone,
@@ -61,14 +66,15 @@ def run(args: argparse.Namespace) -> int:
         column=args.column,
         stamp=args.stamp,
     )
-    analysis = _analyse(args, reference, claimed_ns)
+    analysis, spectra = _analyse(args, reference, claimed_ns)
     result = analysis.result
     warnings = [*result.warnings, *analysis.warnings, *reference.notes]
     usable = any(e.usable for e in analysis.estimates)
     if not args.nominal_hz and (result.decision == "no_match" or not usable):
         warnings.append(f"looked for a {reference.nominal_hz:.0f} Hz grid, as the reference's is")
+    verdict = verdict_json(result, [*warnings, *filter(None, [analysis.loss])])
     if args.json:
-        print_json(verdict_json(result, [*warnings, *filter(None, [analysis.loss])]))
+        print_json(verdict)
     else:
         print(verdict_words(result))
         for line in warnings:
@@ -77,11 +83,16 @@ def run(args: argparse.Namespace) -> int:
         say(f"{args.input}: {summary(analysis)}")
     if analysis.loss:
         say(f"{args.input}: {analysis.loss}")
+    if args.report:
+        finish_report(args, reference, analysis, spectra, verdict, made_utc)
     return EXIT_LOSS if analysis.loss else EXIT_DONE
 
 
-def _analyse(args: argparse.Namespace, reference: Reference, claimed_ns: int) -> Analysis:
+def _analyse(
+    args: argparse.Namespace, reference: Reference, claimed_ns: int
+) -> tuple[Analysis, Mapping[int, ThinRows]]:
     from rsenf.cli.console import progress_bar, row_settings, track_settings
+    from rsenf.idle import IdleSettings
     from rsenf.match.stage import Match
     from rsenf.reference import reference_blocks
     from rsenf.report.spectrum import ThinRows
@@ -94,7 +105,7 @@ def _analyse(args: argparse.Namespace, reference: Reference, claimed_ns: int) ->
     spectra: dict[int, ThinRows] = defaultdict(ThinRows)  # by epoch
 
     def tap(topic: str, message: Any) -> None:
-        if args.picture and topic == "rows":
+        if (args.picture or args.report) and topic == "rows":
             spectra[message.header.epoch].add(message)
 
     with progress_bar("verifying", recording.duration_s) as progress:
@@ -102,6 +113,7 @@ def _analyse(args: argparse.Namespace, reference: Reference, claimed_ns: int) ->
             recording,
             rows=row_settings(args),
             track=track_settings(args, reference.nominal_hz),
+            idle=IdleSettings(nominal_hz=args.nominal_hz) if args.report else None,
             make_match=lambda: Match(method=args.method, claimed_utc_ns=claimed_ns),
             reference=blocks,
             progress=progress,
@@ -110,7 +122,7 @@ def _analyse(args: argparse.Namespace, reference: Reference, claimed_ns: int) ->
     _check_lengths(args, max(analysis.stretches_s, default=0.0), reference)
     if args.picture:
         _draw(args.picture, analysis, spectra, blocks)
-    return analysis
+    return analysis, spectra
 
 
 def _draw(

@@ -1,0 +1,96 @@
+"""Pictures' parts: each draws one thing onto axes that it is given, in one fixed style."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Each has a contrast of at least 3 to white, and they differ in lightness, not in hue alone.
+INK, SIGNAL, GRID, MARK, CLAIM = "#222222", "#0b62a4", "#868686", "#c23b22", "#6a3d9a"
+STYLE = {
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlesize": "medium",
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.grid": False,
+    "date.epoch": "1970-01-01T00:00:00",
+    "font.family": "DejaVu Sans",
+    "timezone": "UTC",
+}
+
+
+@contextmanager
+def fixed_style() -> Iterator[None]:
+    """Draw alike whatever settings of matplotlib a person has made."""
+    # Where it keeps its fonts is nothing to tell a person who wants a picture.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    import matplotlib
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(STYLE)
+        yield
+
+
+def new_figure(width_in: float, height_in: float) -> Any:
+    """Return an empty figure, within :func:`fixed_style`."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def say_nothing(axes: Any, text: str) -> None:
+    """Say in place of a drawing why there is none."""
+    axes.text(0.5, 0.5, text, ha="center", va="center", wrap=True, transform=axes.transAxes,
+              color=INK)  # fmt: skip
+    axes.set_xticks([])
+    axes.set_yticks([])
+
+
+def extremes(
+    values: NDArray[np.float64], most: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least and greatest of each of at most so many stretches of rows; NaN where all are."""
+    each = max(math.ceil(len(values) / most), 1)
+    edges = np.arange(0, len(values), each)
+    return np.fmin.reduceat(values, edges, axis=0), np.fmax.reduceat(values, edges, axis=0)
+
+
+def start_axis(axes: Any, t0_ns: int, span_s: float) -> Callable[[Any], Any]:
+    """Label an axis of starts in the reference: UTC where known, else time into the reference.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+    t0_ns : int
+        Start of the reference, UTC since 1970; 0 when unknown.
+    span_s : float
+        How much the axis shows.
+
+    Returns
+    -------
+    callable
+        From lags (s) to places on the axis.
+    """
+    if not t0_ns:
+        unit_s, unit = (3600.0, "hours") if span_s > 7200.0 else (1.0, "seconds")
+        axes.set_xlabel(f"start of the recording, {unit} into the reference")
+        return lambda lag_s: np.asarray(lag_s, np.float64) / unit_s
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+
+    locator = AutoDateLocator(minticks=3)
+    axes.xaxis.set_major_locator(locator)
+    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+    axes.set_xlabel("start of the recording (UTC)")
+    t0_days = t0_ns / 86400e9
+    return lambda lag_s: t0_days + np.asarray(lag_s, np.float64) / 86400.0

@@ -1,0 +1,53 @@
+"""The recording's ENF over the reference."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from rsenf.match.series import Grid, Track
+from rsenf.messages import MatchResult
+from rsenf.report.panels import GRID, SIGNAL, say_nothing
+from rsenf.report.verdict import ppm_text
+
+
+def draw_enf(axes: Any, track: Track | None, grid: Grid | None, result: MatchResult) -> None:
+    """Draw the recording's ENF, and the reference's at the best time as that camera would see it.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+    track, grid : Track, Grid
+        None where there is none.
+    result : MatchResult
+    """
+    axes.set_title("Electric network frequency (ENF)")
+    if track is None or not track.usable:
+        say_nothing(axes, "no usable signal")
+        return
+    axes.set_ylabel("ENF (Hz)")
+    axes.set_xlabel("time in the recording (s)")
+    t_s = track.first_s + np.arange(track.enf_hz.size) * track.hop_s
+    end_s = t_s[-1] + track.first_s
+    if grid is not None and math.isfinite(result.lag_s):
+        ref_s = (np.arange(grid.freq_hz.size) + 0.5) * grid.step_s - result.lag_s
+        near = (ref_s >= 0.0) & (ref_s <= end_s)
+        read_hz = grid.freq_hz[near] * (1.0 - result.clock_ppm * 1e-6)
+        where = "found" if result.decision == "match" else "that fits best"
+        axes.plot(ref_s[near], read_hz, color=GRID, lw=3.0, label=f"reference, at the time {where}")
+        axes.set_title(
+            f"as seen by a clock off by {ppm_text(result.clock_ppm)} ppm", loc="right",
+            fontsize="small", fontweight="normal",
+        )  # fmt: skip
+    std_hz = np.sqrt(track.var_hz2)
+    axes.fill_between(
+        t_s, track.enf_hz - 2 * std_hz, track.enf_hz + 2 * std_hz, color=SIGNAL, alpha=0.2, lw=0,
+        label="± 2 standard errors",
+    )  # fmt: skip
+    axes.plot(t_s, track.enf_hz, color=SIGNAL, lw=1.2, label="from the recording")
+    axes.ticklabel_format(axis="y", useOffset=False)
+    axes.margins(y=0.2)
+    axes.set_xlim(0.0, max(end_s, 1.0))
+    axes.legend(loc="upper center", frameon=False, ncols=3, fontsize="small")

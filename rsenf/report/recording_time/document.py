@@ -1,0 +1,140 @@
+"""A report as plain values: everything that the page shows, under keys that stay."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rsenf.report.idle import idle_json
+from rsenf.report.recording_time import words
+from rsenf.report.recording_time.advice import what_would_help
+from rsenf.report.recording_time.case import Case, ReferenceFacts
+from rsenf.report.recording_time.folder import NUMBERS, PAGE, SCHEMA, VERDICT
+from rsenf.report.recording_time.pictures import Picture
+from rsenf.report.recording_time.ratios import (
+    claim_among,
+    comparisons,
+    propositions,
+    ratio_texts,
+)
+from rsenf.report.recording_time.texts import GLOSSARY, LIMITS
+from rsenf.report.verdict import number, utc_text
+from rsenf.timebase import nanoseconds, seconds
+
+VERSION = 1
+
+
+def verdict_bytes(case: Case) -> bytes:
+    """Return the verdict's file: what ``verify --json`` prints, byte for byte."""
+    return (json.dumps(case.verdict, indent=2, allow_nan=False) + "\n").encode()
+
+
+def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> dict[str, Any]:
+    """Return a report as values that JSON knows.
+
+    Parameters
+    ----------
+    case : Case
+    pictures : sequence of Picture
+    made_utc : str
+        When the report was made.
+    """
+    result = case.result
+    return {
+        "schema": SCHEMA,
+        "version": VERSION,
+        "made_utc": made_utc,
+        "question": words.question(case.recording.name, result),
+        "answer": words.answer(result),
+        "decision": result.decision,
+        "result": case.verdict,
+        "propositions": propositions(case),
+        "likelihood_ratios": comparisons(result),
+        "likelihood_ratio_texts": ratio_texts(result),
+        "claim": _claim(case),
+        "what_would_help": what_would_help(case),
+        "pictures": [_picture(p) for p in pictures],
+        "quality": _quality(case),
+        "idle": idle_json(case.idle, list(case.idle.warnings)) if case.idle else None,
+        "search": _search(case),
+        "warnings": case.verdict["warnings"],
+        "limits": list(LIMITS),
+        "inputs": {
+            "recording": dataclasses.asdict(case.recording),
+            "references": [_reference(r) for r in case.references],
+            "verdict": {"name": VERDICT, "sha256": _sha256(verdict_bytes(case))},
+        },
+        "parameters": {group: dict(values) for group, values in case.parameters.items()},
+        "versions": dict(case.versions),
+        "glossary": GLOSSARY,
+        "files": [PAGE, NUMBERS, VERDICT, *(p.file for p in pictures)],
+    }
+
+
+def _claim(case: Case) -> dict[str, Any] | None:
+    result = case.result
+    if not result.claim:
+        return None
+    away_ns = result.claimed_utc_ns - result.start_utc_ns
+    return {
+        "start_utc": utc_text(result.claimed_utc_ns),
+        "verdict": result.claim,
+        "meaning": words.CLAIMS[result.claim],
+        "among": claim_among(case),
+        "after_best_time_s": seconds(away_ns) if result.start_utc_ns else None,
+    }
+
+
+def _picture(picture: Picture) -> dict[str, Any]:
+    told = dataclasses.asdict(picture)
+    return {"sha256": _sha256(told.pop("png")), **told}
+
+
+def _quality(case: Case) -> dict[str, Any]:
+    used = [e for e in case.estimates if e.usable]
+    std_hz = np.sqrt([e.enf_var_hz2 for e in used if e.enf_var_hz2 >= 0])
+    snr_db = np.array([e.snr_db for e in used if math.isfinite(e.snr_db)])
+    reasons = Counter(e.reason for e in case.estimates if not e.usable)
+    return {
+        "values": len(case.estimates),
+        "usable_values": len(used),
+        "median_std_hz": float(np.median(std_hz)) if std_hz.size else None,
+        "median_snr_db": float(np.median(snr_db)) if snr_db.size else None,
+        "unusable_reasons": dict(sorted(reasons.items())),
+    }
+
+
+def _search(case: Case) -> dict[str, Any]:
+    result = case.result
+    return {
+        "method": result.method,
+        "reference": result.grid,
+        "starts_compared": result.search_size,
+        "seconds_used": result.seconds_used,
+        "residual_std_hz": number(result.residual_std_hz),
+        "expected_std_hz": number(result.expected_std_hz),
+    }
+
+
+def _reference(reference: ReferenceFacts) -> dict[str, Any]:
+    told = dataclasses.asdict(reference)
+    t0_ns, span_s = told.pop("t0_ns"), reference.samples * reference.step_s
+    return {
+        **told,
+        "start_utc": utc_text(t0_ns),
+        "end_utc": utc_text(t0_ns + nanoseconds(span_s)) if t0_ns else None,
+        "duration_s": span_s,
+        "coverage_ratio": reference.valid_samples / max(reference.samples, 1),
+        "notes": list(reference.notes),
+    }
+
+
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()

@@ -1,0 +1,109 @@
+"""A report's values as one HTML page that needs nothing else: pictures and style are inside."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from rsenf.report.recording_time.pictures import Picture
+from rsenf.report.verdict import ppm_text
+
+_UNKNOWN = "not known"
+_SPACE = "\N{NARROW NO-BREAK SPACE}"
+_WORDS = {
+    "match": "match",
+    "no_match": "no match",
+    "no_decision": "no decision",
+    "supported": "claim supported",
+    "refuted": "claim refuted",
+    "undecidable": "claim undecidable",
+}
+
+
+def page_of(document: dict[str, Any], pictures: Sequence[Picture]) -> str:
+    """Fill in the page; whatever comes from outside is escaped.
+
+    Parameters
+    ----------
+    document : dict
+        Of :func:`rsenf.report.recording_time.document.document_of`; the page shows nothing else.
+    pictures : sequence of Picture
+        Those that the document names, in its order.
+    """
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters.update(_FILTERS)
+    inlined = [base64.b64encode(p.png).decode() for p in pictures]
+    return environment.get_template("page.html.j2").render(r=document, inlined=inlined)
+
+
+def _known(write: Callable[..., str]) -> Callable[..., str]:
+    """Make a filter say so of what is not known."""
+
+    def filled(value: Any, *more: Any) -> str:
+        return _UNKNOWN if value is None else write(value, *more)
+
+    return filled
+
+
+def _fixed(value: float, decimals: int = 2) -> str:
+    return f"{value:.{decimals}f}"
+
+
+def _count(value: int) -> str:
+    return f"{value:,}".replace(",", _SPACE)
+
+
+def _utc(text: str) -> str:
+    """Write ISO 8601 for a person; seconds keep their decimals."""
+    return f"{text[:10]} {text[11:].rstrip('Z')} UTC"
+
+
+def _power(log10: float) -> str:
+    """Write a ratio by its logarithm."""
+    return f"10^{log10:+.1f}"
+
+
+def _duration(value: float) -> str:
+    """Write seconds as days, hours, minutes and seconds, those that are needed."""
+    days, rest = divmod(value, 86400)
+    hours, rest = divmod(rest, 3600)
+    minutes, rest = divmod(rest, 60)
+    parts = [(f"{days:.0f} d", days), (f"{hours:.0f} h", hours), (f"{minutes:.0f} min", minutes)]
+    told = [text for text, size in parts if size]
+    return " ".join([*told, *([f"{rest:.4g} s"] if rest or not told else [])])
+
+
+def _setting(value: Any) -> str:
+    """Write a parameter's value."""
+    if value is None or value == "":
+        return "not set"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_setting, value)) or "not set"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+_FILTERS: dict[str, Callable[..., str]] = {
+    "fixed": _known(_fixed),
+    "count": _known(_count),
+    "utc": _known(_utc),
+    "power": _known(_power),
+    "ppm": _known(ppm_text),
+    "percent": _known(lambda ratio, decimals=1: f"{100 * ratio:.{decimals}f} %"),
+    "mhz": _known(lambda value: f"{1e3 * value:.3g} mHz"),
+    "duration": _known(_duration),
+    "setting": _setting,
+    "plain": lambda word: _WORDS.get(word, str(word)),
+}

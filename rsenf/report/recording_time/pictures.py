@@ -1,0 +1,196 @@
+"""The report's pictures: each a PNG with a title, a caption and a text for who can't see it."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rsenf.match.jumps import without_jumps
+from rsenf.match.series import Grid, Track, grid_of, track_of
+from rsenf.report.panels import fixed_style, new_figure
+from rsenf.report.panels.enf import draw_enf
+from rsenf.report.panels.quality import draw_quality
+from rsenf.report.panels.score import draw_near, draw_score
+from rsenf.report.panels.spectrogram import draw_spectrogram
+from rsenf.report.picture import curve_of
+from rsenf.report.recording_time.case import Case
+from rsenf.report.score_curve import NEAR_S, ScoreCurve
+
+WIDTH_IN, HEIGHT_IN, DPI = 7.2, 3.2, 160
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """A picture and what is said of it."""
+
+    file: str
+    title: str
+    caption: str
+    alt: str
+    png: bytes
+    width_px: int
+    height_px: int
+
+
+def draw_pictures(case: Case) -> list[Picture]:
+    """Draw all pictures of a report; the same case gives the same bytes."""
+    result = case.result
+    track = without_jumps(track_of(case.estimates))[0] if case.estimates else None
+    grid = grid_of(case.blocks) if case.blocks else None
+    curve = curve_of(track, grid, case.settings, result)
+    t0_ns = grid.t0_ns if grid else 0
+
+    def three_axes(figure: Any) -> None:
+        error, snr, use = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 1))
+        draw_quality(error, snr, use, case.estimates)
+
+    with fixed_style():
+        return [
+            _picture(
+                "enf.png", "The recording over the reference",
+                lambda f: draw_enf(f.subplots(), track, grid, result),
+                _enf_caption(case), _enf_alt(case, track),
+            ),
+            _picture(
+                "score.png", "How well each time fits: the whole search",
+                lambda f: draw_score(f.subplots(), curve, t0_ns, result),
+                _score_caption(case, curve), _score_alt(case, curve, grid),
+            ),
+            _picture(
+                "score_near.png", "How well each time fits: around the best",
+                lambda f: draw_near(f.subplots(), curve, t0_ns, result),
+                _near_caption(case), _near_alt(curve),
+            ),
+            _picture(
+                "quality.png", "Quality of the signal over time", three_axes,
+                _QUALITY, _quality_alt(case), height_in=1.4 * HEIGHT_IN,
+            ),
+            _picture(
+                "spectrogram.png", "The flicker itself",
+                lambda f: draw_spectrogram(f.subplots(), case.spectrum, case.estimates),
+                _SPECTROGRAM, _spectrogram_alt(case),
+            ),
+        ]  # fmt: skip
+
+
+def _picture(
+    file: str,
+    title: str,
+    draw: Callable[[Any], None],
+    caption: str,
+    alt: str,
+    height_in: float = HEIGHT_IN,
+) -> Picture:
+    figure = new_figure(WIDTH_IN, height_in)
+    draw(figure)
+    held = io.BytesIO()
+    # Without the program's version in it, which the report names in its own place.
+    figure.savefig(held, format="png", dpi=DPI, metadata={"Software": None})
+    return Picture(
+        file=file, title=title, caption=caption, alt=alt, png=held.getvalue(),
+        width_px=round(WIDTH_IN * DPI), height_px=round(height_in * DPI),
+    )  # fmt: skip
+
+
+def _enf_caption(case: Case) -> str:
+    result = case.result
+    if not math.isfinite(result.lag_s):
+        return (
+            "The blue line would be the grid's frequency as read from the recording, the grey one "
+            f"the grid's own log. Nothing was compared: {result.reason}."
+        )
+    start = (
+        "The blue line is the grid's frequency as the flicker in the recording shows it, with a "
+        "pale band for its uncertainty. The grey line is the grid's own log at the best time, as a "
+        "camera with this clock would have seen it. "
+    )
+    if result.decision == "match":
+        return start + "Where they run together, the recording was made at that time."
+    return start + "This is the best that could be found; it is not good enough to count."
+
+
+def _enf_alt(case: Case, track: Track | None) -> str:
+    if track is None or not track.usable:
+        return "Empty chart: the recording holds no usable signal."
+    low, high = float(np.nanmin(track.enf_hz)), float(np.nanmax(track.enf_hz))
+    alt = (
+        f"Line chart of the recording's network frequency, {low:.3f} to {high:.3f} Hz over "
+        f"{track.enf_hz.size * track.hop_s:.0f} s"
+    )
+    residual_hz = case.result.residual_std_hz
+    if math.isfinite(residual_hz):
+        alt += f", over the reference's; they differ by {1e3 * residual_hz:.2f} mHz rms"
+    return f"{alt}."
+
+
+def _score_caption(case: Case, curve: ScoreCurve) -> str:
+    if not curve.lag_s.size:
+        return f"Nothing was compared: {case.result.reason}."
+    text = (
+        "Each place from left to right is one time at which the recording could have begun; the "
+        f"higher the line, the better that time fits ({curve.name}, {curve.unit}). Of the many "
+        "times behind each place of the line the best is drawn, down to the worst in pale grey. "
+        "The red dot is the best of all. "
+    )
+    if case.result.decision == "match":
+        return text + "It stands out from the others."
+    return text + f"It does not settle the matter: {case.result.reason}."
+
+
+def _score_alt(case: Case, curve: ScoreCurve, grid: Grid | None) -> str:
+    if not curve.lag_s.size or grid is None:
+        return "Empty chart: nothing was compared."
+    return (
+        f"Line chart of {curve.name} against start time over {grid.duration_s / 3600:.3g} hours of "
+        f"reference; the best is {case.result.lag_s:.2f} s after its start, at "
+        f"{np.nanmax(curve.high):.4g}."
+    )
+
+
+def _near_caption(case: Case) -> str:
+    if not math.isfinite(case.result.lag_s):
+        return f"Nothing was compared: {case.result.reason}."
+    return (
+        f"The same line, {NEAR_S:g} s before and after the best time, every time compared being a "
+        "dot. A narrow peak means a precise time; the red line is the best time, between two dots "
+        "if need be, and its red band, often too narrow to be seen, the 95 % interval."
+    )
+
+
+def _near_alt(curve: ScoreCurve) -> str:
+    if not np.isfinite(curve.near).any():
+        return "Empty chart: nothing was compared."
+    return (
+        f"Line chart of {curve.name} within {NEAR_S:g} s of the best time, from "
+        f"{np.nanmin(curve.near):.4g} to {np.nanmax(curve.near):.4g}; the best is in the middle."
+    )
+
+
+_QUALITY = (
+    "How precise each second's value is (above, smaller is better), how far the flicker stands out "
+    "of the noise (middle, larger is better), and which seconds were used (below). Red crosses "
+    "are seconds that were left out."
+)
+_SPECTROGRAM = (
+    "Which frequencies the light's brightness holds, from bottom to top, over the recording's time "
+    "from left to right; brighter is stronger. Flicker of mains light makes straight, steady lines "
+    "here. A black picture means that no lamp flickers, or that the camera doesn't show it."
+)
+
+
+def _quality_alt(case: Case) -> str:
+    used = sum(e.usable for e in case.estimates)
+    return (
+        "Three charts over time: standard error, signal over noise, and use; "
+        f"{used} of {len(case.estimates)} values are of use."
+    )
+
+
+def _spectrogram_alt(case: Case) -> str:
+    seconds = case.spectrum.seconds
+    return f"Spectrogram of the flicker over {seconds:.0f} s, up to 240 Hz at most."
