@@ -41,6 +41,7 @@ def finish_report(
     """Write the report on an analysis; ``verdict`` is what ``--json`` prints of it."""
     from rsenf.cli.console import note
     from rsenf.match import MatchSettings
+    from rsenf.match.series import grid_of
     from rsenf.reference import reference_blocks
     from rsenf.report.recording_time import Case, write_report
 
@@ -50,7 +51,7 @@ def finish_report(
         verdict=verdict,
         estimates=[e for e in analysis.estimates if e.header.epoch == epoch],
         spectrum=spectra[epoch],
-        blocks=list(reference_blocks(reference, source="reference/file")),
+        grid=grid_of(list(reference_blocks(reference, source="reference/file"))),
         recording=_recording(args.input, analysis),
         references=[_reference(args.reference, reference)],
         settings=settings,

@@ -40,6 +40,7 @@ def verdict_json(result: MatchResult, warnings: list[str]) -> dict[str, Any]:
     """
     return {
         "decision": result.decision,
+        "grid": result.grid,
         "reason": result.reason,
         "lag_s": number(result.lag_s),
         "lag_std_s": number(result.lag_std_s),
@@ -48,6 +49,8 @@ def verdict_json(result: MatchResult, warnings: list[str]) -> dict[str, Any]:
         "log10_lr": number(result.log10_lr),
         "log10_lr_absent": number(result.log10_lr_absent),
         "claim": result.claim or None,
+        "claim_log10_lr": number(result.claim_log10_lr),
+        "claim_log10_lr_other": number(result.claim_log10_lr_other),
         "verbal": result.verbal,
         "clock_ppm": number(result.clock_ppm),
         "clock_std_ppm": number(result.clock_std_ppm),
@@ -64,6 +67,7 @@ def verdict_json(result: MatchResult, warnings: list[str]) -> dict[str, Any]:
 
 def _candidate_json(candidate: Candidate) -> dict[str, Any]:
     return {
+        "grid": candidate.grid,
         "lag_s": number(candidate.lag_s),
         "start_utc": utc_text(candidate.start_utc_ns),
         "correlation": number(candidate.correlation),

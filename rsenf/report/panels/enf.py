@@ -32,11 +32,13 @@ def draw_enf(axes: Any, track: Track | None, grid: Grid | None, result: MatchRes
     t_s = track.first_s + np.arange(track.enf_hz.size) * track.hop_s
     end_s = t_s[-1] + track.first_s
     if grid is not None and math.isfinite(result.lag_s):
-        ref_s = (np.arange(grid.freq_hz.size) + 0.5) * grid.step_s - result.lag_s
-        near = (ref_s >= 0.0) & (ref_s <= end_s)
-        read_hz = grid.freq_hz[near] * (1.0 - result.clock_ppm * 1e-6)
+        # A reference may be years long: only what lies beside the clip is looked at.
+        first = max(math.ceil(result.lag_s / grid.step_s - 0.5), 0)
+        last = max(math.floor((result.lag_s + end_s) / grid.step_s + 0.5), first)
+        near_hz = np.asarray(grid.freq_hz[first:last]) * (1.0 - result.clock_ppm * 1e-6)
+        near_s = (first + np.arange(near_hz.size) + 0.5) * grid.step_s - result.lag_s
         where = "found" if result.decision == "match" else "that fits best"
-        axes.plot(ref_s[near], read_hz, color=GRID, lw=3.0, label=f"reference, at the time {where}")
+        axes.plot(near_s, near_hz, color=GRID, lw=3.0, label=f"reference, at the time {where}")
         axes.set_title(
             f"as seen by a clock off by {ppm_text(result.clock_ppm)} ppm", loc="right",
             fontsize="small", fontweight="normal",

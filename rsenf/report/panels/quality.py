@@ -10,6 +10,8 @@ import numpy as np
 from rsenf.messages import EnfEstimate
 from rsenf.report.panels import INK, MARK, SIGNAL, say_nothing
 
+WIDE = 10.0  # errors whose sizes differ by more are drawn on a logarithmic scale
+
 
 def draw_quality(
     error_axes: Any, snr_axes: Any, use_axes: Any, estimates: Sequence[EnfEstimate]
@@ -29,7 +31,7 @@ def draw_quality(
     std_mhz = 1e3 * np.sqrt(np.where(variances >= 0, variances, np.nan))
     snr_db = np.array([e.snr_db for e in estimates])
     _dots(error_axes, t_s, std_mhz, usable)
-    if (std_mhz[np.isfinite(std_mhz)] > 0).any():
+    if np.nanmax(std_mhz, initial=0.0) > WIDE * np.nanmin(std_mhz, initial=np.inf) > 0:
         error_axes.set_yscale("log")
         error_axes.yaxis.set_major_formatter("{x:g}")
     error_axes.set_ylabel("standard error\n(mHz)")

@@ -43,7 +43,7 @@ def draw_score(axes: Any, curve: ScoreCurve, t0_ns: int, result: MatchResult) ->
 
 def draw_near(axes: Any, curve: ScoreCurve, t0_ns: int, result: MatchResult) -> None:
     """Draw every score near the best time, and that time's 95 % interval."""
-    axes.set_title(f"The same, {NEAR_S:g} s before and after the best time")
+    axes.set_title(f"How well each time fits, {NEAR_S:g} s before and after the best")
     if not _anything(curve) or not np.isfinite(curve.near).any():
         say_nothing(axes, "nothing to compare")
         return

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from rsenf.match.series import Grid
 from rsenf.match.settings import MatchSettings
-from rsenf.messages import EnfEstimate, IdleEstimate, MatchResult, ReferenceBlock
+from rsenf.messages import EnfEstimate, IdleEstimate, MatchResult
 from rsenf.report.spectrum import ThinRows
 
 
@@ -54,7 +55,7 @@ class Case:
         Of the stretch that the result is about.
     spectrum : ThinRows
         Of the same stretch.
-    blocks : sequence of ReferenceBlock
+    grid : Grid or None
         The reference that the result is about.
     recording : RecordingFacts
     references : sequence of ReferenceFacts
@@ -72,7 +73,7 @@ class Case:
     verdict: dict[str, Any]
     estimates: Sequence[EnfEstimate]
     spectrum: ThinRows
-    blocks: Sequence[ReferenceBlock]
+    grid: Grid | None
     recording: RecordingFacts
     references: Sequence[ReferenceFacts]
     settings: MatchSettings = field(default_factory=MatchSettings)

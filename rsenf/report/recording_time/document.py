@@ -20,6 +20,7 @@ from rsenf.report.recording_time.folder import NUMBERS, PAGE, SCHEMA, VERDICT
 from rsenf.report.recording_time.pictures import Picture
 from rsenf.report.recording_time.ratios import (
     claim_among,
+    claim_comparisons,
     comparisons,
     propositions,
     ratio_texts,
@@ -51,8 +52,8 @@ def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> dict[
         "schema": SCHEMA,
         "version": VERSION,
         "made_utc": made_utc,
-        "question": words.question(case.recording.name, result),
-        "answer": words.answer(result),
+        "question": words.question(case),
+        "answer": words.answer(case),
         "decision": result.decision,
         "result": case.verdict,
         "propositions": propositions(case),
@@ -88,6 +89,8 @@ def _claim(case: Case) -> dict[str, Any] | None:
         "verdict": result.claim,
         "meaning": words.CLAIMS[result.claim],
         "among": claim_among(case),
+        "likelihood_ratios": claim_comparisons(result),
+        "tolerance_s": case.settings.tolerance_s,
         "after_best_time_s": seconds(away_ns) if result.start_utc_ns else None,
     }
 
@@ -115,7 +118,7 @@ def _search(case: Case) -> dict[str, Any]:
     result = case.result
     return {
         "method": result.method,
-        "reference": result.grid,
+        "best_reference": result.grid,
         "starts_compared": result.search_size,
         "seconds_used": result.seconds_used,
         "residual_std_hz": number(result.residual_std_hz),

@@ -71,7 +71,7 @@ def _utc(text: str) -> str:
 
 def _power(log10: float) -> str:
     """Write a ratio by its logarithm."""
-    return f"10^{log10:+.1f}"
+    return f"10^{log10:.1f}".replace("-", "\N{MINUS SIGN}")
 
 
 def _duration(value: float) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.match.jumps import without_jumps
-from rsenf.match.series import Grid, Track, grid_of, track_of
+from rsenf.match.series import Track, track_of
 from rsenf.report.panels import fixed_style, new_figure
 from rsenf.report.panels.enf import draw_enf
 from rsenf.report.panels.quality import draw_quality
@@ -39,9 +39,8 @@ class Picture:
 
 def draw_pictures(case: Case) -> list[Picture]:
     """Draw all pictures of a report; the same case gives the same bytes."""
-    result = case.result
+    result, grid = case.result, case.grid
     track = without_jumps(track_of(case.estimates))[0] if case.estimates else None
-    grid = grid_of(case.blocks) if case.blocks else None
     curve = curve_of(track, grid, case.settings, result)
     t0_ns = grid.t0_ns if grid else 0
 
@@ -59,7 +58,7 @@ def draw_pictures(case: Case) -> list[Picture]:
             _picture(
                 "score.png", "How well each time fits: the whole search",
                 lambda f: draw_score(f.subplots(), curve, t0_ns, result),
-                _score_caption(case, curve), _score_alt(case, curve, grid),
+                _score_caption(case, curve), _score_alt(case, curve),
             ),
             _picture(
                 "score_near.png", "How well each time fits: around the best",
@@ -142,13 +141,13 @@ def _score_caption(case: Case, curve: ScoreCurve) -> str:
     return text + f"It does not settle the matter: {case.result.reason}."
 
 
-def _score_alt(case: Case, curve: ScoreCurve, grid: Grid | None) -> str:
-    if not curve.lag_s.size or grid is None:
+def _score_alt(case: Case, curve: ScoreCurve) -> str:
+    if not curve.lag_s.size or case.grid is None:
         return "Empty chart: nothing was compared."
+    hours = case.grid.duration_s / 3600
     return (
-        f"Line chart of {curve.name} against start time over {grid.duration_s / 3600:.3g} hours of "
-        f"reference; the best is {case.result.lag_s:.2f} s after its start, at "
-        f"{np.nanmax(curve.high):.4g}."
+        f"Line chart of {curve.name} against start time over {hours:.3g} hours of reference; "
+        f"the best is {case.result.lag_s:.2f} s after its start, at {np.nanmax(curve.high):.4g}."
     )
 
 

@@ -6,95 +6,130 @@ import math
 from itertools import pairwise
 from typing import Any
 
+from rsenf.match.calibration import calibration
 from rsenf.match.evidence import MAX_VERBAL_LOG10, SCALE, verbal
 from rsenf.messages import MatchResult
 from rsenf.report.recording_time.case import Case
 from rsenf.report.recording_time.texts import METHODS, RATIO_MEANING, SCALE_SOURCE
-from rsenf.report.recording_time.words import place
+from rsenf.report.recording_time.words import place, scope
 from rsenf.report.verdict import number
 from rsenf.timebase import seconds
 
 _EVEN_LOG10 = SCALE[-1][0]  # below it the words are "no support either way"
+_CALIBRATED = "phase"  # the method whose ratios are calibrated
 
 
 def propositions(case: Case) -> dict[str, str]:
-    """Return the three propositions by their short names."""
-    result = case.result
-    time = (
-        f"The recording was begun {place(result)}: the best time in this reference."
+    """Return the propositions by their short names; C is there only with a claim."""
+    result, where = case.result, scope(case)
+    best = (
+        f"The recording was begun {place(case)}: the best time in {where}."
         if math.isfinite(result.lag_s)
-        else "The recording was begun at the best time in this reference. (None could be named.)"
+        else f"The recording was begun at the best time in {where}. (None could be named.)"
     )
-    return {
-        "H1": time,
-        "H2": "The recording was begun at another time that this reference covers.",
-        "H3": "The recording was begun at a time that is not in this reference, or on another "
-        "grid.",
+    covers = "covers" if len(case.references) == 1 else "cover"
+    told = {
+        "H1": best,
+        "H2": f"The recording was begun at another time that {where} {covers}.",
+        "H3": f"The recording was begun at a time that is not in {where}, or on another grid.",
     }
+    if math.isfinite(result.claim_log10_lr):
+        told["C"] = (
+            "The recording was begun at the claimed time, within "
+            f"± {case.settings.tolerance_s:g} s."
+        )
+    return told
+
+
+def comparisons(result: MatchResult) -> list[dict[str, Any]]:
+    """Return both ratios of the best time: H1 against H2, and H1 against H3."""
+    limits = _limits(result.method)
+    return [
+        _comparison("H1", "H2", result.log10_lr, limits["other"]),
+        _comparison("H1", "H3", result.log10_lr_absent, limits["absent"]),
+    ]
+
+
+def claim_comparisons(result: MatchResult) -> list[dict[str, Any]]:
+    """Return both ratios of a claimed time; none where the method doesn't weigh it by itself."""
+    if not math.isfinite(result.claim_log10_lr):
+        return []
+    limit = _limits(result.method)["claim"]
+    return [
+        _comparison("C", "H2", result.claim_log10_lr_other, limit),
+        _comparison("C", "H3", result.claim_log10_lr, limit),
+    ]
 
 
 def claim_among(case: Case) -> str:
-    """Say which proposition the claimed time belongs to; empty without a claim."""
+    """Say which proposition the claimed time belongs to; empty without one, or where it's open."""
     result = case.result
     reference = next((r for r in case.references if r.grid == result.grid), None)
     if not result.claimed_utc_ns or reference is None or not reference.t0_ns:
         return ""
     claimed_s = seconds(result.claimed_utc_ns - reference.t0_ns)
-    if not 0 <= claimed_s <= reference.samples * reference.step_s:
-        return "The claimed time lies outside this reference: it belongs to H3."
     if abs(claimed_s - result.lag_s) <= case.settings.tolerance_s:
         return "The claimed time is that of H1."
-    return "The claimed time is another than that of H1: it belongs to H2."
-
-
-def comparisons(result: MatchResult) -> list[dict[str, Any]]:
-    """Return both ratios: H1 against H2, and H1 against H3."""
-    return [_comparison("H2", result.log10_lr), _comparison("H3", result.log10_lr_absent)]
+    if not 0 <= claimed_s <= reference.samples * reference.step_s and len(case.references) == 1:
+        return "The claimed time lies outside this reference: it belongs to H3."
+    return "The claimed time is another than that of H1."
 
 
 def ratio_texts(result: MatchResult) -> dict[str, Any]:
     """Return what must be said of ratios: their meaning, their making, the scale of words."""
+    limit = _power(_limits(result.method)["other"])
+    method = METHODS.get(result.method, "")
+    if result.method == _CALIBRATED:
+        method += f" Calibration: {calibration().made}."
     return {
         "meaning": list(RATIO_MEANING),
-        "method": METHODS.get(result.method, ""),
-        "limit": f"The words go no further than a ratio of {_power(MAX_VERBAL_LOG10)}: that is "
-        "what the calibration on measured data can vouch for. A larger ratio is what the "
-        "computation says, not more evidence.",
+        "method": method,
+        "limit": f"The words go no further than a ratio of about {limit}, as that is all that "
+        "measured data can vouch for. Whatever a computation says beyond it is no more evidence.",
         "scale": _scale(),
         "scale_source": SCALE_SOURCE,
     }
 
 
-def _comparison(other: str, log10_lr: float) -> dict[str, Any]:
+def _limits(method: str) -> dict[str, float]:
+    """Return the log10 of the largest ratio to speak of, for each question."""
+    lines = calibration()
+    vouched = {"other": lines.other, "absent": lines.absent, "claim": lines.claim}
     return {
-        "for": "H1",
-        "against": other,
-        "log10_lr": number(log10_lr),
-        "verbal": verbal(log10_lr) or "not computed",
-        "sentence": _sentence(other, log10_lr),
+        name: min(line.limit, MAX_VERBAL_LOG10) if method == _CALIBRATED else MAX_VERBAL_LOG10
+        for name, line in vouched.items()
     }
 
 
-def _sentence(other: str, log10_lr: float) -> str:
+def _comparison(first: str, other: str, log10_lr: float, limit: float) -> dict[str, Any]:
+    return {
+        "for": first,
+        "against": other,
+        "log10_lr": number(log10_lr),
+        "verbal": verbal(log10_lr) or "not computed",
+        "sentence": _sentence(first, other, log10_lr, limit),
+    }
+
+
+def _sentence(first: str, other: str, log10_lr: float, limit: float) -> str:
     if not math.isfinite(log10_lr):
-        return f"There is no ratio of H1 against {other}: too little could be compared."
+        return f"There is no ratio of {first} against {other}: too little could be compared."
     if abs(log10_lr) < _EVEN_LOG10:
-        return f"What was measured is about as probable if H1 is true as if {other} is."
-    first, second = ("H1", other) if log10_lr > 0 else (other, "H1")
-    beyond = abs(log10_lr) > MAX_VERBAL_LOG10
-    times = f"{'more than ' if beyond else 'about '}{_power(min(abs(log10_lr), MAX_VERBAL_LOG10))}"
-    computed = f" Computed: 10^{abs(log10_lr):.1f}." if beyond else ""
+        return f"What was measured is about as probable if {first} is true as if {other} is."
+    likelier, less = (first, other) if log10_lr > 0 else (other, first)
+    size = abs(log10_lr)
+    times = f"about {_power(size)} times" if size < limit else f"{_power(limit)} times or more"
+    computed = f" (Computed: 10^{size:.1f}.)" if size > limit + 1e-9 else ""
     return (
-        f"What was measured is {times} times as probable if {first} is true as if {second} "
-        f"is.{computed}"
+        f"What was measured is {times} as probable if {likelier} is true as if {less} is.{computed}"
     )
 
 
 def _power(log10: float) -> str:
     """Write a power of ten to two digits: 1.5 is 32, 3 is 1000."""
     value = 10**log10
-    if value < 10:
-        return f"{value:.1f}"
+    if value < 9.95:
+        return f"{value:.2g}"
     digits = max(math.floor(log10) - 1, 0)
     return f"{round(value, -digits):,.0f}".replace(",", "\N{NARROW NO-BREAK SPACE}")
 

@@ -14,13 +14,21 @@ RATIO_MEANING = (
     "is one unedited piece and that the reference and its time stamps are right.",
 )
 
-# How each method comes by its two ratios.
+# How each method comes by its ratios.
 METHODS = {
+    "phase": (
+        "Method phase: the phase of the flicker is compared with that of the reference, its "
+        "frequency added up over time, at every start, with allowance for errors of the estimates, "
+        "the reference and the camera's clock. The likelihood of the best time is set against that "
+        "of all others together (H2) and against that of the same flicker under any grid whatever "
+        "(H3); in both the size of the search counts against it. The ratios were then calibrated "
+        "on searches of measured grid data whose answer is known."
+    ),
     "ncc": (
         "Method ncc: the recording's ENF is laid over the reference at every start. Against H2 "
         "the best time is set against the next best. Against H3 it is asked how often the best of "
         "as many wrong times would fit this well by chance, and whether the fit is as close as the "
-        "estimates' own errors lead one to expect."
+        "estimates' own errors lead one to expect. These ratios are not calibrated."
     ),
 }
 

@@ -1,16 +1,16 @@
-"""The question, the answer and the claim, each in a plain sentence."""
+"""The question and the answer, each in a plain sentence."""
 
 from __future__ import annotations
 
 import math
 
-from rsenf.messages import MatchResult
+from rsenf.report.recording_time.case import Case
 from rsenf.report.verdict import utc_text
 from rsenf.timebase import seconds
 
 CLAIMS = {
-    "supported": "The recording fits the reference at the claimed time, and at no other time "
-    "nearly as well. How much that weighs is what the likelihood ratios say.",
+    "supported": "The recording fits the reference at the claimed time. How much that weighs is "
+    "what the likelihood ratios say.",
     "refuted": "The recording does not fit the reference at the claimed time, or fits it clearly "
     "better at another. This supposes that neither of the two was altered.",
     "undecidable": "What was measured speaks neither clearly for the claimed time nor clearly "
@@ -24,65 +24,91 @@ def when(t_ns: int) -> str:
     return f"{text[:10]} {text[11:22]} UTC" if text else "an unknown time"
 
 
-def place(result: MatchResult) -> str:
+def scope(case: Case) -> str:
+    """Name what was searched."""
+    return "this reference" if len(case.references) == 1 else "these references"
+
+
+def place(case: Case) -> str:
     """Write the best time and its 95 % interval."""
+    result = case.result
     reach_s = 1.96 * result.lag_std_s
     interval = f" (± {reach_s:.2f} s, 95 % interval)" if math.isfinite(reach_s) else ""
+    on = f" on the grid {result.grid}" if len(case.references) > 1 else ""
     if result.start_utc_ns:
-        return f"at {when(result.start_utc_ns)}{interval}"
-    return f"{result.lag_s:.2f} s after the start of the reference{interval}"
+        return f"at {when(result.start_utc_ns)}{interval}{on}"
+    return f"{result.lag_s:.2f} s after the start of the reference{interval}{on}"
 
 
-def question(name: str, result: MatchResult) -> str:
-    """Return what is asked of the recording of that name."""
-    if result.claimed_utc_ns:
-        return f"Did the recording {name} begin at {when(result.claimed_utc_ns)}, as claimed?"
-    return f"When was the recording {name} made?"
+def question(case: Case) -> str:
+    """Return what is asked of the recording."""
+    claimed_ns = case.result.claimed_utc_ns
+    if claimed_ns:
+        return f"Did the recording {case.recording.name} begin at {when(claimed_ns)}, as claimed?"
+    return f"When was the recording {case.recording.name} made?"
 
 
-def answer(result: MatchResult) -> str:
-    """Return the answer in one sentence."""
-    found = {"match": _match, "no_match": _no_match}.get(result.decision, _no_decision)
-    return found(result)
+def answer(case: Case) -> str:
+    """Return the answer in one or two sentences."""
+    found = {
+        "supported": _supported,
+        "refuted": _refuted,
+        "undecidable": _undecidable,
+        "": _unclaimed,
+    }
+    return found[case.result.claim](case)
 
 
-def _match(result: MatchResult) -> str:
-    only = "and no other time in this reference fits nearly as well"
-    if result.claim == "refuted":
+def _fits(case: Case) -> str:
+    """Say of a match what it is."""
+    return (
+        f"the recording fits the grid's frequency {place(case)}, and no other time in "
+        f"{scope(case)} fits nearly as well."
+    )
+
+
+def _unclaimed(case: Case) -> str:
+    result = case.result
+    if result.decision == "match":
+        return f"One time fits: {_fits(case)}"
+    if result.decision == "no_match":
+        return f"At no time in {scope(case)}: {result.reason}."
+    return f"This can't be decided from the recording and {scope(case)}: {result.reason}."
+
+
+def _supported(case: Case) -> str:
+    if case.result.decision == "match":
+        return f"Yes, the claim is supported: {_fits(case)}"
+    return (
+        "Yes, the claim is supported: the recording fits the grid's frequency at the claimed time. "
+        f"Without the claim it could not have been settled: {case.result.reason}."
+    )
+
+
+def _refuted(case: Case) -> str:
+    result = case.result
+    misfit = "the recording does not fit the grid's frequency at the claimed time"
+    if result.decision == "match":
         away = distance(result.claimed_utc_ns, result.start_utc_ns)
-        return (
-            f"No, the claim is refuted: the recording fits the grid's frequency {place(result)}, "
-            f"{away} the time claimed, {only}."
-        )
-    fits = f"the recording fits the grid's frequency {place(result)}, {only}."
-    if result.claim == "supported":
-        return f"Yes, the claim is supported: {fits}"
-    if result.claim:
-        return f"The claim can't be tested, though one time fits: {fits}"
-    return f"One time fits: {fits}"
+        fits = _fits(case).replace("the recording", "it", 1)
+        return f"No, the claim is refuted: {misfit}. Instead {fits} That is {away} the claim."
+    if result.decision == "no_match":
+        return f"No, the claim is refuted: {misfit}, nor at any other time in {scope(case)}."
+    return (
+        f"No, the claim is refuted: {misfit}. When it was made instead can't be said: "
+        f"{result.reason}."
+    )
 
 
-def _no_match(result: MatchResult) -> str:
-    if result.claim == "refuted":
-        return (
-            "No, the claim is refuted: the recording does not fit the grid's frequency at the "
-            "claimed time, nor at any other time in this reference."
-        )
-    start = "The claim can't be decided" if result.claim else "At no time in this reference"
-    return f"{start}: {result.reason}."
-
-
-def _no_decision(result: MatchResult) -> str:
-    if result.claim == "refuted":
-        return (
-            "No, the claim is refuted: the recording does not fit the grid's frequency at the "
-            f"claimed time. When it was made instead can't be said: {result.reason}."
-        )
-    return f"This can't be decided from the recording and this reference: {result.reason}."
+def _undecidable(case: Case) -> str:
+    result = case.result
+    if result.decision == "match":
+        return f"The claim can't be tested, though one time fits: {_fits(case)}"
+    return f"This can't be decided from the recording and {scope(case)}: {result.reason}."
 
 
 def distance(from_ns: int, to_ns: int) -> str:
-    """Say how far one time is after or before another, ready for 'the time …'."""
+    """Say how far one time is after or before another, ready for 'the claim'."""
     away_s = seconds(to_ns - from_ns)
     size_s = abs(away_s)
     side = "after" if away_s > 0 else "before"
