@@ -59,3 +59,13 @@ def rate_bound(events: int, trials: int) -> float:
     if events >= trials:
         return 1.0
     return float(betaincinv(events + 1, trials - events, CONFIDENCE))
+
+
+def rate_interval(events: int, trials: int) -> tuple[float, float]:
+    """Rates that so many events are consistent with, 95 %, two-sided (Clopper and Pearson)."""
+    from scipy.special import betaincinv
+
+    tail = (1 - CONFIDENCE) / 2
+    low = betaincinv(events, trials - events + 1, tail) if events else 0.0
+    high = betaincinv(events + 1, trials - events, 1 - tail) if events < trials else 1.0
+    return float(low), float(high)

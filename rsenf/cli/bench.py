@@ -3,6 +3,7 @@
     rsenf bench idle     idle-period estimators: error, refusals, spread, time, Cramér–Rao bound
     rsenf bench enf      ENF estimators, on the same clips: one run serves both tables
     rsenf bench claims   scenes with nothing to claim: how often something is claimed
+    rsenf bench calibration   likelihood ratios of the time of recording: how reliable they are
 
 Each clip is filmed once by the capture model, encoded at every bit rate in the same pass by x264,
 decoded and sampled; all methods see the same rows. With --out, results are kept clip by clip, and
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
     from rsenf.bench.results import Record
 
 RECORDING_TIME = "recording-time"
-_TABLES = ("idle", "enf", "claims", RECORDING_TIME)
+CALIBRATION = "calibration"
+_TABLES = ("idle", "enf", "claims", RECORDING_TIME, CALIBRATION)
 # Measured grids are not part of the project; in a checkout they lie beside it.
 _GRIDS = Path("../shared/data")
 _QUICK: dict[str, Any] = {
@@ -50,6 +52,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--film-only", action="store_true", help="recording-time: make the films, and no trials yet"
     )
+    parser.add_argument(
+        "--fit", type=Path, metavar="FILE.json", help="calibration: make a new one, into a file"
+    )
+    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="calibration: draw it")
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--json", action="store_true")
     how.add_argument("--markdown", action="store_true", help="for a page")
@@ -88,6 +94,10 @@ def run(args: argparse.Namespace) -> int:
         from rsenf.cli import bench_recording_time
 
         return bench_recording_time.run(args)
+    if args.table == CALIBRATION:
+        from rsenf.cli import bench_calibration
+
+        return bench_calibration.run(args)
     plan = _plan(args)
     clips = plan.nothing() if args.table == "claims" else plan.lit()
     if args.out:

@@ -23,8 +23,8 @@ FILE = "calibration.json"
 class Line:
     """Calibrated log10 likelihood ratio: ``slope · raw + intercept``, at most ``limit`` either way.
 
-    ``limit`` is a third of the logarithm of how many searches there were: were the next three times
-    as many all well, a ratio of that size would still not be known (rule of three).
+    ``limit`` is the logarithm of a third of the cases that could have gone wrong: of an error that
+    none of ``n`` cases shows no more is known than that it is rarer than ``3/n`` (rule of three).
     """
 
     slope: float
@@ -40,10 +40,10 @@ class Line:
 
 @dataclass(frozen=True)
 class Calibration:
-    """One line for each question.
+    """A line for each question, and what it was made from.
 
     ``other``: this time against another in the reference; ``absent``: this time against none in
-    it; ``claim``: a claimed time against none in it.
+    it; ``claim``: a claimed time against another.
     """
 
     other: Line
@@ -51,11 +51,16 @@ class Calibration:
     claim: Line
     made: str
 
+    @property
+    def lines(self) -> dict[str, Line]:
+        """The lines by their questions."""
+        return {"other": self.other, "absent": self.absent, "claim": self.claim}
+
 
 @lru_cache(maxsize=1)
 def calibration() -> Calibration:
     """Read the calibration that comes with the package."""
     held = json.loads(files("rsenf.match").joinpath(FILE).read_text(encoding="utf-8"))
     assert held["version"] == VERSION
-    lines = {name: Line(**held["lines"][name]) for name in ("other", "absent", "claim")}
+    lines = {name: Line(**line) for name, line in held["lines"].items()}
     return Calibration(**lines, made=held["made"])

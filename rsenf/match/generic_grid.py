@@ -7,16 +7,19 @@ isn't known either; the clip's errors are as at a lag.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+from numpy.typing import NDArray
 
 from rsenf.flicker.grid_prior import wander_rad2
 from rsenf.match.clip_phase import RAD_PER_CYCLE, ClipPhase
+from rsenf.match.phase_filter import CLIP_ERRORS, ClipErrors
 from rsenf.messages.schema import FloatArray
 
 BLOCK = 600  # phases that are looked at together; stretches count as independent
 MEAN_STD_HZ = 0.03  # of the ENF's mean over a clip about the nominal, clock errors included
 LIVELINESS = ((0.5, 0.25), (1.0, 0.5), (2.0, 0.25))
-CLIP_RATIOS = ((1.0, 0.6), (2.0, 0.3), (4.0, 0.1))
 
 
 def generic_log_likelihood(clip: ClipPhase) -> FloatArray:
@@ -43,24 +46,39 @@ def _block(clip: ClipPhase) -> FloatArray:
     found, weights = [], []
     for livelier, weight in LIVELINESS:
         wander = livelier**2 * _wander(clip)
-        for ratio, of_ratio in CLIP_RATIOS:
-            found.append(_gaussian(steps, wander + ratio**2 * _noise(clip)))
-            weights.append(weight * of_ratio)
+        for errors in CLIP_ERRORS:
+            noise = errors.ratio**2 * _noise(clip) + _bounded(clip, errors)
+            found.append(_gaussian(steps, wander + noise))
+            weights.append(weight * errors.weight)
     return _mixed(np.array(found), np.log(weights))
 
 
 def _wander(clip: ClipPhase) -> FloatArray:
     """Covariance of the steps by the grid's wander and its unknown mean."""
-    index = np.rint((clip.t_s - clip.t_s[0]) / clip.hop_s).astype(np.int64)
-    spread = wander_rad2(np.arange(index[-1] + 1) * clip.hop_s)
-    a, b = index[:-1], index[1:]
-
-    def over(i: np.ndarray, j: np.ndarray) -> FloatArray:
-        return np.asarray(spread[np.abs(np.subtract.outer(i, j))], np.float64)
-
     dt = np.diff(clip.t_s)
     mean = (RAD_PER_CYCLE * MEAN_STD_HZ) ** 2 * np.outer(dt, dt)
-    return (over(b, a) + over(a, b) - over(a, a) - over(b, b)) / 2.0 + mean
+    return _of_steps(clip, wander_rad2) + mean
+
+
+def _bounded(clip: ClipPhase, errors: ClipErrors) -> FloatArray:
+    """Covariance of the steps by a bounded wander of the clip's phase."""
+    if not errors.wander_rad:
+        return np.zeros((clip.size - 1, clip.size - 1))
+    return _of_steps(
+        clip, lambda t_s: 2.0 * errors.wander_rad**2 * -np.expm1(-t_s / errors.wander_s)
+    )
+
+
+def _of_steps(clip: ClipPhase, spread_rad2: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Covariance of the steps, from the mean square by which the phase strays over a time."""
+    index = np.rint((clip.t_s - clip.t_s[0]) / clip.hop_s).astype(np.int64)
+    spread = spread_rad2(np.arange(index[-1] + 1) * clip.hop_s)
+    a, b = index[:-1], index[1:]
+
+    def over(i: NDArray[np.int64], j: NDArray[np.int64]) -> FloatArray:
+        return np.asarray(spread[np.abs(np.subtract.outer(i, j))], np.float64)
+
+    return (over(b, a) + over(a, b) - over(a, a) - over(b, b)) / 2.0
 
 
 def _noise(clip: ClipPhase) -> FloatArray:

@@ -24,8 +24,7 @@ class Finding:
     The fields are those of :class:`rsenf.messages.MatchResult`. Besides, ``grid`` is the reference
     that the lag is in; ``claim_fit`` is the chance of a residual as large as that at the claimed
     start, were it the true one; ``coverage_ratio`` is the share of the possible lags that could be
-    compared; ``log10_raw`` are likelihood ratios before calibration: against another time, against
-    none in the references, and a claim's.
+    compared.
     """
 
     decision: str
@@ -46,7 +45,6 @@ class Finding:
     claim_fit: float = NAN
     claim_log10_lr: float = NAN
     claim_log10_lr_other: float = NAN
-    log10_raw: tuple[float, float, float] = (NAN, NAN, NAN)
     verbal: str = ""
     candidates: tuple[Candidate, ...] = ()
     warnings: tuple[str, ...] = ()

@@ -27,17 +27,16 @@ from rsenf.match.settings import MatchSettings
 from rsenf.messages import Candidate
 
 LN10 = math.log(10.0)
+SURE_STDS = 2.5  # a match names its second: so many standard errors are within the tolerance
 CLAIM_STEP_S = 0.25  # between the lags at which a claim is looked at
 
 
 @dataclass(frozen=True)
 class Raw:
-    """The model's own log10 likelihood ratios; NaN for what it can't tell."""
+    """The model's own log10 likelihood ratios, the size of the search counted against the best."""
 
     other: float
     absent: float
-    claim: float = math.nan
-    claim_other: float = math.nan
 
 
 def match_phase(
@@ -58,8 +57,8 @@ def match_phase(
             reason="at no time do the clip and the reference share enough valid seconds",
             coverage_ratio=found.coverage_ratio,
         )
-    raw = weigh(found, grids, settings, claimed_utc_ns)
-    lines = calibration()
+    raw, lines = weigh(found), calibration()
+    claim, claim_other = _claims(found, grids, settings, claimed_utc_ns)
     other, absent = lines.other(raw.other), lines.absent(raw.absent)
     best = found.places[0]
     decision, reason = _decide(found, other, absent, settings)
@@ -71,9 +70,8 @@ def match_phase(
         lag_std_s=best.lag_std_s,
         log10_lr=other,
         log10_lr_absent=absent,
-        log10_raw=(raw.other, raw.absent, raw.claim),
-        claim_log10_lr=lines.claim(raw.claim),
-        claim_log10_lr_other=lines.claim(raw.claim_other),
+        claim_log10_lr=lines.claim(claim),
+        claim_log10_lr_other=lines.claim(claim_other),
         search_size=found.lags,
         coverage_ratio=found.coverage_ratio,
         verbal=verbal(min(other, absent)),
@@ -82,28 +80,44 @@ def match_phase(
     )
 
 
-def weigh(
-    found: PhaseSearch, grids: Sequence[Grid], settings: MatchSettings, claimed_utc_ns: int = 0
-) -> Raw:
-    """Weigh the best place of a search that has one, and a claim."""
-    best = found.places[0]
-    span = math.log(max(found.span_s, 1.0))
-    raw = Raw(
+def weigh(found: PhaseSearch) -> Raw:
+    """Weigh the best place of a search that has one."""
+    best, span = found.places[0], math.log(max(found.span_s, 1.0))
+    return Raw(
         other=(best.weight - _together(found.places[1:], span)) / LN10,
         absent=(best.weight - span) / LN10,
     )
-    claims = []
-    for number, grid in enumerate(grids):
-        lag_s = claimed_lag_s(grid, claimed_utc_ns)
-        if math.isnan(lag_s):
-            continue
-        at = _claim_weight(found.scorers[number], number, lag_s, settings.tolerance_s)
-        elsewhere = [p for p in found.places if p.grid != number or abs(p.lag_s - lag_s) >= APART_S]
-        claims.append((at / LN10, (at - _together(elsewhere, span) + span) / LN10))
-    if not claims:
-        return raw
-    claim, claim_other = max(claims)
-    return Raw(raw.other, raw.absent, claim, claim_other)
+
+
+def weigh_claim(
+    found: PhaseSearch, number: int, lag_s: float, settings: MatchSettings
+) -> tuple[float, float]:
+    """Weigh a lag in one of the references that nobody had to search for.
+
+    Returns
+    -------
+    against_absent, against_other : float
+        Raw log10 likelihood ratios: against a time in none of the references, and against any
+        other time in them; NaN where it can't be told.
+    """
+    at = _claim_weight(found.scorers[number], number, lag_s, settings.tolerance_s)
+    span = math.log(max(found.span_s, 1.0))
+    elsewhere = [p for p in found.places if p.grid != number or abs(p.lag_s - lag_s) >= APART_S]
+    return at / LN10, (at - _together(elsewhere, span) + span) / LN10
+
+
+def _claims(
+    found: PhaseSearch, grids: Sequence[Grid], settings: MatchSettings, claimed_utc_ns: int
+) -> tuple[float, float]:
+    """Weigh a claimed start in the reference that it fits best; NaN without one."""
+    lags = [claimed_lag_s(grid, claimed_utc_ns) for grid in grids]
+    claims = [
+        weigh_claim(found, number, lag_s, settings)
+        for number, lag_s in enumerate(lags)
+        if not math.isnan(lag_s)
+    ]
+    known = [claim for claim in claims if not math.isnan(claim[0])]
+    return max(known, default=(math.nan, math.nan))
 
 
 def _together(places: Sequence[Place], span: float) -> float:
@@ -130,10 +144,10 @@ def _decide(
     """Return the decision and its reason."""
     best, limit = found.places[0], settings.min_log10_lr
     if absent >= limit and other >= limit:
-        if best.lag_std_s > settings.tolerance_s:
+        if SURE_STDS * best.lag_std_s > settings.tolerance_s:
             return "no_decision", (
-                "one time stands out, but its place is uncertain by over "
-                f"{settings.tolerance_s:g} s"
+                f"one time stands out, but it isn't known to {settings.tolerance_s:g} s: "
+                f"± {best.lag_std_s:.2f} s"
             )
         return "match", "one time fits, and no other nearly as well"
     if absent <= -limit:

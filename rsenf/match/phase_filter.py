@@ -26,41 +26,51 @@ UNKNOWN_RAD2 = 1e6  # of a phase after a gap
 
 
 @dataclass(frozen=True)
-class Errors:
-    """One size of the errors, with its prior weight.
+class ClipErrors:
+    """One size of a clip's errors, with its prior weight.
 
     Parameters
     ----------
     weight : float
-    reference_hz : float
-        Standard error of the reference's mean over a second.
-    clip_ratio : float
-        Of the clip's errors over what its estimates claim.
+    ratio : float
+        Of the noise of each second over what its estimate claims.
     wander_rad, wander_s : float
-        Bounded difference of the phases: standard deviation and memory; 0 for none.
+        Bounded wander of the phase: standard deviation and memory; 0 for none.
     """
 
     weight: float
-    reference_hz: float
-    clip_ratio: float
+    ratio: float
     wander_rad: float = 0.0
     wander_s: float = 1.0
 
 
-_CLIP = ((1.0, 0.6), (2.0, 0.3), (4.0, 0.1))
-_REFERENCE = ((1e-4, 0.2), (3e-4, 0.35), (1e-3, 0.35), (2.5e-3, 0.1))
-# A reference that was averaged by a 20 s window: a day of the continental grid less its own average
-# wanders by 0.061 rad, with a correlation of 0.5 after 6 s. A codec at a low bit rate makes the
-# flicker's phase wander as well, by 0.02 to 0.16 rad in x264 clips of 50k to 150k.
-_WANDERS = ((0.06, 7.0, 0.25), (0.15, 10.0, 0.1))
-ERRORS: tuple[Errors, ...] = (
-    *(Errors(0.65 * w * v, hz, ratio) for hz, w in _REFERENCE for ratio, v in _CLIP),
+@dataclass(frozen=True)
+class Errors:
+    """One size of all errors: of the reference's mean over a second (Hz), and of the clip."""
+
+    weight: float
+    reference_hz: float
+    clip: ClipErrors
+
+
+# A codec at a low bit rate makes the flicker's phase wander, by 0.02 to 0.16 rad in x264 clips of
+# 50k to 150k. A reference that was averaged by a 20 s window differs likewise: a day of the
+# continental grid less its own average wanders by 0.061 rad, with a correlation of 0.5 after 6 s.
+_WANDERS = ((0.02, 5.0, 0.15), (0.06, 7.0, 0.15), (0.15, 10.0, 0.1))
+CLIP_ERRORS = (
+    *(ClipErrors(0.6 * w, ratio) for ratio, w in ((1.0, 0.6), (2.0, 0.3), (4.0, 0.1))),
     *(
-        Errors(0.25 * w, hz, ratio, rad, seconds)
-        for hz in (3e-4, 1.5e-3)
-        for ratio in (1.0, 2.5)
+        ClipErrors(w * v, ratio, rad, seconds)
         for rad, seconds, w in _WANDERS
+        for ratio, v in ((1.0, 0.6), (2.5, 0.4))
     ),
+)
+_PLAIN = ((1e-4, 0.2), (3e-4, 0.35), (1e-3, 0.35), (2.5e-3, 0.1))
+_WANDERING = ((3e-4, 0.6), (1.5e-3, 0.4))  # beside a wander the reference's noise matters less
+ERRORS: tuple[Errors, ...] = tuple(
+    Errors(clip.weight * w, hz, clip)
+    for clip in CLIP_ERRORS
+    for hz, w in (_WANDERING if clip.wander_rad else _PLAIN)
 )
 
 
@@ -102,7 +112,7 @@ def innovations(
     errors : sequence of Errors
     """
     table = np.array(
-        [[e.reference_hz, e.clip_ratio, e.wander_rad, 1.0 / e.wander_s] for e in errors]
+        [[e.reference_hz, e.clip.ratio, e.clip.wander_rad, 1.0 / e.clip.wander_s] for e in errors]
     )
     q, ratio, wander, forget = (column[:, None] for column in table.T)
     q = (RAD_PER_CYCLE * q) ** 2 * step_s  # rad² a second: errors of samples are independent

@@ -13,12 +13,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsenf.match.clip_phase import ClipPhase
 from rsenf.match.coarse import KEPT, Survey, survey
 from rsenf.match.forecast import forecast
 from rsenf.match.generic_grid import generic_log_likelihood
-from rsenf.match.phase_filter import ERRORS, Errors, Innovations, innovations
+from rsenf.match.phase_filter import ERRORS, ClipErrors, Errors, Innovations, innovations
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
@@ -29,7 +30,7 @@ CLOCKS = ((0.5, 0.5), (0.35, 1.2), (0.15, 3.0))
 WORTHWHILE = 4.0  # phases after the first, below which a lag isn't scored
 USUAL_PHASES = 600  # of a clip: of a longer one fewer lags are kept
 QUICK: tuple[Errors, ...] = tuple(
-    Errors(0.25, hz, ratio) for hz in (3e-4, 1.5e-3) for ratio in (1.0, 2.5)
+    Errors(0.25, hz, ClipErrors(1.0, ratio)) for hz in (3e-4, 1.5e-3) for ratio in (1.0, 2.5)
 )
 QUICK_SHIFTS_S = (-0.5, 0.0, 0.5)
 REFINED = 24
@@ -78,9 +79,17 @@ class PhaseScorer:
         self.clip, self.generic, self.grid, self.settings = clip, generic, grid, settings
         self.least = max(WORTHWHILE, settings.min_overlap * clip.size)
 
-    def scores(self, lag_s: FloatArray, errors: Sequence[Errors] = ERRORS) -> FloatArray:
-        """Log-likelihood over any grid's, shape (c,); minus infinity with too few phases."""
-        found, own = self._run(lag_s, errors)
+    def scores(
+        self,
+        lag_s: FloatArray,
+        errors: Sequence[Errors] = ERRORS,
+        among: NDArray[np.bool_] | None = None,
+    ) -> FloatArray:
+        """Log-likelihood over any grid's, shape (c,); minus infinity with too few phases.
+
+        Of the phases ``among`` (n, c), where given; the way to any other counts for nothing.
+        """
+        found, own = self._run(lag_s, errors, among)
         log_likelihood = np.logaddexp.reduce(self._by_clock(found, errors), axis=(0, 1))
         score = np.where(found.count >= self.least, log_likelihood - own, -np.inf)
         return np.asarray(score, np.float64)
@@ -96,8 +105,15 @@ class PhaseScorer:
         spread = float((weight * (var + (mean - offset) ** 2)).sum())
         return Clock(offset, math.sqrt(spread), int(found.count[0]) + 1)
 
-    def _run(self, lag_s: FloatArray, errors: Sequence[Errors]) -> tuple[Innovations, FloatArray]:
+    def _run(
+        self,
+        lag_s: FloatArray,
+        errors: Sequence[Errors],
+        among: NDArray[np.bool_] | None = None,
+    ) -> tuple[Innovations, FloatArray]:
         phase, known = forecast(self.grid, lag_s, self.clip.t_s)
+        if among is not None:
+            known &= among
         own = self.generic @ known
         if (known == known[:, :1]).all():
             known = known[:, :1]

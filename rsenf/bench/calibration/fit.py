@@ -1,0 +1,143 @@
+"""The line from raw to calibrated likelihood ratios, and how reliable they are then."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from rsenf.bench.bounds import rate_interval
+from rsenf.match.calibration import Line
+from rsenf.messages.schema import FloatArray
+
+Record = dict[str, Any]
+
+QUESTIONS = ("other", "absent", "claim")
+RULE_OF_THREE = 3.0
+# Raw ratios beyond it are as good as certain; a line should not be bent to them.
+FARTHEST = 12.0
+EDGES = (-math.inf, -2.0, -1.0, 0.0, 1.0, 2.0, math.inf)
+LN10 = math.log(10.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Raw log10 likelihood ratios of cases in which a proposition held, and in which it didn't.
+
+    ``even`` says that both kinds are to weigh the same, whatever their numbers.
+    """
+
+    held: FloatArray
+    failed: FloatArray
+    even: bool = True
+
+    @property
+    def weights(self) -> tuple[float, float]:
+        """Weight of a case of either kind; all together weigh one."""
+        if self.even:
+            return 0.5 / max(self.held.size, 1), 0.5 / max(self.failed.size, 1)
+        each = 1.0 / max(self.held.size + self.failed.size, 1)
+        return each, each
+
+    @property
+    def vouched(self) -> float:
+        """Log10 of the largest ratio that so many cases can vouch for."""
+        cases = self.failed.size + (0 if self.even else self.held.size)
+        return math.log10(max(cases, 1) / RULE_OF_THREE)
+
+
+def pairs_of(records: Sequence[Record], question: str) -> Pairs:
+    """Return the cases of a question.
+
+    ``absent``: the best time is the true one, or the true one isn't in the reference. ``claim``: of
+    a claimed time. ``other``: the true time is in the reference, and the best is it, or another;
+    the search is counted in that ratio, so the two kinds weigh as often as they come.
+    """
+    own = [r for r in records if r["usable"]]
+    if question == "claim":
+        return _pairs([r["true_claim"] for r in own], [c for r in own for c in r["false_claims"]])
+    present = [r["present"] for r in own if r["present"]]
+    right = [p[question] for p in present if p["right"]]
+    if question == "absent":
+        return _pairs(right, [r["absent"]["absent"] for r in own if r["absent"]])
+    return _pairs(right, [p["other"] for p in present if not p["right"]], even=False)
+
+
+def _pairs(
+    held: Sequence[float | None], failed: Sequence[float | None], *, even: bool = True
+) -> Pairs:
+    yes, no = (np.array([v for v in part if v is not None], float) for part in (held, failed))
+    return Pairs(yes, no, even)
+
+
+def fitted(pairs: Pairs) -> Line:
+    """Fit the line by logistic regression.
+
+    A slope above one would say that the model is too modest; so much isn't believed of it.
+    """
+    from scipy.optimize import minimize
+
+    sides = [np.clip(side, -FARTHEST, FARTHEST) for side in (pairs.held, pairs.failed)]
+    of_held, of_failed = pairs.weights
+
+    def cost(line: FloatArray) -> float:
+        held, failed = (LN10 * (line[0] * side + line[1]) for side in sides)
+        missed = of_held * np.logaddexp(0, -held).sum()
+        return float(missed + of_failed * np.logaddexp(0, failed).sum())
+
+    found = minimize(cost, [1.0, 0.0], bounds=[(0.05, 1.0), (-3.0, 3.0)])
+    slope, intercept = (round(float(value), 4) for value in found.x)
+    return Line(slope, intercept, round(pairs.vouched, 2))
+
+
+def cost_of_ratios(pairs: Pairs, line: Line) -> float:
+    """Cllr: mean cost of the ratios in bits; 0 for perfect ones, 1 at even odds for none at all."""
+    held, failed = (LN10 * _ratios(side, line) for side in (pairs.held, pairs.failed))
+    of_held, of_failed = pairs.weights
+    cost = of_held * np.logaddexp(0, -held).sum() + of_failed * np.logaddexp(0, failed).sum()
+    return float(cost / math.log(2))
+
+
+def _ratios(raw: FloatArray, line: Line) -> FloatArray:
+    return np.array([line(float(value)) for value in raw])
+
+
+def reliability(pairs: Pairs, line: Line) -> list[dict[str, Any]]:
+    """Of the cases given a ratio near some size, the share in which the proposition held.
+
+    ``said`` is the share that the ratios mean, ``low`` to ``high`` the 95 % interval of the one
+    that ``came``; all by the weights of the two kinds.
+    """
+    held, failed = _ratios(pairs.held, line), _ratios(pairs.failed, line)
+    of_held, of_failed = pairs.weights
+    out = []
+    for low, high in pairwise(EDGES):
+        yes, no = held[(held >= low) & (held < high)], failed[(failed >= low) & (failed < high)]
+        if not yes.size + no.size:
+            continue
+        means = 1 / (1 + np.exp(-LN10 * np.concatenate([yes, no])))
+        weights = np.repeat([of_held, of_failed], [yes.size, no.size])
+        shares = (yes.size / (yes.size + no.size), *rate_interval(yes.size, yes.size + no.size))
+        came, least, most = (_weighed(share, of_held, of_failed) for share in shares)
+        out.append(
+            {
+                "from_log10_lr": low if math.isfinite(low) else None,
+                "to_log10_lr": high if math.isfinite(high) else None,
+                "held": int(yes.size),
+                "failed": int(no.size),
+                "said": float(np.average(means, weights=weights)),
+                "came": came,
+                "low": least,
+                "high": most,
+            }
+        )
+    return out
+
+
+def _weighed(share: float, of_held: float, of_failed: float) -> float:
+    """Share of cases in which a proposition held, by the weights of the two kinds."""
+    return share * of_held / (share * of_held + (1 - share) * of_failed)

@@ -1,0 +1,129 @@
+"""One clip searched for where it is and where it isn't: raw likelihood ratios and the answers."""
+
+from __future__ import annotations
+
+import dataclasses
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsenf.bench.calibration.clips import Drawn, draw, measured_reference, track_of_clip
+from rsenf.bench.calibration.grids import Stretch, stretches
+from rsenf.match.clip_phase import clip_phase
+from rsenf.match.phase import weigh, weigh_claim
+from rsenf.match.phase_search import PhaseSearch, search_phase
+from rsenf.match.series import Grid
+from rsenf.match.settings import MatchSettings
+
+VERSION = 1
+AWAY_S = 600.0  # a clip's time is taken out of the reference with so much around it
+FALSE_CLAIMS = 4
+PLACE_S = 3.0  # nearer to the truth is the right place; how exactly it is known is another matter
+SPAN_H = (2.0, 24.0)  # of the reference searched
+
+
+@dataclass(frozen=True)
+class Search:
+    """A search to be made; everything about it is drawn from its seed."""
+
+    part: str
+    seed: int
+    folder: Path
+
+    @property
+    def key(self) -> str:
+        """Name that tells it from any other."""
+        return f"{self.part} {self.seed}"
+
+
+def searched(task: Search) -> dict[str, Any]:
+    """Draw a clip, search for it, and return what was found with the truth.
+
+    The same search tells both answers: without the places near the clip's own time it is one in a
+    reference that lacks it.
+    """
+    rng = np.random.default_rng([task.seed, zlib.crc32(task.part.encode())])
+    everything = stretches(task.folder, task.part)
+    # Half of the clips are of the first, which is as long as all the others are varied.
+    other = rng.integers(1, len(everything)) if len(everything) > 1 else 0
+    stretch = everything[0 if rng.random() < 0.5 else other]
+    stretch = _shortened(stretch, rng)
+    drawn = draw(stretch, rng)
+    track = track_of_clip(stretch, drawn, rng)
+    grid = measured_reference(stretch, drawn, rng)
+    record = {
+        "version": VERSION,
+        "key": task.key,
+        "part": task.part,
+        "seed": task.seed,
+        "grid": stretch.name,
+        "hours": round(grid.duration_s / 3600, 2),
+        **dataclasses.asdict(drawn),
+    }
+    settings = MatchSettings()
+    phases = clip_phase(track)
+    if phases is None or track.usable < settings.min_seconds:
+        return record | {"usable": False}
+    found = search_phase(track, phases, [grid], settings)
+    return record | {"usable": True, **_answers(found, grid, drawn, settings, rng)}
+
+
+def _shortened(stretch: Stretch, rng: np.random.Generator) -> Stretch:
+    """Take a part of it: searches are of many sizes."""
+    span = int(rng.uniform(*SPAN_H) * 3600 / stretch.step_s)
+    if span >= stretch.freq_hz.size:
+        return stretch
+    while True:
+        first = int(rng.integers(stretch.freq_hz.size - span))
+        freq = stretch.freq_hz[first : first + span]
+        if np.isfinite(freq).mean() > 0.5:
+            return dataclasses.replace(stretch, freq_hz=freq)
+
+
+def _answers(
+    found: PhaseSearch,
+    grid: Grid,
+    drawn: Drawn,
+    settings: MatchSettings,
+    rng: np.random.Generator,
+) -> dict[str, Any]:
+    present = _best(found, drawn)
+    elsewhere = [p for p in found.places if abs(p.lag_s - drawn.start_s) > AWAY_S + drawn.seconds]
+    absent = _best(dataclasses.replace(found, places=elsewhere), drawn)
+    true_claim = drawn.start_s + rng.uniform(-0.5, 0.5)
+    room = grid.duration_s - drawn.seconds
+    false_claims = [c for c in rng.uniform(0, room, FALSE_CLAIMS) if abs(c - drawn.start_s) > 30]
+    # The hardest false claim there is: the time that fits best of all the wrong ones.
+    false_claims += [elsewhere[0].lag_s] if elsewhere else []
+    return {
+        "present": present,
+        "absent": absent,
+        "true_claim": _claimed(found, true_claim, settings),
+        "false_claims": [_claimed(found, float(c), settings) for c in false_claims],
+    }
+
+
+def _claimed(found: PhaseSearch, lag_s: float, settings: MatchSettings) -> float | None:
+    raw, _ = weigh_claim(found, 0, lag_s, settings)
+    return raw if np.isfinite(raw) else None
+
+
+def _best(found: PhaseSearch, drawn: Drawn) -> dict[str, Any] | None:
+    if not found.places:
+        return None
+    raw, place = weigh(found), found.places[0]
+    clock = found.scorers[0].clock(place.lag_s)
+    nominal_hz = found.scorers[0].grid.nominal_hz
+    error_s = place.lag_s - drawn.start_s
+    return {
+        "other": raw.other,
+        "absent": raw.absent,
+        "right": abs(error_s) <= PLACE_S,
+        "lag_error_s": error_s,
+        "lag_std_s": place.lag_std_s,
+        "clock_error_ppm": -clock.offset_hz / nominal_hz * 1e6 - drawn.clock_ppm,
+        "clock_std_ppm": clock.offset_std_hz / nominal_hz * 1e6,
+    }
