@@ -58,6 +58,7 @@ def _dots(axes: Any, t_s: Any, values: Any, usable: Any) -> None:
     if not np.isfinite(values).any():
         axes.text(0.5, 0.5, "not known", ha="center", va="center", transform=axes.transAxes,
                   color=INK)  # fmt: skip
+        axes.set_yticks([])
         return
     axes.plot(t_s[usable], values[usable], ".", color=SIGNAL, ms=4)
     axes.plot(t_s[~usable], values[~usable], "x", color=MARK, ms=4)

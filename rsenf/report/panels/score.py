@@ -37,7 +37,7 @@ def draw_score(axes: Any, curve: ScoreCurve, t0_ns: int, result: MatchResult) ->
     axes.annotate(
         f"best fit: {best:.4g}", (place(result.lag_s), best),
         (-8 if right else 8, 6), textcoords="offset points", ha="right" if right else "left",
-        color=MARK,
+        color=MARK, bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.8},
     )  # fmt: skip
 
 

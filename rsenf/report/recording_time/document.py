@@ -17,7 +17,7 @@ from rsenf.report.recording_time import words
 from rsenf.report.recording_time.advice import what_would_help
 from rsenf.report.recording_time.case import Case, ReferenceFacts
 from rsenf.report.recording_time.folder import NUMBERS, PAGE, SCHEMA, VERDICT
-from rsenf.report.recording_time.pictures import Picture
+from rsenf.report.recording_time.pictures import Picture, left_out
 from rsenf.report.recording_time.ratios import (
     claim_among,
     claim_comparisons,
@@ -62,6 +62,7 @@ def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> dict[
         "claim": _claim(case),
         "what_would_help": what_would_help(case),
         "pictures": [_picture(p) for p in pictures],
+        "pictures_left_out": left_out(case),
         "quality": _quality(case),
         "idle": idle_json(case.idle, list(case.idle.warnings)) if case.idle else None,
         "search": _search(case),

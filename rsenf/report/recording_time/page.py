@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 from rsenf.report.recording_time.pictures import Picture
 from rsenf.report.verdict import ppm_text
 
+_WHOLE = re.compile(r"\d{4}-\d\d-\d\d [\d:.]+ UTC|± [\d.]+ s|--[a-z-]+")
 _UNKNOWN = "not known"
 _SPACE = "\N{NARROW NO-BREAK SPACE}"
 _WORDS = {
@@ -74,6 +76,13 @@ def _power(log10: float) -> str:
     return f"10^{log10:.1f}".replace("-", "\N{MINUS SIGN}")
 
 
+def _unbroken(text: str) -> Any:
+    """Keep every time and every option in a text on one line."""
+    from markupsafe import Markup, escape
+
+    return Markup(_WHOLE.sub(r'<span class="whole">\g<0></span>', str(escape(text))))
+
+
 def _duration(value: float) -> str:
     """Write seconds as days, hours, minutes and seconds, those that are needed."""
     days, rest = divmod(value, 86400)
@@ -101,6 +110,7 @@ _FILTERS: dict[str, Callable[..., str]] = {
     "utc": _known(_utc),
     "power": _known(_power),
     "ppm": _known(ppm_text),
+    "unbroken": _unbroken,
     "percent": _known(lambda ratio, decimals=1: f"{100 * ratio:.{decimals}f} %"),
     "mhz": _known(lambda value: f"{1e3 * value:.3g} mHz"),
     "duration": _known(_duration),

@@ -21,7 +21,7 @@ from rsenf.report.picture import curve_of
 from rsenf.report.recording_time.case import Case
 from rsenf.report.score_curve import NEAR_S, ScoreCurve
 
-WIDTH_IN, HEIGHT_IN, DPI = 7.2, 3.2, 160
+WIDTH_IN, HEIGHT_IN, DPI = 6.4, 3.0, 175
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,43 +38,55 @@ class Picture:
 
 
 def draw_pictures(case: Case) -> list[Picture]:
-    """Draw all pictures of a report; the same case gives the same bytes."""
+    """Draw the pictures that there is something to show in; the same case gives the same bytes."""
     result, grid = case.result, case.grid
     track = without_jumps(track_of(case.estimates))[0] if case.estimates else None
-    curve = curve_of(track, grid, case.settings, result)
     t0_ns = grid.t0_ns if grid else 0
-
-    def three_axes(figure: Any) -> None:
-        error, snr, use = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 1))
-        draw_quality(error, snr, use, case.estimates)
-
+    pictures = []
     with fixed_style():
-        return [
-            _picture(
+        if track is not None and track.usable:
+            pictures.append(_picture(
                 "enf.png", "The recording over the reference",
                 lambda f: draw_enf(f.subplots(), track, grid, result),
                 _enf_caption(case), _enf_alt(case, track),
-            ),
-            _picture(
+            ))  # fmt: skip
+        if math.isfinite(result.lag_s):
+            curve = curve_of(track, grid, case.settings, result)
+            pictures.append(_picture(
                 "score.png", "How well each time fits: the whole search",
                 lambda f: draw_score(f.subplots(), curve, t0_ns, result),
                 _score_caption(case, curve), _score_alt(case, curve),
-            ),
-            _picture(
+            ))  # fmt: skip
+            pictures.append(_picture(
                 "score_near.png", "How well each time fits: around the best",
                 lambda f: draw_near(f.subplots(), curve, t0_ns, result),
-                _near_caption(case), _near_alt(curve),
-            ),
-            _picture(
-                "quality.png", "Quality of the signal over time", three_axes,
+                _NEAR, _near_alt(curve),
+            ))  # fmt: skip
+        if case.estimates:
+            pictures.append(_picture(
+                "quality.png", "Quality of the signal over time",
+                lambda f: draw_quality(*_three_axes(f), case.estimates),
                 _QUALITY, _quality_alt(case), height_in=1.4 * HEIGHT_IN,
-            ),
-            _picture(
+            ))  # fmt: skip
+        if math.isfinite(case.spectrum.frame_rate_hz):
+            pictures.append(_picture(
                 "spectrogram.png", "The flicker itself",
                 lambda f: draw_spectrogram(f.subplots(), case.spectrum, case.estimates),
                 _SPECTROGRAM, _spectrogram_alt(case),
-            ),
-        ]  # fmt: skip
+            ))  # fmt: skip
+    return pictures
+
+
+def left_out(case: Case) -> str:
+    """Say why there are no pictures of the comparison; empty where there are."""
+    if math.isfinite(case.result.lag_s):
+        return ""
+    return f"There are no pictures of the comparison, as there was none: {case.result.reason}."
+
+
+def _three_axes(figure: Any) -> tuple[Any, Any, Any]:
+    error, snr, use = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 1))
+    return error, snr, use
 
 
 def _picture(
@@ -98,24 +110,22 @@ def _picture(
 
 def _enf_caption(case: Case) -> str:
     result = case.result
-    if not math.isfinite(result.lag_s):
-        return (
-            "The blue line would be the grid's frequency as read from the recording, the grey one "
-            f"the grid's own log. Nothing was compared: {result.reason}."
-        )
-    start = (
+    recorded = (
         "The blue line is the grid's frequency as the flicker in the recording shows it, with a "
-        "pale band for its uncertainty. The grey line is the grid's own log at the best time, as a "
-        "camera with this clock would have seen it. "
+        "pale band for its uncertainty. "
+    )
+    if not math.isfinite(result.lag_s):
+        return f"{recorded}It was compared with nothing: {result.reason}."
+    grids = (
+        "The grey line is the grid's own log at the best time, as a camera with this clock would "
+        "have seen it. "
     )
     if result.decision == "match":
-        return start + "Where they run together, the recording was made at that time."
-    return start + "This is the best that could be found; it is not good enough to count."
+        return f"{recorded}{grids}Where they run together, the recording was made at that time."
+    return f"{recorded}{grids}This is the best that could be found; it is not enough to count."
 
 
-def _enf_alt(case: Case, track: Track | None) -> str:
-    if track is None or not track.usable:
-        return "Empty chart: the recording holds no usable signal."
+def _enf_alt(case: Case, track: Track) -> str:
     low, high = float(np.nanmin(track.enf_hz)), float(np.nanmax(track.enf_hz))
     alt = (
         f"Line chart of the recording's network frequency, {low:.3f} to {high:.3f} Hz over "
@@ -128,8 +138,6 @@ def _enf_alt(case: Case, track: Track | None) -> str:
 
 
 def _score_caption(case: Case, curve: ScoreCurve) -> str:
-    if not curve.lag_s.size:
-        return f"Nothing was compared: {case.result.reason}."
     text = (
         "Each place from left to right is one time at which the recording could have begun; the "
         f"higher the line, the better that time fits ({curve.name}, {curve.unit}). Of the many "
@@ -142,28 +150,21 @@ def _score_caption(case: Case, curve: ScoreCurve) -> str:
 
 
 def _score_alt(case: Case, curve: ScoreCurve) -> str:
-    if not curve.lag_s.size or case.grid is None:
-        return "Empty chart: nothing was compared."
-    hours = case.grid.duration_s / 3600
+    hours = case.grid.duration_s / 3600 if case.grid else 0.0
     return (
         f"Line chart of {curve.name} against start time over {hours:.3g} hours of reference; "
         f"the best is {case.result.lag_s:.2f} s after its start, at {np.nanmax(curve.high):.4g}."
     )
 
 
-def _near_caption(case: Case) -> str:
-    if not math.isfinite(case.result.lag_s):
-        return f"Nothing was compared: {case.result.reason}."
-    return (
-        f"The same line, {NEAR_S:g} s before and after the best time, every time compared being a "
-        "dot. A narrow peak means a precise time; the red line is the best time, between two dots "
-        "if need be, and its red band, often too narrow to be seen, the 95 % interval."
-    )
+_NEAR = (
+    f"The same line, {NEAR_S:g} s before and after the best time, every time compared being a dot. "
+    "A narrow peak means a precise time; the red line is the best time, between two dots if need "
+    "be, and its red band, often too narrow to be seen, the 95 % interval."
+)
 
 
 def _near_alt(curve: ScoreCurve) -> str:
-    if not np.isfinite(curve.near).any():
-        return "Empty chart: nothing was compared."
     return (
         f"Line chart of {curve.name} within {NEAR_S:g} s of the best time, from "
         f"{np.nanmin(curve.near):.4g} to {np.nanmax(curve.near):.4g}; the best is in the middle."
@@ -178,7 +179,7 @@ _QUALITY = (
 _SPECTROGRAM = (
     "Which frequencies the light's brightness holds, from bottom to top, over the recording's time "
     "from left to right; brighter is stronger. Flicker of mains light makes straight, steady lines "
-    "here. A black picture means that no lamp flickers, or that the camera doesn't show it."
+    "here. Without such lines no lamp flickers, or the camera doesn't show it."
 )
 
 

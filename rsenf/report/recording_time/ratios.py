@@ -65,7 +65,8 @@ def claim_among(case: Case) -> str:
     """Say which proposition the claimed time belongs to; empty without one, or where it's open."""
     result = case.result
     reference = next((r for r in case.references if r.grid == result.grid), None)
-    if not result.claimed_utc_ns or reference is None or not reference.t0_ns:
+    known = reference is not None and reference.t0_ns and math.isfinite(result.lag_s)
+    if reference is None or not known or not result.claimed_utc_ns:
         return ""
     claimed_s = seconds(result.claimed_utc_ns - reference.t0_ns)
     if abs(claimed_s - result.lag_s) <= case.settings.tolerance_s:
@@ -80,7 +81,7 @@ def ratio_texts(result: MatchResult) -> dict[str, Any]:
     limit = _power(_limits(result.method)["other"])
     method = METHODS.get(result.method, "")
     if result.method == _CALIBRATED:
-        method += f" Calibration: {calibration().made}."
+        method += f" That calibration: {calibration().made}."
     return {
         "meaning": list(RATIO_MEANING),
         "method": method,

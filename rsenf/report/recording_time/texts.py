@@ -21,8 +21,8 @@ METHODS = {
         "frequency added up over time, at every start, with allowance for errors of the estimates, "
         "the reference and the camera's clock. The likelihood of the best time is set against that "
         "of all others together (H2) and against that of the same flicker under any grid whatever "
-        "(H3); in both the size of the search counts against it. The ratios were then calibrated "
-        "on searches of measured grid data whose answer is known."
+        "(H3); in both the size of the search counts against it. The ratios then go through a "
+        "calibration on searches of measured grid data whose answer is known."
     ),
     "ncc": (
         "Method ncc: the recording's ENF is laid over the reference at every start. Against H2 "
@@ -47,8 +47,8 @@ LIMITS = (
     "recording must be to tell them apart.",
     "Lossy coding wears the flicker down, each coding a little more. Below about 150 kbit/s at "
     "720p little may be left, and what is left may be changed.",
-    "A recording of a screen or a projector, or one made under lamps that also light a replay, "
-    "carries the flicker of its replay: it may then be dated by the recapture, not by the scene.",
+    "A recording of a screen or of a projection carries the flicker of the second room as well: it "
+    "may be dated by the recapture, not by the scene.",
     "A clip that was cut and joined, slowed down or sped up does not follow the grid throughout. "
     "It may match by a part of it only, or not at all. Someone who has the reference could also "
     "add a flicker on purpose; this analysis doesn't test for that.",
