@@ -42,21 +42,20 @@ def judge_idle(blocks: Sequence[RowBlock], true_ratio: float) -> dict[str, dict[
     """
     method = _Method()
     stage = IdleStage(IdleSettings(every_s=math.inf), method)
-    fed = _tried(partial(_feed, stage, blocks), lambda out: {})
+    fed = tried(partial(_feed, stage, blocks), lambda out: {})
     if "broke" in fed:
         return dict.fromkeys(IDLE_METHODS, fed)
     found = {}
     for method.name in IDLE_METHODS:
         end = copy.deepcopy(stage).flush
-        found[method.name] = _tried(end, partial(_idle, true_ratio), fed["cpu_s"])
+        found[method.name] = tried(end, partial(_idle, true_ratio), fed["cpu_s"])
     return found
 
 
 def judge_enf(blocks: Sequence[RowBlock], grid: GridPath) -> dict[str, dict[str, Any]]:
     """Run every ENF method; return the usable values of each with their errors, by name."""
     return {
-        name: _tried(partial(_enf_values, name, blocks), partial(_enf, grid))
-        for name in ENF_METHODS
+        name: tried(partial(_enf_values, name, blocks), partial(_enf, grid)) for name in ENF_METHODS
     }
 
 
@@ -69,7 +68,7 @@ def _feed(stage: Stage, blocks: Sequence[RowBlock]) -> list[Any]:
     return [message for block in blocks for message in stage.update(block)]
 
 
-def _tried(
+def tried(
     work: Callable[[], list[Any]],
     told: Callable[[list[Any]], dict[str, Any]],
     before_s: float = 0.0,
@@ -91,11 +90,11 @@ def _idle(true_ratio: float, out: list[Any]) -> dict[str, Any]:
     return {
         "verdict": last.verdict,
         "reason": last.reason,
-        "idle_percent": _number(100 * last.idle_ratio),
-        "error_percent": _number(100 * (last.idle_ratio - true_ratio)),
-        "std_percent": _number(100 * _root(last.idle_ratio_var)),
+        "idle_percent": number(100 * last.idle_ratio),
+        "error_percent": number(100 * (last.idle_ratio - true_ratio)),
+        "std_percent": number(100 * root(last.idle_ratio_var)),
         "direction": last.direction,
-        "nominal_hz": _number(last.nominal_hz),
+        "nominal_hz": number(last.nominal_hz),
         "warnings": list(last.warnings),
     }
 
@@ -113,15 +112,17 @@ def _enf(grid: GridPath, out: list[Any]) -> dict[str, Any]:
             reasons[m.reason] = reasons.get(m.reason, 0) + 1
     return {
         "t_s": [round(t, 4) for t in t_s.tolist()],
-        "error_mhz": [_number(1e3 * e, 6) for e in error_hz.tolist()],
-        "std_mhz": [_number(1e3 * _root(m.enf_var_hz2), 6) for m in good],
+        "error_mhz": [number(1e3 * e, 6) for e in error_hz.tolist()],
+        "std_mhz": [number(1e3 * root(m.enf_var_hz2), 6) for m in good],
         "unusable": reasons,
     }
 
 
-def _root(variance: float) -> float:
+def root(variance: float) -> float:
+    """Return the standard deviation; NaN for none."""
     return math.sqrt(variance) if variance >= 0 else math.nan
 
 
-def _number(value: float, digits: int = 8) -> float | None:
+def number(value: float, digits: int = 8) -> float | None:
+    """Return a number fit for JSON: rounded, None where it isn't finite."""
     return round(float(value), digits) if math.isfinite(value) else None

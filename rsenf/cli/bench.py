@@ -3,6 +3,8 @@
     rsenf bench idle     idle-period estimators: error, refusals, spread, time, Cramér–Rao bound
     rsenf bench enf      ENF estimators, on the same clips: one run serves both tables
     rsenf bench claims   scenes with nothing to claim: how often something is claimed
+    rsenf bench recording-time   still and moving films cut into clips, each searched for in a day:
+                         decisions true, false and none, by every matcher
     rsenf bench calibration   likelihood ratios of the time of recording: how reliable they are
 
 Each clip is filmed once by the capture model, encoded at every bit rate in the same pass by x264,

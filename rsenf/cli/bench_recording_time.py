@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import tempfile
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rsenf.bench.recording_time.plan import RecordingPlan
+    from rsenf.bench.results import Record
 
-FILMS = "films"
+_FILMS, _TRIALS = "films", "recording-time.jsonl"
 _QUICK: dict[str, Any] = {
     "size": "240p",
     "codings": ("lossless", "50k"),
-    "clips": 2,
+    "clips": 1,
     "duration_s": 130.0,
     "reference_s": 4 * 3600.0,
 }
@@ -29,13 +32,31 @@ def run(args: argparse.Namespace) -> int:
     UsageError
         For a plan that can't be meant so.
     """
-    from rsenf.errors import EXIT_DONE, UsageError
+    from rsenf.bench.recording_time.document import tabulate
+    from rsenf.bench.recording_time.text import page, text
+    from rsenf.cli.console import print_json, say
+    from rsenf.errors import EXIT_DONE, EXIT_FAILED, UsageError
 
     plan = plan_of(args)
     if args.film_only and not args.out:
         raise UsageError("--film-only without --out", "name the folder of the films")
-    _film(args, plan, args.out)
-    return EXIT_DONE
+    if args.film_only:
+        _film(args, plan, args.out)
+        return EXIT_DONE
+    if args.out:
+        records = _records(args, plan, args.out)
+    else:
+        with tempfile.TemporaryDirectory() as folder:
+            records = _records(args, plan, Path(folder))
+    document = tabulate(records)
+    if args.json:
+        print_json(document)
+    else:
+        print(page(document) if args.markdown else text(document))
+    broke = sum(row["broke"] for row in document["rows"])
+    if broke:
+        say(f"methods broke {broke} times: see 'broke' in the results")
+    return EXIT_FAILED if broke else EXIT_DONE
 
 
 def plan_of(args: argparse.Namespace) -> RecordingPlan:
@@ -74,4 +95,29 @@ def _film(args: argparse.Namespace, plan: RecordingPlan, folder: Path) -> None:
                 say(f"films to make: {missing} of {len(films)}")
             bar((len(films) - missing + done) * plan.duration_s)
 
-        make_missing(films, folder / FILMS, grids_of(args), max(args.jobs, 1), progress)
+        make_missing(films, folder / _FILMS, grids_of(args), max(args.jobs, 1), progress)
+
+
+def _records(args: argparse.Namespace, plan: RecordingPlan, folder: Path) -> list[Record]:
+    from rsenf.bench.recording_time.references import NOISE_HZ
+    from rsenf.bench.recording_time.session import cuts_of
+    from rsenf.bench.recording_time.trials import run_trials
+    from rsenf.bench.results import read_records
+    from rsenf.bench.session import measure_missing
+    from rsenf.cli.bench import grids_of
+    from rsenf.cli.console import progress_bar, say
+
+    out = folder / _TRIALS
+    if args.table_only:
+        return list(read_records(out).values())
+    _film(args, plan, folder)
+    cuts = cuts_of(plan.films(), NOISE_HZ)
+    with progress_bar("trying", sum(c.film.duration_s for c in cuts)) as bar:
+
+        def progress(done: int, missing: int) -> None:
+            if not done:
+                say(f"cuts to try: {missing} of {len(cuts)}")
+            bar((len(cuts) - missing + done) * plan.duration_s)
+
+        work = partial(run_trials, films=folder / _FILMS, grids=grids_of(args))
+        return measure_missing(cuts, work, out, max(args.jobs, 1), progress)

@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -63,12 +64,25 @@ def make_film(wanted: Film, folder: Path, grids: Path | None) -> dict[str, Any]:
         "wall_s": round(time.perf_counter() - begin_s, 2),
         "versions": versions(),
     }
+    keep_film(wanted, folder, told, filmed.blocks)
+    return told
+
+
+def keep_film(
+    wanted: Film, folder: Path, told: dict[str, Any], rows: Mapping[str, Sequence[RowBlock]]
+) -> None:
+    """Keep the rows of each coding, and the truth, in a folder that appears when it is complete.
+
+    Raises
+    ------
+    RecordingError
+        When it can't be written.
+    """
     part = folder / f".{wanted.key}.part"
     try:
-        # Of a run that was killed.
-        shutil.rmtree(part, ignore_errors=True)
+        shutil.rmtree(part, ignore_errors=True)  # of a run that was killed
         part.mkdir(parents=True)
-        for coding, blocks in filmed.blocks.items():
+        for coding, blocks in rows.items():
             _write(part / f"{coding}.mcap", blocks)
         (part / _TRUTH).write_text(json.dumps(told, allow_nan=False), encoding="utf-8")
         os.replace(part, folder / wanted.key)
@@ -76,7 +90,6 @@ def make_film(wanted: Film, folder: Path, grids: Path | None) -> dict[str, Any]:
         raise RecordingError(f"can't write {part}: {exc.strerror}", "choose another --out") from exc
     finally:
         shutil.rmtree(part, ignore_errors=True)
-    return told
 
 
 def read_truth(folder: Path, wanted: Film) -> dict[str, Any]:
@@ -103,7 +116,7 @@ def read_rows(folder: Path, wanted: Film, coding: str) -> list[RowBlock]:
     return [message for _, message, _ in recording.messages([_TOPIC])]
 
 
-def _write(path: Path, blocks: list[RowBlock]) -> None:
+def _write(path: Path, blocks: Sequence[RowBlock]) -> None:
     with Recorder(path, run_info={}, clock_ns=time.time_ns, fsync=False) as recorder:
         for block in blocks:
             recorder.write(_TOPIC, block)

@@ -1,4 +1,4 @@
-"""Makes what is missing: films first, then the trials on them."""
+"""From a plan to its records: makes the films that are missing, then tries what wasn't yet."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+from rsenf.bench.recording_time.cuts import LENGTHS_S, Cuts
 from rsenf.bench.recording_time.films import has_film, make_film
 from rsenf.bench.recording_time.plan import Film
+from rsenf.bench.recording_time.trials import known_methods
 from rsenf.bench.session import Progress
 from rsenf.bench.workers import work_all
 
@@ -38,3 +40,14 @@ def make_missing(
     work = partial(make_film, folder=folder, grids=grids)
     for done, _ in enumerate(work_all(missing, work, jobs), 1):
         progress(done, len(missing))
+
+
+def cuts_of(films: Sequence[Film], noise_hz: float) -> list[Cuts]:
+    """Return what is to be tried, film by film; lengths that a film doesn't have aren't."""
+    return [
+        Cuts(film, coding, length_s, known_methods(), noise_hz)
+        for film in films
+        for coding in film.codings
+        for length_s in LENGTHS_S
+        if length_s <= film.duration_s
+    ]

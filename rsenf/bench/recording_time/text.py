@@ -1,0 +1,168 @@
+"""The tables as text and as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+
+from rsenf.bench.recording_time.table import Row
+from rsenf.bench.recording_time.trials import METHODS, PAPER_METRICS
+from rsenf.bench.text import aligned, markdown
+
+Table = tuple[str, Sequence[str], list[list[str]]]
+Written = Callable[[Sequence[str], Iterable[Sequence[str]]], str]
+
+_NONE = "–"
+_NOTE = """\
+TD/FD/ND: decisions that are true (within 1 s), false, and none, per cent of the trials.
+absent: the day of the film without 10 minutes on either side of it, and a day of another year;
+any match there is false. bound: the rate that so few refute with 95 % confidence, were the trials
+independent; those of one film aren't quite. Clips are cut from films that were encoded whole."""
+
+
+def text(document: Row) -> str:
+    """Return the tables of :func:`rsenf.bench.recording_time.document.tabulate` for a terminal."""
+    return _written(document, aligned, "{}")
+
+
+def page(document: Row) -> str:
+    """Return the same tables in Markdown."""
+    return _written(document, markdown, "**{}**")
+
+
+def _written(document: Row, written: Written, heading: str) -> str:
+    parts = [
+        f"{heading.format(title)}\n\n{written(head, lines)}"
+        for title, head, lines in _tables(document)
+        if lines
+    ]
+    return "\n\n".join([*parts, _NOTE, _made_from(document)])
+
+
+def _tables(document: Row) -> Iterator[Table]:
+    yield _decisions(document["rows"], document["published"])
+    yield _false(document["absent"])
+    yield _marks(document["marks"])
+    yield _order(document["order"])
+    yield _recovery(document["recovery"])
+    yield _evidence(document["evidence"])
+
+
+def _decisions(rows: Sequence[Row], published: Sequence[Row]) -> Table:
+    """One line a cell, one column a method; the paper's figures beneath."""
+    methods = [m for m in METHODS if any(row["method"] == m for row in rows)]
+    cells: dict[tuple[str, str, float], dict[str, Row]] = {}
+    for row in rows:
+        cells.setdefault((row["kind"], row["coding"], row["length_s"]), {})[row["method"]] = row
+    lines = [
+        [kind, coding, f"{length_s:g} s", str(next(iter(of.values()))["present"])]
+        + [_decided(of[m]) if m in of else _NONE for m in methods]
+        for (kind, coding, length_s), of in cells.items()
+    ]
+    if set(methods) & set(PAPER_METRICS):
+        lines += [_as_published(p, methods) for p in published]
+    head = ("film", "coding", "clip", "trials", *methods)
+    return "TD/FD/ND with the true time in the reference", head, lines
+
+
+def _decided(row: Row) -> str:
+    broke = f" {row['broke']} broke" if row["broke"] else ""
+    return "/".join(f"{row[f'{o}_percent']:.0f}" for o in ("true", "false", "none")) + broke
+
+
+def _as_published(published: Row, methods: Sequence[str]) -> list[str]:
+    figures = dict(
+        zip(PAPER_METRICS, zip(published["true"], published["false"], strict=True), strict=True)
+    )
+    coding = "the paper's, coded" if published["coded"] else "the paper's originals"
+    return [published["kind"], coding, "", str(published["videos"])] + [
+        f"{figures[m][0]:.0f}/{figures[m][1]:.0f}/{100 - sum(figures[m]):.0f}"
+        if m in figures
+        else _NONE
+        for m in methods
+    ]
+
+
+def _false(rows: Sequence[Row]) -> Table:
+    lines = [
+        [_length(row["length_s"]), row["method"], str(row["absent"]), str(row["absent_false"]),
+         _percent(row["absent_false_percent"]), _percent(row["absent_bound_percent"])]
+        for row in rows
+    ]  # fmt: skip
+    head = ("clip", "method", "absent", "false", "rate", "bound")
+    return "False decisions with the true time absent, all films and codings", head, lines
+
+
+def _marks(rows: Sequence[Row]) -> Table:
+    said = {True: "yes", False: "no", None: _NONE}
+    lines = [
+        [row["mark"], _percent(row["percent"]), str(row["trials"]), _percent(row["found_percent"]),
+         said[row["reached"]]]
+        for row in rows
+    ]  # fmt: skip
+    return "Marks of the default method", ("mark", "limit", "trials", "found", "reached"), lines
+
+
+def _order(rows: Sequence[Row]) -> Table:
+    lines = [
+        [row["kind"], row["coded"], _length(row["length_s"]), str(row["trials"]),
+         *map(str, row["true"]), "/".join(map(str, row["false"])), "yes" if row["holds"] else "no"]
+        for row in rows
+    ]  # fmt: skip
+    head = ("film", "coding", "clip", "trials", *PAPER_METRICS, "false", "each ≥ those before")
+    held = sum(row["holds"] for row in rows)
+    return f"True decisions of Metrics 1 to 4: in order in {held} of {len(rows)} cells", head, lines
+
+
+def _recovery(rows: Sequence[Row]) -> Table:
+    lines = [
+        [row["coding"], _length(row["length_s"]), row["method"], str(row["trials"]),
+         _number(row["lag_rms_s"]), _number(row["lag_std_s"]), _share(row["lag_within"]),
+         _number(row["clock_rms_ppm"]), _number(row["clock_std_ppm"]), _share(row["clock_within"])]
+        for row in rows
+    ]  # fmt: skip
+    head = ("coding", "clip", "method", "true", "lag rms s", "said", "within 2 std",
+            "clock rms ppm", "said", "within 2 std")  # fmt: skip
+    return "Lag and clock error of the true decisions", head, lines
+
+
+def _evidence(rows: Sequence[Row]) -> Table:
+    lines = [
+        [row["method"], row["question"], _edge(row["from"]), _edge(row["to"]), str(row["trials"]),
+         str(row["right"]), _share(row["right"] / row["trials"])]
+        for row in rows
+    ]  # fmt: skip
+    head = ("method", "against", "log10 LR from", "to", "trials", "best is true", "share")
+    return "What a likelihood ratio was worth", head, lines
+
+
+def _made_from(document: Row) -> str:
+    seeds = document["seeds"]
+    told = [f"films: {document['films']}"]
+    if seeds:
+        told.append(f"seeds {seeds[0]} to {seeds[-1]}")
+        told.append(f"grid: {', '.join(document['grids'])}")
+        told.append("reference: " + ", ".join(f"{h:g} h" for h in document["references_h"]))
+        told.append("its noise: " + ", ".join(f"{n:g} mHz" for n in document["noise_mhz"]))
+    if len(document["versions"]) > 1:
+        told.append(f"made by {len(document['versions'])} versions of the program")
+    return "; ".join(told)
+
+
+def _length(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:g} s"
+
+
+def _edge(value: float | None) -> str:
+    return "" if value is None else f"{value:g}"
+
+
+def _number(value: float | None) -> str:
+    return _NONE if value is None else f"{value:.3g}"
+
+
+def _percent(value: float | None) -> str:
+    return _NONE if value is None else f"{value:.3g} %"
+
+
+def _share(value: float | None) -> str:
+    return _NONE if value is None else f"{100 * value:.0f} %"
