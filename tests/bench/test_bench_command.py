@@ -108,3 +108,37 @@ def test_table_only_needs_a_folder(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_the_verb_explains_itself() -> None:
     assert "Cramér–Rao" in (bench.__doc__ or "")
+
+
+TINY_FILMS = ["recording-time", "--sizes", "240p", "--codings", "lossless", "--clips", "2"]
+
+
+def test_recording_time_films_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    # Shorter than any piece: filmed, and nothing to try.
+    words = ["bench", *TINY_FILMS, "--duration-s", "2", "--out", str(tmp_path), "--jobs", "2"]
+    assert main([*words, "--film-only", "--grids", str(tmp_path)]) == 0
+    films = sorted((tmp_path / "films").iterdir())
+    assert [film.name.split("-")[0] for film in films] == ["moving", "still"]
+    assert main([*words, "--json", "--grids", str(tmp_path)]) == 0
+    said = capsys.readouterr()
+    assert "films to make: 0 of 2" in said.err
+    assert json.loads(said.out)["rows"] == []
+    assert sorted((tmp_path / "films").iterdir()) == films
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--film-only"], "--out"),
+        (["--frame-rates", "25"], "--frame-rates"),
+        (["--nominal-hz", "60"], "--nominal-hz"),
+        (["--sizes", "240p,480p"], "one in --sizes"),
+        (["--codings", "150"], "not a coding"),
+        (["--table-only"], "--out"),
+    ],
+)
+def test_what_recording_time_does_not_take(
+    words: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["bench", "recording-time", *words]) == 2
+    assert told in capsys.readouterr().err
