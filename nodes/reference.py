@@ -6,15 +6,16 @@ import sys
 
 from rsenf.config.graph import ReferenceNode
 from rsenf.messages import Header, Mark, ReferenceBlock
-from rsenf.reference import read_reference, reference_blocks
+from rsenf.reference import open_reference, reference_blocks
 from rsenf.run.node import NodeProcess, run_node
 
 
 def body(node: NodeProcess) -> None:
     """Publish the whole reference, then its END mark."""
     config: ReferenceNode = node.config
-    reference = read_reference(
+    reference = open_reference(
         config.input,
+        store=config.store,
         timezone=config.timezone,
         step_s=config.step_s,
         column=config.column,

@@ -24,6 +24,7 @@ VERBS = {
     "track": "print the ENF of a video, one value a second",
     "idle": "estimate a camera's idle period and read-out time, or compare two recordings'",
     "tables": "print the paper's idle tables and line figures, with its errata and a simulation",
+    "reference": "keep years of grid frequency in a store: import, list, info, export",
     "simulate": "film a lamp on a known grid with a simulated rolling-shutter camera",
     "bench": "measure every estimator on the same simulated clips",
     "run": "start the processes of a graph, show their state, stop them cleanly",

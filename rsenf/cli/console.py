@@ -21,10 +21,12 @@ REGIONS = "superpixel"
 
 
 @contextmanager
-def progress_bar(what: str, total_s: float | None) -> Iterator[Callable[[float], None]]:
-    """Show a bar on stderr, only on a terminal; yields a callable that takes seconds done."""
+def progress_bar(
+    what: str, total: float | None, unit: str = "s of video"
+) -> Iterator[Callable[[float], None]]:
+    """Show a bar on stderr, only on a terminal; yields a callable that takes how much is done."""
     if not sys.stderr.isatty():
-        yield lambda seconds: None
+        yield lambda done: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -32,12 +34,12 @@ def progress_bar(what: str, total_s: float | None) -> Iterator[Callable[[float],
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn("{task.completed:.0f} s of video"),
+        TextColumn(f"{{task.completed:.0f}} {unit}"),
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=total_s)
-        yield lambda seconds: bar.update(task, completed=seconds)
+        task = bar.add_task(what, total=total)
+        yield lambda done: bar.update(task, completed=done)
 
 
 def say(text: str) -> None:

@@ -120,11 +120,12 @@ class IdleNode(Strict):
 
 
 class ReferenceNode(Strict):
-    """Publishes a grid's frequency from a file."""
+    """Publishes a grid's frequency from a file, or from the store."""
 
     kind: Literal["reference"]
     grid: Name
-    input: str
+    input: str = Field(description="path, or store:GRID[@STEP][?from=TIME&to=TIME]")
+    store: str | None = Field(None, description="folder of the store; the user's when not given")
     timezone: str | None = None
     step_s: float | None = Field(None, gt=0)
     column: str | None = None

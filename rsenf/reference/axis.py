@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from rsenf.errors import ReferenceFormatError
 from rsenf.messages.schema import FloatArray, Int64Array, UInt32Array
+from rsenf.reference.notes import Notes
+from rsenf.reference.samples import gathered
 from rsenf.timebase import NS_PER_S, nanoseconds
 
-AGREE_HZ = 0.005  # duplicates further apart contradict each other
 OFF_GRID_RATIO = 0.02  # of the step: smaller deviations of a time stamp aren't worth a note
 MAX_SAMPLES = 200_000_000
 MAX_GAP_RATIO = 1000  # samples per value: beyond it a date is wrong, not missing
 _USUAL_STEPS_S = (0.02, 0.04, 0.05, 0.1, 0.2, 0.25, 0.5, 1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60)
+
+T = TypeVar("T", int, Int64Array)
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,51 +27,162 @@ class Axis:
     """Values on a uniform axis that starts at ``t0_ns``."""
 
     t0_ns: int
-    step_s: float
+    step_ns: int
     freq_hz: FloatArray
     readings: UInt32Array
     notes: list[str]
 
 
-def to_axis(t_ns: Int64Array, freq_hz: FloatArray, step_s: float | None, where: str) -> Axis:
-    """Sort stamped values onto a uniform axis.
+@dataclass(frozen=True)
+class Raster:
+    """Times that samples begin at: ``t0_ns``, and every ``step_ns`` before and after it."""
+
+    t0_ns: int
+    step_ns: int
+
+    def nearest(self, t_ns: Int64Array) -> Int64Array:
+        """Return the number of the sample that begins nearest to each time."""
+        return (t_ns - self.t0_ns + self.step_ns // 2) // self.step_ns
+
+    def time_ns(self, index: T) -> T:
+        """Return when samples begin."""
+        return index * self.step_ns + self.t0_ns
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Consecutive readings, in the order of the file.
+
+    ``t_ns`` (n,) is when their samples begin, about one of the raster's times each; ``freq_hz``
+    (n,) is NaN where there is no reading.
+    """
+
+    t_ns: Int64Array
+    freq_hz: FloatArray
+    raster: Raster
+
+
+class Placing:
+    """Puts time stamps on a raster, piece by piece, and counts what is irregular.
 
     Parameters
     ----------
-    t_ns : ndarray of int64, shape (n,)
-    freq_hz : ndarray of float, shape (n,)
-        NaN for no reading.
-    step_s : float, optional
-        Time between samples; the usual distance of the stamps when not given.
+    raster : Raster
+    where : str
+        Name of the file, for error messages.
+    """
+
+    def __init__(self, raster: Raster, where: str) -> None:
+        self.raster, self._where = raster, where
+        self.values = self._off = self._off_most_ns = 0
+        self._last_ns = np.iinfo(np.int64).min
+        self._disorder = False
+        self.first, self.last = np.iinfo(np.int64).max, np.iinfo(np.int64).min
+
+    def place(self, t_ns: Int64Array) -> Int64Array:
+        """Return the number of each stamp's sample."""
+        index = self.raster.nearest(t_ns)
+        off_ns = np.abs(t_ns - self.raster.t0_ns - index * self.raster.step_ns)
+        self._off += int((off_ns > OFF_GRID_RATIO * self.raster.step_ns).sum())
+        self._off_most_ns = max(self._off_most_ns, int(off_ns.max()))
+        self._disorder |= bool(t_ns[0] < self._last_ns or np.any(np.diff(t_ns) < 0))
+        self._last_ns = t_ns[-1]
+        self.values += t_ns.size
+        self.first, self.last = min(self.first, int(index.min())), max(self.last, int(index.max()))
+        return index
+
+    @property
+    def total(self) -> int:
+        """Samples from the first to the last."""
+        return self.last - self.first + 1
+
+    def check(self) -> None:
+        """Refuse stamps that span more than any recording does.
+
+        Raises
+        ------
+        ReferenceFormatError
+        """
+        if self.total > MAX_GAP_RATIO * max(self.values, 1000):
+            days = self.total * self.raster.step_ns / NS_PER_S / 86400
+            raise ReferenceFormatError(
+                f"{self._where}: {self.values} values span {days:.0f} days",
+                "look for a wrong date",
+            )
+
+    def note(self, notes: Notes) -> None:
+        """Say what was irregular."""
+        if self._disorder:
+            notes.say("rows not in the order of time: sorted")
+        if self._off:
+            notes.count(
+                f"time stamps off the {self.raster.step_ns / NS_PER_S:g} s grid by up to "
+                f"{self._off_most_ns / NS_PER_S:.3g} s, taken for the nearest sample",
+                self._off,
+            )
+
+
+def to_axis(pieces: Iterable[Piece], where: str) -> Axis:
+    """Sort stamped values onto a uniform axis, the raster of the first piece.
+
+    Parameters
+    ----------
+    pieces : iterable of Piece
     where : str
         Name of the file, for error messages.
 
     Raises
     ------
     ReferenceFormatError
-        When no step can be told, or the stamps span more than any recording does.
+        When the stamps span more than any recording does, or more than memory should hold.
     """
-    notes = []
-    if np.any(np.diff(t_ns) < 0):
-        notes.append("rows not in the order of time: sorted")
-        order = np.argsort(t_ns, kind="stable")
-        t_ns, freq_hz = t_ns[order], freq_hz[order]
-    step_ns = nanoseconds(step_s) if step_s is not None else _usual_step_ns(t_ns, where)
-    index, t0_ns, off_ns = _nearest_samples(t_ns, step_ns)
-    total = int(index[-1]) + 1
-    if total > MAX_SAMPLES or total > MAX_GAP_RATIO * max(t_ns.size, 1000):
+    placing: Placing | None = None
+    index, freq = [], []
+    for piece in pieces:
+        placing = placing or Placing(piece.raster, where)
+        placed, ok = placing.place(piece.t_ns), np.isfinite(piece.freq_hz)
+        index.append(placed[ok])
+        freq.append(piece.freq_hz[ok])
+    if placing is None:
+        raise ReferenceFormatError(f"{where} holds no values")
+    placing.check()
+    if placing.total > MAX_SAMPLES:
         raise ReferenceFormatError(
-            f"{where}: {t_ns.size} values span {total * step_ns / NS_PER_S / 86400:.0f} days",
-            "look for a wrong date",
+            f"{where}: {placing.total} samples are too many to hold at once",
+            "import it, and use store:GRID in its place: rsenf reference import --help",
         )
-    off = np.abs(off_ns) > OFF_GRID_RATIO * step_ns
-    if off.any():
-        notes.append(
-            f"time stamps off the {step_ns / NS_PER_S:g} s grid by up to "
-            f"{np.abs(off_ns).max() / NS_PER_S:.3g} s, taken for the nearest sample: {off.sum()}"
-        )
-    freq, readings, more = _merge(index, freq_hz, total)
-    return Axis(int(t0_ns), step_ns / NS_PER_S, freq, readings, notes + more)
+    samples = gathered(np.concatenate(index), np.concatenate(freq))
+    notes = Notes()
+    placing.note(notes)
+    samples.note(notes)
+    raster = placing.raster
+    freq_hz, readings = samples.dense(placing.first, placing.total)
+    t0_ns = raster.time_ns(placing.first)
+    return Axis(t0_ns, raster.step_ns, freq_hz, readings, notes.lines)
+
+
+def find_raster(t_ns: Int64Array, step_s: float | None, where: str) -> Raster:
+    """Tell the step between samples and where they begin from some of their stamps.
+
+    They begin at the first stamp, moved by the median distance, should that one be off the
+    raster that the others are on.
+
+    Raises
+    ------
+    ReferenceFormatError
+        When all stamps are the same, and no step is given.
+    """
+    t_ns = np.sort(t_ns)
+    raster = Raster(
+        int(t_ns[0]), nanoseconds(step_s) if step_s is not None else _usual_step_ns(t_ns, where)
+    )
+    for _ in range(2):
+        off_ns = t_ns - raster.t0_ns - raster.nearest(t_ns) * raster.step_ns
+        shift_ns = int(np.median(off_ns))
+        if abs(shift_ns) <= OFF_GRID_RATIO * raster.step_ns:
+            break
+        raster = Raster(raster.t0_ns + shift_ns, raster.step_ns)
+    return raster
 
 
 def _usual_step_ns(t_ns: Int64Array, where: str) -> int:
@@ -79,47 +195,3 @@ def _usual_step_ns(t_ns: Int64Array, where: str) -> int:
     step_s = float(np.median(steps)) / NS_PER_S
     near = min(_USUAL_STEPS_S, key=lambda usual: abs(usual - step_s))
     return nanoseconds(near if abs(near - step_s) < 0.02 * near else round(step_s, 3)) or 1
-
-
-def _nearest_samples(t_ns: Int64Array, step_ns: int) -> tuple[Int64Array, int, Int64Array]:
-    """Return each stamp's sample, the axis' start, and each stamp's distance from its sample.
-
-    The start is the first stamp, moved by the median distance, should that one be off the grid
-    that the others are on.
-    """
-    t0_ns = int(t_ns[0])
-    for _ in range(2):
-        index = (t_ns - t0_ns + step_ns // 2) // step_ns
-        off_ns = t_ns - t0_ns - index * step_ns
-        shift = int(np.median(off_ns))
-        if abs(shift) <= OFF_GRID_RATIO * step_ns:
-            break
-        t0_ns += shift
-    t0_ns += int(index[0]) * step_ns
-    return index - index[0], t0_ns, off_ns
-
-
-def _merge(
-    index: Int64Array, freq_hz: FloatArray, total: int
-) -> tuple[FloatArray, UInt32Array, list[str]]:
-    """Average the readings of each sample where they agree."""
-    ok = np.isfinite(freq_hz)
-    index, values = index[ok], freq_hz[ok]
-    freq, readings = np.full(total, np.nan), np.zeros(total, np.uint32)
-    starts = np.flatnonzero(np.diff(index, prepend=-1))
-    if not starts.size:
-        return freq, readings, []
-    sample, count = index[starts], np.diff(starts, append=index.size)
-    spread = np.maximum.reduceat(values, starts) - np.minimum.reduceat(values, starts)
-    mean = np.where(count > 1, np.add.reduceat(values, starts) / count, values[starts])
-    freq[sample] = np.where(spread <= AGREE_HZ, mean, np.nan)
-    readings[sample] = count
-    notes = []
-    if np.any(count > 1):
-        notes.append(f"samples with more than one reading, averaged: {(count > 1).sum()}")
-    if np.any(spread > AGREE_HZ):
-        notes.append(
-            f"samples whose readings disagree by more than {AGREE_HZ * 1e3:g} mHz, "
-            f"taken as gaps: {(spread > AGREE_HZ).sum()}"
-        )
-    return freq, readings, notes

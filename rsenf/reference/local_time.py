@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.messages.schema import Int64Array
+from rsenf.reference.notes import Notes
 from rsenf.timebase import NS_PER_S
 
 BoolArray = NDArray[np.bool_]
@@ -19,7 +20,7 @@ QUARTER_NS = 900 * NS_PER_S
 _EPOCH = datetime(1970, 1, 1)
 
 
-def to_utc(local_ns: Int64Array, timezone: str) -> tuple[Int64Array, BoolArray, list[str]]:
+def to_utc(local_ns: Int64Array, timezone: str, notes: Notes) -> tuple[Int64Array, BoolArray]:
     """Convert local times, in the order in which they were written down.
 
     An hour that comes twice is told apart by that order: the first pass up to the jump back, the
@@ -31,43 +32,66 @@ def to_utc(local_ns: Int64Array, timezone: str) -> tuple[Int64Array, BoolArray, 
         Wall-clock time as if it were UTC since 1970.
     timezone : str
         IANA name.
+    notes : Notes
+        Told how many times could not be converted.
 
     Returns
     -------
     utc_ns : ndarray of int64, shape (n,)
     known : ndarray of bool, shape (n,)
         False for times that don't exist, or that could be either of two.
-    notes : list of str
 
     Raises
     ------
     UsageError
         For an unknown time zone.
     """
-    zone = _zone(timezone)
-    quarters, index = np.unique(local_ns // QUARTER_NS, return_inverse=True)
-    offsets = np.array([_offsets_s(int(q), zone) for q in quarters], np.int64)
-    early, late = offsets[index, 0], offsets[index, 1]
+    early, late = _offsets_at(local_ns, timezone)
     # In the hour that is skipped the offset of before is the smaller one, in one that is
     # repeated it is the larger (PEP 495).
     missing, twice = early < late, early > late
     second, undecided = _second_pass(local_ns, twice)
     offset_s = np.where(second, late, early)
-    notes = []
-    if missing.any():
-        notes.append(f"times that don't exist in {timezone}, left out: {missing.sum()}")
-    if undecided.any():
-        notes.append(f"times that come twice in {timezone}, left out: {undecided.sum()}")
-    return local_ns - offset_s * NS_PER_S, ~missing & ~undecided, notes
+    notes.count(f"times that don't exist in {timezone}, left out", missing.sum())
+    notes.count(f"times that come twice in {timezone}, left out", undecided.sum())
+    return local_ns - offset_s * NS_PER_S, ~missing & ~undecided
 
 
-def _zone(name: str) -> ZoneInfo:
+def settled(local_ns: Int64Array, timezone: str) -> int:
+    """How many of these times can be converted, whatever follows them.
+
+    A repeated hour is told apart by where it ends: one that is still open waits, together with
+    the time before it.
+    """
+    early, late = _offsets_at(local_ns, timezone)
+    once = np.flatnonzero(early <= late)
+    if once.size and once[-1] == local_ns.size - 1:
+        return local_ns.size
+    return int(once[-1]) if once.size else 0
+
+
+def zone_of(name: str) -> ZoneInfo:
+    """Look up a time zone.
+
+    Raises
+    ------
+    UsageError
+        For an unknown one.
+    """
     try:
         return ZoneInfo(name)
     except (ZoneInfoNotFoundError, ValueError, OSError):
         raise UsageError(
             f"no time zone {name!r}", "give an IANA name such as Europe/Berlin or UTC"
         ) from None
+
+
+def _offsets_at(local_ns: Int64Array, timezone: str) -> tuple[Int64Array, Int64Array]:
+    """Offsets in seconds east for the first and the second time that each time comes."""
+    zone = zone_of(timezone)
+    quarters, index = np.unique(local_ns // QUARTER_NS, return_inverse=True)
+    offsets = np.array([_offsets_s(int(q), zone) for q in quarters], np.int64).reshape(-1, 2)
+    return offsets[index, 0], offsets[index, 1]
 
 
 def _offsets_s(quarter: int, zone: ZoneInfo) -> tuple[int, int]:

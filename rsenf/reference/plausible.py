@@ -6,6 +6,7 @@ import numpy as np
 
 from rsenf.errors import ReferenceFormatError
 from rsenf.messages.schema import FloatArray
+from rsenf.reference.notes import Notes
 
 NOMINALS_HZ = (50.0, 60.0)
 NEAR_HZ = 1.5  # no grid strays further from its nominal frequency and stays connected
@@ -62,10 +63,8 @@ def _cure(typical: float, spread: float) -> str:
     return "is it the right column? See --column"
 
 
-def without_outliers(freq_hz: FloatArray, nominal_hz: float) -> tuple[FloatArray, list[str]]:
+def without_outliers(freq_hz: FloatArray, nominal_hz: float, notes: Notes) -> FloatArray:
     """Turn what can't be a grid's frequency into gaps, and say how many there were."""
     out = np.isfinite(freq_hz) & (np.abs(np.nan_to_num(freq_hz, nan=0.0) - nominal_hz) > NEAR_HZ)
-    if not out.any():
-        return freq_hz, []
-    note = f"values over {NEAR_HZ:g} Hz from {nominal_hz:g} Hz, taken as gaps: {out.sum()}"
-    return np.where(out, np.nan, freq_hz), [note]
+    notes.count(f"values over {NEAR_HZ:g} Hz from {nominal_hz:g} Hz, taken as gaps", out.sum())
+    return np.where(out, np.nan, freq_hz)

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rsenf.messages import Header, ReferenceBlock
 from rsenf.messages.schema import FloatArray, UInt32Array
 from rsenf.timebase import NS_PER_S, nanoseconds
+
+if TYPE_CHECKING:
+    from rsenf.reference.store import StoredReference
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,13 +98,13 @@ class Reference:
 
 
 def reference_blocks(
-    reference: Reference, *, source: str, run_id: str = "", block: int = 3600
+    reference: Reference | StoredReference, *, source: str, run_id: str = "", block: int = 3600
 ) -> Iterator[ReferenceBlock]:
     """Cut a reference into messages.
 
     Parameters
     ----------
-    reference : Reference
+    reference : Reference or StoredReference
     source : str
         ``reference/<grid>``.
     run_id : str

@@ -17,7 +17,19 @@ from rsenf.cli import VERBS, main
 from tests.hidden_clip import HiddenClip
 
 Rsenf = Callable[..., subprocess.CompletedProcess[str]]
-HEAVY = ("numpy", "scipy", "av", "zenoh", "cv2", "matplotlib", "pydantic", "yaml", "rich", "mcap")
+HEAVY = (
+    "numpy",
+    "scipy",
+    "av",
+    "zenoh",
+    "cv2",
+    "matplotlib",
+    "pydantic",
+    "yaml",
+    "rich",
+    "mcap",
+    "pyarrow",
+)
 # SGR sequences that choose a colour, rather than bold or plain.
 COLOUR = re.compile(r"\x1b\[[0-9;]*\b(3[0-8]|4[0-8]|9[0-7]|10[0-7])[0-9;]*m")
 

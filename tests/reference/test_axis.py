@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsenf.errors import ReferenceFormatError
-from rsenf.reference.axis import to_axis
+from rsenf.reference.axis import Piece, find_raster, to_axis
 from tests.reference.reference_files import T0_NS, read_rows, read_stamped, stamps, values
 
 S = 10**9
@@ -27,7 +27,8 @@ def test_axis_is_what_a_dictionary_of_seconds_holds(seed, n, keep):
     freq = 50 + np.round(0.004 * rng.random(seconds.size), 4)
     freq[rng.random(seconds.size) < 0.1] += 0.02
     freq[rng.random(seconds.size) < 0.1] = np.nan
-    axis = to_axis(T0_NS + seconds * S + jitter_ns, freq, 1.0, "x")
+    t_ns = T0_NS + seconds * S + jitter_ns
+    axis = to_axis([Piece(t_ns, freq, find_raster(t_ns, 1.0, "x"))], "x")
 
     held: dict[int, list[float]] = {}
     for second, value in zip(seconds, freq, strict=True):

@@ -6,10 +6,12 @@ from datetime import datetime, timedelta
 from zoneinfo import ZoneInfo
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from rsenf.errors import UsageError
-from rsenf.reference.times import read_times
+from rsenf.reference.notes import Notes
+from rsenf.reference.times import TimeReader
 from tests.reference.reference_files import T0_NS, read_stamped, stamps, values
 
 BERLIN = ZoneInfo("Europe/Berlin")
@@ -110,7 +112,7 @@ def test_every_second_of_a_year_of_changes_agrees_with_the_standard_library():
     utc = datetime.fromisoformat("2022-01-01 00:00:00+00:00")
     moments = [utc + timedelta(minutes=10 * i) for i in range(6 * 24 * 365)]
     cells = [m.astimezone(zone).strftime("%Y-%m-%d %H:%M:%S") for m in moments]
-    times = read_times(cells, "x", "Australia/Lord_Howe")
+    times = TimeReader("x", "Australia/Lord_Howe", Notes()).read(pa.array(cells))
     assert times.ok.all()
     expected = utc_ns("2022-01-01") + 600_000_000_000 * np.arange(len(cells))
     np.testing.assert_array_equal(times.t_ns, expected)

@@ -1,0 +1,134 @@
+"""The two columns that matter, whatever file they come from, and cells to numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rsenf.errors import ReferenceFormatError
+from rsenf.messages.schema import FloatArray
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+FREQUENCY_NAMES = (
+    "frequency",
+    "hz",
+    "f",
+    "freq",
+    "frequency_hz",
+    "freq_hz",
+    "f_hz",
+    "enf",
+    "enf_hz",
+    "value",
+)
+TIME_NAMES = (
+    "timestamp",
+    "datetime",
+    "date_time",
+    "time",
+    "utc",
+    "time_utc",
+    "utc_time",
+    "date",
+    "t",
+    "t_s",
+    "time_s",
+    "seconds",
+    "unix",
+    "epoch",
+)
+ACCEPTED = (
+    "a column named frequency, Hz or f (see --column), a time column, separated by , ; or tab; "
+    "or values alone with --step-s"
+)
+_UNIT = re.compile(r"\s*[\[(].*?[\])]\s*")
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Consecutive cells of the frequency column, and of the time column where there is one.
+
+    Both are Arrow arrays of one length: text, numbers or, of times, Arrow's own time stamps.
+    """
+
+    frequency: pa.Array
+    time: pa.Array | None
+
+    def __add__(self, other: Columns) -> Columns:
+        """Join two parts of one file."""
+        import pyarrow as pa
+
+        return Columns(
+            pa.concat_arrays([self.frequency, other.frequency]),
+            None if self.time is None else pa.concat_arrays([self.time, other.time]),
+        )
+
+    def split(self, rows: int) -> tuple[Columns, Columns]:
+        """Return the first rows, and the others."""
+        first = Columns(self.frequency[:rows], self.time and self.time[:rows])
+        return first, Columns(self.frequency[rows:], self.time and self.time[rows:])
+
+
+def find_columns(
+    header: Sequence[str], where: str, column: str | None
+) -> tuple[int, int | None, int | None]:
+    """Tell by their names which columns hold the frequency, the time, and a date apart.
+
+    Parameters
+    ----------
+    header : sequence of str
+    where : str
+        Name of the file, for error messages.
+    column : str, optional
+        Name of the frequency column; looked for among the usual names when not given.
+
+    Raises
+    ------
+    ReferenceFormatError
+        When there is no such frequency column.
+    """
+    names = [_plain(name) for name in header]
+    wanted = FREQUENCY_NAMES if column is None else (_plain(column),)
+    frequency = _first_of(wanted, names)
+    if frequency is None:
+        asked = "no frequency column" if column is None else f"no column {column!r}"
+        found = ", ".join(name.strip() for name in header)
+        raise ReferenceFormatError(
+            f"{asked} in {where}; its columns are: {found}", f"expected {ACCEPTED}"
+        )
+    others = [name if i != frequency else "" for i, name in enumerate(names)]
+    time, date = _first_of(TIME_NAMES, others), _first_of(("date",), others)
+    return frequency, time, date if date != time else None
+
+
+def numbers(cells: pa.Array) -> FloatArray:
+    """Return cells as numbers, with a decimal point or comma; NaN for what isn't one."""
+    import pyarrow as pa
+
+    try:
+        values = cells.cast(pa.float64(), safe=False)
+    except pa.ArrowInvalid:
+        return np.array([number(cell) for cell in cells.to_pylist()], np.float64)
+    return np.asarray(values.to_numpy(zero_copy_only=False), np.float64)
+
+
+def number(cell: str | None) -> float:
+    """Return one cell as a number; NaN when it isn't one."""
+    try:
+        return float((cell or "").replace(",", "."))
+    except ValueError:
+        return float("nan")
+
+
+def _plain(name: str) -> str:
+    return _UNIT.sub("", name.strip().lower()).replace(" ", "_")
+
+
+def _first_of(wanted: Sequence[str], names: list[str]) -> int | None:
+    return next((names.index(name) for name in wanted if name in names), None)

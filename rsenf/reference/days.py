@@ -1,0 +1,115 @@
+"""Days of a grid's frequency in a NumPy archive, a row for each."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.errors import ReferenceFormatError
+from rsenf.messages.schema import FloatArray, Int64Array
+from rsenf.reference.local_time import to_utc
+from rsenf.reference.notes import Notes
+from rsenf.timebase import nanoseconds
+
+DAY_S = 86400
+
+
+@dataclass(frozen=True, eq=False)
+class Days:
+    """Days of values: ``freq_hz`` (days, samples), ``starts_ns`` (days,).
+
+    ``dated`` tells starts that are UTC since 1970 from a single one that is unknown.
+    """
+
+    starts_ns: Int64Array
+    step_s: float
+    freq_hz: FloatArray
+    dated: bool
+
+    def each(self) -> Iterator[tuple[Int64Array, FloatArray]]:
+        """Yield the times and the values of each day."""
+        t_ns = np.arange(self.freq_hz.shape[1]) * nanoseconds(self.step_s)
+        for start_ns, freq_hz in zip(self.starts_ns, self.freq_hz, strict=True):
+            yield start_ns + t_ns, freq_hz
+
+
+def read_days(path: Path, timezone: str | None, step_s: float | None, notes: Notes) -> Days:
+    """Read an archive.
+
+    Parameters
+    ----------
+    path : Path
+        ``frequency`` (days, samples) in Hz with ``day`` (days,), an ISO date for each; or
+        ``frequency`` (samples,) alone. ``step_s`` is in it too, or given.
+    timezone : str, optional
+        IANA name of the zone in which the days begin at midnight; UTC when not given.
+    step_s : float, optional
+    notes : Notes
+
+    Raises
+    ------
+    ReferenceFormatError
+        When it isn't such an archive.
+    """
+    held = _load(path)
+    if "frequency" not in held:
+        raise ReferenceFormatError(
+            f"no frequency in {path.name}; it holds: {', '.join(held) or 'nothing'}",
+            "expected frequency, with day (ISO dates) and step_s",
+        )
+    freq = np.atleast_2d(np.asarray(held["frequency"], np.float64))
+    step_s = step_s or (float(held["step_s"]) if "step_s" in held else None)
+    if step_s is None:
+        raise ReferenceFormatError(
+            f"{path.name} has no step_s", "give the time between values with --step-s"
+        )
+    if "day" not in held:
+        if freq.shape[0] > 1:
+            raise ReferenceFormatError(
+                f"{path.name} holds {freq.shape[0]} rows and no names of their days",
+                "add day, one ISO date for each",
+            )
+        return Days(np.zeros(1, np.int64), step_s, freq, False)
+    if freq.shape[1] * step_s > DAY_S:
+        raise ReferenceFormatError(
+            f"{path.name}: {freq.shape[1]} values at {step_s:g} s are more than a day",
+            "is the step right?",
+        )
+    starts_ns, known = _midnights(held["day"], freq.shape[0], path.name, timezone, notes)
+    return Days(starts_ns[known], step_s, freq[known], True)
+
+
+def _load(path: Path) -> dict[str, NDArray[Any]]:
+    try:
+        with np.load(path, allow_pickle=False) as held:
+            return {name: held[name] for name in held.files}
+    except (ValueError, OSError, zipfile.BadZipFile, EOFError):
+        raise ReferenceFormatError(
+            f"{path.name} is no NumPy archive that can be read", "fetch or copy it again"
+        ) from None
+
+
+def _midnights(
+    names: NDArray[Any], days: int, where: str, timezone: str | None, notes: Notes
+) -> tuple[Int64Array, NDArray[np.bool_]]:
+    """Return when the days begin, and which of them begin once and for certain."""
+    try:
+        local = np.atleast_1d(names).astype("datetime64[ns]")
+    except ValueError:
+        local = np.array([], "datetime64[ns]")
+    if local.size != days or np.isnat(local).any():
+        raise ReferenceFormatError(
+            f"{where}: day names no dates, or not the {days} days of frequency",
+            "one ISO date for each row",
+        )
+    notes.say(f"days taken to begin at midnight {timezone or 'UTC'}")
+    local_ns = local.astype(np.int64)
+    if timezone is None:
+        return local_ns, np.ones(days, np.bool_)
+    return to_utc(local_ns, timezone, notes)

@@ -1,0 +1,123 @@
+"""Readings gathered by the sample they belong to: one rule for duplicates, wherever they meet.
+
+A sample keeps how many readings it has, their sum, and the least and the greatest of them. Two sets
+of samples merge into the same, in whichever order and however often they are cut: what a file says
+twice and what two files say of one time are one and the same case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.messages.schema import FloatArray, Int64Array, UInt32Array
+from rsenf.reference.notes import Notes
+
+AGREE_HZ = 0.005  # readings further apart contradict each other
+_ROUNDING_HZ = 1e-9  # so that 49.995 and 50.000 are 5 mHz apart, as they are on paper
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples that have a reading, in the order of time.
+
+    ``index`` (n,) increases; ``total``, ``low`` and ``high`` (n,) are the readings' sum, least and
+    greatest, in units of ``unit_hz``; ``readings`` (n,) says how many there are.
+    """
+
+    index: Int64Array
+    total: NDArray[Any]
+    readings: UInt32Array
+    low: NDArray[Any]
+    high: NDArray[Any]
+    unit_hz: float = 1.0
+
+    def __len__(self) -> int:
+        return self.index.size
+
+    @property
+    def repeated(self) -> NDArray[np.bool_]:
+        """Which samples have more than one reading."""
+        return self.readings > 1
+
+    @property
+    def agree(self) -> NDArray[np.bool_]:
+        """Which samples' readings agree; the others are no better than gaps."""
+        if self.high is self.low:  # one reading each
+            return np.ones(len(self), np.bool_)
+        apart_hz: FloatArray = (self.high - self.low) * self.unit_hz
+        return apart_hz <= AGREE_HZ + _ROUNDING_HZ
+
+    @property
+    def mean(self) -> FloatArray:
+        """Mean reading of each sample, one reading to the last bit."""
+        return self.total / self.readings
+
+    def part(self, chosen: Any) -> Samples:
+        """Return some of the samples, by a slice, a mask or in an order."""
+        return Samples(
+            self.index[chosen],
+            self.total[chosen],
+            self.readings[chosen],
+            self.low[chosen],
+            self.high[chosen],
+            self.unit_hz,
+        )
+
+    def dense(self, first: int, total: int) -> tuple[FloatArray, UInt32Array]:
+        """Return mean, NaN in gaps, and readings of ``total`` samples from the ``first`` on."""
+        freq, readings = np.full(total, np.nan), np.zeros(total, np.uint32)
+        if not len(self):
+            return freq, readings
+        a, b = int(self.index[0]), int(self.index[-1]) + 1
+        place = slice(a - first, b - first) if b - a == len(self) else self.index - first
+        freq[place] = np.where(self.agree, self.mean, np.nan)
+        readings[place] = self.readings
+        return freq, readings
+
+    def note(self, notes: Notes) -> None:
+        """Say how many have several readings, and how many of these contradict each other."""
+        notes.count("samples with more than one reading, averaged", self.repeated.sum())
+        notes.count(
+            f"samples whose readings disagree by more than {AGREE_HZ * 1e3:g} mHz, taken as gaps",
+            (~self.agree).sum(),
+        )
+
+
+def gathered(index: Int64Array, values: NDArray[Any], unit_hz: float = 1.0) -> Samples:
+    """Gather readings, given the sample that each belongs to."""
+    ones = np.ones(index.size, np.uint32)
+    return merged([Samples(index, values, ones, values, values, unit_hz)])
+
+
+def merged(parts: Sequence[Samples]) -> Samples:
+    """Merge samples, at least one part: those of one index become one."""
+    s = parts[0] if len(parts) == 1 else _joined(parts)
+    if np.any(np.diff(s.index) < 0):
+        s = s.part(np.argsort(s.index, kind="stable"))
+    starts = np.flatnonzero(np.diff(s.index, prepend=s.index[:1] - 1))
+    if starts.size == len(s):
+        return s
+    return Samples(
+        s.index[starts],
+        np.add.reduceat(s.total, starts),
+        np.add.reduceat(s.readings, starts),
+        np.minimum.reduceat(s.low, starts),
+        np.maximum.reduceat(s.high, starts),
+        s.unit_hz,
+    )
+
+
+def _joined(parts: Sequence[Samples]) -> Samples:
+    return Samples(
+        np.concatenate([p.index for p in parts]),
+        np.concatenate([p.total for p in parts]),
+        np.concatenate([p.readings for p in parts]),
+        np.concatenate([p.low for p in parts]),
+        np.concatenate([p.high for p in parts]),
+        parts[0].unit_hz,
+    )

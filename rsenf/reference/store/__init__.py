@@ -1,0 +1,38 @@
+"""The store: months and years of several grids, on disk, in UTC, read in slices.
+
+::
+
+    STORE/ce/1s/3f9a60c2d1e47b58.parquet      grid, step, and the hash of the file that was imported
+    STORE/ce/0.1s/…
+
+Each import is a file of its own and never changes: what was read, how, and out of which file. Where
+imports overlap they are merged as they are read, by the rule for duplicates within a file. So
+importing a file again changes nothing, an import that is killed leaves the store as it was, and to
+take an import back is to remove its file.
+"""
+
+from __future__ import annotations
+
+from rsenf.reference.store.bring_in import Imported, import_file
+from rsenf.reference.store.export import export
+from rsenf.reference.store.facts import Facts, coverage, facts
+from rsenf.reference.store.folder import Series, all_series, default_store, find_series
+from rsenf.reference.store.sample_file import SampleFile
+from rsenf.reference.store.stored import StoredReference, open_grid, stored_reference
+
+__all__ = [
+    "Facts",
+    "Imported",
+    "SampleFile",
+    "Series",
+    "StoredReference",
+    "all_series",
+    "coverage",
+    "default_store",
+    "export",
+    "facts",
+    "find_series",
+    "import_file",
+    "open_grid",
+    "stored_reference",
+]

@@ -1,0 +1,186 @@
+"""Bring a file into the store: read in pieces, kept as a file of its own, whole or not at all."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager, suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+from rsenf import __version__
+from rsenf.errors import ReferenceFormatError, UsageError
+from rsenf.reference.axis import OFF_GRID_RATIO, Piece, Placing, Raster
+from rsenf.reference.options import ReadOptions
+from rsenf.reference.read import file_sha256
+from rsenf.reference.readings import Readings
+from rsenf.reference.samples import Samples, gathered
+from rsenf.reference.store.folder import all_series, checked_name, series_folder
+from rsenf.reference.store.record import Record
+from rsenf.reference.store.sample_file import UNIT_HZ, UNITS_PER_HZ, SampleFile
+from rsenf.reference.store.writer import SampleWriter
+from rsenf.timebase import NS_PER_S
+from rsenf.whole_file import whole_file
+
+MAX_OFF_RATIO = 0.25  # of the step: that far times may be moved to those of the series
+NAME_DIGITS = 16  # of the file's hash
+_LEFT_OVER = re.compile(r"\..*\.(\d+)\.part\.parquet")
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What an import came to; ``new`` is False when the store had that file already."""
+
+    record: Record
+    path: Path
+    new: bool
+
+
+def import_file(
+    store: Path,
+    path: Path,
+    grid: str,
+    options: ReadOptions,
+    *,
+    imported_utc: str,
+    progress: Callable[[float], None] = lambda rows: None,
+) -> Imported:
+    """Import a reference file.
+
+    Parameters
+    ----------
+    store : Path
+        Folder of the store; made when it isn't there.
+    path : Path
+        Any file that :func:`rsenf.reference.read_reference` reads.
+    grid : str
+        Name of the grid that it is of.
+    options : ReadOptions
+    imported_utc : str
+        Today, for the record.
+    progress : callable, optional
+        Called with the rows read so far.
+
+    Raises
+    ------
+    UsageError
+        When the store has that file, read otherwise; or it doesn't fit what the store has.
+    ReferenceFormatError
+        When it can't be read as a reference, or has no dates.
+    RecordingError
+        When the store can't be written.
+    """
+    if store.exists() and not store.is_dir():
+        raise UsageError(f"the store {store} is no folder", "name one with --store DIR")
+    sha256 = file_sha256(path)
+    checked_name(grid)
+    if there := _already(store, path, grid, sha256, options):
+        return there
+    readings = Readings(path, options)
+    pieces = iter(readings)
+    first = next(pieces, None)
+    if first is None or not readings.dated:
+        raise ReferenceFormatError(
+            f"{path.name} tells no dates, and the store is in UTC",
+            "give the start of its first sample with --start",
+        )
+    placing = Placing(_raster(store, grid, readings.nominal_hz, first, path.name), path.name)
+    raster = placing.raster
+    target = series_folder(store, grid, raster.step_ns) / f"{sha256[:NAME_DIGITS]}.parquet"
+    with _folder_of(target) as part, closing(SampleWriter(part, raster)) as writer:
+        for piece in itertools.chain([first], pieces):
+            writer.add(_samples(piece, placing, readings.nominal_hz))
+            progress(placing.values)
+        writer.flush()
+        placing.check()
+        placing.note(readings.notes)
+        record = Record(
+            grid=grid,
+            nominal_hz=readings.nominal_hz,
+            step_ns=raster.step_ns,
+            phase_ns=raster.t0_ns,
+            name=path.name,
+            sha256=sha256,
+            size_bytes=path.stat().st_size,
+            options=asdict(options),
+            imported_utc=imported_utc,
+            rsenf=__version__,
+            rows=placing.values,
+            samples=writer.samples,
+            notes=(*readings.notes.lines, *writer.notes.lines),
+        )
+        writer.finish(record)
+    return Imported(record, target, True)
+
+
+def _already(
+    store: Path, path: Path, grid: str, sha256: str, options: ReadOptions
+) -> Imported | None:
+    """Find an earlier import of the same file."""
+    for there in sorted((store / grid).glob(f"*/{sha256[:NAME_DIGITS]}.parquet")):
+        record = SampleFile(there).record
+        if record.options != asdict(options):
+            raise UsageError(
+                f"{path.name} is in {grid} already, read with other options",
+                f"to read it anew, remove {there}",
+            )
+        return Imported(record, there, False)
+    return None
+
+
+def _raster(store: Path, grid: str, nominal_hz: float, first: Piece, where: str) -> Raster:
+    """When samples begin: as the series' do already, or as those of its first file."""
+    beside = all_series(store, grid)
+    other = next((s for s in beside if s.nominal_hz != nominal_hz), None)
+    if other:
+        raise UsageError(
+            f"{where} is of a {nominal_hz:g} Hz grid, {grid} of one of {other.nominal_hz:g} Hz",
+            "import it under another name: --grid",
+        )
+    raster = first.raster
+    step_ns, phase_ns = raster.step_ns, raster.t0_ns % raster.step_ns
+    series = next((s for s in beside if s.raster.step_ns == step_ns), None)
+    if series is None:
+        near = min(phase_ns, step_ns - phase_ns) <= OFF_GRID_RATIO * step_ns
+        return Raster(0 if near else phase_ns, step_ns)
+    off_ns = (phase_ns - series.raster.t0_ns + step_ns // 2) % step_ns - step_ns // 2
+    if abs(off_ns) > MAX_OFF_RATIO * step_ns:
+        raise UsageError(
+            f"{where}: samples begin {off_ns / NS_PER_S:+g} s off those of {series.name}",
+            "was --stamp the same? If so, import it under another name: --grid",
+        )
+    return series.raster
+
+
+def _samples(piece: Piece, placing: Placing, nominal_hz: float) -> Samples:
+    """Gather readings, as whole microhertz off the nominal frequency."""
+    index, ok = placing.place(piece.t_ns), np.isfinite(piece.freq_hz)
+    units = np.rint((piece.freq_hz[ok] - nominal_hz) * UNITS_PER_HZ).astype(np.int64)
+    return gathered(index[ok], units, UNIT_HZ)
+
+
+@contextmanager
+def _folder_of(target: Path) -> Iterator[Path]:
+    """Give a temporary file to write; leave no folder behind that has nothing in it."""
+    folder = target.parent
+    try:
+        with whole_file(target) as part:
+            folder.mkdir(parents=True, exist_ok=True)
+            _remove_left_overs(folder)
+            yield part
+    finally:
+        with suppress(OSError):  # not empty: as it should be
+            folder.rmdir()
+            folder.parent.rmdir()
+
+
+def _remove_left_overs(folder: Path) -> None:
+    """Remove what imports that were killed had begun."""
+    for path in folder.glob(".*.part.parquet"):
+        number = _LEFT_OVER.fullmatch(path.name)
+        if number and not psutil.pid_exists(int(number[1])):
+            path.unlink(missing_ok=True)

@@ -1,0 +1,185 @@
+"""What the store holds, and where: series of one grid at one step, made of imports."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from rsenf.errors import ReferenceFormatError, UsageError
+from rsenf.reference.axis import Raster
+from rsenf.reference.moments import utc_text
+from rsenf.reference.samples import Samples, merged
+from rsenf.reference.store.sample_file import BLOCK, Group, SampleFile
+from rsenf.timebase import NS_PER_S
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Imports of one grid at one step, as one series of samples numbered from 1970.
+
+    Raises
+    ------
+    ReferenceFormatError
+        When the files don't belong together.
+    """
+
+    files: tuple[SampleFile, ...]
+
+    def __post_init__(self) -> None:
+        one = self.files[0].record
+        for file in self.files[1:]:
+            r = file.record
+            if (r.nominal_hz, r.raster) != (one.nominal_hz, one.raster):
+                raise ReferenceFormatError(
+                    f"{file.path} is of another series than {self.files[0].path.name} beside it",
+                    "remove one of them",
+                )
+
+    @property
+    def grid(self) -> str:
+        """Name of the grid."""
+        return self.files[0].record.grid
+
+    @property
+    def nominal_hz(self) -> float:
+        """50 or 60."""
+        return self.files[0].record.nominal_hz
+
+    @property
+    def raster(self) -> Raster:
+        """When samples begin."""
+        return self.files[0].record.raster
+
+    @property
+    def step_s(self) -> float:
+        """Time between samples."""
+        return self.raster.step_ns / NS_PER_S
+
+    @property
+    def name(self) -> str:
+        """Grid and step, as they are asked for."""
+        return f"{self.grid}@{self.step_s:g}"
+
+    @cached_property
+    def groups(self) -> dict[int, list[Group]]:
+        """Row groups by the block that they are of, in the order of time."""
+        found: dict[int, list[Group]] = {}
+        for file in self.files:
+            for group in file.groups:
+                found.setdefault(group.first // BLOCK, []).append(group)
+        return dict(sorted(found.items()))
+
+    @property
+    def first(self) -> int:
+        """Number of the first sample."""
+        return min(g.first for groups in self.groups.values() for g in groups)
+
+    @property
+    def last(self) -> int:
+        """Number of the last sample."""
+        return max(g.last for groups in self.groups.values() for g in groups)
+
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """When the first sample begins and the last one ends, UTC since 1970."""
+        return self.raster.time_ns(self.first), self.raster.time_ns(self.last + 1)
+
+    def block(self, number: int) -> Samples:
+        """Read one of the blocks that :attr:`groups` has."""
+        parts = [group.read() for group in self.groups[number]]
+        return merged(parts) if len(parts) > 1 else parts[0]
+
+    def __str__(self) -> str:
+        start, end = map(utc_text, self.span_ns)
+        return f"{self.name}, {start} to {end}"
+
+
+def default_store() -> Path:
+    """Folder of the store when none is named: ``$RSENF_STORE``, or where the user's data goes."""
+    if named := os.environ.get("RSENF_STORE"):
+        return Path(named)
+    if sys.platform == "darwin":
+        data = Path.home() / "Library" / "Application Support"
+    elif sys.platform == "win32":
+        data = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    else:
+        data = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share")
+    return data / "rsenf" / "store"
+
+
+def series_folder(store: Path, grid: str, step_ns: int) -> Path:
+    """Where the imports of a grid at a step are."""
+    return store / grid / f"{step_ns / NS_PER_S:g}s"
+
+
+def checked_name(grid: str) -> str:
+    """Return the name of a grid.
+
+    Raises
+    ------
+    UsageError
+        When it can't be that of a folder.
+    """
+    if not _NAME.fullmatch(grid):
+        raise UsageError(
+            f"{grid!r} is no name for a grid", "1 to 64 letters, digits, '-', '_' and '.'"
+        )
+    return grid
+
+
+def all_series(store: Path, grid: str = "*") -> list[Series]:
+    """Open everything there is of a grid, or of all of them, by name and from fine to coarse."""
+    folders = sorted({path.parent for path in store.glob(f"{grid}/*/*.parquet")})
+    found = [series for folder in folders if (series := open_series(folder))]
+    return sorted(found, key=lambda s: (s.grid, s.raster.step_ns))
+
+
+def open_series(folder: Path) -> Series | None:
+    """Open the imports in a folder; None without any."""
+    files = tuple(SampleFile(path) for path in _imports(folder))
+    return Series(files) if files else None
+
+
+def find_series(store: Path, name: str) -> list[Series]:
+    """Open ``GRID@STEP``, or all steps of ``GRID`` from the finest on; at least one.
+
+    Raises
+    ------
+    UsageError
+        When there is none; says what there is.
+    """
+    grid, _, step = name.partition("@")
+    step_s = _seconds(step, name) if step else None
+    found = all_series(store, checked_name(grid))
+    if not found:
+        grids = sorted({s.grid for s in all_series(store)})
+        there = f"there are {', '.join(grids)}" if grids else "it is empty"
+        raise UsageError(
+            f"no grid {grid!r} in the store {store}: {there}", "rsenf reference import adds one"
+        )
+    chosen = [s for s in found if step_s in (None, s.step_s)]
+    if not chosen:
+        steps = ", ".join(s.name for s in found)
+        raise UsageError(f"no {name} in the store {store}", f"there is {steps}")
+    return chosen
+
+
+def _seconds(step: str, name: str) -> float:
+    try:
+        return float(step.removesuffix("s"))
+    except ValueError:
+        raise UsageError(
+            f"{name!r}: {step!r} is no step in seconds", "e.g. ce@1 or ce@0.1"
+        ) from None
+
+
+def _imports(folder: Path) -> Iterator[Path]:
+    """Finished imports; an unfinished one begins with a dot."""
+    return (p for p in sorted(folder.glob("*.parquet")) if not p.name.startswith("."))

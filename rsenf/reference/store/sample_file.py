@@ -1,0 +1,136 @@
+"""One import as a Parquet file.
+
+Each row is a sample that has a reading: when it begins, the sum of its readings' deviations from
+the nominal frequency in whole microhertz, how many they are, and, where there are several, the
+least and the greatest of them. Gaps have no rows. A row group holds samples of one block of the
+axis, so that a slice is read without the rest; blocks may come in any order, and more than once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from rsenf.errors import ReferenceFormatError
+from rsenf.reference.samples import Samples
+from rsenf.reference.store.record import record_in
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+UNIT_HZ = 1e-6
+UNITS_PER_HZ = 1_000_000
+BLOCK = 1 << 18  # samples: three days at 1 s
+
+
+class Group(NamedTuple):
+    """A row group: samples of one block, ``first`` to ``last``, with ``rows`` of them there."""
+
+    file: SampleFile
+    number: int
+    first: int
+    last: int
+    rows: int
+
+    def read(self) -> Samples:
+        """Read the samples."""
+        return self.file.read(self.number)
+
+
+class SampleFile:
+    """An import in the store, open for reading.
+
+    Raises
+    ------
+    ReferenceFormatError
+        When it is damaged.
+    SchemaMismatch
+        When it is of another version.
+    """
+
+    def __init__(self, path: Path) -> None:
+        from pyarrow import parquet
+
+        self.path = path
+        with _legible(path):
+            self._metadata = parquet.read_metadata(path)
+            self.record = record_in(self._metadata.metadata, path)
+
+    @cached_property
+    def groups(self) -> list[Group]:
+        """All row groups."""
+        return [self._group(n) for n in range(self._metadata.num_row_groups)]
+
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """When the first sample begins and the last one ends, UTC since 1970."""
+        first = min(group.first for group in self.groups)
+        last = max(group.last for group in self.groups)
+        raster = self.record.raster
+        return raster.time_ns(first), raster.time_ns(last + 1)
+
+    def _group(self, number: int) -> Group:
+        group = self._metadata.row_group(number)
+        times = group.column(0).statistics
+        raster = self.record.raster
+        first, last = ((t - raster.t0_ns) // raster.step_ns for t in (times.min_raw, times.max_raw))
+        return Group(self, number, first, last, group.num_rows)
+
+    def read(self, number: int) -> Samples:
+        """Read a row group."""
+        from pyarrow import parquet
+
+        with _legible(self.path), parquet.ParquetFile(self.path, metadata=self._metadata) as file:
+            rows = file.read_row_group(number, use_threads=False)
+        raster = self.record.raster
+        t_ns = rows["time"].to_numpy().astype(np.int64)
+        total = rows["sum_uhz"].to_numpy()
+        return Samples(
+            (t_ns - raster.t0_ns) // raster.step_ns,
+            total,
+            rows["readings"].to_numpy(),
+            _or_total(rows["low_uhz"], total),
+            _or_total(rows["high_uhz"], total),
+            UNIT_HZ,
+        )
+
+
+def schema() -> pa.Schema:
+    """Return the columns of a file."""
+    import pyarrow as pa
+
+    return pa.schema(
+        [
+            pa.field("time", pa.timestamp("ns", "UTC"), nullable=False),
+            pa.field("sum_uhz", pa.int64(), nullable=False),
+            pa.field("readings", pa.uint32(), nullable=False),
+            pa.field("low_uhz", pa.int32()),
+            pa.field("high_uhz", pa.int32()),
+        ]
+    )
+
+
+def _or_total(column: pa.ChunkedArray, total: Any) -> Any:
+    """Return least or greatest readings; where a sample has one only, they aren't written."""
+    if column.null_count == len(column):
+        return total
+    values = column.to_numpy()
+    return np.where(np.isnan(values), total, values).astype(np.int64)
+
+
+@contextmanager
+def _legible(path: Path) -> Iterator[None]:
+    import pyarrow as pa
+
+    try:
+        yield
+    except (pa.ArrowException, OSError) as exc:
+        reason = str(exc).splitlines()[0].rstrip(". ")
+        raise ReferenceFormatError(
+            f"{path} can't be read: {reason}", "remove it, and import its original again"
+        ) from None

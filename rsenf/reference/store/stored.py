@@ -1,0 +1,129 @@
+"""A series of the store as a reference: what isn't asked for isn't read."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from rsenf.errors import UsageError
+from rsenf.messages.schema import Int64Array
+from rsenf.reference.moments import utc_text
+from rsenf.reference.store.folder import Series, find_series
+from rsenf.reference.store.lazy import Blocks, StoredSamples
+from rsenf.reference.store.record import Record
+from rsenf.timebase import nanoseconds
+
+
+@dataclass(frozen=True, eq=False)
+class StoredReference:
+    """What :class:`rsenf.reference.Reference` is for a file; ``freq_hz`` and ``readings`` are lazy.
+
+    ``measured`` (k, 2) are the stretches, first sample and one past the last, in which there is
+    anything at all; between them are long holes. ``imports`` are the files it was made from.
+    """
+
+    grid: str
+    nominal_hz: float
+    t0_ns: int
+    step_s: float
+    freq_hz: StoredSamples[np.float64]
+    readings: StoredSamples[np.uint32]
+    measured: Int64Array
+    imports: tuple[Record, ...]
+    notes: tuple[str, ...]
+    sha256: str
+    name: str
+
+    @property
+    def duration_s(self) -> float:
+        """From the first sample's start to the last one's end."""
+        return self.freq_hz.size * self.step_s
+
+    @property
+    def end_ns(self) -> int:
+        """End of the last sample, UTC since 1970."""
+        return self.t0_ns + nanoseconds(self.duration_s)
+
+
+def stored_reference(
+    series: Series, from_ns: int | None = None, to_ns: int | None = None
+) -> StoredReference:
+    """Open a series, or what it has of a span of time.
+
+    Parameters
+    ----------
+    series : Series
+    from_ns, to_ns : int, optional
+        UTC since 1970; samples that begin at or after the one and before the other.
+
+    Raises
+    ------
+    UsageError
+        When it has nothing there.
+    """
+    raster = series.raster
+    low = series.first if from_ns is None else -((raster.t0_ns - from_ns) // raster.step_ns)
+    high = series.last if to_ns is None else -((raster.t0_ns - to_ns) // raster.step_ns) - 1
+    first, last = max(low, series.first), min(high, series.last)
+    spans = [
+        (max(g.first, first), min(g.last, last) + 1)
+        for groups in series.groups.values()
+        for g in groups
+        if g.first <= last and g.last >= first
+    ]
+    if not spans:
+        raise UsageError(f"the store has nothing of {series.grid} then", f"it has {series}")
+    first, last = min(a for a, _ in spans), max(b for _, b in spans) - 1
+    size = last - first + 1
+    t0_ns, end_ns = raster.time_ns(first), raster.time_ns(last + 1)
+    blocks = Blocks(series)
+    hashes = sorted(f.record.sha256 for f in series.files)
+    return StoredReference(
+        grid=series.grid,
+        nominal_hz=series.nominal_hz,
+        t0_ns=t0_ns,
+        step_s=series.step_s,
+        freq_hz=StoredSamples(blocks, first, size, which=0, gap=np.float64(np.nan)),
+        readings=StoredSamples(blocks, first, size, which=1, gap=np.uint32(0)),
+        measured=_joined(spans) - first,
+        imports=tuple(f.record for f in series.files),
+        notes=(
+            f"from the store: {series.name}, {utc_text(t0_ns)} to {utc_text(end_ns)}, "
+            f"imports: {len(series.files)}",
+        ),
+        sha256=hashlib.sha256("\n".join(hashes).encode()).hexdigest(),
+        name=f"store:{series.name}",
+    )
+
+
+def open_grid(
+    store: Path, name: str, from_ns: int | None = None, to_ns: int | None = None
+) -> StoredReference:
+    """Open ``GRID@STEP``, or the finest step of ``GRID``, or what it has of a span of time.
+
+    Raises
+    ------
+    UsageError
+        When there is no such grid, or nothing then.
+    """
+    series, *others = find_series(store, name)
+    reference = stored_reference(series, from_ns, to_ns)
+    if not others:
+        return reference
+    also = ", ".join(s.name for s in others)
+    line = f"took the finest step of {series.grid}; there is also {also}"
+    return replace(reference, notes=(*reference.notes, line))
+
+
+def _joined(spans: list[tuple[int, int]]) -> Int64Array:
+    """Unite spans that overlap or touch."""
+    joined: list[list[int]] = []
+    for a, b in sorted(spans):
+        if joined and a <= joined[-1][1]:
+            joined[-1][1] = max(joined[-1][1], b)
+        else:
+            joined.append([a, b])
+    return np.array(joined, np.int64)
