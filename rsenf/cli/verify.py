@@ -30,9 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
     parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
-    parser.add_argument(
-        "--reference", required=True, metavar="REF", help="CSV, or WAV of the mains"
-    )
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("--reference", metavar="REF", help="CSV, or WAV of the mains")
+    what.add_argument("--against", metavar="OTHER", help="another recording: made together?")
     parser.add_argument(
         "--start", metavar="TIME", help="claimed start, ISO 8601 (UTC unless it says)"
     )
@@ -56,6 +56,10 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.reference import read_reference
     from rsenf.report.verdict import verdict_json, verdict_words
 
+    if args.against:
+        from rsenf.cli import verify_against
+
+        return verify_against.run(args)
     claimed_ns = _claimed_ns(args.start)
     _check_picture(args.picture)
     made_utc = begin_report(args.report) if args.report else ""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,17 +78,22 @@ class PhaseScorer:
     ) -> None:
         self.clip, self.generic, self.grid, self.settings = clip, generic, grid, settings
         self.least = max(WORTHWHILE, settings.min_overlap * clip.size)
+        self._errors = rougher(ERRORS, settings.reference_noise_hz)
+        self._quick = rougher(QUICK, settings.reference_noise_hz)
 
     def scores(
         self,
         lag_s: FloatArray,
-        errors: Sequence[Errors] = ERRORS,
         among: NDArray[np.bool_] | None = None,
+        *,
+        quick: bool = False,
     ) -> FloatArray:
         """Log-likelihood over any grid's, shape (c,); minus infinity with too few phases.
 
-        Of the phases ``among`` (n, c), where given; the way to any other counts for nothing.
+        Of the phases ``among`` (n, c), where given; the way to any other counts for nothing. A
+        quick one tries few sizes of the errors.
         """
+        errors = self._quick if quick else self._errors
         found, own = self._run(lag_s, errors, among)
         log_likelihood = np.logaddexp.reduce(self._by_clock(found, errors), axis=(0, 1))
         score = np.where(found.count >= self.least, log_likelihood - own, -np.inf)
@@ -96,8 +101,8 @@ class PhaseScorer:
 
     def clock(self, lag_s: float) -> Clock:
         """Weigh the offsets at one lag."""
-        found, _ = self._run(np.array([lag_s]), ERRORS)
-        by_clock = self._by_clock(found, ERRORS)[:, :, 0]
+        found, _ = self._run(np.array([lag_s]), self._errors)
+        by_clock = self._by_clock(found, self._errors)[:, :, 0]
         weight = np.exp(by_clock - np.logaddexp.reduce(by_clock, axis=None))
         tell = found.rr[:, :1] + 1.0 / self._clock_var()[None, :]
         mean, var = found.vr[:, :1] / tell, 1.0 / tell
@@ -136,6 +141,11 @@ class PhaseScorer:
         """Variance of the ENF's offset under each size of clock error (Hz²)."""
         scale = self.settings.clock_scale_ppm * 1e-6 * self.grid.nominal_hz
         return np.array([(size * scale) ** 2 for _, size in CLOCKS])
+
+
+def rougher(errors: Sequence[Errors], noise_hz: float) -> tuple[Errors, ...]:
+    """Return the errors with more noise of the reference."""
+    return tuple(replace(e, reference_hz=math.hypot(e.reference_hz, noise_hz)) for e in errors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +198,7 @@ def _rough(number: int, scorer: PhaseScorer, lag_s: FloatArray) -> list[Place]:
     if not lag_s.size:
         return []
     at = (lag_s[:, None] + np.array(QUICK_SHIFTS_S)).ravel()
-    score = scorer.scores(at, QUICK).reshape(lag_s.size, -1)
+    score = scorer.scores(at, quick=True).reshape(lag_s.size, -1)
     best = score.argmax(axis=1)
     return [
         Place(number, float(at[i * len(QUICK_SHIFTS_S) + b]), 0.5, float(score[i, b]))
@@ -205,8 +215,8 @@ def refined(scorer: PhaseScorer, place: Place) -> Place:
         score = scorer.scores(at)
         top = int(np.clip(score.argmax(), 1, at.size - 2))
         before, here, after = score[top - 1 : top + 2]
-        bend = 2 * here - before - after
-        peaked = np.isfinite(bend) and bend > 0
+        peaked = np.isfinite([before, here, after]).all() and before + after < 2 * here
+        bend = 2 * here - before - after if peaked else 0.0
         shift = float(np.clip((after - before) / (2 * bend), -1, 1)) if peaked else 0.0
         height = here + (after - before) * shift / 4 if peaked else here
         lag_s = float(at[top] + shift * std_s)

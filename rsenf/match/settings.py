@@ -27,6 +27,8 @@ class MatchSettings:
     reference_std_hz : float
         How far an honest reference may be from the grid at the lamp. Two recordings of one grid
         differ by 0.05 to 1.2 mHz in the measured data.
+    reference_noise_hz : float
+        Standard error of each second of the reference, where it is known to be a rough one.
     clock_scale_ppm : float
         Scale of the Student distribution (3 degrees of freedom) of cameras' clock errors. Most are
         within 30 ppm; one real camera is at 70.
@@ -48,6 +50,7 @@ class MatchSettings:
     min_overlap: float = 0.5
     smoothing: str = "auto"
     reference_std_hz: float = 1e-3
+    reference_noise_hz: float = 0.0
     clock_scale_ppm: float = 35.0
     max_chance: float = 0.01
     min_log10_lr: float = 2.0
