@@ -7,6 +7,7 @@ from collections.abc import Callable
 from rsenf.errors import UsageError
 from rsenf.stage import Stage
 from rsenf.track.frame_mean import FrameMeanTracker
+from rsenf.track.paper import PaperTracker
 from rsenf.track.phase import PhaseTracker
 from rsenf.track.projection import ProjectionTracker
 from rsenf.track.row_concat import RowConcatTracker
@@ -21,6 +22,7 @@ METHODS: dict[str, Callable[[TrackSettings], Stage]] = {
     "row_concat": RowConcatTracker,
     "superpixel": SuperpixelTracker,
     "phase": PhaseTracker,
+    "paper": PaperTracker,
 }
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from rsenf.errors import UsageError
+from rsenf.track.interpolate import INTERPOLATIONS
 
 
 @dataclass(frozen=True)
@@ -13,7 +14,8 @@ class TrackSettings:
     """Settings of the ENF methods.
 
     ``projection`` follows all harmonics and lines at once and chooses its window by itself: those
-    from ``harmonic`` to ``search_hz`` are of the methods with a fixed window.
+    from ``harmonic`` to ``search_hz`` are of the methods with a fixed window. ``paper`` has such a
+    window but tries all lines.
 
     Parameters
     ----------
@@ -34,6 +36,9 @@ class TrackSettings:
         alone exceeds 40 in about one window of 10^13 per line.
     max_std_hz : float
         Standard error above which an estimate is of no use.
+    interpolation : str
+        What ``paper`` fills the idle period with: a name of
+        :data:`rsenf.track.interpolate.INTERPOLATIONS`.
     """
 
     # Read by whoever validates a configuration file: a misspelt key is an error.
@@ -48,6 +53,7 @@ class TrackSettings:
     search_hz: float = 0.5
     min_snr: float = 40.0
     max_std_hz: float = 0.02
+    interpolation: str = "neighbour_mean"
 
     def __post_init__(self) -> None:
         if self.nominal_hz not in (None, 50.0, 60.0):
@@ -56,3 +62,7 @@ class TrackSettings:
             raise UsageError(f"harmonic {self.harmonic}: 1, 2 or 3")
         if not 0 < self.hop_s <= self.window_s:
             raise UsageError(f"hop of {self.hop_s} s with a window of {self.window_s} s")
+        if self.interpolation not in INTERPOLATIONS:
+            raise UsageError(
+                f"no interpolation {self.interpolation!r}", f"one of {', '.join(INTERPOLATIONS)}"
+            )

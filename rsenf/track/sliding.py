@@ -134,25 +134,28 @@ class SlidingTracker(ABC):
             reached_s = buffer.last_t_s + (1.5 / rate_hz if final and rate_hz > 0 else 0.0)
             if reached_s < end_s:
                 return out
-            out.append(self._estimate(Window(buffer, start_s, end_s, rate_hz)))
+            out += self._estimates(Window(buffer, start_s, end_s, rate_hz))
             self._hops += 1
             buffer.forget_before(start_s + s.hop_s)
 
-    def _estimate(self, window: Window) -> EnfEstimate:
+    def _estimates(self, window: Window) -> list[EnfEstimate]:
         """Judge a window that has its frames; say so when it hasn't."""
+        blank, reason = self._blank(window), self._what_lacks(window)
+        found = dataclasses.replace(blank, reason=reason) if reason else self._judge(window, blank)
+        return [found]
+
+    def _what_lacks(self, window: Window) -> str:
+        """Say why a window can't be judged; empty when it can."""
         part, rate_hz = window.part, window.frame_rate_hz
-        blank = self._blank(window)
         usable_ratio = window.buffer.usable_ratio(part)
         # Frames that are there, of those that the rate lets one expect.
         length_s = window.end_s - window.start_s
         fill = (part.stop - part.start) / (rate_hz * length_s) if rate_hz > 0 else 0.0
         if fill < MIN_FILL_RATIO:
-            return dataclasses.replace(blank, reason=f"only {fill:.0%} of the frames are there")
+            return f"only {fill:.0%} of the frames are there"
         if usable_ratio < MIN_FILL_RATIO:
-            return dataclasses.replace(
-                blank, reason=f"rows usable in only {usable_ratio:.0%} of the frames"
-            )
-        return self._judge(window, blank)
+            return f"rows usable in only {usable_ratio:.0%} of the frames"
+        return ""
 
     def _blank(self, window: Window) -> EnfEstimate:
         """Return what is known of a window before anything is found in it."""

@@ -1,0 +1,144 @@
+"""The paper's time-of-recording procedure, up to its comparison: an ENF for every hypothesis.
+
+Section V of the paper: for every line and every idle ratio of 0, 5, … 95 % the missing rows are
+interpolated, the rows of all frames are concatenated with them, and a sliding STFT (20 s windows, a
+value a second, quadratic interpolation of the peak) reads the ENF at the line. Which hypothesis is
+right isn't asked: the matchers ``metric1`` to ``metric4`` compare all of them with the reference.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.errors import UsageError
+from rsenf.flicker.lines import alias_hz
+from rsenf.messages import EnfEstimate, RowBlock
+from rsenf.track.paper_hypotheses import Hypothesis, hypotheses
+from rsenf.track.paper_spectrum import Complex, Peaks, SlidingSpectrum, peaks
+from rsenf.track.paper_templates import PaperTemplates
+from rsenf.track.settings import TrackSettings
+from rsenf.track.sliding import Window, decibels
+from rsenf.track.stft import DRIFT_MARGIN, SMEAR_STD_HZ, StftTracker
+from rsenf.track.window import LineFit
+
+
+class PaperTracker(StftTracker):
+    """One estimate for each hypothesis and window, ``rank`` 1, 2, … in a fixed order, and rank 0.
+
+    A hypothesis claims nothing, so its value may be used wherever the window has its frames. Rank
+    0, which comes last of a window, is the tracker's own claim: the hypothesis that has stood out
+    most from the noise so far, judged as the sliding STFT is. (Not one at ``2·f_0``: where that is
+    a line of the first harmonic too, which of the two was seen isn't known.) Without a nominal
+    frequency both grids' hypotheses are published.
+
+    Raises
+    ------
+    UsageError
+        When the settings name a line or harmonic, or a window that isn't a whole number of hops.
+    """
+
+    name = "paper"
+
+    def __init__(self, settings: TrackSettings | None = None) -> None:
+        super().__init__(settings)
+        s = self.settings
+        if s.line_m is not None or s.harmonic != 1:
+            raise UsageError(
+                f"{self.name} tries every line, so none can be asked for",
+                "leave line and harmonic out, or take another method",
+            )
+        hops = s.window_s / s.hop_s
+        if abs(hops - round(hops)) > 1e-9:
+            raise UsageError(
+                f"a window of {s.window_s:g} s isn't a whole number of hops of {s.hop_s:g} s"
+            )
+        self._hypotheses: tuple[Hypothesis, ...] = ()
+        self._spectra: list[SlidingSpectrum] = []
+        self._sent = 0
+        # How far each hypothesis has stood out so far, in dB, summed over the windows.
+        self._standing_db: NDArray[np.float64] = np.zeros(0)
+
+    def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
+        s = self.settings
+        nominals = (s.nominal_hz,) if s.nominal_hz else (50.0, 60.0)
+        if first.rows > 1:
+            self._hypotheses = tuple(
+                h for n in nominals for h in hypotheses(n, frame_rate_hz, self._finder.search_hz)
+            )
+        harmonic = np.array([h.line.harmonic for h in self._hypotheses])
+        self._standing_db = np.where(harmonic == 1, 0.0, -np.inf)
+        self._templates = PaperTemplates(
+            self._hypotheses, frame_rate_hz, first.rows, s.interpolation
+        )
+        carriers = np.array([h.line.carrier_hz for h in self._hypotheses])
+        for line in {h.line.carrier_hz: h.line for h in self._hypotheses}.values():
+            columns = np.flatnonzero(carriers == line.carrier_hz)
+            search_hz = 2.0 * s.search_hz * line.harmonic
+            self._spectra.append(
+                SlidingSpectrum(line.carrier_hz, columns, s.window_s, s.hop_s, search_hz)
+            )
+        return len(self._hypotheses)
+
+    def _reduce(self, block: RowBlock) -> Complex:
+        return self._templates.reduce(block)
+
+    def _estimates(self, window: Window) -> list[EnfEstimate]:
+        # Asked for even when of no use: the spectra take every hop in its turn.
+        spectra = [one.of_window(window.buffer, self._hops) for one in self._spectra]
+        blank, reason = self._blank(window), self._what_lacks(window)
+        if not self._hypotheses:
+            reason = reason or "one mean per frame: no rows to interpolate between"
+        out = [dataclasses.replace(blank, reason=reason)]
+        if not reason:
+            out = self._judge_all(blank, spectra)
+        first, self._sent = self._sent, self._sent + len(out)
+        return [
+            dataclasses.replace(e, header=e.header.numbered(first + i)) for i, e in enumerate(out)
+        ]
+
+    def _judge_all(self, blank: EnfEstimate, spectra: list[Complex]) -> list[EnfEstimate]:
+        """Return the estimates of all hypotheses, and then the tracker's own."""
+        rate_hz = blank.frame_rate_hz
+        found = Peaks(*(np.zeros(len(self._hypotheses), dtype) for dtype in "ddddd?"))
+        for one, spectrum in zip(self._spectra, spectra, strict=True):
+            part = peaks(spectrum, one, alias_hz(one.carrier_hz, rate_hz))
+            for whole, values in zip(found, part, strict=True):
+                whole[one.columns] = values
+        out = [_fill_in(blank, h, found, i, rank=i + 1) for i, h in enumerate(self._hypotheses)]
+        margin = [
+            DRIFT_MARGIN if self._near_zero(h.line, rate_hz) else 1.0 for h in self._hypotheses
+        ]
+        self._standing_db += 10.0 * np.log10(np.maximum(found.snr, 1e-30) / margin)
+        best = int(np.argmax(self._standing_db))
+        fit = LineFit(
+            self._hypotheses[best].line, found.tone(best), 0.0, 0.0, float(found.one_sided[best])
+        )
+        reason = self._why_unusable(fit, rate_hz)
+        if reason:
+            return [*out, dataclasses.replace(blank, snr_db=out[best].snr_db, reason=reason)]
+        return [*out, dataclasses.replace(out[best], rank=0)]
+
+
+def _fill_in(
+    blank: EnfEstimate, hypothesis: Hypothesis, found: Peaks, i: int, rank: int
+) -> EnfEstimate:
+    line = hypothesis.line
+    scale = 2.0 * line.harmonic
+    snr = float(found.snr[i])
+    return dataclasses.replace(
+        blank,
+        rank=rank,
+        nominal_hz=line.nominal_hz,
+        harmonic=line.harmonic,
+        line_m=line.m,
+        line_hz=abs(line.line_hz(blank.frame_rate_hz)),
+        idle_ratio=hypothesis.idle_ratio,
+        enf_hz=line.nominal_hz + float(found.offset_hz[i]) / scale,
+        enf_var_hz2=float(found.offset_var_hz2[i]) / scale**2 + SMEAR_STD_HZ**2,
+        snr_db=decibels(snr),
+        usable=snr > 0.0,
+        reason="" if snr > 0.0 else "nothing at this line",
+    )
