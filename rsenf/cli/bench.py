@@ -52,8 +52,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--jobs", type=count, default=2, metavar="N", help="processes (2)")
     parser.add_argument(
-        "--film-only", action="store_true", help="recording-time: make the films, and no trials yet"
-    )
+        "--only", choices=("films", "trials"),
+        help="recording-time: make the films and try nothing yet; or try those that are there",
+    )  # fmt: skip
     parser.add_argument(
         "--fit", type=Path, metavar="FILE.json", help="calibration: make a new one, into a file"
     )

@@ -38,9 +38,9 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.errors import EXIT_DONE, EXIT_FAILED, UsageError
 
     plan = plan_of(args)
-    if args.film_only and not args.out:
-        raise UsageError("--film-only without --out", "name the folder of the films")
-    if args.film_only:
+    if args.only and not args.out:
+        raise UsageError("--only without --out", "name the folder of the films")
+    if args.only == "films":
         _film(args, plan, args.out)
         return EXIT_DONE
     if args.out:
@@ -99,6 +99,7 @@ def _film(args: argparse.Namespace, plan: RecordingPlan, folder: Path) -> None:
 
 
 def _records(args: argparse.Namespace, plan: RecordingPlan, folder: Path) -> list[Record]:
+    from rsenf.bench.recording_time.films import has_film
     from rsenf.bench.recording_time.references import NOISE_HZ
     from rsenf.bench.recording_time.session import cuts_of
     from rsenf.bench.recording_time.trials import run_trials
@@ -110,13 +111,15 @@ def _records(args: argparse.Namespace, plan: RecordingPlan, folder: Path) -> lis
     out = folder / _TRIALS
     if args.table_only:
         return list(read_records(out).values())
-    _film(args, plan, folder)
-    cuts = cuts_of(plan.films(), NOISE_HZ)
+    if args.only != "trials":
+        _film(args, plan, folder)
+    made = [film for film in plan.films() if has_film(folder / _FILMS, film)]
+    cuts = cuts_of(made, NOISE_HZ)
     with progress_bar("trying", sum(c.film.duration_s for c in cuts)) as bar:
 
         def progress(done: int, missing: int) -> None:
             if not done:
-                say(f"cuts to try: {missing} of {len(cuts)}")
+                say(f"cuts to try: {missing} of {len(cuts)}, of {len(made)} films")
             bar((len(cuts) - missing + done) * plan.duration_s)
 
         work = partial(run_trials, films=folder / _FILMS, grids=grids_of(args))
