@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.bench.recording_time.cuts import Cuts, pieces_of
-from rsenf.bench.recording_time.plan import Film
+from rsenf.bench.recording_time.cuts import pieces_of
 from rsenf.messages import Header, RowBlock
 from rsenf.rows.luminance import blocks_from_luminance
 
@@ -46,5 +45,3 @@ def test_a_piece_counts_from_its_own_first_frame() -> None:
 
 def test_what_is_left_over_is_not_a_piece() -> None:
     assert len(list(pieces_of(rows(130.0), 60.0))) == 2
-    film = Film("still", 0, "led", 0, duration_s=130.0)
-    assert Cuts(film, "50k", 60.0, ("ncc",), 0.0).pieces == 2

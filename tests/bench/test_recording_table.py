@@ -73,17 +73,22 @@ def metrics(*true: int) -> list[dict[str, Any]]:
     ("true", "holds"), [((1, 2, 2, 5), True), ((1, 2, 3, 2), False), ((2, 1, 3, 3), False)]
 )
 def test_the_metrics_order_is_checked(true: tuple[int, ...], holds: bool) -> None:
-    (row,) = tabulate([record(metrics(*true))])["order"]
+    row, pooled = tabulate([record(metrics(*true))])["order"]
+    assert pooled == row | {"length_s": "all"}
     assert row["true"] == list(true)
     assert row["trials"] == 5
     assert row["holds"] is holds
-    assert f"in {int(holds)} of 1 cells" in text(tabulate([record(metrics(*true))]))
+    assert f"in {2 * int(holds)} of 2 cells" in text(tabulate([record(metrics(*true))]))
 
 
 def test_compressed_films_are_one_cell_of_the_order() -> None:
     records = [record(metrics(1, 1, 1, 1), coding=c) for c in ("150k", "50k", "lossless")]
     rows = tabulate(records)["order"]
-    assert {(row["coded"], row["trials"]) for row in rows} == {("compressed", 10), ("lossless", 5)}
+    found = {(row["coded"], row["length_s"], row["trials"]) for row in rows}
+    assert found == {
+        ("compressed", 60.0, 10), ("compressed", "all", 10),
+        ("lossless", 60.0, 5), ("lossless", "all", 5),
+    }  # fmt: skip
 
 
 def test_marks_are_reached_or_not_or_not_known() -> None:

@@ -42,11 +42,6 @@ class Cuts:
         tried = f"{','.join(self.methods)} {1e3 * self.noise_hz:g}mHz"
         return f"{self.film.key} {self.coding} {self.length_s:g}s {tried}"
 
-    @property
-    def pieces(self) -> int:
-        """How many there are."""
-        return int(self.film.duration_s / self.length_s)
-
 
 @dataclass(frozen=True, eq=False)
 class Piece:

@@ -85,12 +85,14 @@ def mark_rows(trials: Sequence[Row], absent: Sequence[Row]) -> list[Row]:
 def order_rows(trials: Sequence[Row]) -> list[Row]:
     """Return true decisions of Metrics 1 to 4, and whether each had at least those before it.
 
-    By kind, length, and whether the film had been compressed, as in the paper's tables.
+    By kind, whether the film had been compressed, as in the paper's tables, and length: each, and
+    all together.
     """
     of_paper = [
-        t | {"coded": LOSSLESS if t["coding"] == LOSSLESS else COMPRESSED}
+        t | {"coded": LOSSLESS if t["coding"] == LOSSLESS else COMPRESSED, "length_s": length}
         for t in trials
         if t["method"] in PAPER_METRICS and t["trial"] == PRESENT
+        for length in (t["length_s"], ALL)
     ]
     rows = []
     for cell, found in grouped(of_paper, "kind", "coded", "length_s"):
