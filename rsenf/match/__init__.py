@@ -4,16 +4,25 @@ from __future__ import annotations
 
 from rsenf.match.matcher import Finding, Matcher, check_lengths
 from rsenf.match.ncc import LagTable, masked_ncc
+from rsenf.match.paper import Metric, metric
+from rsenf.match.paper_search import Tally, paper_search
+from rsenf.match.paper_tracks import Hypotheses, hypotheses_of
 from rsenf.match.settings import MatchSettings
 from rsenf.match.stage import METHODS, Match
 
 __all__ = [
     "METHODS",
     "Finding",
+    "Hypotheses",
     "LagTable",
     "Match",
     "MatchSettings",
     "Matcher",
+    "Metric",
+    "Tally",
     "check_lengths",
+    "hypotheses_of",
     "masked_ncc",
+    "metric",
+    "paper_search",
 ]

@@ -39,6 +39,7 @@ class Finding:
     clock_std_ppm: float = NAN
     residual_std_hz: float = NAN
     expected_std_hz: float = NAN
+    idle_ratio: float = NAN
     seconds_used: float = 0.0
     search_size: int = 0
     coverage_ratio: float = 1.0

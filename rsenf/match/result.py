@@ -54,6 +54,7 @@ def result_of(
         expected_std_hz=finding.expected_std_hz,
         search_size=finding.search_size,
         seconds_used=finding.seconds_used,
+        idle_ratio=finding.idle_ratio,
         claim=_claim(finding, claim_lag_s, settings) if claimed_utc_ns else "",
         claimed_utc_ns=claimed_utc_ns,
         verbal=finding.verbal,

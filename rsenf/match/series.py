@@ -77,12 +77,7 @@ def track_of(estimates: Sequence[EnfEstimate]) -> Track:
     The hop is the smallest usual distance of two estimates. Raises ``ValueError`` without any.
     """
     ordered = sorted(estimates, key=lambda e: e.start_pts_ns + e.end_pts_ns)
-    t_s = np.array([e.t_s for e in ordered])
-    steps = np.diff(t_s)
-    steps = steps[steps > 0]
-    # Whole milliseconds: frame times make a hop of one second a little uneven.
-    hop_s = max(round(float(np.median(steps)), 3), 1e-3) if steps.size else 1.0
-    index = np.rint((t_s - t_s[0]) / hop_s).astype(np.int64)
+    first_s, hop_s, index = uniform_axis(np.array([e.t_s for e in ordered]))
     enf, var = (np.full(index[-1] + 1, np.nan) for _ in range(2))
     good = np.array([e.usable and np.isfinite(e.enf_hz) for e in ordered])
     enf[index[good]] = [e.enf_hz for e in ordered if e.usable and np.isfinite(e.enf_hz)]
@@ -90,7 +85,7 @@ def track_of(estimates: Sequence[EnfEstimate]) -> Track:
     phase, phase_var = _phases(ordered, index, good)
     nominals = [e.nominal_hz for e in ordered if e.usable and np.isfinite(e.nominal_hz)]
     return Track(
-        first_s=float(t_s[0]),
+        first_s=first_s,
         hop_s=hop_s,
         window_s=(ordered[0].end_pts_ns - ordered[0].start_pts_ns) / 1e9,
         enf_hz=enf,
@@ -99,6 +94,18 @@ def track_of(estimates: Sequence[EnfEstimate]) -> Track:
         phase_rad=phase,
         phase_var_rad2=phase_var,
     )
+
+
+def uniform_axis(t_s: FloatArray) -> tuple[float, float, NDArray[np.int64]]:
+    """Find the uniform axis that times lie on: its first time, its step, and the place of each.
+
+    The step is the usual distance of two different times.
+    """
+    first_s = float(t_s.min())
+    steps = np.diff(np.unique(t_s))
+    # Whole milliseconds: frame times make a hop of one second a little uneven.
+    hop_s = max(round(float(np.median(steps)), 3), 1e-3) if steps.size else 1.0
+    return first_s, hop_s, np.rint((t_s - first_s) / hop_s).astype(np.int64)
 
 
 def _phases(

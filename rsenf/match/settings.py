@@ -44,6 +44,8 @@ class MatchSettings:
         match.
     candidates : int
         How many candidates to report.
+    threshold_correlation : float
+        Peak correlation above which the paper's metrics decide, its ``TH_c``.
     """
 
     min_seconds: float = 30.0
@@ -57,9 +59,14 @@ class MatchSettings:
     min_fit: float = 0.01
     tolerance_s: float = 1.0
     candidates: int = 5
+    threshold_correlation: float = 0.94
 
     def __post_init__(self) -> None:
         if self.smoothing not in SMOOTHINGS:
             raise UsageError(f"no smoothing {self.smoothing!r}", f"one of {', '.join(SMOOTHINGS)}")
         if not 0 < self.min_overlap <= 1:
             raise UsageError(f"minimum overlap {self.min_overlap}: above 0, at most 1")
+        if not -1 <= self.threshold_correlation <= 1:
+            raise UsageError(
+                f"threshold of {self.threshold_correlation} for a correlation: -1 to 1"
+            )

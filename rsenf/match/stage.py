@@ -13,6 +13,8 @@ from rsenf.match.clip_phase import clip_phase
 from rsenf.match.correlate import match_ncc
 from rsenf.match.jumps import without_jumps
 from rsenf.match.matcher import Finding, Matcher, nothing_to_decide, of_nominal, one_reference
+from rsenf.match.paper import Metric
+from rsenf.match.paper_tracks import HypothesisStore
 from rsenf.match.phase import match_phase
 from rsenf.match.result import result_of
 from rsenf.match.series import Grid, Track, grid_of, track_of
@@ -21,10 +23,12 @@ from rsenf.messages import EnfEstimate, Header, MatchResult, ReferenceBlock
 from rsenf.timebase import nanoseconds
 
 NAN = float("nan")
+PAPER_TRACKER = "paper"  # the ENF method that the metrics compare the hypotheses of
 
-METHODS: dict[str, Matcher] = {
+METHODS: dict[str, Matcher | Metric] = {
     "phase": match_phase,
     "ncc": one_reference(match_ncc, "ncc"),
+    **{f"metric{number}": Metric(number) for number in (1, 2, 3, 4)},
 }
 
 
@@ -35,7 +39,8 @@ class Match:
     ----------
     method : str
         Name of the matcher. Estimates without a phase are compared by ``ncc`` in place of
-        ``phase``, and the result says so.
+        ``phase``, and the result says so. A :class:`rsenf.match.paper.Metric` is given all
+        hypotheses of the tracker ``paper``, any other only what the tracker stands behind.
     grid : str
         Name of the reference to use; all that come when empty.
     grids : sequence of Grid
@@ -73,6 +78,8 @@ class Match:
 
     def _begin(self) -> None:
         self._estimates: list[EnfEstimate] = []
+        self._hypotheses = HypothesisStore()
+        self._epoch: int | None = None
         self._due: list[int] = []  # numbers of estimates at which interim results are due
         self._published = 0
 
@@ -86,12 +93,15 @@ class Match:
         if isinstance(message, ReferenceBlock):
             self._take_block(message)
             return self._interim()
-        if message.rank != 0:
-            return []
         out = []
-        if self._estimates and message.header.epoch != self._estimates[-1].header.epoch:
+        if self._epoch not in (None, message.header.epoch):
             out = self.flush()
             self._begin()
+        self._epoch = message.header.epoch
+        if message.rank != 0:
+            if isinstance(METHODS[self.method], Metric):
+                self._hypotheses.add(message)
+            return out
         if self._every_ns and self._crosses_boundary(message):
             self._due.append(len(self._estimates) + 1)
         self._estimates.append(message)
@@ -127,10 +137,12 @@ class Match:
         return bool(self._blocks or self._grids)
 
     def _result(self, estimates: list[EnfEstimate], *, final: bool) -> MatchResult:
-        track, jumps = without_jumps(track_of(estimates)) if estimates else (None, 0)
+        track, jumps = (track_of(estimates), 0) if estimates else (None, 0)
+        if track and not isinstance(METHODS[self.method], Metric):
+            track, jumps = without_jumps(track)
         grids = [*self._grids, *(grid_of(list(b.values())) for b in self._blocks.values())]
         method = self._method_for(track)
-        finding = self._finding(method, track, grids)
+        finding = self._finding(method, track, estimates, grids)
         if method != self.method:
             warning = f"these estimates carry no phase: compared by {method}"
             finding = dataclasses.replace(finding, warnings=(*finding.warnings, warning))
@@ -152,17 +164,39 @@ class Match:
         no_phase = track is not None and track.usable and clip_phase(track) is None
         return "ncc" if self.method == "phase" and no_phase else self.method
 
-    def _finding(self, method: str, track: Track | None, grids: list[Grid]) -> Finding:
+    def _finding(
+        self, method: str, track: Track | None, estimates: list[EnfEstimate], grids: list[Grid]
+    ) -> Finding:
+        matcher, reason = METHODS[method], ""
         if track is None:
             reason = "no ENF estimate: the clip is shorter than one window"
         elif not grids:
             reason = "no reference"
+        elif isinstance(matcher, Metric):
+            hypotheses = self._hypotheses.hypotheses(estimates[-1].end_pts_ns)
+            if hypotheses:
+                found = matcher(hypotheses, grids, self.settings)
+                return found if track.usable else _doubted(found, estimates)
+            reason = _why_no_hypotheses(method, estimates)
         else:
             reason = nothing_to_decide(track, grids, self.settings)
-        if reason or track is None:
-            return Finding(decision="no_decision", reason=reason)
-        own = of_nominal(track, grids)
-        return METHODS[method](track, own, self.settings, self.claimed_utc_ns)
+            if not reason:
+                own = of_nominal(track, grids)
+                return matcher(track, own, self.settings, self.claimed_utc_ns)
+        return Finding(decision="no_decision", reason=reason)
+
+
+def _doubted(found: Finding, estimates: list[EnfEstimate]) -> Finding:
+    """Say of a finding that no hypothesis stood out of the noise."""
+    warning = f"no line of the flicker is sure to be there: {estimates[-1].reason}"
+    return dataclasses.replace(found, warnings=(*found.warnings, warning))
+
+
+def _why_no_hypotheses(method: str, estimates: list[EnfEstimate]) -> str:
+    if estimates[-1].method != PAPER_TRACKER:
+        other = estimates[-1].method
+        return f"{method} compares the hypotheses of {PAPER_TRACKER!r}, not an ENF by {other!r}"
+    return f"no usable signal: {estimates[-1].reason}"
 
 
 def _header(estimates: list[EnfEstimate], seq: int) -> Header:

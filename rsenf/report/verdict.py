@@ -121,7 +121,7 @@ def _details(result: MatchResult) -> list[tuple[str, str]]:
         ))  # fmt: skip
     if result.verbal:
         details.append(("in all", result.verbal))
-    if matches:
+    if matches and math.isfinite(result.clock_ppm):
         std = result.clock_std_ppm
         error = f" ± {std:.1f}" if math.isfinite(std) else ""
         clock = f"{ppm_text(result.clock_ppm)}{error} ppm (12 ppm is a second a day)"

@@ -35,12 +35,13 @@ def draw_enf(axes: Any, track: Track | None, grid: Grid | None, result: MatchRes
         # A reference may be years long: only what lies beside the clip is looked at.
         first = max(math.ceil(result.lag_s / grid.step_s - 0.5), 0)
         last = max(math.floor((result.lag_s + end_s) / grid.step_s + 0.5), first)
-        near_hz = np.asarray(grid.freq_hz[first:last]) * (1.0 - result.clock_ppm * 1e-6)
+        clock_ppm = result.clock_ppm if math.isfinite(result.clock_ppm) else 0.0
+        near_hz = np.asarray(grid.freq_hz[first:last]) * (1.0 - clock_ppm * 1e-6)
         near_s = (first + np.arange(near_hz.size) + 0.5) * grid.step_s - result.lag_s
         where = "found" if result.decision == "match" else "that fits best"
         axes.plot(near_s, near_hz, color=GRID, lw=3.0, label=f"reference, at the time {where}")
         axes.set_title(
-            f"as seen by a clock off by {ppm_text(result.clock_ppm)} ppm", loc="right",
+            f"as seen by a clock off by {ppm_text(clock_ppm)} ppm", loc="right",
             fontsize="small", fontweight="normal",
         )  # fmt: skip
     std_hz = np.sqrt(track.var_hz2)
