@@ -14,8 +14,10 @@ if TYPE_CHECKING:
     from rsenf.rows.settings import RowsSettings
     from rsenf.track import TrackSettings
 
-# The ENF method that has no use for a choice among harmonics and lines.
-ALL_LINES = "projection"
+# The ENF methods that have no use for a choice among harmonics and lines.
+ALL_LINES = ("projection", "paper")
+# Fills the idle period with rows.
+INTERPOLATING = "paper"
 # Takes means of regions, finer than rows and strips.
 REGIONS = "superpixel"
 
@@ -109,6 +111,10 @@ def add_track_arguments(parser: argparse.ArgumentParser, *method: str) -> None:
     group.add_argument(
         "--line", type=int, metavar="M", help="line k·f0 + M·F_r; the strongest otherwise"
     )
+    group.add_argument(
+        "--interpolation", metavar="NAME",
+        help="how the method paper fills the idle period (neighbour_mean)",
+    )  # fmt: skip
 
 
 def track_settings(args: argparse.Namespace, nominal_hz: float | None) -> TrackSettings:
@@ -116,20 +122,35 @@ def track_settings(args: argparse.Namespace, nominal_hz: float | None) -> TrackS
     from rsenf.errors import UsageError
     from rsenf.track import METHODS, TrackSettings
 
-    method = args.enf_method or TrackSettings.method
+    method = args.enf_method or _needed_by_matcher(args) or TrackSettings.method
     if method not in METHODS:
         raise UsageError(f"no ENF method {method!r}", f"one of {', '.join(METHODS)}")
-    if method == ALL_LINES and (args.harmonic or args.line is not None):
+    if method in ALL_LINES and (args.harmonic or args.line is not None):
         raise UsageError(
             f"{method} follows all harmonics and lines together",
             "leave --harmonic and --line out, or name another method, such as stft",
+        )
+    if args.interpolation and method != INTERPOLATING:
+        raise UsageError(
+            f"{method} interpolates nothing",
+            f"leave --interpolation out, or take the method {INTERPOLATING}",
         )
     return TrackSettings(
         method=method,
         nominal_hz=args.nominal_hz or nominal_hz,
         harmonic=args.harmonic or 1,
         line_m=args.line,
+        interpolation=args.interpolation or TrackSettings.interpolation,
     )
+
+
+def _needed_by_matcher(args: argparse.Namespace) -> str:
+    """ENF method that the matcher named needs; empty when none is named, or any will do."""
+    if not hasattr(args, "method"):
+        return ""
+    from rsenf.match.stage import tracker_for
+
+    return tracker_for(args.method)
 
 
 def add_reference_arguments(parser: argparse.ArgumentParser) -> None:

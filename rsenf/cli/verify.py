@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
-    from rsenf.messages import ReferenceBlock
-    from rsenf.reference import Reference
+    from rsenf.cli.references import Opened
     from rsenf.report.spectrum import ThinRows
     from rsenf.run.inline import Analysis
 
@@ -27,21 +26,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         add_reference_arguments,
         add_row_arguments,
         add_track_arguments,
+        positive,
     )
 
     parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("--reference", metavar="REF", help="CSV, or WAV of the mains")
+    what.add_argument(
+        "--reference", action="append", metavar="REF",
+        help="CSV, Parquet, WAV of the mains, or store:GRID; several for several grids",
+    )  # fmt: skip
     what.add_argument("--against", metavar="OTHER", help="another recording: made together?")
     parser.add_argument(
         "--start", metavar="TIME", help="claimed start, ISO 8601 (UTC unless it says)"
     )
+    parser.add_argument(
+        "--tolerance-s", type=positive, default=1.0, metavar="S",
+        help="how far a true start may be from the claimed one (1)",
+    )  # fmt: skip
     parser.add_argument("--method", default="phase", metavar="NAME", help="matcher (phase)")
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw what was compared")
     parser.add_argument(
         "--report", type=Path, metavar="DIR", help="report to read: HTML, JSON and pictures"
     )
     parser.add_argument("--json", action="store_true", help="the verdict as JSON")
+    parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     add_reference_arguments(parser)
     add_row_arguments(parser)
     add_track_arguments(parser, "--enf-method")
@@ -50,10 +58,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Verify a recording's time."""
     from rsenf.cli.console import note, print_json, say
+    from rsenf.cli.references import nominal_of, open_references
     from rsenf.cli.track import summary
     from rsenf.cli.verify_report import begin_report, finish_report
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
-    from rsenf.reference import read_reference
     from rsenf.report.verdict import verdict_json, verdict_words
 
     if args.against:
@@ -63,19 +71,17 @@ def run(args: argparse.Namespace) -> int:
     claimed_ns = _claimed_ns(args.start)
     _check_picture(args.picture)
     made_utc = begin_report(args.report) if args.report else ""
-    reference = read_reference(
-        args.reference,
-        timezone=args.timezone,
-        step_s=args.step_s,
-        column=args.column,
-        stamp=args.stamp,
-    )
-    analysis, spectra = _analyse(args, reference, claimed_ns)
+    references = open_references(args)
+    analysis, spectra = _analyse(args, references, claimed_ns)
     result = analysis.result
-    warnings = [*result.warnings, *analysis.warnings, *reference.notes]
+    notes = [
+        f"{r.grid}: {line}" if len(references) > 1 else line for r in references for line in r.notes
+    ]
+    warnings = [*result.warnings, *analysis.warnings, *notes]
     usable = any(e.usable for e in analysis.estimates)
-    if not args.nominal_hz and (result.decision == "no_match" or not usable):
-        warnings.append(f"looked for a {reference.nominal_hz:.0f} Hz grid, as the reference's is")
+    nominal_hz = nominal_of(references)
+    if nominal_hz and not args.nominal_hz and (result.decision == "no_match" or not usable):
+        warnings.append(f"looked for a {nominal_hz:.0f} Hz grid, as the reference's is")
     verdict = verdict_json(result, [*warnings, *filter(None, [analysis.loss])])
     if args.json:
         print_json(verdict)
@@ -88,44 +94,48 @@ def run(args: argparse.Namespace) -> int:
     if analysis.loss:
         say(f"{args.input}: {analysis.loss}")
     if args.report:
-        finish_report(args, reference, analysis, spectra, verdict, made_utc)
+        finish_report(args, references, analysis, spectra, verdict, made_utc)
     return EXIT_LOSS if analysis.loss else EXIT_DONE
 
 
 def _analyse(
-    args: argparse.Namespace, reference: Reference, claimed_ns: int
+    args: argparse.Namespace, references: list[Opened], claimed_ns: int
 ) -> tuple[Analysis, Mapping[int, ThinRows]]:
     from rsenf.cli.console import progress_bar, row_settings, track_settings
+    from rsenf.cli.references import grids_of, nominal_of
     from rsenf.idle import IdleSettings
+    from rsenf.match.settings import MatchSettings
     from rsenf.match.stage import Match
-    from rsenf.reference import reference_blocks
     from rsenf.report.spectrum import ThinRows
     from rsenf.run.inline import analyse
     from rsenf.run.inputs import open_input_file
 
     recording = open_input_file(args.input, camera=args.camera)
-    _check_lengths(args, recording.duration_s or 0.0, reference)
-    blocks = list(reference_blocks(reference, source="reference/file"))
+    _check_lengths(args, recording.duration_s or 0.0, references)
+    grids = grids_of(references)
+    settings = MatchSettings(tolerance_s=args.tolerance_s)
     spectra: dict[int, ThinRows] = defaultdict(ThinRows)  # by epoch
 
     def tap(topic: str, message: Any) -> None:
         if (args.picture or args.report) and topic == "rows":
             spectra[message.header.epoch].add(message)
 
+    def make_match() -> Match:
+        return Match(method=args.method, grids=grids, claimed_utc_ns=claimed_ns, settings=settings)
+
     with progress_bar("verifying", recording.duration_s) as progress:
         analysis = analyse(
             recording,
             rows=row_settings(args),
-            track=track_settings(args, reference.nominal_hz),
+            track=track_settings(args, nominal_of(references)),
             idle=IdleSettings(nominal_hz=args.nominal_hz) if args.report else None,
-            make_match=lambda: Match(method=args.method, claimed_utc_ns=claimed_ns),
-            reference=blocks,
+            make_match=make_match,
             progress=progress,
             tap=tap,
         )
-    _check_lengths(args, max(analysis.stretches_s, default=0.0), reference)
+    _check_lengths(args, max(analysis.stretches_s, default=0.0), references)
     if args.picture:
-        _draw(args.picture, analysis, spectra, blocks)
+        _draw(args.picture, analysis, spectra, references)
     return analysis, spectra
 
 
@@ -133,12 +143,15 @@ def _draw(
     path: Path,
     analysis: Analysis,
     spectra: Mapping[int, ThinRows],
-    blocks: Sequence[ReferenceBlock],
+    references: list[Opened],
 ) -> None:
     from rsenf.cli.console import note
+    from rsenf.cli.references import found_in
+    from rsenf.reference import reference_blocks
     from rsenf.report.picture import draw
 
     result = analysis.result
+    blocks = list(reference_blocks(found_in(result, references), source="reference/file"))
     epoch = result.header.epoch
     estimates = [e for e in analysis.estimates if e.header.epoch == epoch]
     draw(path, spectra[epoch], estimates, blocks, result)
@@ -153,13 +166,14 @@ def _check_picture(path: Path | None) -> None:
         raise UsageError(f"--picture {path}: no such folder", "make it first")
 
 
-def _check_lengths(args: argparse.Namespace, clip_s: float, reference: Reference) -> None:
-    """Refuse a reference that can't hold the clip."""
+def _check_lengths(args: argparse.Namespace, clip_s: float, references: list[Opened]) -> None:
+    """Refuse references none of which can hold the clip."""
     from rsenf.errors import UsageError
 
-    if clip_s > reference.duration_s:
+    longest = max(references, key=lambda r: r.duration_s)
+    if clip_s > longest.duration_s:
         raise UsageError(
-            f"{args.reference} covers {reference.duration_s:.1f} s, less than the {clip_s:.1f} s "
+            f"{longest.name} covers {longest.duration_s:.1f} s, less than the {clip_s:.1f} s "
             f"of {args.input}",
             "give a reference that covers all of the time in question",
         )

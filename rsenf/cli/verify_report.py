@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rsenf.cli.references import Opened
     from rsenf.match import MatchSettings
-    from rsenf.reference import Reference
     from rsenf.report.recording_time import RecordingFacts, ReferenceFacts
     from rsenf.report.spectrum import ThinRows
     from rsenf.run.inline import Analysis
 
 # Of these only the names are told: where files lie on a machine is nobody's business.
-FILES = ("input", "reference")
+FILES = ("input", "reference", "store")
 # These change nothing of the result.
 OUTPUTS = ("debug", "json", "picture", "report")
 LIBRARIES = ("av", "jinja2", "matplotlib", "numpy", "opencv-python-headless", "scipy")
@@ -32,7 +32,7 @@ def begin_report(path: Path) -> str:
 
 def finish_report(
     args: argparse.Namespace,
-    reference: Reference,
+    references: list[Opened],
     analysis: Analysis,
     spectra: Mapping[int, ThinRows],
     verdict: dict[str, Any],
@@ -40,22 +40,24 @@ def finish_report(
 ) -> None:
     """Write the report on an analysis; ``verdict`` is what ``--json`` prints of it."""
     from rsenf.cli.console import note
+    from rsenf.cli.references import found_in, grids_of, nominal_of
     from rsenf.match import MatchSettings
-    from rsenf.match.series import grid_of
-    from rsenf.reference import reference_blocks
     from rsenf.report.recording_time import Case, write_report
 
-    epoch, settings = analysis.result.header.epoch, MatchSettings()
+    epoch, settings = analysis.result.header.epoch, MatchSettings(tolerance_s=args.tolerance_s)
     case = Case(
         result=analysis.result,
         verdict=verdict,
         estimates=[e for e in analysis.estimates if e.header.epoch == epoch],
         spectrum=spectra[epoch],
-        grid=grid_of(list(reference_blocks(reference, source="reference/file"))),
+        grid=grids_of([found_in(analysis.result, references)])[0],
         recording=_recording(args.input, analysis),
-        references=[_reference(args.reference, reference)],
+        references=[
+            _reference(spec, reference)
+            for spec, reference in zip(args.reference, references, strict=True)
+        ],
         settings=settings,
-        parameters=_parameters(args, settings, reference.nominal_hz),
+        parameters=_parameters(args, settings, nominal_of(references)),
         versions=_versions(),
         idle=analysis.idle_by_epoch.get(epoch),
     )
@@ -77,12 +79,12 @@ def _recording(path: str, analysis: Analysis) -> RecordingFacts:
     )
 
 
-def _reference(path: str, reference: Reference) -> ReferenceFacts:
-    from rsenf.reference.reference import gap_lengths
+def _reference(path: str, reference: Opened) -> ReferenceFacts:
+    from rsenf.cli.references import coverage
     from rsenf.report.recording_time import ReferenceFacts
 
     file = Path(path)
-    lengths = gap_lengths(reference.freq_hz)
+    found = coverage(reference)
     return ReferenceFacts(
         name=reference.name,
         bytes=file.stat().st_size if file.is_file() else None,
@@ -92,22 +94,22 @@ def _reference(path: str, reference: Reference) -> ReferenceFacts:
         t0_ns=reference.t0_ns,
         step_s=reference.step_s,
         samples=reference.freq_hz.size,
-        valid_samples=reference.valid_samples,
-        gaps=len(lengths),
-        longest_gap_s=max(lengths, default=0) * reference.step_s,
-        duplicates=reference.duplicates,
+        valid_samples=found.valid,
+        gaps=found.gaps,
+        longest_gap_s=found.longest_gap * reference.step_s,
+        duplicates=found.duplicates,
         notes=reference.notes,
     )
 
 
 def _parameters(
-    args: argparse.Namespace, settings: MatchSettings, nominal_hz: float
+    args: argparse.Namespace, settings: MatchSettings, nominal_hz: float | None
 ) -> dict[str, Mapping[str, Any]]:
     """Every parameter in effect, by group."""
     from rsenf.cli.console import row_settings, track_settings
 
     options = {
-        name: Path(value).name if name in FILES else value
+        name: _named(value) if name in FILES else value
         for name, value in sorted(vars(args).items())
         if name not in OUTPUTS
     }
@@ -117,6 +119,13 @@ def _parameters(
         "ENF": dataclasses.asdict(track_settings(args, nominal_hz)),
         "match": dataclasses.asdict(settings),
     }
+
+
+def _named(value: Any) -> Any:
+    """Leave a path's folder out."""
+    if isinstance(value, list):
+        return [_named(v) for v in value]
+    return Path(value).name if value else value
 
 
 def _versions() -> dict[str, str]:
