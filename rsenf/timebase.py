@@ -44,6 +44,16 @@ def nanoseconds(t_s: float) -> int:
     return round(t_s * NS_PER_S)
 
 
+def utc_text(t_ns: int) -> str | None:
+    """ISO 8601 with milliseconds; None for an unknown time."""
+    if not t_ns:
+        return None
+    from datetime import UTC, datetime
+
+    moment = datetime.fromtimestamp(t_ns // NS_PER_S, UTC)
+    return f"{moment:%Y-%m-%dT%H:%M:%S}.{t_ns % NS_PER_S // 10**6:03d}Z"
+
+
 def row_time_s(frame_time_s: float, row: int, rows: int, read_out_time_s: float) -> float:
     """Start of exposure of a row, relative to a rolling shutter's row 0.
 

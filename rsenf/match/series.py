@@ -46,6 +46,18 @@ class Track:
         """How many values there are."""
         return int(np.isfinite(self.enf_hz).sum())
 
+    def between(self, first: int, last: int) -> Track:
+        """Return some of its values, on the same clock."""
+        own = slice(first, last)
+        return replace(
+            self,
+            first_s=self.first_s + first * self.hop_s,
+            enf_hz=self.enf_hz[own],
+            var_hz2=self.var_hz2[own],
+            phase_rad=self.phase_rad[own],
+            phase_var_rad2=self.phase_var_rad2[own],
+        )
+
     @property
     def resolution_s(self) -> float:
         """Time over which residuals at a lag hang together: the window's, or the grid's own."""

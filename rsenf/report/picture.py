@@ -18,7 +18,7 @@ from rsenf.report.panels.score import draw_score
 from rsenf.report.panels.spectrogram import draw_spectrogram
 from rsenf.report.score_curve import ScoreCurve, no_curve, score_curve
 from rsenf.report.spectrum import ThinRows
-from rsenf.report.verdict import utc_text
+from rsenf.timebase import utc_text
 from rsenf.whole_file import whole_file
 
 

@@ -6,21 +6,12 @@ import math
 from typing import Any
 
 from rsenf.messages import Candidate, MatchResult
+from rsenf.timebase import utc_text
 
 
 def number(value: float) -> float | None:
     """Make a float fit for JSON: null for what is unknown or not finite."""
     return float(value) if math.isfinite(value) else None
-
-
-def utc_text(t_ns: int) -> str | None:
-    """ISO 8601 with milliseconds; None for an unknown time."""
-    if not t_ns:
-        return None
-    from datetime import UTC, datetime
-
-    moment = datetime.fromtimestamp(t_ns // 10**9, UTC)
-    return f"{moment:%Y-%m-%dT%H:%M:%S}.{t_ns % 10**9 // 10**6:03d}Z"
 
 
 def ppm_text(value: float) -> str:

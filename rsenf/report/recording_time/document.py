@@ -26,8 +26,8 @@ from rsenf.report.recording_time.ratios import (
     ratio_texts,
 )
 from rsenf.report.recording_time.texts import GLOSSARY, LIMITS
-from rsenf.report.verdict import number, utc_text
-from rsenf.timebase import nanoseconds, seconds
+from rsenf.report.verdict import number
+from rsenf.timebase import nanoseconds, seconds, utc_text
 
 VERSION = 1
 

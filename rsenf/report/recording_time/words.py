@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from rsenf.report.recording_time.case import Case
-from rsenf.report.verdict import utc_text
-from rsenf.timebase import seconds
+from rsenf.timebase import seconds, utc_text
 
 CLAIMS = {
     "supported": "The recording fits the reference at the claimed time. How much that weighs is "
