@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.match.forecast import samples
-from rsenf.match.ncc import LagTable, lag_tables
+from rsenf.match.ncc import Residuals
 from rsenf.match.score import LagScorer
 from rsenf.match.series import Grid, Track, phases, to_step_of
 from rsenf.match.settings import MatchSettings
@@ -55,26 +55,30 @@ def survey(track: Track, grid: Grid, settings: MatchSettings, kept: int = KEPT) 
     """
     lag_s, score = np.empty(0), np.empty(0)
     lags = possible = inside = 0
+    least = -np.inf
     for table, scorer, begin_s in _tables(track, grid, settings):
         found = scorer.scores(table.pairs, table.offset, table.residual_var)
         compared = np.isfinite(found)
-        last = round(grid.duration_s / scorer.track.hop_s) - scorer.x.size
-        first = round(begin_s / scorer.track.hop_s)
-        within = (table.lags + first >= 0) & (table.lags + first <= last)
+        hop_s = scorer.track.hop_s
+        last = int(grid.duration_s / hop_s + 1e-6) - scorer.x.size
+        first = table.first_lag + round(begin_s / hop_s)
+        span = slice(max(-first, 0), max(last + 1 - first, 0))
         lags += int(compared.sum())
-        possible += int(within.sum())
-        inside += int((within & compared).sum())
-        best, where = stretch_maxima(found, max(round(STRETCH_S / scorer.track.hop_s), 1))
-        at_s = begin_s + scorer.lags_s(table.first_lag + where)
-        lag_s, score = np.concatenate([lag_s, at_s]), np.concatenate([score, best])
+        possible += compared[span].size
+        inside += int(compared[span].sum())
+        best, where = stretch_maxima(found, max(round(STRETCH_S / hop_s), 1))
+        hopeful = best > least
+        at_s = begin_s + scorer.lags_s(table.first_lag + where[hopeful])
+        lag_s, score = np.concatenate([lag_s, at_s]), np.concatenate([score, best[hopeful]])
         if score.size > 4 * kept:
             lag_s, score = _best(lag_s, score, kept)
+            least = score[-1]
     return Survey(*_best(lag_s, score, kept), lags, possible, inside)
 
 
 def _tables(
     track: Track, grid: Grid, settings: MatchSettings
-) -> Iterator[tuple[LagTable, LagScorer, float]]:
+) -> Iterator[tuple[Residuals, LagScorer, float]]:
     """Compare piece by piece; each lag comes once.
 
     Yields the comparison, the scorer that made it, and where its piece begins (s).
@@ -92,26 +96,10 @@ def _tables(
         for thin in phases(track, part.step_s):
             scorer = LagScorer(thin, part.freq_hz, settings, usable_s)
             own = range(1 - thin.enf_hz.size if start == 0 else 0, piece // per_hop)
-            for table in lag_tables(
-                scorer.x, scorer.x_ok, scorer.y, scorer.y_ok, min_pairs=scorer.min_pairs
-            ):
-                kept = _within(table, own)
+            for table in scorer.residuals():
+                kept = table.within(own)
                 if kept.pairs.size:
                     yield kept, scorer, start * grid.step_s
-
-
-def _within(table: LagTable, own: range) -> LagTable:
-    """Leave out the lags that belong to another piece."""
-    a = min(max(own.start - table.first_lag, 0), table.pairs.size)
-    b = max(min(own.stop - table.first_lag, table.pairs.size), a)
-    part = slice(a, b)
-    return LagTable(
-        table.first_lag + a,
-        table.pairs[part],
-        table.correlation[part],
-        table.offset[part],
-        table.residual_var[part],
-    )
 
 
 def stretch_maxima(scores: FloatArray, length: int) -> tuple[FloatArray, NDArray[np.int64]]:

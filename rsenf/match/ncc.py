@@ -1,10 +1,12 @@
-"""Normalised cross-correlation at every lag, with holes on both sides, by FFT.
+"""Residuals and normalised cross-correlation at every lag, with holes on both sides, by FFT.
 
-At lag ``l`` the value ``x[i]`` meets ``y[i + l]``; a pair counts where both are valid. The six
-masked sums over the pairs (how many, Σx, Σy, Σx², Σy², Σxy) are cross-correlations of the zero
-filled series and their masks, after Padfield, "Masked object registration in the Fourier domain",
-IEEE Trans. Image Processing 21(5), 2012. The long series is taken in overlapping stretches
-(overlap-save), so that a year costs no more memory than a day but for its results.
+At lag ``l`` the value ``x[i]`` meets ``y[i + l]``; a pair counts where both are valid. All that is
+asked of a lag are sums over its pairs (how many, Σx, Σy, Σx², Σy², Σxy), which are
+cross-correlations of the zero filled series, their squares and their masks, after Padfield, "Masked
+object registration in the Fourier domain", IEEE Trans. Image Processing 21(5), 2012. What is wanted
+is added up before it is transformed back, and no mask is transformed where it has no hole. The long
+series is taken in overlapping stretches (overlap-save), so that a year costs no more memory than a
+day but for its results.
 """
 
 from __future__ import annotations
@@ -20,22 +22,21 @@ from rsenf.messages.schema import FloatArray
 
 BoolArray = NDArray[np.bool_]
 
-MIN_FFT = 1 << 16  # measured: a quarter of the time of 2^20, which falls out of the cache
+MIN_FFT = 1 << 15  # measured: longer ones fall out of the cache
 ROUNDING = 1e-11  # of the series' own variance: below it a variance is rounding, not signal
 
 
 @dataclass(frozen=True, eq=False)
-class LagTable:
-    """What two series say about each other at consecutive lags; NaN where too few pairs do.
+class Residuals:
+    """How far apart two series are at consecutive lags; NaN where too few pairs tell.
 
-    ``first_lag`` belongs to entry 0. All arrays have one entry a lag: ``pairs`` counts,
-    ``correlation`` is Pearson's coefficient over the pairs, ``offset`` the mean of ``x − y``
-    (unit of the series), ``residual_var`` the variance of ``x − y`` about that offset.
+    ``first_lag`` belongs to entry 0. All arrays have one entry a lag: ``pairs`` counts, ``offset``
+    is the mean of ``x − y`` (unit of the series), ``residual_var`` the variance of ``x − y`` about
+    that offset.
     """
 
     first_lag: int
     pairs: NDArray[np.int64]
-    correlation: FloatArray
     offset: FloatArray
     residual_var: FloatArray
 
@@ -44,14 +45,21 @@ class LagTable:
         """Lag of each entry, in samples."""
         return np.arange(self.first_lag, self.first_lag + self.pairs.size)
 
+    def within(self, own: range) -> Residuals:
+        """Leave out the lags that aren't in a range."""
+        a = min(max(own.start - self.first_lag, 0), self.pairs.size)
+        b = max(min(own.stop - self.first_lag, self.pairs.size), a)
+        part = slice(a, b)
+        return Residuals(
+            self.first_lag + a, self.pairs[part], self.offset[part], self.residual_var[part]
+        )
 
-class _Sums(NamedTuple):
-    pairs: FloatArray
-    x: FloatArray
-    y: FloatArray
-    xx: FloatArray
-    yy: FloatArray
-    xy: FloatArray
+
+@dataclass(frozen=True, eq=False)
+class LagTable(Residuals):
+    """Residuals with Pearson's coefficient over the pairs, ``correlation``."""
+
+    correlation: FloatArray
 
 
 def masked_ncc(
@@ -77,73 +85,122 @@ def masked_ncc(
     return LagTable(
         tables[0].first_lag,
         np.concatenate([t.pairs for t in tables]),
-        np.concatenate([t.correlation for t in tables]),
         np.concatenate([t.offset for t in tables]),
         np.concatenate([t.residual_var for t in tables]),
+        np.concatenate([t.correlation for t in tables]),
     )
+
+
+def lag_residuals(
+    x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray, *, min_pairs: int = 3
+) -> Iterator[Residuals]:
+    """Yield what :func:`masked_ncc` says but for the correlation, in stretches of lags."""
+    for stretch in _stretches(x, x_ok, y, y_ok):
+        yield _residuals(stretch, min_pairs)
 
 
 def lag_tables(
     x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray, *, min_pairs: int = 3
 ) -> Iterator[LagTable]:
     """Yield the table of :func:`masked_ncc` in stretches of lags, in bounded memory."""
+    scale_x, scale_y = (float(v[ok].var()) if ok.any() else 0.0 for v, ok in ((x, x_ok), (y, y_ok)))
+    for stretch in _stretches(x, x_ok, y, y_ok):
+        of = _residuals(stretch, min_pairs)
+        n = np.maximum(of.pairs, 1)
+        mean_x = stretch.sums((1.0, 1, 0)) / n
+        mean_y = stretch.sums((1.0, 0, 1)) / n
+        var_x = np.maximum(stretch.sums((1.0, 2, 0)) / n - mean_x**2, 0.0)
+        var_y = np.maximum(stretch.sums((1.0, 0, 2)) / n - mean_y**2, 0.0)
+        cov = (var_x + var_y - of.residual_var) / 2.0
+        varies = (var_x > ROUNDING * scale_x) & (var_y > ROUNDING * scale_y)
+        correlation = np.clip(cov / np.sqrt(np.where(varies, var_x * var_y, 1.0)), -1.0, 1.0)
+        yield LagTable(
+            of.first_lag, of.pairs, of.offset, of.residual_var,
+            np.where(varies, correlation, np.nan),
+        )  # fmt: skip
+
+
+def _residuals(stretch: _Stretch, min_pairs: int) -> Residuals:
+    pairs = np.rint(stretch.sums((1.0, 0, 0))).astype(np.int64)
+    n = np.where(pairs >= max(min_pairs, 1), pairs, np.nan)
+    offset = stretch.sums((1.0, 1, 0), (-1.0, 0, 1))
+    offset /= n
+    residual_var = stretch.sums((1.0, 2, 0), (-2.0, 1, 1), (1.0, 0, 2))
+    residual_var /= n
+    residual_var -= offset**2
+    offset += stretch.x.level - stretch.y.level
+    return Residuals(stretch.first, pairs, offset, np.maximum(residual_var, 0.0, out=residual_var))
+
+
+class _Powers:
+    """The powers 0, 1 and 2 of a series about a level, zero where it isn't valid."""
+
+    def __init__(self, v: FloatArray, ok: BoolArray, level: float, size: int) -> None:
+        centred = np.where(ok, v - level, 0.0)
+        self.of = (ok.astype(np.float64), centred, centred * centred)
+        self.level, self.whole, self._size = level, bool(ok.all()), size
+        self._spectra: dict[int, NDArray[np.complex128]] = {}
+
+    def spectrum(self, power: int) -> NDArray[np.complex128]:
+        """Spectrum of a power, padded to the size of the transforms."""
+        from scipy import fft
+
+        if power not in self._spectra:
+            self._spectra[power] = fft.rfft(self.of[power], self._size)
+        return self._spectra[power]
+
+    def running(self, power: int, length: int) -> FloatArray:
+        """Sums of a power over so many values in a row."""
+        sums = np.concatenate([[0.0], np.cumsum(self.of[power])])
+        return np.asarray(sums[length:] - sums[:-length], np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretch:
+    """Lags in a row from ``first`` on: the short series beside a part of the long one."""
+
+    first: int
+    count: int
+    size: int
+    x: _Powers
+    y: _Powers
+
+    def sums(self, *terms: tuple[float, int, int]) -> FloatArray:
+        """Return Σ weight · x^i · y^j over the pairs of each lag, for terms (weight, i, j)."""
+        from scipy import fft
+
+        out: FloatArray = np.zeros(self.count)
+        spectrum: NDArray[np.complex128] | None = None
+        for weight, i, j in terms:
+            if j == 0 and self.y.whole:
+                out += weight * self.x.of[i].sum()
+            elif i == 0 and self.x.whole:
+                out += weight * self.y.running(j, self.x.of[0].size)[: self.count]
+            else:
+                product = (weight * np.conj(self.x.spectrum(i))) * self.y.spectrum(j)
+                spectrum = product if spectrum is None else spectrum + product
+        if spectrum is not None:
+            out += fft.irfft(spectrum, self.size)[: self.count]
+        return out
+
+
+def _stretches(
+    x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray
+) -> Iterator[_Stretch]:
     from scipy import fft
 
-    x0, y0 = _mean(x, x_ok), _mean(y, y_ok)
-    scale_x, scale_y = _variance(x, x_ok), _variance(y, y_ok)
     size = fft.next_fast_len(max(MIN_FFT, 4 * x.size), real=True)
     lags = size - x.size + 1
-    x_spectra = [np.conj(fft.rfft(part, size)) for part in _powers(x, x_ok, x0)]
+    short, level = _Powers(x, x_ok, _mean(x, x_ok), size), _mean(y, y_ok)
     for first in range(1 - x.size, y.size, lags):
         part = slice(max(first, 0), min(first + size, y.size))
-        before = part.start - first
-        y_spectra = [
-            fft.rfft(np.pad(p, (before, size - before - p.size)))
-            for p in _powers(y[part], y_ok[part], y0)
-        ]
-        count = min(lags, y.size - first)
-        # Orders of (x, y): pairs, Σx, Σy, Σx², Σy², Σxy.
-        orders = ((0, 0), (1, 0), (0, 1), (2, 0), (0, 2), (1, 1))
-        sums = _Sums(
-            *(fft.irfft(x_spectra[i] * y_spectra[j], size)[:count] for i, j in orders),
-        )
-        yield _table(first, sums, x0 - y0, (scale_x, scale_y), min_pairs)
-
-
-def _powers(v: FloatArray, ok: BoolArray, mean: float) -> tuple[FloatArray, ...]:
-    """Return the zeroth, first and second power about the mean, zero where not valid."""
-    centred = np.where(ok, v - mean, 0.0)
-    return ok.astype(np.float64), centred, centred * centred
+        beyond = (part.start - first, first + size - part.stop)
+        long = _Powers(np.pad(y[part], beyond), np.pad(y_ok[part], beyond), level, size)
+        yield _Stretch(first, min(lags, y.size - first), size, short, long)
 
 
 def _mean(v: FloatArray, ok: BoolArray) -> float:
     return float(v[ok].mean()) if ok.any() else 0.0
-
-
-def _variance(v: FloatArray, ok: BoolArray) -> float:
-    return float(v[ok].var()) if ok.any() else 0.0
-
-
-def _table(
-    first: int, sums: _Sums, offset: float, scale: tuple[float, float], min_pairs: int
-) -> LagTable:
-    pairs = np.rint(sums.pairs).astype(np.int64)
-    enough = pairs >= max(min_pairs, 1)
-    n = np.where(enough, pairs, 1)
-    mean_x, mean_y = sums.x / n, sums.y / n
-    var_x = np.maximum(sums.xx / n - mean_x**2, 0.0)
-    var_y = np.maximum(sums.yy / n - mean_y**2, 0.0)
-    cov = sums.xy / n - mean_x * mean_y
-    varies = (var_x > ROUNDING * scale[0]) & (var_y > ROUNDING * scale[1])
-    product = np.where(varies, var_x * var_y, 1.0)
-    correlation = np.clip(cov / np.sqrt(product), -1.0, 1.0)
-    return LagTable(
-        first,
-        pairs,
-        np.where(enough & varies, correlation, np.nan),
-        np.where(enough, offset + mean_x - mean_y, np.nan),
-        np.where(enough, np.maximum(var_x + var_y - 2 * cov, 0.0), np.nan),
-    )
 
 
 class Comparison(NamedTuple):

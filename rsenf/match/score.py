@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.match.ncc import Comparison, LagTable, compare_at, lag_tables
+from rsenf.match.ncc import Comparison, LagTable, Residuals, compare_at, lag_residuals, lag_tables
 from rsenf.match.series import Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
@@ -87,8 +87,12 @@ class LagScorer:
         """Inverse of :meth:`lag_s`."""
         return round((lag_s + self.track.first_s) / self.track.hop_s - 0.5)
 
-    def tables(self) -> Iterator[LagTable]:
+    def residuals(self) -> Iterator[Residuals]:
         """Compare at every lag."""
+        return lag_residuals(self.x, self.x_ok, self.y, self.y_ok, min_pairs=self.min_pairs)
+
+    def tables(self) -> Iterator[LagTable]:
+        """Compare at every lag, with the correlation too."""
         return lag_tables(self.x, self.x_ok, self.y, self.y_ok, min_pairs=self.min_pairs)
 
     def scores(self, pairs: NDArray[np.int64], offset: FloatArray, var: FloatArray) -> FloatArray:

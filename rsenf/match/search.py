@@ -145,7 +145,7 @@ def _search(scorers: list[LagScorer], way: Way) -> Search:
     score, lag, owner = [], [], []
     for number, scorer in enumerate(scorers):
         last = scorer.y.size - scorer.x.size
-        for table in scorer.tables():
+        for table in scorer.residuals():
             scores = scorer.scores(table.pairs, table.offset, table.residual_var)
             compared = np.isfinite(scores)
             within = (table.lags >= 0) & (table.lags <= last)
