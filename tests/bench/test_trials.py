@@ -12,11 +12,9 @@ from rsenf.bench.recording_time.cuts import Cuts
 from rsenf.bench.recording_time.plan import Film
 from rsenf.bench.recording_time.trials import (
     METHODS,
-    PAPER_METRICS,
     _judged,
     known_methods,
     run_trials,
-    tracker_of,
 )
 from rsenf.match.stage import METHODS as MATCH_METHODS
 from rsenf.messages import MatchResult
@@ -57,7 +55,6 @@ def test_errors_are_kept_whatever_was_decided() -> None:
 def test_methods_are_those_there_are() -> None:
     assert set(known_methods()) == set(METHODS) & set(MATCH_METHODS)
     assert "phase" in known_methods()
-    assert {tracker_of(m) for m in PAPER_METRICS} == {"paper"}
 
 
 @pytest.fixture(scope="module")

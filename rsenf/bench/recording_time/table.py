@@ -14,7 +14,8 @@ from rsenf.bench.recording_time.paper import (
     MARKS,
 )
 from rsenf.bench.recording_time.references import PRESENT
-from rsenf.bench.recording_time.trials import FALSE, NONE, PAPER_METRICS, TRUE
+from rsenf.bench.recording_time.search import PAPER_METRICS
+from rsenf.bench.recording_time.trials import FALSE, NONE, TRUE
 from rsenf.bench.results import Record
 
 Row = dict[str, Any]

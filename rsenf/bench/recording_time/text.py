@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
+from rsenf.bench.recording_time.search import PAPER_METRICS
 from rsenf.bench.recording_time.table import Row
-from rsenf.bench.recording_time.trials import METHODS, PAPER_METRICS
+from rsenf.bench.recording_time.trials import METHODS
 from rsenf.bench.text import aligned, markdown
 
 Table = tuple[str, Sequence[str], list[list[str]]]

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import time
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,19 +12,14 @@ from rsenf.bench.judge import number, tried
 from rsenf.bench.measure import versions
 from rsenf.bench.recording_time.cuts import Cuts, Piece, pieces_of
 from rsenf.bench.recording_time.films import read_rows, read_truth
-from rsenf.bench.recording_time.plan import NOMINAL_HZ
 from rsenf.bench.recording_time.references import PRESENT, references_of
+from rsenf.bench.recording_time.search import PAPER_METRICS, ClipEnf, Said, Search
 from rsenf.match.stage import METHODS as MATCH_METHODS
-from rsenf.match.stage import Match
-from rsenf.messages import EnfEstimate, MatchResult, RowBlock
-from rsenf.reference import Reference, reference_blocks
-from rsenf.track import TrackSettings, make_tracker
 
 VERSION = 1
 TRUE_WITHIN_S = 1.0
 # What a trial comes to.
 TRUE, FALSE, NONE = ("true", "false", "none")
-PAPER_METRICS = ("metric1", "metric2", "metric3", "metric4")
 METHODS = (*PAPER_METRICS, "ncc", "phase")
 
 Result = dict[str, Any]
@@ -35,11 +28,6 @@ Result = dict[str, Any]
 def known_methods() -> tuple[str, ...]:
     """Methods to try: those of :data:`METHODS` that there are."""
     return tuple(method for method in METHODS if method in MATCH_METHODS)
-
-
-def tracker_of(method: str) -> str:
-    """Tracker whose ENF a matcher takes: the paper's metrics compare all the paper's hypotheses."""
-    return "paper" if method in PAPER_METRICS else TrackSettings.method
 
 
 def run_trials(cuts: Cuts, films: Path, grids: Path | None) -> dict[str, Any]:
@@ -86,41 +74,18 @@ def _tried(cuts: Cuts, piece: Piece, truth: dict[str, Any], grids: Path | None) 
     ppm = truth["clock_ppm"]
     lag_s = truth["reference_start_s"] + piece.begin_s / (1 + ppm * 1e-6)
     end_s = lag_s + cuts.length_s / (1 + ppm * 1e-6)
-    tracks = {tracker_of(m): _Track(tracker_of(m), piece.blocks) for m in cuts.methods}
-    results = []
+    clip, results = ClipEnf(piece.blocks), []
     for searched in references_of(cuts.film, lag_s, end_s, cuts.noise_hz, grids):
-        true_lag_s = lag_s if searched.trial == PRESENT else math.nan
+        search = Search(clip, searched.reference)
+        told = partial(_judged, lag_s if searched.trial == PRESENT else math.nan, ppm)
         for method in cuts.methods:
-            work = partial(_searched, method, tracks[tracker_of(method)], searched.reference)
-            found = tried(work, partial(_judged, true_lag_s, ppm))
-            results.append(
-                {"piece": piece.number, "trial": searched.trial, "method": method} | found
-            )
+            found = tried(partial(search.by, method), told)
+            trial = {"piece": piece.number, "trial": searched.trial, "method": method}
+            results.append(trial | found)
     return results
 
 
-class _Track:
-    """A piece's ENF by one tracker: taken once, for all its matchers and references."""
-
-    def __init__(self, tracker: str, blocks: Sequence[RowBlock]) -> None:
-        self._tracker, self._blocks = tracker, blocks
-
-    @functools.cached_property
-    def estimates(self) -> list[EnfEstimate]:
-        stage = make_tracker(TrackSettings(method=self._tracker, nominal_hz=NOMINAL_HZ))
-        return [e for block in self._blocks for e in stage.update(block)] + stage.flush()
-
-
-def _searched(method: str, track: _Track, reference: Reference) -> list[Any]:
-    stage = Match(method=method)
-    for estimate in track.estimates:
-        stage.update(estimate)
-    for block in reference_blocks(reference, source="reference"):
-        stage.update(block)
-    return stage.flush()
-
-
-def _judged(true_lag_s: float, clock_ppm: float, out: list[MatchResult]) -> Result:
+def _judged(true_lag_s: float, clock_ppm: float, out: list[Said]) -> Result:
     """Tell what a result says, and how far it is from the truth; NaN is a time that isn't there."""
     (said,) = out
     error_s = said.lag_s - true_lag_s
