@@ -38,6 +38,11 @@ class ScoreCurve:
     near_lag_s: FloatArray
     near: FloatArray
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is no score to show."""
+        return not np.isfinite(self.high).any()
+
 
 def score_curve(
     pieces: Iterable[LagScores], first_s: float, last_s: float, best_lag_s: float

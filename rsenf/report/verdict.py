@@ -100,6 +100,8 @@ def _details(result: MatchResult) -> list[tuple[str, str]]:
         f"correlation {result.correlation:.4f} (1 is perfect) over {result.seconds_used:.0f} s "
         "of usable signal",
     ))  # fmt: skip
+    if math.isfinite(result.idle_ratio):
+        details.append(("idle period", f"taken for {result.idle_ratio:.0%} of a frame's time"))
     if math.isfinite(result.log10_lr):
         details.append((
             "other times",

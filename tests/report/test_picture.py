@@ -2,65 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
+import matplotlib
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from rsenf.errors import RecordingError
-from rsenf.match import Match
-from rsenf.messages import EnfEstimate, Header, MatchResult, ReferenceBlock
-from rsenf.report import picture
+from rsenf.messages import Header, MatchResult
+from rsenf.report import panels
 from rsenf.report.picture import draw
 from rsenf.report.spectrum import ThinRows
-from rsenf.rows.luminance import blocks_from_luminance
-from rsenf.track import TrackSettings, make_tracker
-
-RATE_HZ = 30.0
-
-
-def grid_hz(seconds: int) -> np.ndarray:
-    rng = np.random.default_rng(4)
-    return 50.0 + 0.1 * np.convolve(rng.normal(0, 1, seconds + 39), np.ones(40) / 40, "valid")
-
-
-def reference(freq_hz: np.ndarray, t0_ns: int) -> list[ReferenceBlock]:
-    count = freq_hz.size
-    return [ReferenceBlock(
-        header=Header(source="reference/test"), grid="test", nominal_hz=50.0, t0_ns=t0_ns,
-        step_ns=10**9, first=0, samples=count, total=count, freq_hz=freq_hz,
-        readings=np.isfinite(freq_hz).astype(np.uint32),
-    )]  # fmt: skip
-
-
-def analysed(
-    level: np.ndarray, blocks: Sequence[ReferenceBlock]
-) -> tuple[ThinRows, list[EnfEstimate], MatchResult]:
-    rows, tracker, match = ThinRows(), make_tracker(TrackSettings(nominal_hz=50.0)), Match()
-    for reference_block in blocks:
-        match.update(reference_block)
-    estimates = []
-    time_s = np.arange(len(level)) / RATE_HZ
-    for block in blocks_from_luminance(level, time_s, Header(source="test/cam1")):
-        rows.add(block)
-        estimates += tracker.update(block)
-    estimates += tracker.flush()
-    for estimate in estimates:
-        match.update(estimate)
-    (result,) = match.flush()
-    return rows, estimates, result
-
-
-def lit(freq_hz: np.ndarray, begin: int, seconds: int, rows: int = 32) -> np.ndarray:
-    """Rows filmed in the light of a grid, from one of its seconds on."""
-    phase = 4 * np.pi * np.concatenate([[0.0], np.cumsum(freq_hz)])
-    frame_s = begin + np.arange(int(seconds * RATE_HZ)) / RATE_HZ
-    at_s = frame_s[:, None] + np.arange(rows) * 0.6 / RATE_HZ / rows
-    wave = np.cos(np.interp(at_s, np.arange(phase.size), phase))
-    return (100.0 + 5.0 * wave)[:, :, None].astype(np.float32)
+from tests.report.filmed import RATE_HZ, analysed, grid_hz, lit, reference
 
 
 def colours(path: Path) -> np.ndarray:
@@ -86,8 +41,20 @@ def test_a_match(tmp_path: Path) -> None:
     draw(tmp_path / "x.png", rows, estimates, blocks, result)
     assert [p.name for p in tmp_path.iterdir()] == ["x.png"]
     image = colours(tmp_path / "x.png")
-    assert has(image, picture.SIGNAL)
-    assert has(image, picture.MARK)
+    assert has(image, panels.SIGNAL)
+    assert has(image, panels.MARK)
+
+
+def test_a_person_s_own_settings_change_nothing(tmp_path: Path) -> None:
+    freq_hz = grid_hz(400)
+    blocks = reference(freq_hz, 0)
+    rows, estimates, result = analysed(lit(freq_hz, 100, 60), blocks)
+    draw(tmp_path / "plain.png", rows, estimates, blocks, result)
+    with matplotlib.rc_context({"axes.facecolor": "yellow", "font.size": 20, "lines.linewidth": 9}):
+        draw(tmp_path / "own.png", rows, estimates, blocks, result)
+        assert matplotlib.rcParams["font.size"] == 20
+    plain, own = (cv2.imread(str(tmp_path / name)) for name in ("plain.png", "own.png"))
+    assert np.array_equal(plain, own)
 
 
 def test_frame_means_and_a_reference_with_gaps(tmp_path: Path) -> None:
@@ -99,7 +66,7 @@ def test_frame_means_and_a_reference_with_gaps(tmp_path: Path) -> None:
     rows, estimates, result = analysed(level, blocks)
     assert rows.kept_rows == 1
     draw(tmp_path / "x.png", rows, estimates, blocks, result)
-    assert has(colours(tmp_path / "x.png"), picture.SIGNAL)
+    assert has(colours(tmp_path / "x.png"), panels.SIGNAL)
 
 
 @pytest.mark.parametrize("seconds", [0.1, 5, 25])
@@ -109,7 +76,7 @@ def test_little_to_draw(tmp_path: Path, seconds: float) -> None:
     rows, estimates, result = analysed(lit(freq_hz, 10, 60)[: int(seconds * RATE_HZ)], blocks)
     assert result.decision == "no_decision"
     draw(tmp_path / "x.png", rows, estimates, blocks, result)
-    assert has(colours(tmp_path / "x.png"), picture.SIGNAL) is any(e.usable for e in estimates)
+    assert has(colours(tmp_path / "x.png"), panels.SIGNAL) is any(e.usable for e in estimates)
 
 
 def test_darkness(tmp_path: Path) -> None:
@@ -117,7 +84,7 @@ def test_darkness(tmp_path: Path) -> None:
     rows, estimates, result = analysed(np.full((1200, 8, 1), 16.0, np.float32), blocks)
     assert result.reason == "no usable signal"
     draw(tmp_path / "x.png", rows, estimates, blocks, result)
-    assert not has(colours(tmp_path / "x.png"), picture.SIGNAL)
+    assert not has(colours(tmp_path / "x.png"), panels.SIGNAL)
 
 
 def test_no_rows_at_all(tmp_path: Path) -> None:

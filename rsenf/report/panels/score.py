@@ -19,7 +19,7 @@ LOWEST_PERCENTILE = 2.0
 def draw_score(axes: Any, curve: ScoreCurve, t0_ns: int, result: MatchResult) -> None:
     """Draw the scores of the whole search, the best time marked, and the claimed one."""
     axes.set_title("How well each time of the reference fits")
-    if not _anything(curve):
+    if curve.is_empty:
         say_nothing(axes, "nothing to compare")
         return
     place = start_axis(axes, t0_ns, float(np.ptp(curve.lag_s)))
@@ -44,7 +44,7 @@ def draw_score(axes: Any, curve: ScoreCurve, t0_ns: int, result: MatchResult) ->
 def draw_near(axes: Any, curve: ScoreCurve, t0_ns: int, result: MatchResult) -> None:
     """Draw every score near the best time, and that time's 95 % interval."""
     axes.set_title(f"How well each time fits, {NEAR_S:g} s before and after the best")
-    if not _anything(curve) or not np.isfinite(curve.near).any():
+    if not np.isfinite(curve.near).any():
         say_nothing(axes, "nothing to compare")
         return
     place = start_axis(axes, t0_ns, 2 * NEAR_S)
@@ -63,10 +63,6 @@ def draw_near(axes: Any, curve: ScoreCurve, t0_ns: int, result: MatchResult) -> 
     _mark_claim(axes, place, edges_s, t0_ns, result)
     if axes.get_legend_handles_labels()[1]:
         axes.legend(loc="upper left", frameon=False, fontsize="small")
-
-
-def _anything(curve: ScoreCurve) -> bool:
-    return bool(np.isfinite(curve.high).any())
 
 
 def _best(curve: ScoreCurve, result: MatchResult) -> float:

@@ -50,13 +50,14 @@ def draw_pictures(case: Case) -> list[Picture]:
                 lambda f: draw_enf(f.subplots(), track, grid, result),
                 _enf_caption(case), _enf_alt(case, track),
             ))  # fmt: skip
-        if math.isfinite(result.lag_s):
-            curve = curve_of(track, grid, case.settings, result)
+        curve = curve_of(track, grid, case.settings, result)
+        if not curve.is_empty:
             pictures.append(_picture(
                 "score.png", "How well each time fits: the whole search",
                 lambda f: draw_score(f.subplots(), curve, t0_ns, result),
                 _score_caption(case, curve), _score_alt(case, curve),
             ))  # fmt: skip
+        if np.isfinite(curve.near).any():
             pictures.append(_picture(
                 "score_near.png", "How well each time fits: around the best",
                 lambda f: draw_near(f.subplots(), curve, t0_ns, result),

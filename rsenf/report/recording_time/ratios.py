@@ -25,7 +25,7 @@ def propositions(case: Case) -> dict[str, str]:
     best = (
         f"The recording was begun {place(case)}: the best time in {where}."
         if math.isfinite(result.lag_s)
-        else f"The recording was begun at the best time in {where}. (None could be named.)"
+        else f"The recording was begun at the best time in {where}. (No such time could be named.)"
     )
     covers = "covers" if len(case.references) == 1 else "cover"
     told = {

@@ -41,4 +41,5 @@ def write_report(path: Path, case: Case, made_utc: str) -> None:
             (folder / picture.file).write_bytes(picture.png)
         (folder / VERDICT).write_bytes(verdict_bytes(case))
         (folder / NUMBERS).write_text(numbers, encoding="utf-8")
-        (folder / PAGE).write_text(page, encoding="utf-8")
+        # A file's name may hold bytes that are no text.
+        (folder / PAGE).write_text(page, encoding="utf-8", errors="backslashreplace")

@@ -1,0 +1,231 @@
+"""The report: complete whatever came out, the same bytes for the same case, and safe to open."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from rsenf.report.recording_time import Case, write_report
+from tests.report.html_page import Page
+from tests.report.report_cases import (
+    BEGIN_S,
+    bare_case,
+    dark_case,
+    found_case,
+    reference_facts,
+    with_result,
+)
+
+Told = tuple[Page, dict[str, Any], Path]
+MADE = "2026-01-02T03:04:05Z"
+SECTIONS = ["evidence", "claim", "pictures", "candidates", "camera", "search", "warnings",
+            "limits", "inputs", "parameters", "terms"]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def found() -> Case:
+    return found_case()
+
+
+@pytest.fixture(scope="module")
+def dark() -> Case:
+    return dark_case()
+
+
+@pytest.fixture(scope="module")
+def bare() -> Case:
+    return bare_case()
+
+
+def written(folder: Path, case: Case, made: str = MADE) -> tuple[Page, dict[str, Any]]:
+    """Write a report; check what holds for every report; return the page and the numbers."""
+    write_report(folder, case, made)
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    page = Page(text)
+    numbers = json.loads((folder / "report.json").read_text(), parse_constant=pytest.fail)
+    assert numbers["schema"] == "rsenf.report.recording_time"
+    assert numbers["version"] == 1
+    assert sorted(numbers["files"]) == sorted(p.name for p in folder.iterdir())
+    # Nothing from elsewhere, nothing that runs.
+    assert not page.all("script")
+    assert not page.all("link")
+    assert not re.search(r"https?://|url\(", text)
+    assert all(str(a["href"]).startswith("#") for a in page.all("a"))
+    assert {str(a["href"])[1:] for a in page.all("a")} <= set(page.ids)
+    for image, told in zip(page.all("img"), numbers["pictures"], strict=True):
+        assert image["alt"] == told["alt"]
+        assert str(image["src"]).startswith("data:image/png;base64,")
+    for told in numbers["pictures"]:
+        png = (folder / told["file"]).read_bytes()
+        assert hashlib.sha256(png).hexdigest() == told["sha256"]
+        drawn = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+        assert drawn.shape[:2] == (told["height_px"], told["width_px"])
+    # The date is in one place.
+    assert text.count(made) == 1
+    assert (folder / "report.json").read_text().count(made) == 1
+    return page, numbers
+
+
+@pytest.fixture(scope="module")
+def told(found: Case, tmp_path_factory: pytest.TempPathFactory) -> Told:
+    """The report on the clip that is found: page, numbers and folder."""
+    folder = tmp_path_factory.mktemp("report") / "r"
+    return *written(folder, found), folder
+
+
+def leaves(value: Any) -> Iterator[Any]:
+    """Every value in a document."""
+    if isinstance(value, dict):
+        for inner in value.values():
+            yield from leaves(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from leaves(inner)
+    else:
+        yield value
+
+
+def test_a_match_is_told_in_order(told: Told, found: Case) -> None:
+    page, numbers, _ = told
+    assert page.ids == SECTIONS
+    assert found.result.claim == "supported"
+    assert numbers["answer"].startswith("Yes, the claim is supported: the recording fits")
+    assert page.words.index(numbers["question"]) < page.words.index("Weight of the evidence")
+    assert [p["file"] for p in numbers["pictures"]] == [
+        "enf.png", "score.png", "score_near.png", "quality.png", "spectrogram.png"
+    ]  # fmt: skip
+    assert [(x["for"], x["against"]) for x in numbers["likelihood_ratios"]] == [
+        ("H1", "H2"), ("H1", "H3")
+    ]  # fmt: skip
+    assert numbers["what_would_help"] == []
+    assert len(page.all("tr")) > 50
+
+
+def test_all_of_the_case_is_on_the_page(told: Told, found: Case) -> None:
+    page, numbers, _ = told
+    for text in (
+        numbers["answer"], *numbers["propositions"].values(), *numbers["limits"],
+        *numbers["warnings"], *numbers["glossary"], *numbers["glossary"].values(),
+        *(x["sentence"] for x in numbers["likelihood_ratios"]),
+        *(x["verbal"] for x in numbers["likelihood_ratios"]),
+        *numbers["likelihood_ratio_texts"]["meaning"],
+        *(p["caption"] for p in numbers["pictures"]), numbers["claim"]["meaning"],
+        "clip.mp4", "0" * 64, "f" * 64, numbers["inputs"]["verdict"]["sha256"],
+        "a warning of the test's", "gaps: 2, 3 s in all", "1.2.3", "not set",
+        f"{found.result.clock_ppm:+.1f} ppm", f"{found.result.correlation:.4f}",
+        *(f"{c.lag_s:.2f}" for c in found.result.candidates),
+    ):  # fmt: skip
+        assert " ".join(text.split()) in page.words, text
+
+
+def test_the_numbers_are_the_verdict_s(told: Told, found: Case) -> None:
+    _, numbers, folder = told
+    assert numbers["result"] == found.verdict
+    verdict = (folder / "result.json").read_bytes()
+    assert verdict == (json.dumps(found.verdict, indent=2) + "\n").encode()
+    assert numbers["inputs"]["verdict"]["sha256"] == hashlib.sha256(verdict).hexdigest()
+    ratios = [x["log10_lr"] for x in numbers["likelihood_ratios"]]
+    assert ratios == [found.verdict["log10_lr"], found.verdict["log10_lr_absent"]]
+    assert numbers["claim"]["after_best_time_s"] == pytest.approx(
+        BEGIN_S + 0.2 - found.result.lag_s, abs=1e-6
+    )
+
+
+def test_the_same_case_gives_the_same_bytes_but_for_the_date(
+    told: Told, tmp_path: Path, found: Case
+) -> None:
+    later = "2031-12-31T23:59:59Z"
+    written(tmp_path / "later", found, later)
+    differing = set()
+    for path in told[2].iterdir():
+        first, second = path.read_bytes(), (tmp_path / "later" / path.name).read_bytes()
+        assert second.replace(later.encode(), MADE.encode()) == first, path.name
+        if first != second:
+            differing.add(path.name)
+    assert differing == {"report.html", "report.json"}
+
+
+def test_without_a_signal_it_says_so_and_what_would_help(tmp_path: Path, dark: Case) -> None:
+    page, numbers = written(tmp_path / "r", dark)
+    assert page.ids == [*SECTIONS[:2], "help", *SECTIONS[2:]]
+    assert numbers["decision"] == "no_decision"
+    assert numbers["answer"].endswith("no usable signal.")
+    assert numbers["pictures_left_out"] in page.words
+    assert [p["file"] for p in numbers["pictures"]] == ["quality.png", "spectrogram.png"]
+    assert any("--enf-method" in text for text in numbers["what_would_help"])
+    assert "not computed" in page.words
+    assert numbers["quality"]["usable_values"] == 0
+    assert not re.search(r"\bnan\b|None", page.words)
+
+
+def test_without_a_frame(tmp_path: Path, bare: Case) -> None:
+    _, numbers = written(tmp_path / "r", bare)
+    assert numbers["pictures"] == []
+
+
+@pytest.mark.parametrize("claim", ["", "supported", "refuted", "undecidable"])
+@pytest.mark.parametrize("decision", ["match", "no_match", "no_decision"])
+def test_every_outcome_has_its_page(tmp_path: Path, bare: Case, decision: str, claim: str) -> None:
+    """Whatever the combination; the pictures are another test's."""
+    case = with_result(
+        bare, decision=decision, claim=claim, reason="for a reason",
+        lag_s=12.5 if decision == "match" else float("nan"),
+        claimed_utc_ns=bare.result.claimed_utc_ns if claim else 0,
+    )  # fmt: skip
+    page, numbers = written(tmp_path / "r", case)
+    assert ("claim" in page.ids) is bool(claim)
+    assert ("help" in page.ids) is (decision != "match")
+    assert numbers["answer"].endswith(".")
+    assert not re.search(r"\bnan\b|None", numbers["answer"])
+    assert numbers["answer"] in page.words
+
+
+def test_text_from_outside_is_shown_and_never_run(tmp_path: Path, dark: Case) -> None:
+    evil = '<script>alert(1)</script><img src=x onerror="alert(2)">&amp;\'"{{ 7*7 }}'
+    case = dataclasses.replace(
+        with_result(dark, reason=evil, grid=evil),
+        recording=dataclasses.replace(dark.recording, name=evil),
+        references=[dataclasses.replace(reference_facts(evil), notes=[evil])],
+        parameters={evil: {evil: evil}},
+        versions={"rsenf": evil},
+    )
+    case.verdict["warnings"] = [evil]
+    page, _ = written(tmp_path / "r", case)
+    assert page.words.count(evil) > 8
+    assert {name for name, _ in page.tags}.isdisjoint({"script"})
+    assert not [a for _, a in page.tags if "onerror" in a]
+    assert len(page.all("img")) == 2
+
+
+def test_a_name_that_is_no_text(tmp_path: Path, bare: Case) -> None:
+    name = b"caf\xe9.mp4".decode("utf-8", "surrogateescape")
+    case = dataclasses.replace(bare, recording=dataclasses.replace(bare.recording, name=name))
+    page, _ = written(tmp_path / "r", case)
+    assert r"caf\udce9.mp4" in page.words
+
+
+def test_several_references(tmp_path: Path, found: Case) -> None:
+    case = dataclasses.replace(found, references=[reference_facts("other"), reference_facts()])
+    page, numbers = written(tmp_path / "r", case)
+    assert "on the grid test" in numbers["answer"]
+    assert "these references" in numbers["answer"]
+    assert "Reference “other”" in page.words
+    assert {c["grid"] for c in numbers["result"]["candidates"]} == {"test"}
+
+
+def test_no_value_is_lost_in_rounding_to_text(told: Told, found: Case) -> None:
+    """Numbers are numbers in the JSON, not texts; the texts are for the page."""
+    _, numbers, _ = told
+    kept = [v for v in leaves(numbers) if isinstance(v, float)]
+    assert found.result.lag_s in kept
+    assert found.result.lag_std_s in kept
+    assert found.result.residual_std_hz in kept
