@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from itertools import islice
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from rsenf.match.coarse import PIECE
 from rsenf.match.score import LagScorer
-from rsenf.match.search import prepared
+from rsenf.match.search import USUAL_WINDOW_S, prepared
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
@@ -77,12 +79,51 @@ def correlations(
     track: Track, grid: Grid, settings: MatchSettings, best_lag_s: float
 ) -> Iterator[LagScores]:
     """Yield the normalised cross-correlation at every lag, in the way that fits best."""
-    ways = [scorers for _, scorers in prepared(track, grid, settings)]
-    for scorer in max(ways, key=lambda scorers: _score_at(best_lag_s, scorers)):
-        for table in scorer.tables():
-            lags = table.lags.astype(np.float64)
-            lag_s = (lags + 0.5) * scorer.track.hop_s - scorer.track.first_s
-            yield LagScores(lag_s, table.correlation, "correlation", "1 is perfect")
+    way = 0
+    for part in _parts(track, grid):
+        if part.first_lag_s <= best_lag_s < part.last_lag_s:
+            way = _best_way(track, part.grid, settings, best_lag_s - part.begin_s)
+    for part in _parts(track, grid):
+        ((_, scorers),) = islice(prepared(track, part.grid, settings), way, way + 1)
+        for scorer in scorers:
+            for table in scorer.tables():
+                lag_s = scorer.lags_s(table.lags) + part.begin_s
+                own = (lag_s >= part.first_lag_s) & (lag_s < part.last_lag_s)
+                if own.any():
+                    score = table.correlation[own]
+                    yield LagScores(lag_s[own], score, "correlation", "1 is perfect")
+
+
+class _Part(NamedTuple):
+    """A part of a reference, where it begins, and the lags that are its own."""
+
+    grid: Grid
+    begin_s: float
+    first_lag_s: float
+    last_lag_s: float
+
+
+def _parts(track: Track, grid: Grid) -> Iterator[_Part]:
+    """Cut a reference into parts that overlap by a clip and the longest average on either side."""
+    per_hop = max(round(track.hop_s / grid.step_s), 1)  # a part holds whole hops
+    clip_s = track.enf_hz.size * track.hop_s + track.window_s + USUAL_WINDOW_S
+    reach = math.ceil(clip_s / grid.step_s / per_hop) * per_hop
+    piece = PIECE // per_hop * per_hop
+    size = grid.freq_hz.size
+    for start in range(0, size, piece):
+        a, b = max(start - reach, 0), min(start + piece + reach, size)
+        yield _Part(
+            replace(grid, freq_hz=np.asarray(grid.freq_hz[a:b])),
+            a * grid.step_s,
+            start * grid.step_s if start else -math.inf,
+            (start + piece) * grid.step_s if start + piece < size else math.inf,
+        )
+
+
+def _best_way(track: Track, grid: Grid, settings: MatchSettings, lag_s: float) -> int:
+    """Return the number of the way in which a lag fits best."""
+    found = [_score_at(lag_s, scorers) for _, scorers in prepared(track, grid, settings)]
+    return found.index(max(found))
 
 
 def _score_at(lag_s: float, scorers: list[LagScorer]) -> float:

@@ -49,3 +49,17 @@ def test_a_method_without_a_curve_of_its_own_shows_the_correlation():
     track, grid = clip_of(DAY, 5000.0, 200, 3), grid_from(DAY)
     ours, other = (whole_curve(track, grid, 5000.0, name)[1] for name in ("ncc", "metric_1"))
     assert np.array_equal(ours, other, equal_nan=True)
+
+
+@pytest.mark.parametrize(("window_s", "step_s"), [(20.0, 1.0), (1.0, 1.0), (1.0, 2.0), (1.0, 0.5)])
+def test_a_reference_in_parts_gives_the_same_curve(window_s, step_s, monkeypatch):
+    """What is cut for the sake of memory shows nowhere."""
+    shape = {2.0: lambda f: f.reshape(-1, 2).mean(axis=1), 0.5: lambda f: np.repeat(f, 2)}
+    freq_hz = shape.get(step_s, lambda f: f)(DAY[:6000])
+    track, grid = clip_of(DAY, 4321.0, 200, 2, window_s=window_s), grid_from(freq_hz, step_s=step_s)
+    lag_s, score = whole_curve(track, grid, 4321.0)
+    monkeypatch.setattr("rsenf.match.lag_scores.PIECE", 1000)
+    parts_s, parts = whole_curve(track, grid, 4321.0)
+    order, parts_order = np.argsort(lag_s, kind="stable"), np.argsort(parts_s, kind="stable")
+    assert parts_s[parts_order] == pytest.approx(lag_s[order], abs=1e-6)
+    assert parts[parts_order] == pytest.approx(score[order], abs=1e-6, nan_ok=True)
