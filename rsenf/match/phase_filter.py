@@ -111,39 +111,106 @@ def innovations(
         Of the reference.
     errors : sequence of Errors
     """
-    table = np.array(
-        [[e.reference_hz, e.clip.ratio, e.clip.wander_rad, 1.0 / e.clip.wander_s] for e in errors]
-    )
-    q, ratio, wander, forget = (column[:, None] for column in table.T)
-    q = (RAD_PER_CYCLE * q) ** 2 * step_s  # rad² a second: errors of samples are independent
-    ratio2, wander2 = ratio**2, wander**2
+    plain_first = np.argsort([e.clip.wander_rad > 0.0 for e in errors], kind="stable")
+    spread = _Spread(clip, known.shape[1], step_s, [errors[e] for e in plain_first])
     size = (len(errors), residual_rad.shape[1])
-    # Covariance of the walk (a) and the wander (b); states of the clip (x) and of the ramp (s).
-    paa = np.full((len(errors), known.shape[1]), UNKNOWN_RAD2)
-    pab, pbb = np.zeros_like(paa), np.broadcast_to(wander2, paa.shape)
-    xa, xb, sa, sb = (np.zeros(shape) for shape in (size, size, paa.shape, paa.shape))
-    log_f, rr = np.zeros(paa.shape), np.zeros(paa.shape)
-    vv, vr = np.zeros(size), np.zeros(size)
-    dt = np.diff(clip.t_s, prepend=clip.t_s[0])
+    own, ramp = (_Followed(shape, spread.wandering) for shape in (size, spread.shape))
+    residual = residual_rad / (2.0 * np.pi)  # in turns, of which whole ones don't count
+    log_f, rr, vv, vr = (np.zeros(shape) for shape in (spread.shape, spread.shape, size, size))
     for i in range(clip.size):
-        keep = np.exp(-forget * dt[i])
-        paa = paa + q * dt[i] + ratio2 * clip.walk_rad2[i]
-        pab, pbb = pab * keep, pbb * keep**2 + wander2 * (1 - keep**2)
-        xb, sb = xb * keep, sb * keep
-        anew = ~known[i]
-        if anew.any():
-            paa = np.where(anew, UNKNOWN_RAD2, paa)
-            pab, pbb = np.where(anew, 0.0, pab), np.where(anew, wander2, pbb)
-            xb, sb = np.where(anew, 0.0, xb), np.where(anew, 0.0, sb)
-        ga, gb = paa + pab, pab + pbb
-        f = ga + gb + ratio2 * clip.var_rad2[i] + 1e-12
-        v = residual_rad[i] - xa - xb
-        v -= 2 * np.pi * np.round(v / (2 * np.pi))
-        r = RAD_PER_CYCLE * (clip.t_s[i] - clip.t_s[0]) - sa - sb
-        told = np.where(anew, 0.0, 1.0 / f)
-        log_f += np.where(anew, 0.0, np.log(2 * np.pi * f))
-        vv, vr, rr = vv + v * v * told, vr + v * r * told, rr + r * r * told
-        ka, kb = ga / f, gb / f
-        xa, xb, sa, sb = xa + ka * v, xb + kb * v, sa + ka * r, sb + kb * r
-        paa, pab, pbb = paa - ka * ga, pab - ka * gb, pbb - kb * gb
+        f, keep, gain = spread.step(i, known[i])
+        told = np.where(known[i], 1.0 / f, 0.0)
+        log_f += np.where(known[i], np.log(2.0 * np.pi * f), 0.0)
+        r = ramp.innovation(RAD_PER_CYCLE * (clip.t_s[i] - clip.t_s[0]), keep)
+        v = own.innovation(residual[i], keep)
+        v -= np.rint(v)
+        ramp.learn(r, gain)
+        own.learn(v, gain)
+        told_r = told * r
+        rr += told_r * r
+        vr += told_r * v
+        v *= v
+        v *= told
+        vv += v
+    back = np.argsort(plain_first)
+    log_f, vv, vr, rr = log_f[back], (2 * np.pi) ** 2 * vv[back], 2 * np.pi * vr[back], rr[back]
     return Innovations(log_f, vv, vr, rr, known.sum(axis=0))
+
+
+class _Spread:
+    """How uncertain the walk (a) and the wander (b) are, and what an innovation tells of them.
+
+    Shapes are (errors, lags), or (errors, 1) where all lags know the same; what is of the wander
+    has the rows of those errors that have one, the last.
+    """
+
+    def __init__(self, clip: ClipPhase, lags: int, step_s: float, errors: Sequence[Errors]) -> None:
+        table = [
+            (e.reference_hz, e.clip.ratio, e.clip.wander_rad, 1.0 / e.clip.wander_s) for e in errors
+        ]
+        q, ratio, wander, forget = (column[:, None] for column in np.array(table).T)
+        self.shape = (len(errors), lags)
+        self.wandering = slice(int((wander == 0.0).sum()), None)
+        dt = np.diff(clip.t_s, prepend=clip.t_s[0])[:, None, None]
+        # rad² a second: the errors of the reference's samples are independent.
+        self._grow = (RAD_PER_CYCLE * q) ** 2 * step_s * dt
+        self._grow += ratio**2 * clip.walk_rad2[:, None, None]
+        self._noise = ratio**2 * clip.var_rad2[:, None, None] + 1e-12
+        self._keep = np.exp(-forget[self.wandering] * dt)
+        self._wander = wander[self.wandering] ** 2
+        self._aa = np.full(self.shape, UNKNOWN_RAD2)
+        self._bb = self._wander + np.zeros(self._aa[self.wandering].shape)
+        self._ab = np.zeros_like(self._bb)
+
+    def step(
+        self, i: int, known: NDArray[np.bool_]
+    ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
+        """Go on to a phase.
+
+        Returns
+        -------
+        f : ndarray
+            Variance of its innovation.
+        keep : ndarray
+            Share that is left of the wander; none where the filter starts anew.
+        gain : tuple of ndarray
+            Of the walk, and of the wander.
+        """
+        aa, ab, bb, keep = self._aa, self._ab, self._bb, self._keep[i]
+        aa += self._grow[i]
+        if not known.all():
+            keep = np.where(known, keep, 0.0)
+            aa[:, ~known] = UNKNOWN_RAD2
+        ab *= keep
+        bb -= self._wander
+        bb *= keep**2
+        bb += self._wander
+        to_a, to_b = aa.copy(), ab + bb
+        to_a[self.wandering] += ab
+        f = to_a + self._noise[i]
+        f[self.wandering] += to_b
+        gain_a, gain_b = to_a / f, to_b / f[self.wandering]
+        ab -= gain_a[self.wandering] * to_b
+        aa -= gain_a * to_a
+        bb -= gain_b * to_b
+        return f, keep, (gain_a, gain_b)
+
+
+class _Followed:
+    """What has been learnt of the walk and the wander behind a series."""
+
+    def __init__(self, shape: tuple[int, int], wandering: slice) -> None:
+        self._a, self._wandering = np.zeros(shape), wandering
+        self._b = np.zeros_like(self._a[wandering])
+
+    def innovation(self, value: FloatArray | float, keep: FloatArray) -> FloatArray:
+        """Return how far the next value is from what was to be expected."""
+        self._b *= keep
+        v: FloatArray = value - self._a
+        v[self._wandering] -= self._b
+        return v
+
+    def learn(self, v: FloatArray, gain: tuple[FloatArray, FloatArray]) -> None:
+        """Take an innovation in."""
+        self._a += gain[0] * v
+        self._b += gain[1] * v[self._wandering]
