@@ -157,9 +157,9 @@ def _options(args: argparse.Namespace) -> ReadOptions:
 def _now() -> str:
     import time
 
-    from rsenf.reference.moments import utc_text
+    from rsenf.timebase import utc_text
 
-    return utc_text(time.time_ns() // 10**9 * 10**9)
+    return str(utc_text(time.time_ns()))
 
 
 _ACTIONS = {"import": _import, "list": _list, "info": _info, "export": _export}

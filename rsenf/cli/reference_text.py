@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
-from rsenf.reference.moments import utc_text
 from rsenf.reference.store import (
     Imported,
     SampleFile,
@@ -15,6 +15,7 @@ from rsenf.reference.store import (
     coverage,
     facts,
 )
+from rsenf.timebase import utc_text
 
 
 def import_document(done: Imported) -> dict[str, Any]:
@@ -50,10 +51,10 @@ def series_document(series: Series) -> dict[str, Any]:
 
 def list_words(documents: list[dict[str, Any]]) -> str:
     """The list as a table."""
-    lines = [f"{'grid':<16} {'Hz':>3} {'step':>6}  {'from':<20} {'to':<20} {'there':>6} {'MB':>6}"]
+    lines = [f"{'grid':<16} {'Hz':>3} {'step':>6}  {'from':<24} {'to':<24} {'there':>6} {'MB':>6}"]
     lines += [
-        f"{d['grid']:<16} {d['nominal_hz']:>3g} {d['step_s']:>4g} s  {d['start_utc']:<20} "
-        f"{d['end_utc']:<20} {d['coverage']:>6.1%} {d['size_bytes'] / 1e6:>6.1f}"
+        f"{d['grid']:<16} {d['nominal_hz']:>3g} {d['step_s']:>4g} s  {d['start_utc']:<24} "
+        f"{d['end_utc']:<24} {d['coverage']:>6.1%} {d['size_bytes'] / 1e6:>6.1f}"
         for d in documents
     ]
     return "\n".join(lines)
@@ -90,9 +91,9 @@ def info_words(document: dict[str, Any]) -> str:
         f"{d['grid']}@{step_s:g}: {d['nominal_hz']:g} Hz grid, {d['start_utc']} to {d['end_utc']}",
         f"  values          {d['valid']} of {d['samples']} ({d['valid'] / d['samples']:.1%})",
         f"  mean, std       {d['mean_hz']:.4f} Hz, {d['std_hz'] * 1e3:.1f} mHz",
-        f"  gaps            {d['gaps']}, {missing * step_s:g} s in all",
+        f"  gaps            {d['gaps']}" + (f", in all {_long(missing * step_s)}" * bool(missing)),
     ]
-    lines += [f"    {g['duration_s']:>10g} s from {g['start_utc']}" for g in d["longest_gaps"]]
+    lines += [f"    {_long(g['duration_s']):>20} from {g['start_utc']}" for g in d["longest_gaps"]]
     lines += [
         f"  duplicates      {d['duplicates']} samples have several readings",
         f"  contradictions  {d['contradictions']} of them disagree by over 5 mHz: gaps",
@@ -126,6 +127,11 @@ def export_words(document: dict[str, Any]) -> str:
         f"{d['out']}: {d['values']} values of {d['grid']} at {d['step_s']:g} s, "
         f"{d['start_utc']} to {d['end_utc']}"
     )
+
+
+def _long(duration_s: float) -> str:
+    """Days, hours, minutes and seconds."""
+    return str(timedelta(seconds=duration_s))
 
 
 def _file_document(file: SampleFile) -> dict[str, Any]:

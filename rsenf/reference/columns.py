@@ -111,6 +111,8 @@ def numbers(cells: pa.Array) -> FloatArray:
     """Return cells as numbers, with a decimal point or comma; NaN for what isn't one."""
     import pyarrow as pa
 
+    if pa.types.is_decimal(cells.type):
+        cells = cells.cast(pa.string())  # read as they are printed, not scaled
     try:
         values = cells.cast(pa.float64(), safe=False)
     except pa.ArrowInvalid:

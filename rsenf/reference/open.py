@@ -43,7 +43,7 @@ def open_reference(
     nominal_hz, grid
         What it must be, and what to call it, as of a file.
     timezone, step_s, column, stamp
-        Of a file only.
+        Of files only; they have no bearing on the store.
 
     Raises
     ------
@@ -62,12 +62,11 @@ def open_reference(
             stamp=stamp,
             grid=grid,
         )
+    reference = _from_store(str(spec), store, grid, nominal_hz)
     if timezone or column or step_s or stamp != "start":
-        raise UsageError(
-            f"{spec} with --timezone, --step-s, --column or --stamp",
-            "these are for its import; a step is chosen by store:GRID@STEP",
-        )
-    return _from_store(str(spec), store, grid, nominal_hz)
+        line = "--timezone, --step-s, --column and --stamp have no bearing on the store"
+        reference = replace(reference, notes=(*reference.notes, line))
+    return reference
 
 
 def _from_store(

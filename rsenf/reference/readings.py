@@ -24,6 +24,8 @@ from rsenf.reference.times import TimeReader
 from rsenf.reference.wav import demodulate
 from rsenf.timebase import NS_PER_S, nanoseconds
 
+HEAD_VALUES = 1000
+
 
 class Stamped(NamedTuple):
     """Times (n,) as the file gives them, and frequencies (n,), NaN where there is none."""
@@ -64,7 +66,7 @@ class Readings:
         ReferenceFormatError
             When the file can't be read as a reference.
         """
-        return self._placed(self._plausible(self._stamped()))
+        return self._placed(self._plausible(_headed(self._stamped())))
 
     def _stamped(self) -> Iterator[Stamped]:
         path, options = self._path, self._options
@@ -136,22 +138,11 @@ class Readings:
         return freq_hz
 
     def _plausible(self, parts: Iterable[Stamped]) -> Iterator[Stamped]:
-        """Find the nominal frequency as soon as there are values; let no others through."""
-        where, asked = self._path.name, self._options.nominal_hz
-        held: list[Stamped] = []
-        for part in parts:
-            held.append(part)
+        """Find the nominal frequency in the first part; let no others through."""
+        for t_ns, freq_hz in parts:
             if np.isnan(self.nominal_hz):
-                freq = np.concatenate([p.freq_hz for p in held])
-                if np.isfinite(freq).sum() < MIN_VALUES:
-                    continue
-                self.nominal_hz = nominal_of(freq, where, asked)
-            for t_ns, freq in held:
-                if t_ns.size:
-                    yield Stamped(t_ns, without_outliers(freq, self.nominal_hz, self.notes))
-            held = []
-        if held:
-            nominal_of(np.concatenate([p.freq_hz for p in held]), where, asked)
+                self.nominal_hz = nominal_of(freq_hz, self._path.name, self._options.nominal_hz)
+            yield Stamped(t_ns, without_outliers(freq_hz, self.nominal_hz, self.notes))
 
     def _placed(self, parts: Iterable[Stamped]) -> Iterator[Piece]:
         """Find the raster in the first part; move all to a start that was given."""
@@ -167,6 +158,20 @@ class Readings:
                     move_ns -= raster.step_ns // 2
                 raster = Raster(raster.t0_ns + move_ns, raster.step_ns)
             yield Piece(t_ns + move_ns, freq_hz, raster)
+
+
+def _headed(parts: Iterable[Stamped]) -> Iterator[Stamped]:
+    """Join the first parts to one that has enough values to judge the whole by."""
+    parts = iter(parts)
+    head: list[Stamped] = []
+    enough = 0
+    for part in parts:
+        head.append(part)
+        enough += int(np.isfinite(part.freq_hz).sum())
+        if enough >= HEAD_VALUES:
+            break
+    yield Stamped(*map(np.concatenate, zip(*head, strict=True)))
+    yield from (part for part in parts if part.t_ns.size)
 
 
 def _with_more(columns: Iterable[Columns]) -> Iterator[tuple[Columns, bool]]:

@@ -13,7 +13,7 @@ import numpy as np
 import psutil
 
 from rsenf import __version__
-from rsenf.errors import ReferenceFormatError, UsageError
+from rsenf.errors import RecordingError, ReferenceFormatError, UsageError
 from rsenf.reference.axis import OFF_GRID_RATIO, Piece, Placing, Raster
 from rsenf.reference.options import ReadOptions
 from rsenf.reference.read import file_sha256
@@ -168,9 +168,14 @@ def _folder_of(target: Path) -> Iterator[Path]:
     """Give a temporary file to write; leave no folder behind that has nothing in it."""
     folder = target.parent
     try:
+        folder.mkdir(parents=True, exist_ok=True)
+        _remove_left_overs(folder)
+    except OSError as exc:
+        raise RecordingError(
+            f"can't write to {folder}: {exc.strerror or exc}", "check the store and its rights"
+        ) from exc
+    try:
         with whole_file(target) as part:
-            folder.mkdir(parents=True, exist_ok=True)
-            _remove_left_overs(folder)
             yield part
     finally:
         with suppress(OSError):  # not empty: as it should be

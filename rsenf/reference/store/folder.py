@@ -12,10 +12,9 @@ from pathlib import Path
 
 from rsenf.errors import ReferenceFormatError, UsageError
 from rsenf.reference.axis import Raster
-from rsenf.reference.moments import utc_text
 from rsenf.reference.samples import Samples, merged
 from rsenf.reference.store.sample_file import BLOCK, Group, SampleFile
-from rsenf.timebase import NS_PER_S
+from rsenf.timebase import NS_PER_S, utc_text
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 

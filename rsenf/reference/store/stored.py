@@ -10,11 +10,10 @@ import numpy as np
 
 from rsenf.errors import UsageError
 from rsenf.messages.schema import Int64Array
-from rsenf.reference.moments import utc_text
 from rsenf.reference.store.folder import Series, find_series
 from rsenf.reference.store.lazy import Blocks, StoredSamples
 from rsenf.reference.store.record import Record
-from rsenf.timebase import nanoseconds
+from rsenf.timebase import nanoseconds, utc_text
 
 
 @dataclass(frozen=True, eq=False)
