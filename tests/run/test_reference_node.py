@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
 from rsenf_nodes.reference import body
+
 from rsenf.config.graph import ReferenceNode
 from rsenf.errors import UsageError
 from rsenf.messages import Mark
