@@ -61,13 +61,18 @@ def _at_once(
     slope = np.zeros_like(away)
     slope[1:-1] = np.where(gap[2:] | gap[:-2], 0.0, (away[2:] - away[:-2]) / 2.0)
     edge = np.cumsum(away, axis=0) - away
-    missing = np.zeros((width + 1, lag_s.size), np.int64)
-    np.cumsum(gap, axis=0, out=missing[1:])
-
-    lag = np.arange(lag_s.size)
-    cycles = edge[k, lag] + away[k, lag] * part + slope[k, lag] * (part**2 - part) / 2.0
-    known = np.zeros(at.shape, bool)
-    known[1:] = missing[k + (part > 0.0), lag][1:] == missing[k, lag][:-1]
+    here = k * lag_s.size + np.arange(lag_s.size)  # in each of these, as one long row
+    cycles = slope.take(here) * ((part - 1.0) / 2.0)
+    cycles += away.take(here)
+    cycles *= part
+    cycles += edge.take(here)
+    known = np.ones(at.shape, bool)
+    known[0] = False
+    if gap.any():
+        missing = np.zeros((width + 1, lag_s.size), np.int64)
+        np.cumsum(gap, axis=0, out=missing[1:])
+        end = here + lag_s.size * (part > 0.0)
+        known[1:] = missing.take(end[1:]) == missing.take(here[:-1])
     return RAD_PER_CYCLE * grid.step_s * cycles, known
 
 
