@@ -122,9 +122,15 @@ def track_settings(args: argparse.Namespace, nominal_hz: float | None) -> TrackS
     from rsenf.errors import UsageError
     from rsenf.track import METHODS, TrackSettings
 
-    method = args.enf_method or _needed_by_matcher(args) or TrackSettings.method
+    needed = _needed_by_matcher(args)
+    method = args.enf_method or needed or TrackSettings.method
     if method not in METHODS:
         raise UsageError(f"no ENF method {method!r}", f"one of {', '.join(METHODS)}")
+    if needed and method != needed:
+        raise UsageError(
+            f"{args.method} compares the hypotheses of the ENF method {needed}, not {method}",
+            "leave --enf-method out",
+        )
     if method in ALL_LINES and (args.harmonic or args.line is not None):
         raise UsageError(
             f"{method} follows all harmonics and lines together",

@@ -22,6 +22,7 @@ from rsenf.config.graph import (
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS as IDLE_METHODS
 from rsenf.match import METHODS as MATCH_METHODS
+from rsenf.match import tracker_for
 from rsenf.track import METHODS as TRACK_METHODS
 
 Problem = tuple[tuple[str, ...], str]
@@ -37,6 +38,7 @@ def problems(graph: Graph) -> list[Problem]:
         found += [((*at, *below), text) for below, text in _of_node(node)]
         found += [((*at, where), text) for where, text in _twice(graph, name, node)]
         found += [((*at, where), text) for where, text in _unread(graph, node)]
+        found += [((*at, where), text) for where, text in _unfit(graph, node)]
         # With a bus of somebody else's, what is missing here may be sent there.
         if not graph.bus.is_elsewhere:
             found += [((*at, where), text) for where, text in _unfed(graph, node)]
@@ -91,6 +93,17 @@ def _twice(graph: Graph, name: str, node: Node) -> Iterator[tuple[str, str]]:
         writers = [n for n, other in graph.nodes.items() if getattr(other, "out", "") == node.out]
         if writers[0] != name:
             yield "out", f"node {writers[0]!r} writes {node.out} already"
+
+
+def _unfit(graph: Graph, node: Node) -> Iterator[tuple[str, str]]:
+    """Yield a matcher that can do nothing with the ENF it is sent."""
+    if not isinstance(node, MatchNode) or not (needed := tracker_for(node.method)):
+        return
+    for camera in node.cameras:
+        sender = graph.nodes.get(sender_of(graph, "track", camera))
+        if isinstance(sender, TrackNode) and sender.track.method != needed:
+            other = sender.track.method
+            yield "method", f"{node.method} needs the ENF method {needed!r}, not {other!r}"
 
 
 def _unfed(graph: Graph, node: Node) -> Iterator[tuple[str, str]]:

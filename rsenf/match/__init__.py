@@ -8,7 +8,7 @@ from rsenf.match.paper import Metric, metric
 from rsenf.match.paper_search import Tally, paper_search
 from rsenf.match.paper_tracks import Hypotheses, hypotheses_of
 from rsenf.match.settings import MatchSettings
-from rsenf.match.stage import METHODS, Match
+from rsenf.match.stage import METHODS, Match, tracker_for
 
 __all__ = [
     "METHODS",
@@ -25,4 +25,5 @@ __all__ = [
     "masked_ncc",
     "metric",
     "paper_search",
+    "tracker_for",
 ]

@@ -32,6 +32,11 @@ METHODS: dict[str, Matcher | Metric] = {
 }
 
 
+def tracker_for(method: str) -> str:
+    """ENF method whose estimates a matcher needs; empty when any will do."""
+    return PAPER_TRACKER if isinstance(METHODS.get(method), Metric) else ""
+
+
 class Match:
     """Collects a clip's ENF and references, and compares them. A :class:`rsenf.stage.Stage`.
 
@@ -99,7 +104,7 @@ class Match:
             self._begin()
         self._epoch = message.header.epoch
         if message.rank != 0:
-            if isinstance(METHODS[self.method], Metric):
+            if tracker_for(self.method):
                 self._hypotheses.add(message)
             return out
         if self._every_ns and self._crosses_boundary(message):
@@ -138,7 +143,7 @@ class Match:
 
     def _result(self, estimates: list[EnfEstimate], *, final: bool) -> MatchResult:
         track, jumps = (track_of(estimates), 0) if estimates else (None, 0)
-        if track and not isinstance(METHODS[self.method], Metric):
+        if track and not tracker_for(self.method):
             track, jumps = without_jumps(track)
         grids = [*self._grids, *(grid_of(list(b.values())) for b in self._blocks.values())]
         method = self._method_for(track)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.flicker.lines import alias_hz
-from rsenf.messages import EnfEstimate, RowBlock
+from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.track.paper_hypotheses import Hypothesis, hypotheses
 from rsenf.track.paper_spectrum import Complex, Peaks, SlidingSpectrum, peaks
 from rsenf.track.paper_templates import PaperTemplates
@@ -91,13 +91,13 @@ class PaperTracker(StftTracker):
         blank, reason = self._blank(window), self._what_lacks(window)
         if not self._hypotheses:
             reason = reason or "one mean per frame: no rows to interpolate between"
-        out = [dataclasses.replace(blank, reason=reason)]
-        if not reason:
-            out = self._judge_all(blank, spectra)
-        first, self._sent = self._sent, self._sent + len(out)
-        return [
-            dataclasses.replace(e, header=e.header.numbered(first + i)) for i, e in enumerate(out)
-        ]
+        out = (
+            [dataclasses.replace(blank, header=blank.header.numbered(self._sent), reason=reason)]
+            if reason
+            else self._judge_all(blank, spectra)
+        )
+        self._sent += len(out)
+        return out
 
     def _judge_all(self, blank: EnfEstimate, spectra: list[Complex]) -> list[EnfEstimate]:
         """Return the estimates of all hypotheses, and then the tracker's own."""
@@ -107,7 +107,10 @@ class PaperTracker(StftTracker):
             part = peaks(spectrum, one, alias_hz(one.carrier_hz, rate_hz))
             for whole, values in zip(found, part, strict=True):
                 whole[one.columns] = values
-        out = [_fill_in(blank, h, found, i, rank=i + 1) for i, h in enumerate(self._hypotheses)]
+        out = [
+            _fill_in(blank, blank.header.numbered(self._sent + i), h, found, i)
+            for i, h in enumerate(self._hypotheses)
+        ]
         margin = [
             DRIFT_MARGIN if self._near_zero(h.line, rate_hz) else 1.0 for h in self._hypotheses
         ]
@@ -117,20 +120,26 @@ class PaperTracker(StftTracker):
             self._hypotheses[best].line, found.tone(best), 0.0, 0.0, float(found.one_sided[best])
         )
         reason = self._why_unusable(fit, rate_hz)
-        if reason:
-            return [*out, dataclasses.replace(blank, snr_db=out[best].snr_db, reason=reason)]
-        return [*out, dataclasses.replace(out[best], rank=0)]
+        header = blank.header.numbered(self._sent + len(out))
+        own = (
+            dataclasses.replace(blank, header=header, snr_db=out[best].snr_db, reason=reason)
+            if reason
+            else dataclasses.replace(out[best], header=header, rank=0)
+        )
+        return [*out, own]
 
 
 def _fill_in(
-    blank: EnfEstimate, hypothesis: Hypothesis, found: Peaks, i: int, rank: int
+    blank: EnfEstimate, header: Header, hypothesis: Hypothesis, found: Peaks, i: int
 ) -> EnfEstimate:
+    """Fill in what was found under the hypothesis number ``i``, counted from 0."""
     line = hypothesis.line
     scale = 2.0 * line.harmonic
     snr = float(found.snr[i])
     return dataclasses.replace(
         blank,
-        rank=rank,
+        header=header,
+        rank=i + 1,
         nominal_hz=line.nominal_hz,
         harmonic=line.harmonic,
         line_m=line.m,

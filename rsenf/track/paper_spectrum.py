@@ -8,6 +8,7 @@ about the window's centre ``c``.
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
 from typing import NamedTuple
 
@@ -73,8 +74,9 @@ class SlidingSpectrum:
         """
         while self._taken < number + (self._hops.maxlen or 0):
             self._take(buffer)
-        whole = np.sum([spectrum for spectrum, _ in self._hops], axis=0)
-        frames = sum(count for _, count in self._hops)
+        whole, frames = self._hops[0]
+        for spectrum, count in itertools.islice(self._hops, 1, None):
+            whole, frames = whole + spectrum, frames + count
         if not frames:
             return np.zeros((self.offsets_hz.size, self.columns.size), np.complex128)
         turn = np.exp(-2j * np.pi * (number * self._hop_s / self._window_s + 0.5))

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rsenf.config import Graph, load_graph
-from rsenf.config.graph import DecodeNode, SimulatedInput, outputs, sender_of
+from rsenf.config.graph import DecodeNode, MatchNode, SimulatedInput, outputs, sender_of
 from rsenf.errors import EXIT_USAGE, ConfigError, UsageError
 from tests.conftest import ROOT
 
@@ -141,7 +141,7 @@ nodes:
         (("grid: ce}", "grid: uk}"), 8, "nobody sends the reference 'uk'"),
         (("kind: rows, cameras: [cam1]", "kind: rows, cameras: [cam1, cam1]"), 5, "twice"),
         (("  track: ", "  again: {kind: rows, cameras: [cam1]}\n  track: "), 6, "'rows' sends the"),
-        (("grid: ce}", "grid: ce, method: guess}"), 8, "no method 'guess'; one of ncc"),
+        (("grid: ce}", "grid: ce, method: guess}"), 8, "no method 'guess'; one of phase, ncc"),
         (("  track:  {", "  track:  {track: {method: guess}, "), 6, "no method 'guess'; one of"),
         (("all.mcap}", "all.mcap, topics: [/x]}"), 9, "'/x' is no key expression"),
         (("idle, cameras: [cam1]", "idle, cameras: [cam2]"), 10, "nobody sends the rows"),
@@ -155,6 +155,11 @@ nodes:
             10,
             "'other' writes all.mcap already",
         ),
+        (
+            ("cameras: [cam1], grid: ce", "cameras: [cam1], grid: ce, method: metric3"),
+            8,
+            "metric3 needs the ENF method 'paper', not 'projection'",
+        ),
         (("site: lab", "site: lab\nbus: {zenoh: {scoutin/delay: 0}}"), 3, "unknown key"),
         (("site: lab", "site: lab\nbus: {connect: [tcp/a:1], listen: [tcp/b:1]}"), 3, "listens"),
     ],
@@ -165,6 +170,14 @@ def test_what_the_schema_can_not_see(
     assert change[0] in GOOD
     found = problems(GOOD.replace(*change, 1))
     assert any(f.startswith(f"{line}: ") and words in f for f in found), found
+
+
+def test_a_metric_with_the_hypotheses_it_needs(load: Callable[[str], Graph]) -> None:
+    track = "track:  {kind: track, cameras: [cam1], track: {method: paper, interpolation: linear}}"
+    text = GOOD.replace("track:  {kind: track, cameras: [cam1]}", track)
+    graph = load(text.replace("grid: ce}\n  record", "grid: ce, method: metric4}\n  record"))
+    assert isinstance(graph.nodes["match"], MatchNode)
+    assert graph.nodes["match"].method == "metric4"
 
 
 def test_on_a_bus_of_others_inputs_may_come_from_elsewhere(
