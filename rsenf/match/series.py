@@ -152,8 +152,8 @@ def grid_of(blocks: Sequence[ReferenceBlock]) -> Grid:
 def to_step_of(track: Track, grid: Grid) -> Grid:
     """Average a reference that is finer than the track down to the track's hop.
 
-    An average needs half of its samples. A coarser reference is returned as it is:
-    :func:`phases` thins the track instead, so that nothing is interpolated.
+    An average needs half of its samples. A coarser reference is returned as it is, all of it read
+    where it was stored: :func:`phases` thins the track instead, so that nothing is interpolated.
 
     Raises
     ------
@@ -162,7 +162,7 @@ def to_step_of(track: Track, grid: Grid) -> Grid:
     """
     if grid.step_s > track.hop_s * (1 - 1e-6):
         _whole(grid.step_s, track.hop_s)
-        return grid
+        return replace(grid, freq_hz=np.asarray(grid.freq_hz))
     many = _whole(track.hop_s, grid.step_s)
     rows = grid.freq_hz[: grid.freq_hz.size // many * many].reshape(-1, many)
     ok = np.isfinite(rows)
