@@ -45,13 +45,16 @@ def wander_rad2(t_s: Float) -> Float:
     Parameters
     ----------
     t_s : ndarray
-        Whole multiples of :data:`NODE_S`, up to an hour.
+        Whole multiples of :data:`NODE_S`.
     """
-    # Var(Σ_1^k f) = Σ_{i,j} r(i − j): its second difference is twice the autocovariance.
-    r = _autocovariance()
-    bend = np.concatenate([[0.0, r[0]], 2.0 * r[1 : _LAGS // 2]])
+    # Var(Σ_1^k f) = Σ_{i,j} r(i − j): its second difference is twice the autocovariance, of which
+    # nothing is left after an hour.
+    r = _autocovariance()[: _LAGS // 2]
+    nodes = np.rint(np.asarray(t_s) / NODE_S).astype(np.int64)
+    bend = np.zeros(max(r.size, int(nodes.max(initial=0))) + 1)
+    bend[1], bend[2 : r.size + 1] = r[0], 2.0 * r[1:]
     spread = (2.0 * np.pi * NODE_S) ** 2 * np.cumsum(np.cumsum(bend))
-    return np.asarray(spread[np.rint(np.asarray(t_s) / NODE_S).astype(np.int64)], np.float64)
+    return np.asarray(spread[nodes], np.float64)
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,11 +44,11 @@ def _block(clip: ClipPhase) -> FloatArray:
     """Log-likelihood of each step of the phase given the steps before."""
     steps = np.diff(clip.phase_rad)
     found, weights = [], []
-    for livelier, weight in LIVELINESS:
-        wander = livelier**2 * _wander(clip)
-        for errors in CLIP_ERRORS:
-            noise = errors.ratio**2 * _noise(clip) + _bounded(clip, errors)
-            found.append(_gaussian(steps, wander + noise))
+    wander, own = _wander(clip), _noise(clip)
+    for errors in CLIP_ERRORS:
+        noise = errors.ratio**2 * own + _bounded(clip, errors)
+        for livelier, weight in LIVELINESS:
+            found.append(_gaussian(steps, livelier**2 * wander + noise))
             weights.append(weight * errors.weight)
     return _mixed(np.array(found), np.log(weights))
 

@@ -1,0 +1,50 @@
+"""Phases under any grid whatever, as one multivariate normal after the other: no factors."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from scipy.integrate import quad
+from scipy.stats import multivariate_normal
+
+RAD_PER_CYCLE = 4 * np.pi  # the light flickers at twice the grid's frequency
+
+
+def strayed_rad2(t_s, walks, inertia_s):
+    """Mean square by which the phase strays in a time, from the frequency's spectrum."""
+
+    def density(f):
+        w = 2 * np.pi * f
+        of_walks = sum(std**2 * 2 * s / (1 + (w * s) ** 2) for std, s in walks)
+        return (
+            of_walks
+            / (1 + (w * inertia_s) ** 2) ** 2
+            * (np.sin(np.pi * f * t_s) / (np.pi * f)) ** 2
+        )
+
+    edges = [1e-9, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 4.0]
+    one_sided = sum(quad(density, a, b, limit=4000)[0] for a, b in pairwise(edges))
+    return RAD_PER_CYCLE**2 * 2 * one_sided
+
+
+def log_density(clip, models, strayed, mean_std_hz):
+    """Log-likelihood of the steps up to each phase, of a mixture of (weight, livelier, errors)."""
+    t_s, n = clip.t_s - clip.t_s[0], clip.size
+    moved, steps = np.diff(clip.phase_rad), np.diff(np.eye(n), axis=0)  # of phases to steps
+    grid, walk, apart = (np.zeros((n, n)) for _ in range(3))
+    for i in range(n):
+        for j in range(n):
+            grid[i, j] = (strayed(t_s[i]) + strayed(t_s[j]) - strayed(abs(t_s[i] - t_s[j]))) / 2
+            grid[i, j] += (RAD_PER_CYCLE * mean_std_hz) ** 2 * t_s[i] * t_s[j]
+            walk[i, j] = clip.walk_rad2[1 : min(i, j) + 1].sum()
+            apart[i, j] = abs(t_s[i] - t_s[j])
+    found = np.zeros((len(models), n))
+    for m, (weight, livelier, errors) in enumerate(models):
+        noise = errors.ratio**2 * (walk + np.diag(clip.var_rad2))
+        bounded = errors.wander_rad**2 * np.exp(-apart / errors.wander_s)
+        covariance = steps @ (livelier**2 * grid + noise + bounded) @ steps.T
+        for k in range(1, n):
+            found[m, k] = multivariate_normal.logpdf(moved[:k], cov=covariance[:k, :k])
+        found[m] += np.log(weight)
+    return np.diff(np.logaddexp.reduce(found, axis=0), prepend=0.0)
