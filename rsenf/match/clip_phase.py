@@ -11,12 +11,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rsenf.match.kernel import window_kernel
 from rsenf.match.series import Track
 from rsenf.messages.schema import FloatArray
 
 # Of the illumination's phase: it flickers at twice the grid's frequency.
 RAD_PER_CYCLE = 4.0 * np.pi
 LONGEST_WINDOW_RATIO = 1.5  # of the hop: longer windows overlap, and their values aren't a phase
+
+# References that are averages already are so by a 20 s window, mostly.
+AVERAGED_S = 20.0
+LEAST_AVERAGED = 5  # phases, and the share of each one's weights that must rest on measured ones
+LEAST_THERE = 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,3 +100,34 @@ def _walked(t_s: FloatArray, away_hz: FloatArray) -> FloatArray:
     """Phase by the trapezoidal rule; over a hole, by the frequencies at its ends."""
     steps = RAD_PER_CYCLE * np.diff(t_s) * (away_hz[1:] + away_hz[:-1]) / 2
     return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def averaged(clip: ClipPhase) -> ClipPhase | None:
+    """Return a clip's phases averaged as a 20 s window averages, as far apart as that leaves them.
+
+    For references that are such averages: of what is faster they know nothing. None where the
+    clip is too short for it. Holes are bridged by a line, and a mean must rest on few of them.
+    """
+    weights = window_kernel(AVERAGED_S, clip.hop_s)
+    index = np.rint((clip.t_s - clip.t_s[0]) / clip.hop_s).astype(np.int64)
+    count, reach = int(index[-1]) + 1, weights.size // 2
+    middle = np.arange(reach, count - reach, max(round(AVERAGED_S / 2 / clip.hop_s), 1))
+    if middle.size < LEAST_AVERAGED:
+        return None
+    every = np.arange(count)
+    there = np.isin(every, index)
+    phase = np.interp(every, index, clip.phase_rad)
+    var = np.interp(every, index, clip.var_rad2 + clip.walk_rad2 * AVERAGED_S)
+
+    def mean(values: FloatArray, by: FloatArray) -> FloatArray:
+        return np.asarray(np.convolve(values, by, "valid")[middle - reach], np.float64)
+
+    kept = mean(there.astype(float), weights) >= LEAST_THERE
+    return ClipPhase(
+        t_s=clip.t_s[0] + middle[kept] * clip.hop_s,
+        phase_rad=mean(phase, weights)[kept],
+        var_rad2=mean(var, weights**2)[kept],
+        walk_rad2=np.zeros(int(kept.sum())),
+        hop_s=clip.hop_s,
+        nominal_hz=clip.nominal_hz,
+    )

@@ -8,6 +8,7 @@ no more than chance.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.match.clip_phase import ClipPhase
+from rsenf.match.clip_phase import ClipPhase, averaged
 from rsenf.match.coarse import KEPT, Survey, survey
 from rsenf.match.forecast import forecast
 from rsenf.match.generic_grid import generic_log_likelihood
@@ -27,6 +28,7 @@ from rsenf.messages.schema import FloatArray
 # The clock's error is Gaussian of one of these sizes, shares and ppm: most cameras are within
 # 30 ppm, a real one is at 70.
 CLOCKS = ((0.5, 0.5), (0.35, 1.2), (0.15, 3.0))
+PLAIN_SHARE = 0.85  # of references that are no averages over a window
 WORTHWHILE = 4.0  # phases after the first, below which a lag isn't scored
 USUAL_PHASES = 600  # of a clip: of a longer one fewer lags are kept
 QUICK: tuple[Errors, ...] = tuple(
@@ -63,23 +65,52 @@ class Place:
 
 @dataclass(frozen=True)
 class Clock:
-    """Offset of the clip's ENF from the reference's, by ``phases`` phases."""
+    """Offset of the clip's ENF from the reference's."""
 
     offset_hz: float
     offset_std_hz: float
-    phases: int
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A clip's phases under one reading of the reference, and what they are under any grid.
+
+    ``share`` is how likely that reading is beforehand; ``generic`` (n,) the log-likelihood of each
+    phase given those before it.
+    """
+
+    share: float
+    clip: ClipPhase
+    generic: FloatArray
+
+
+@functools.lru_cache(maxsize=4)
+def readings_of(clip: ClipPhase) -> tuple[Reading, ...]:
+    """Return a clip's readings: the reference is the frequency itself, or an average of it."""
+    coarse = averaged(clip)
+    plain = Reading(PLAIN_SHARE if coarse is not None else 1.0, clip, generic_log_likelihood(clip))
+    if coarse is None:
+        return (plain,)
+    return plain, Reading(1.0 - PLAIN_SHARE, coarse, generic_log_likelihood(coarse))
 
 
 class PhaseScorer:
-    """Scores lags of one reference for one clip."""
+    """Scores lags of one reference for one clip.
 
-    def __init__(
-        self, clip: ClipPhase, generic: FloatArray, grid: Grid, settings: MatchSettings
-    ) -> None:
-        self.clip, self.generic, self.grid, self.settings = clip, generic, grid, settings
-        self.least = max(WORTHWHILE, settings.min_overlap * clip.size)
+    The reference is taken for the grid's frequency, or for an average of it over a window; what an
+    average can't know of the clip tells nothing for or against a lag.
+    """
+
+    def __init__(self, clip: ClipPhase, grid: Grid, settings: MatchSettings) -> None:
+        self.grid, self.settings = grid, settings
+        self.readings = readings_of(clip)
         self._errors = rougher(ERRORS, settings.reference_noise_hz)
         self._quick = rougher(QUICK, settings.reference_noise_hz)
+
+    @property
+    def clip(self) -> ClipPhase:
+        """The clip's phases, as they are."""
+        return self.readings[0].clip
 
     def scores(
         self,
@@ -90,40 +121,71 @@ class PhaseScorer:
     ) -> FloatArray:
         """Log-likelihood over any grid's, shape (c,); minus infinity with too few phases.
 
-        Of the phases ``among`` (n, c), where given; the way to any other counts for nothing. A
-        quick one tries few sizes of the errors.
+        Of the phases ``among`` (n, c) as they are, where given; the way to any other counts for
+        nothing. A quick one tries few sizes of the errors.
         """
         errors = self._quick if quick else self._errors
-        found, own = self._run(lag_s, errors, among)
-        log_likelihood = np.logaddexp.reduce(self._by_clock(found, errors), axis=(0, 1))
-        score = np.where(found.count >= self.least, log_likelihood - own, -np.inf)
-        return np.asarray(score, np.float64)
+        if among is not None:
+            return self._read(self.readings[0], lag_s, errors, among)
+        found = [
+            math.log(reading.share) + self._read(reading, lag_s, errors)
+            for reading in self.readings
+        ]
+        return np.asarray(np.logaddexp.reduce(found, axis=0), np.float64)
 
     def clock(self, lag_s: float) -> Clock:
         """Weigh the offsets at one lag."""
-        found, _ = self._run(np.array([lag_s]), self._errors)
-        by_clock = self._by_clock(found, self._errors)[:, :, 0]
-        weight = np.exp(by_clock - np.logaddexp.reduce(by_clock, axis=None))
-        tell = found.rr[:, :1] + 1.0 / self._clock_var()[None, :]
-        mean, var = found.vr[:, :1] / tell, 1.0 / tell
-        offset = float((weight * mean).sum())
-        spread = float((weight * (var + (mean - offset) ** 2)).sum())
-        return Clock(offset, math.sqrt(spread), int(found.count[0]) + 1)
+        return self.clocks(np.array([lag_s]))[0]
+
+    def clocks(self, lag_s: FloatArray) -> list[Clock]:
+        """Do the same at several, side by side; each in the reading that fits it best."""
+        each = [self._clocks(reading, lag_s) for reading in self.readings]
+        best = np.argmax([score for score, _ in each], axis=0)
+        return [each[reading][1][i] for i, reading in enumerate(best)]
+
+    def _clocks(self, reading: Reading, lag_s: FloatArray) -> tuple[FloatArray, list[Clock]]:
+        """Scores of lags under one reading, and the offsets there."""
+        found, own = self._run(reading, lag_s, self._errors)
+        by_clock = self._by_clock(found, self._errors)
+        total = np.logaddexp.reduce(by_clock, axis=(0, 1))
+        weight = np.exp(by_clock - total)
+        tell = found.rr[:, None, :] + 1.0 / self._clock_var()[None, :, None]
+        mean, var = found.vr[:, None, :] / tell, 1.0 / tell
+        offset = (weight * mean).sum(axis=(0, 1))
+        std = np.sqrt((weight * (var + (mean - offset) ** 2)).sum(axis=(0, 1)))
+        clocks = [Clock(float(o), float(s)) for o, s in zip(offset, std, strict=True)]
+        return np.asarray(math.log(reading.share) + total - own, np.float64), clocks
+
+    def _read(
+        self,
+        reading: Reading,
+        lag_s: FloatArray,
+        errors: Sequence[Errors],
+        among: NDArray[np.bool_] | None = None,
+    ) -> FloatArray:
+        """Score lags under one reading of the reference."""
+        found, own = self._run(reading, lag_s, errors, among)
+        log_likelihood = np.logaddexp.reduce(self._by_clock(found, errors), axis=(0, 1))
+        least = max(WORTHWHILE, self.settings.min_overlap * reading.clip.size)
+        score = np.where(found.count >= least, log_likelihood - own, -np.inf)
+        return np.asarray(score, np.float64)
 
     def _run(
         self,
+        reading: Reading,
         lag_s: FloatArray,
         errors: Sequence[Errors],
         among: NDArray[np.bool_] | None = None,
     ) -> tuple[Innovations, FloatArray]:
-        phase, known = forecast(self.grid, lag_s, self.clip.t_s)
+        clip = reading.clip
+        phase, known = forecast(self.grid, lag_s, clip.t_s)
         if among is not None:
             known &= among
-        own = self.generic @ known
+        own = reading.generic @ known
         if (known == known[:, :1]).all():
             known = known[:, :1]
-        residual = self.clip.phase_rad[:, None] - phase
-        return innovations(self.clip, residual, known, self.grid.step_s, errors), own
+        residual = clip.phase_rad[:, None] - phase
+        return innovations(clip, residual, known, self.grid.step_s, errors), own
 
     def _by_clock(self, found: Innovations, errors: Sequence[Errors]) -> FloatArray:
         """Log-likelihood times weight, (errors, clocks, lags)."""
@@ -162,6 +224,16 @@ class PhaseSearch:
         """How many lags were compared."""
         return sum(s.lags for s in self.surveys)
 
+    def clocks(self, places: Sequence[Place]) -> dict[Place, Clock]:
+        """Weigh the offset of the clip's ENF at each of some places."""
+        out: dict[Place, Clock] = {}
+        for number, scorer in enumerate(self.scorers):
+            own = [place for place in places if place.grid == number]
+            if own:
+                found = scorer.clocks(np.array([place.lag_s for place in own]))
+                out |= zip(own, found, strict=True)
+        return out
+
     @property
     def coverage_ratio(self) -> float:
         """Share of the possible lags that could be compared."""
@@ -179,16 +251,17 @@ def search_phase(
     UsageError
         When the steps of the two don't fit each other.
     """
-    generic = generic_log_likelihood(clip)
     kept = int(np.clip(KEPT * USUAL_PHASES / max(clip.size, 1), 32, KEPT))
     surveys = [survey(track, grid, settings, kept) for grid in grids]
-    scorers = [PhaseScorer(clip, generic, grid, settings) for grid in grids]
+    scorers = [PhaseScorer(clip, grid, settings) for grid in grids]
     found: list[Place] = []
     for number, (scorer, seen) in enumerate(zip(scorers, surveys, strict=True)):
         found += _rough(number, scorer, seen.lag_s)
     found = distinct(found)
-    best = [refined(scorers[place.grid], place) for place in found[:REFINED]]
-    places = distinct(best + found[REFINED:])
+    best, rest = found[:REFINED], found[REFINED:]
+    for number, scorer in enumerate(scorers):
+        rest += all_refined(scorer, [place for place in best if place.grid == number])
+    places = distinct(rest)
     span_s = sum(s.lags * track.hop_s for s in surveys)
     return PhaseSearch(places, surveys, scorers, span_s)
 
@@ -209,19 +282,38 @@ def _rough(number: int, scorer: PhaseScorer, lag_s: FloatArray) -> list[Place]:
 
 def refined(scorer: PhaseScorer, place: Place) -> Place:
     """Go to the top of a peak, in two passes, the second as fine as the peak is sharp."""
-    lag_s, std_s = place.lag_s, 0.25
+    return all_refined(scorer, [place])[0]
+
+
+def all_refined(scorer: PhaseScorer, places: Sequence[Place]) -> list[Place]:
+    """Do the same for several peaks of one reference, side by side."""
+    if not places:
+        return []
+    lag_s = np.array([place.lag_s for place in places])
+    std_s = np.full(len(places), 0.25)
     for spread in (np.arange(-4, 5), np.arange(-3, 4)):
-        at = np.asarray(lag_s + std_s * spread, np.float64)
-        score = scorer.scores(at)
-        top = int(np.clip(score.argmax(), 1, at.size - 2))
-        before, here, after = score[top - 1 : top + 2]
-        peaked = np.isfinite([before, here, after]).all() and before + after < 2 * here
-        bend = 2 * here - before - after if peaked else 0.0
-        shift = float(np.clip((after - before) / (2 * bend), -1, 1)) if peaked else 0.0
-        height = here + (after - before) * shift / 4 if peaked else here
-        lag_s = float(at[top] + shift * std_s)
-        std_s = float(np.clip(std_s / math.sqrt(bend), LEAST_STD_S, 1.0)) if peaked else 1.0
-    return Place(place.grid, lag_s, std_s, float(max(height, score.max())))
+        at = lag_s[:, None] + std_s[:, None] * spread
+        score = scorer.scores(np.asarray(at.ravel(), np.float64)).reshape(at.shape)
+        lag_s, std_s, height = np.array(
+            [_top(*peak) for peak in zip(at, score, std_s, strict=True)]
+        ).T
+    return [
+        Place(place.grid, float(lag), float(std), float(top))
+        for place, lag, std, top in zip(places, lag_s, std_s, height, strict=True)
+    ]
+
+
+def _top(at: FloatArray, score: FloatArray, step_s: float) -> tuple[float, float, float]:
+    """Return the place of a peak's top, its standard error, and its height."""
+    top = int(np.clip(score.argmax(), 1, at.size - 2))
+    before, here, after = score[top - 1 : top + 2]
+    peaked = np.isfinite([before, here, after]).all() and before + after < 2 * here
+    if not peaked:
+        return at[top], 1.0, score.max()
+    bend = 2 * here - before - after
+    shift = float(np.clip((after - before) / (2 * bend), -1, 1))
+    std_s = float(np.clip(step_s / math.sqrt(bend), LEAST_STD_S, 1.0))
+    return at[top] + shift * step_s, std_s, max(here + (after - before) * shift / 4, score.max())
 
 
 def distinct(places: list[Place]) -> list[Place]:
