@@ -51,6 +51,7 @@ def draw_enf(axes: Any, track: Track | None, grid: Grid | None, result: MatchRes
     )  # fmt: skip
     axes.plot(t_s, track.enf_hz, color=SIGNAL, lw=1.2, label="from the recording")
     axes.ticklabel_format(axis="y", useOffset=False)
-    axes.margins(y=0.2)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.2 * (high - low))  # room for the legend
     axes.set_xlim(0.0, max(end_s, 1.0))
     axes.legend(loc="upper center", frameon=False, ncols=3, fontsize="small")

@@ -122,7 +122,7 @@ def _enf_caption(case: Case) -> str:
         "have seen it. "
     )
     if result.decision == "match":
-        return f"{recorded}{grids}Where they run together, the recording was made at that time."
+        return f"{recorded}{grids}Where the two run together, the light followed the grid."
     return f"{recorded}{grids}This is the best that could be found; it is not enough to count."
 
 
@@ -143,8 +143,10 @@ def _score_caption(case: Case, curve: ScoreCurve) -> str:
         "Each place from left to right is one time at which the recording could have begun; the "
         f"higher the line, the better that time fits ({curve.name}, {curve.unit}). Of the many "
         "times behind each place of the line the best is drawn, down to the worst in pale grey. "
-        "The red dot is the best of all. "
+        "The red dot is the best of all; empty stretches are gaps of the reference. "
     )
+    if len(case.references) > 1:
+        text = f"Of the reference “{case.result.grid}”, which holds the best time. {text}"
     if case.result.decision == "match":
         return text + "It stands out from the others."
     return text + f"It does not settle the matter: {case.result.reason}."

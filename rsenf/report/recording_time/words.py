@@ -71,7 +71,7 @@ def _unclaimed(case: Case) -> str:
     if result.decision == "match":
         return f"One time fits: {_fits(case)}"
     if result.decision == "no_match":
-        return f"At no time in {scope(case)}: {result.reason}."
+        return f"The recording fits the grid's frequency at no time in {scope(case)}."
     return f"This can't be decided from the recording and {scope(case)}: {result.reason}."
 
 
