@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rsenf.match.forecast import samples
 from rsenf.match.ncc import Residuals
-from rsenf.match.score import LagScorer
+from rsenf.match.score import FLOOR_STD_HZ, LagScorer
 from rsenf.match.series import Grid, Track, phases, to_step_of
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
@@ -95,11 +95,22 @@ def _tables(
         part = to_step_of(track, part)
         for thin in phases(track, part.step_s):
             scorer = LagScorer(thin, part.freq_hz, settings, usable_s)
-            own = range(1 - thin.enf_hz.size if start == 0 else 0, piece // per_hop)
+            scorer.ordinary_var_hz2 = _ordinary_hz2(track)
+            within = range(1 - thin.enf_hz.size if start == 0 else 0, piece // per_hop)
             for table in scorer.residuals():
-                kept = table.within(own)
+                kept = table.within(within)
                 if kept.pairs.size:
                     yield kept, scorer, start * grid.step_s
+
+
+def _ordinary_hz2(track: Track) -> float:
+    """Residual variance of a wrong lag: two times of a grid differ by twice the variance of one.
+
+    Without a yardstick wrong lags would beat the right one merely because the reference has a gap
+    there, and so fewer values to speak for it.
+    """
+    own = track.enf_hz[np.isfinite(track.enf_hz)]
+    return max(2.0 * float(own.var()) if own.size else 0.0, FLOOR_STD_HZ**2)
 
 
 def stretch_maxima(scores: FloatArray, length: int) -> tuple[FloatArray, NDArray[np.int64]]:

@@ -103,6 +103,18 @@ def test_the_list_stays_short_however_long_the_reference(monkeypatch):
     assert max(longest) < 200
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_clip_that_runs_into_a_gap_comes_first_all_the_same(seed):
+    """However many wrong times have no gap."""
+    freq_hz = wandering_grid(20_000, 30 + seed)
+    rng = np.random.default_rng(seed)
+    enf_hz = freq_hz[9000:9120] + 3e-4 * rng.standard_normal(120)
+    freq_hz[9070:9300] = np.nan
+    track = Track(0.5, 1.0, 1.0, enf_hz, np.full(120, 1e-7), 50.0)
+    found = coarse.survey(track, grid_from(freq_hz), MatchSettings(), 8)
+    assert found.lag_s[0] == pytest.approx(9000.0)
+
+
 def test_steps_that_do_not_fit_are_refused():
     track, grid = pair(1.0, 9)
     with pytest.raises(UsageError, match="no whole multiple"):

@@ -13,6 +13,9 @@ def all_lags(enf_hz, first_s, hop_s, nominal_hz, grid, *, least_s, clock_scale_p
     Returns a list of ``(lag_s, score, inside)``: the clip's start, its score, and whether all of
     the clip lies within the reference's span. Lags with too few pairs have the score None.
     """
+    there = [v for v in enf_hz if math.isfinite(v)]
+    mean = math.fsum(there) / len(there)
+    ordinary = max(2 * math.fsum((v - mean) ** 2 for v in there) / len(there), 1e-8)
     thin = max(round(grid.step_s / hop_s), 1)
     reference = averaged(list(grid.freq_hz), max(round(hop_s / grid.step_s), 1))
     step_s = hop_s * thin
@@ -30,7 +33,9 @@ def all_lags(enf_hz, first_s, hop_s, nominal_hz, grid, *, least_s, clock_scale_p
             lag_s = (lag + 0.5) * step_s - (first_s + start * hop_s)
             inside = 0 <= lag <= len(reference) - len(own)
             enough = len(pairs) >= max(3, math.ceil(least_s / step_s))
-            score = score_of(pairs, step_s, nominal_hz, clock_scale_ppm) if enough else None
+            score = (
+                score_of(pairs, ordinary, step_s, nominal_hz, clock_scale_ppm) if enough else None
+            )
             out.append((lag_s, score, inside))
     return out
 
@@ -44,12 +49,12 @@ def averaged(values, many):
     return out
 
 
-def score_of(pairs, step_s, nominal_hz, clock_scale_ppm):
+def score_of(pairs, ordinary, step_s, nominal_hz, clock_scale_ppm):
     """Gaussian residuals of unknown size about an offset with a Student prior of 3 degrees."""
     n = len(pairs)
     offset = math.fsum(x - y for x, y in pairs) / n
     var = math.fsum((x - y - offset) ** 2 for x, y in pairs) / n
     values = n * step_s / INDEPENDENT_S
     scaled = offset / nominal_hz * 1e6 / clock_scale_ppm
-    size = -0.5 * max(values - 1, 0) * math.log(max(var, 1e-8))
+    size = -0.5 * max(values - 1, 0) * math.log(max(var, 1e-8) / ordinary)
     return size - 2.0 * math.log(1 + scaled**2 / 3)
