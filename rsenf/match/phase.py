@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ from rsenf.match.evidence import verbal
 from rsenf.match.matcher import ENOUGH_COVERAGE, Finding, claimed_lag_s, start_ns
 from rsenf.match.phase_search import (
     APART_S,
+    Clock,
     PhaseScorer,
     PhaseSearch,
     Place,
@@ -61,6 +62,7 @@ def match_phase(
     claim, claim_other = _claims(found, grids, settings, claimed_utc_ns)
     other, absent = lines.other(raw.other), lines.absent(raw.absent)
     best = found.places[0]
+    clocks = found.clocks(found.places[: max(settings.candidates, 1)])
     decision, reason = _decide(found, other, absent, settings)
     return Finding(
         decision=decision,
@@ -75,8 +77,8 @@ def match_phase(
         search_size=found.lags,
         coverage_ratio=found.coverage_ratio,
         verbal=verbal(min(other, absent)),
-        candidates=_candidates(found, track, clip, grids, settings),
-        **_fit(found.scorers[best.grid], best, track, settings),
+        candidates=_candidates(found, clocks, track, clip, grids, settings),
+        **_fit(best, clocks[best], grids[best.grid], track, settings),
     )
 
 
@@ -163,9 +165,11 @@ def _decide(
     )
 
 
-def _fit(scorer: PhaseScorer, best: Place, track: Track, settings: MatchSettings) -> dict[str, Any]:
+def _fit(
+    best: Place, clock: Clock, grid: Grid, track: Track, settings: MatchSettings
+) -> dict[str, Any]:
     """Return what else is known at a place: the clock, and how alike the two frequencies are."""
-    clock, peak = scorer.clock(best.lag_s), _compared(track, scorer.grid, best.lag_s, settings)
+    peak = _compared(track, grid, best.lag_s, settings)
     own = track.var_hz2[np.isfinite(track.var_hz2)]
     expected = float(own.mean()) + settings.reference_std_hz**2 if own.size else math.nan
     return {
@@ -199,6 +203,7 @@ def _compared(track: Track, grid: Grid, lag_s: float, settings: MatchSettings) -
 
 def _candidates(
     found: PhaseSearch,
+    clocks: Mapping[Place, Clock],
     track: Track,
     clip: ClipPhase,
     grids: Sequence[Grid],
@@ -208,7 +213,7 @@ def _candidates(
     out = []
     for i, place in enumerate(found.places[: settings.candidates]):
         others = found.places[1 if i == 0 else 0 :][:1]
-        clock = found.scorers[place.grid].clock(place.lag_s)
+        clock = clocks[place]
         peak = _compared(track, grids[place.grid], place.lag_s, settings)
         out.append(
             Candidate(
@@ -216,7 +221,7 @@ def _candidates(
                 correlation=peak.correlation,
                 clock_ppm=-clock.offset_hz / track.nominal_hz * 1e6,
                 log10_lr=(place.weight - others[0].weight) / LN10 if others else math.nan,
-                seconds_used=clock.phases * clip.hop_s,
+                seconds_used=peak.seconds,
                 grid=grids[place.grid].name,
                 start_utc_ns=start_ns(grids[place.grid], place.lag_s),
             )

@@ -8,8 +8,8 @@ from scipy.stats import multivariate_normal
 
 from rsenf.match import MatchSettings
 from rsenf.match.clip_phase import ClipPhase
-from rsenf.match.phase_filter import ClipErrors, Errors, innovations
-from rsenf.match.phase_search import CLOCKS, PhaseScorer
+from rsenf.match.phase_filter import ERRORS, ClipErrors, Errors, innovations
+from rsenf.match.phase_search import CLOCKS, PhaseScorer, rougher
 from rsenf.match.series import Grid
 from tests.oracle.dense_phase import of_differences, sums_at_a_lag
 
@@ -99,20 +99,16 @@ def test_a_lag_without_two_phases_in_a_row_says_nothing():
 
 def test_the_clock_is_weighed_as_a_ramp_of_unknown_slope():
     """Score of a lag: the mean of dense Gaussians, one for each size of errors and of clocks."""
-    rng = np.random.default_rng(7)
-    clip, settings = clip_with(rng), MatchSettings()
-    grid = Grid("flat", 50.0, 0, STEP_S, np.full(200, 50.0))
+    clip, settings = clip_with(np.random.default_rng(7)), MatchSettings()
     d, ramp = clip.phase_rad[1:] - clip.phase_rad[0], 4 * np.pi * (clip.t_s[1:] - clip.t_s[0])
     density = 0.0
-    for errors in SIZES:
+    for errors in rougher(ERRORS, settings.reference_noise_hz):
         for share, size in CLOCKS:
             slope_hz = size * settings.clock_scale_ppm * 1e-6 * 50.0
             covariance = of_differences(clip, STEP_S, errors) + slope_hz**2 * np.outer(ramp, ramp)
             density += errors.weight * share * multivariate_normal.pdf(d, cov=covariance)
+    grid = Grid("flat", 50.0, 0, STEP_S, np.full(200, 50.0))
     scorer = PhaseScorer(clip, grid, settings)
-    assert score_under(scorer, SIZES) == pytest.approx(np.log(density), rel=1e-9)
-
-
-def score_under(scorer, errors):
-    found, _ = scorer._run(scorer.readings[0], np.array([17.0]), errors)
-    return np.logaddexp.reduce(scorer._by_clock(found, errors), axis=(0, 1))[0]
+    every = np.ones((clip.size, 1), bool)
+    above_any_grid = np.log(density) - scorer.readings[0].generic.sum()
+    assert scorer.scores(np.array([17.0]), every)[0] == pytest.approx(above_any_grid, rel=1e-9)
