@@ -25,7 +25,7 @@ def run(args: argparse.Namespace) -> int:
     """
     from rsenf.bench.calibration.grids import FIT, TEST
     from rsenf.bench.calibration.picture import draw
-    from rsenf.bench.calibration.table import calibration_file, fitted_lines, tested, text
+    from rsenf.bench.calibration.table import calibration_file, fitted_lines, tabulated, text
     from rsenf.cli.console import note, print_json
     from rsenf.errors import EXIT_DONE
     from rsenf.match.calibration import calibration
@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
 
     records = _records(args, FIT if args.fit else TEST)
     lines = fitted_lines(records) if args.fit else calibration().lines
-    document = tested(lines, records)
+    document = tabulated(lines, records)
     if args.fit:
         with whole_file(args.fit) as temporary:
             temporary.write_text(json.dumps(calibration_file(lines, records), indent=2) + "\n")

@@ -44,7 +44,7 @@ def calibration_file(lines: dict[str, Line], records: Sequence[Record]) -> dict[
     }
 
 
-def tested(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, Any]:
+def tabulated(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, Any]:
     """Return how reliable lines are on some searches, and what would be decided there."""
     return {
         "searches": len(records),
