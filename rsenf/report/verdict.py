@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from rsenf.match.calibration import calibration
 from rsenf.messages import Candidate, MatchResult
 from rsenf.timebase import utc_text
+
+CALIBRATED = "phase"  # the method whose likelihood ratios are
 
 
 def number(value: float) -> float | None:
@@ -93,7 +96,7 @@ def _when(result: MatchResult) -> str:
 
 def _details(result: MatchResult) -> list[tuple[str, str]]:
     """Return what the verdict rests on: pairs of a name and a line."""
-    matches = result.decision == "match"
+    matches, limits = result.decision == "match", ratio_limits(result.method)
     details = [] if matches else [("best fit", _when(result))]
     details.append((
         "how well",
@@ -105,12 +108,14 @@ def _details(result: MatchResult) -> list[tuple[str, str]]:
     if math.isfinite(result.log10_lr):
         details.append((
             "other times",
-            f"{result.search_size} compared; the next best is {_less_likely(result.log10_lr)}",
+            f"{result.search_size} compared; the next best is "
+            f"{_less_likely(result.log10_lr, limits['other'])}",
         ))  # fmt: skip
     if math.isfinite(result.log10_lr_absent):
         details.append((
             "elsewhere",
-            f"a time outside this reference is {_less_likely(result.log10_lr_absent)}",
+            "a time outside this reference is "
+            f"{_less_likely(result.log10_lr_absent, limits['absent'])}",
         ))  # fmt: skip
     if result.verbal:
         details.append(("in all", result.verbal))
@@ -124,10 +129,18 @@ def _details(result: MatchResult) -> list[tuple[str, str]]:
     return details
 
 
-def _less_likely(log10_lr: float) -> str:
-    """Say the log10 of a likelihood ratio against something."""
+def ratio_limits(method: str) -> dict[str, float]:
+    """Largest log10 likelihood ratio of each question that a method's calibration vouches for."""
+    if method != CALIBRATED:
+        return dict.fromkeys(("other", "absent", "claim"), math.inf)
+    return {question: line.limit for question, line in calibration().lines.items()}
+
+
+def _less_likely(log10_lr: float, limit: float) -> str:
+    """Say the log10 of a likelihood ratio against something; at the limit it may be more."""
     size = abs(log10_lr)
     if size < 0.3:
         return "about as likely"
     times = f"{10**size:.0f}" if size < 3 else f"10^{size:.1f}"
-    return f"{times} times {'less' if log10_lr > 0 else 'more'} likely"
+    over = "over " if size >= limit else ""
+    return f"{over}{times} times {'less' if log10_lr > 0 else 'more'} likely"
