@@ -313,7 +313,8 @@ def _top(at: FloatArray, score: FloatArray, step_s: float) -> tuple[float, float
     bend = 2 * here - before - after
     shift = float(np.clip((after - before) / (2 * bend), -1, 1))
     std_s = float(np.clip(step_s / math.sqrt(bend), LEAST_STD_S, 1.0))
-    return at[top] + shift * step_s, std_s, max(here + (after - before) * shift / 4, score.max())
+    # Not the parabola's height: where a lag more falls into a gap, scores have steps.
+    return at[top] + shift * step_s, std_s, score.max()
 
 
 def distinct(places: list[Place]) -> list[Place]:
