@@ -6,6 +6,8 @@
     rsenf bench recording-time   still and moving films cut into clips, each searched for in a day:
                          decisions true, false and none, by every matcher
     rsenf bench calibration   likelihood ratios of the time of recording: how reliable they are
+    rsenf bench search   blind searches of a day to a year of reference: time and memory, beside a
+                         plain FFT correlation
 
 Each clip is filmed once by the capture model, encoded at every bit rate in the same pass by x264,
 decoded and sampled; all methods see the same rows. With --out, results are kept clip by clip, and
@@ -26,7 +28,8 @@ if TYPE_CHECKING:
 
 RECORDING_TIME = "recording-time"
 CALIBRATION = "calibration"
-_TABLES = ("idle", "enf", "claims", RECORDING_TIME, CALIBRATION)
+SEARCH = "search"
+_TABLES = ("idle", "enf", "claims", RECORDING_TIME, CALIBRATION, SEARCH)
 # Measured grids are not part of the project; in a checkout they lie beside it.
 _GRIDS = Path("../shared/data")
 _QUICK: dict[str, Any] = {
@@ -59,6 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--fit", type=Path, metavar="FILE.json", help="calibration: make a new one, into a file"
     )
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="calibration: draw it")
+    parser.add_argument("--repeat", type=count, metavar="N", help="search: times each (3)")
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--json", action="store_true")
     how.add_argument("--markdown", action="store_true", help="for a page")
@@ -101,6 +105,10 @@ def run(args: argparse.Namespace) -> int:
         from rsenf.cli import bench_calibration
 
         return bench_calibration.run(args)
+    if args.table == SEARCH:
+        from rsenf.cli import bench_search
+
+        return bench_search.run(args)
     plan = _plan(args)
     clips = plan.nothing() if args.table == "claims" else plan.lit()
     if args.out:

@@ -1,0 +1,149 @@
+"""A reference as long as is wanted, written into a store day by day: one real day, others like it.
+
+Days like a day are surrogates: its spectrum with phases drawn anew (Theiler et al., Physica D 58,
+1992). They wander as far and as fast as the real one, and are of other times. Days are joined as
+they are, with a jump at midnight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf import __version__
+from rsenf.bench.calibration.clips import Drawn, track_of_clip
+from rsenf.bench.calibration.grids import Stretch
+from rsenf.match.series import Track
+from rsenf.messages.schema import FloatArray
+from rsenf.model import synthetic_grid
+from rsenf.reference import read_reference
+from rsenf.reference.axis import Raster
+from rsenf.reference.samples import gathered
+from rsenf.reference.store.folder import series_folder
+from rsenf.reference.store.record import Record
+from rsenf.reference.store.sample_file import UNIT_HZ, UNITS_PER_HZ
+from rsenf.reference.store.writer import SampleWriter
+from rsenf.timebase import NS_PER_S
+
+MEASURED = "grid_ce_2022-09-17_1s.csv.gz"
+GRID = "haystack"
+NOMINAL_HZ = 50.0
+DAY_S = 86400
+FIRST_S = 1_735_689_600  # 2025-01-01, UTC
+MARGIN_S = 600  # from a day's ends to the clip
+LONGEST_CLIP_S = DAY_S - 3 * MARGIN_S
+REFERENCE_HZ = 2e-4  # by which the reference differs from the grid at the lamp
+GAPS_A_DAY, GAP_S = 60, (1.0, 3600.0)  # lengths spread evenly on a logarithmic scale
+
+
+@dataclass(frozen=True)
+class Haystack:
+    """A reference of so many days, of which the middle one holds the clip.
+
+    Where it has gaps, one of them is in the middle of the clip and lasts a fifth of it.
+    """
+
+    days: int
+    gaps: bool
+    clip_s: int
+    seed: int
+    folder: Path | None
+
+    @property
+    def clip_start_s(self) -> float:
+        """Start of the clip, after that of the reference."""
+        latest_s = DAY_S - MARGIN_S - self.clip_s
+        within_s = np.random.default_rng(self.seed).uniform(MARGIN_S, latest_s)
+        return self.days // 2 * DAY_S + float(within_s)
+
+
+def real_day(folder: Path | None, seed: int) -> Stretch:
+    """Read a day of a measured grid, or draw one from a seed where there is none."""
+    path = folder / MEASURED if folder else None
+    if path is None or not path.is_file():
+        drawn = synthetic_grid(seed, DAY_S, nominal_hz=NOMINAL_HZ).freq_hz[:DAY_S]
+        return Stretch("synthetic", NOMINAL_HZ, 1.0, drawn)
+    return Stretch("continental, 2022-09-17", NOMINAL_HZ, 1.0, read_reference(path).freq_hz)
+
+
+def clip_of(haystack: Haystack) -> Track:
+    """Draw a clip's estimates: noisy as of a coded video, on a clock that is 20 ppm fast."""
+    drawn = Drawn(
+        start_s=haystack.clip_start_s % DAY_S,
+        seconds=haystack.clip_s,
+        noise_rad=0.05,
+        claimed_ratio=1.0,
+        wander_rad=0.0,
+        wander_s=1.0,
+        hole_ratio=0.05,
+        clock_ppm=20.0,
+        reference_hz=REFERENCE_HZ,
+    )
+    day = real_day(haystack.folder, haystack.seed)
+    return track_of_clip(day, drawn, np.random.default_rng([haystack.seed, 1]))
+
+
+def write_haystack(haystack: Haystack, store: Path) -> None:
+    """Write the reference into a store, in memory that doesn't grow with it."""
+    raster = Raster(0, NS_PER_S)
+    folder = series_folder(store, GRID, NS_PER_S)
+    folder.mkdir(parents=True)
+    with closing(SampleWriter(folder / "0.parquet", raster)) as writer:
+        for number, freq_hz in enumerate(_days(haystack)):
+            index = FIRST_S + number * DAY_S + np.arange(DAY_S)
+            there = np.isfinite(freq_hz)
+            away = np.rint((freq_hz[there] - NOMINAL_HZ) * UNITS_PER_HZ).astype(np.int64)
+            writer.add(gathered(index[there], away, UNIT_HZ))
+        writer.flush()
+        writer.finish(_record(raster, writer.samples))
+
+
+def _days(haystack: Haystack) -> Iterator[FloatArray]:
+    real = real_day(haystack.folder, haystack.seed).freq_hz
+    for number in range(haystack.days):
+        rng = np.random.default_rng([haystack.seed, 2, number])
+        day = real if number == haystack.days // 2 else like(real, rng)
+        day = day + REFERENCE_HZ * rng.standard_normal(DAY_S)
+        if haystack.gaps:
+            day[_missing(rng)] = np.nan
+            if number == haystack.days // 2:
+                begin = int(haystack.clip_start_s % DAY_S + 0.4 * haystack.clip_s)
+                day[begin : begin + haystack.clip_s // 5] = np.nan
+        yield day
+
+
+def like(freq_hz: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Draw a path with the spectrum of another."""
+    spectrum = np.fft.rfft(freq_hz - freq_hz.mean())
+    turned = np.abs(spectrum) * np.exp(2j * np.pi * rng.random(spectrum.size))
+    return np.asarray(freq_hz.mean() + np.fft.irfft(turned, freq_hz.size), np.float64)
+
+
+def _missing(rng: np.random.Generator) -> NDArray[np.bool_]:
+    missing = np.zeros(DAY_S, bool)
+    for start in rng.integers(0, DAY_S, GAPS_A_DAY):
+        missing[start : start + int(np.exp(rng.uniform(*np.log(GAP_S))))] = True
+    return missing
+
+
+def _record(raster: Raster, samples: int) -> Record:
+    return Record(
+        grid=GRID,
+        nominal_hz=NOMINAL_HZ,
+        step_ns=raster.step_ns,
+        phase_ns=raster.t0_ns,
+        name="made by rsenf bench search",
+        sha256="",
+        size_bytes=0,
+        options={},
+        imported_utc="",
+        rsenf=__version__,
+        rows=samples,
+        samples=samples,
+        notes=(),
+    )

@@ -1,0 +1,60 @@
+"""``rsenf bench search``: what a blind search of a long reference takes, in time and memory."""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rsenf.bench.search_trial import Trial
+
+_CLIP_S = 600
+_REPEATS = 3
+_QUICK_DAYS = 7
+_RECORDS = "search.jsonl"
+
+
+def run(args: argparse.Namespace) -> int:
+    """Time what is missing, and print the table.
+
+    Raises
+    ------
+    UsageError
+        For a clip that doesn't fit a day.
+    """
+    from rsenf.bench.search_table import page, tabulate, text
+    from rsenf.bench.search_trial import measure_trials
+    from rsenf.cli.console import print_json, say
+    from rsenf.errors import EXIT_DONE
+
+    trials = _trials(args)
+    with tempfile.TemporaryDirectory() as temporary:
+        out = (args.out or Path(temporary)) / _RECORDS
+        records = measure_trials(trials, out, lambda trial: say(f"searching: {trial.key}"))
+    document = tabulate(records)
+    if args.json:
+        print_json(document)
+    else:
+        print(page(document) if args.markdown else text(document))
+    return EXIT_DONE
+
+
+def _trials(args: argparse.Namespace) -> list[Trial]:
+    from rsenf.bench.search_days import LONGEST_CLIP_S, Haystack
+    from rsenf.bench.search_table import SPANS
+    from rsenf.bench.search_trial import Trial
+    from rsenf.cli.bench import grids_of
+    from rsenf.errors import UsageError
+
+    clip_s = round(args.duration_s or _CLIP_S)
+    if clip_s > LONGEST_CLIP_S:
+        raise UsageError(f"a clip of {clip_s} s", f"at most {LONGEST_CLIP_S} s fit a day")
+    folder, seed = grids_of(args), args.first_seed or 0
+    return [
+        Trial(Haystack(days, gaps, clip_s, seed, folder), args.repeat or _REPEATS)
+        for days in SPANS
+        for gaps in (False, True)
+        if not (args.quick and days > _QUICK_DAYS)
+    ]
