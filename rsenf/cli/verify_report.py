@@ -57,7 +57,10 @@ def finish_report(
             for spec, reference in zip(args.reference, references, strict=True)
         ],
         settings=settings,
-        parameters=_parameters(args, settings, nominal_of(references)),
+        parameters={
+            **_parameters(args, settings, nominal_of(references)),
+            **_calibration(analysis.result.method),
+        },
         versions=_versions(),
         idle=analysis.idle_by_epoch.get(epoch),
     )
@@ -119,6 +122,18 @@ def _parameters(
         "ENF": dataclasses.asdict(track_settings(args, nominal_hz)),
         "match": dataclasses.asdict(settings),
     }
+
+
+def _calibration(method: str) -> dict[str, Mapping[str, Any]]:
+    """What a method's likelihood ratios were calibrated by, if they are."""
+    from rsenf.match.calibration import calibration
+
+    if method != "phase":
+        return {}
+    facts = dataclasses.asdict(calibration())
+    lines = {name: value for name, value in facts.items() if isinstance(value, dict)}
+    of_lines = {f"{name}, {k}": v for name, line in lines.items() for k, v in line.items()}
+    return {"calibration": {"made": facts["made"], **of_lines}}
 
 
 def _named(value: Any) -> Any:

@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from rsenf.match.calibration import calibration
 from rsenf.match.evidence import MAX_VERBAL_LOG10
 from rsenf.messages import Header, MatchResult
 from rsenf.report.recording_time.ratios import claim_comparisons, comparisons, ratio_texts
@@ -40,7 +41,7 @@ def test_a_ratio_in_a_sentence(log10_lr: float, expected: str) -> None:
 
 
 def test_a_calibrated_ratio_stops_at_its_limit() -> None:
-    text = sentence(MAX_VERBAL_LOG10, "phase")
+    text = sentence(min(calibration().other.limit, MAX_VERBAL_LOG10), "phase")
     assert text.endswith("times or more as probable if H1 is true as if H2 is.")
 
 

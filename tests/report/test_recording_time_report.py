@@ -189,6 +189,16 @@ def test_every_outcome_has_its_page(tmp_path: Path, bare: Case, decision: str, c
     assert numbers["answer"] in page.words
 
 
+def test_a_threshold_is_not_made_more_of_than_it_is(tmp_path: Path, bare: Case) -> None:
+    case = with_result(bare, method="metric4", decision="match", claim="", claimed_utc_ns=0,
+                       lag_s=12.5)  # fmt: skip
+    _, numbers = written(tmp_path / "r", case)
+    assert "passes the threshold of metric4" in numbers["answer"]
+    assert "no other time" not in numbers["answer"]
+    for ratio in numbers["likelihood_ratios"]:
+        assert ratio["sentence"].endswith("metric4 gives none.")
+
+
 def test_text_from_outside_is_shown_and_never_run(tmp_path: Path, dark: Case) -> None:
     evil = '<script>alert(1)</script><img src=x onerror="alert(2)">&amp;\'"{{ 7*7 }}'
     case = dataclasses.replace(

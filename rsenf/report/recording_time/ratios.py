@@ -10,7 +10,7 @@ from rsenf.match.calibration import calibration
 from rsenf.match.evidence import MAX_VERBAL_LOG10, SCALE, verbal
 from rsenf.messages import MatchResult
 from rsenf.report.recording_time.case import Case
-from rsenf.report.recording_time.texts import METHODS, RATIO_MEANING, SCALE_SOURCE
+from rsenf.report.recording_time.texts import METHODS, RATIO_MEANING, RATIOLESS, SCALE_SOURCE
 from rsenf.report.recording_time.words import place, scope
 from rsenf.report.verdict import number
 from rsenf.timebase import seconds
@@ -44,9 +44,11 @@ def propositions(case: Case) -> dict[str, str]:
 def comparisons(result: MatchResult) -> list[dict[str, Any]]:
     """Return both ratios of the best time: H1 against H2, and H1 against H3."""
     limits = _limits(result.method)
+    ratioless = result.method in RATIOLESS
+    why = f"{result.method} gives none" if ratioless else "too little could be compared"
     return [
-        _comparison("H1", "H2", result.log10_lr, limits["other"]),
-        _comparison("H1", "H3", result.log10_lr_absent, limits["absent"]),
+        _comparison("H1", "H2", result.log10_lr, limits["other"], why),
+        _comparison("H1", "H3", result.log10_lr_absent, limits["absent"], why),
     ]
 
 
@@ -78,14 +80,17 @@ def claim_among(case: Case) -> str:
 
 def ratio_texts(result: MatchResult) -> dict[str, Any]:
     """Return what must be said of ratios: their meaning, their making, the scale of words."""
-    limit = _power(_limits(result.method)["other"])
+    limits = _limits(result.method)
+    furthest = _power(max(limits["other"], limits["absent"]))
+    if math.isfinite(result.claim_log10_lr):
+        furthest += f" ({_power(limits['claim'])} for a claimed time)"
     method = METHODS.get(result.method, "")
     if result.method == _CALIBRATED:
         method += f" That calibration: {calibration().made}."
     return {
         "meaning": list(RATIO_MEANING),
         "method": method,
-        "limit": f"The words go no further than a ratio of about {limit}, as that is all that "
+        "limit": f"The words go no further than a ratio of about {furthest}, as that is all that "
         "measured data can vouch for. Whatever a computation says beyond it is no more evidence.",
         "scale": _scale(),
         "scale_source": SCALE_SOURCE,
@@ -102,19 +107,21 @@ def _limits(method: str) -> dict[str, float]:
     }
 
 
-def _comparison(first: str, other: str, log10_lr: float, limit: float) -> dict[str, Any]:
+def _comparison(
+    first: str, other: str, log10_lr: float, limit: float, why_none: str = ""
+) -> dict[str, Any]:
+    known = math.isfinite(log10_lr)
+    none = f"There is no ratio of {first} against {other}: {why_none}."
     return {
         "for": first,
         "against": other,
         "log10_lr": number(log10_lr),
         "verbal": verbal(log10_lr) or "not computed",
-        "sentence": _sentence(first, other, log10_lr, limit),
+        "sentence": _sentence(first, other, log10_lr, limit) if known else none,
     }
 
 
 def _sentence(first: str, other: str, log10_lr: float, limit: float) -> str:
-    if not math.isfinite(log10_lr):
-        return f"There is no ratio of {first} against {other}: too little could be compared."
     if abs(log10_lr) < _EVEN_LOG10:
         return f"What was measured is about as probable if {first} is true as if {other} is."
     likelier, less = (first, other) if log10_lr > 0 else (other, first)

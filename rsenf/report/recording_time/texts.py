@@ -14,8 +14,15 @@ RATIO_MEANING = (
     "is one unedited piece and that the reference and its time stamps are right.",
 )
 
+# The published metrics decide by a threshold, and weigh nothing.
+RATIOLESS = frozenset(f"metric{number}" for number in (1, 2, 3, 4))
 # How each method comes by its ratios.
 METHODS = {
+    **dict.fromkeys(
+        RATIOLESS,
+        "The published metrics decide by a threshold on the correlation alone. Wrong times of a "
+        "long reference pass it too, and no likelihood ratio belongs to what they decide.",
+    ),
     "phase": (
         "Method phase: the phase of the flicker is compared with that of the reference, its "
         "frequency added up over time, at every start, with allowance for errors of the estimates, "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from rsenf.report.recording_time.case import Case
+from rsenf.report.recording_time.texts import RATIOLESS
 from rsenf.timebase import seconds, utc_text
 
 CLAIMS = {
@@ -60,6 +61,11 @@ def answer(case: Case) -> str:
 
 def _fits(case: Case) -> str:
     """Say of a match what it is."""
+    if case.result.method in RATIOLESS:
+        return (
+            f"the recording passes the threshold of {case.result.method} {place(case)}. Wrong "
+            "times may pass it too: how much this weighs is not known."
+        )
     return (
         f"the recording fits the grid's frequency {place(case)}, and no other time in "
         f"{scope(case)} fits nearly as well."
@@ -90,7 +96,7 @@ def _refuted(case: Case) -> str:
     if result.decision == "match":
         away = distance(result.claimed_utc_ns, result.start_utc_ns)
         fits = _fits(case).replace("the recording", "it", 1)
-        return f"No, the claim is refuted: {misfit}. Instead {fits} That is {away} the claim."
+        return f"No, the claim is refuted: {misfit}. Instead, {away} the claim, {fits}"
     if result.decision == "no_match":
         return f"No, the claim is refuted: {misfit}, nor at any other time in {scope(case)}."
     return (
