@@ -10,8 +10,9 @@ from typing import Protocol
 from rsenf.errors import UsageError
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
+from rsenf.match.speed import off_speed
 from rsenf.messages import Candidate
-from rsenf.timebase import nanoseconds, seconds
+from rsenf.timebase import nanoseconds, seconds, utc_text
 
 NAN = float("nan")
 ENOUGH_COVERAGE = 0.5  # of the possible lags, before "not in this reference" is said
@@ -107,6 +108,11 @@ def start_ns(grid: Grid, lag_s: float) -> int:
     return grid.t0_ns + nanoseconds(lag_s) if grid.t0_ns and not math.isnan(lag_s) else 0
 
 
+def moment(grid: Grid, lag_s: float) -> str:
+    """Say when a lag is: UTC where the reference's is known."""
+    return utc_text(start_ns(grid, lag_s)) or f"{lag_s:.1f} s into the reference"
+
+
 def check_lengths(clip_s: float, reference_s: float) -> None:
     """Refuse a reference that can't hold the clip.
 
@@ -134,7 +140,7 @@ def nothing_to_decide(track: Track, grids: Sequence[Grid], settings: MatchSettin
             f"the light follows a {track.nominal_hz:.0f} Hz grid, "
             f"the reference is of a {grids[0].nominal_hz:.0f} Hz one"
         )
-    return ""
+    return off_speed(track, of_nominal(track, grids))
 
 
 def of_nominal(track: Track, grids: Sequence[Grid]) -> list[Grid]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from rsenf.match.matcher import Finding, claimed_lag_s, start_ns
+from rsenf.match.matcher import Finding, claimed_lag_s, moment, start_ns
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import Header, MatchResult
@@ -13,6 +13,7 @@ from rsenf.messages import Header, MatchResult
 NAN = float("nan")
 UNUSUAL_CLOCK_PPM = 150.0
 HOUR_S = 3600.0
+ZONE_S = 900.0  # time zones differ by quarters of an hour
 LAST_ZONE_H = 14
 
 
@@ -103,6 +104,11 @@ def _warnings(
     out = []
     if claimed_utc_ns and not grid.t0_ns:
         out.append("the reference's start time isn't known, so the claim can't be tested")
+    if track is not None and _outside(grid, track, claim_lag_s, settings):
+        out.append(
+            "the claimed start lies outside of the reference, which lasts from "
+            f"{moment(grid, 0.0)} to {moment(grid, grid.duration_s)}"
+        )
     if finding.coverage_ratio < 0.995:
         out.append(
             f"{1 - finding.coverage_ratio:.1%} of the possible times fall into gaps of the "
@@ -114,17 +120,27 @@ def _warnings(
     if missed_s >= track.hop_s:
         out.append(f"{missed_s:g} usable seconds of the clip have no reference at the best time")
     if abs(finding.clock_ppm) > UNUSUAL_CLOCK_PPM:
-        out.append(f"a clock error of {finding.clock_ppm:.0f} ppm is unusual for a camera")
-    hours = _whole_hours(finding.lag_s - claim_lag_s, settings.tolerance_s)
+        out.append(
+            f"a clock error of {finding.clock_ppm:.0f} ppm is unusual for a camera: wrong frame "
+            "times? 30 and 29.97 frames/s differ by 1000 ppm"
+        )
+    hours = _zone_hours(finding.lag_s - claim_lag_s, settings.tolerance_s)
     if finding.decision == "match" and hours:
-        out.append(f"the claim is off by just {hours:+d} h: a time zone or daylight saving?")
+        out.append(f"the claim is off by just {hours:+g} h: a time zone or daylight saving?")
     return out
 
 
-def _whole_hours(difference_s: float, tolerance_s: float) -> int:
-    """Whole hours that a difference comes to, within a tolerance; 0 when it doesn't."""
+def _outside(grid: Grid, track: Track, claim_lag_s: float, settings: MatchSettings) -> bool:
+    """Whether too little of a clip that began as claimed would lie within the reference."""
+    length_s = track.first_s + track.enf_hz.size * track.hop_s
+    inside_s = min(claim_lag_s + length_s, grid.duration_s) - max(claim_lag_s, 0.0)
+    return inside_s < settings.min_overlap * length_s
+
+
+def _zone_hours(difference_s: float, tolerance_s: float) -> float:
+    """Hours that a difference comes to, as time zones differ; 0 when it doesn't."""
     if math.isnan(difference_s):
-        return 0
-    hours = round(difference_s / HOUR_S)
+        return 0.0
+    hours = round(difference_s / ZONE_S) * ZONE_S / HOUR_S
     near = abs(difference_s - hours * HOUR_S) <= tolerance_s
-    return hours if near and abs(hours) <= LAST_ZONE_H else 0
+    return hours if near and abs(hours) <= LAST_ZONE_H else 0.0

@@ -11,6 +11,7 @@ import numpy as np
 from rsenf.errors import UsageError
 from rsenf.match.clip_phase import clip_phase
 from rsenf.match.correlate import match_ncc
+from rsenf.match.examine import examined
 from rsenf.match.jumps import without_jumps
 from rsenf.match.matcher import Finding, Matcher, nothing_to_decide, of_nominal, one_reference
 from rsenf.match.paper import Metric
@@ -148,6 +149,9 @@ class Match:
         grids = [*self._grids, *(grid_of(list(b.values())) for b in self._blocks.values())]
         method = self._method_for(track)
         finding = self._finding(method, track, estimates, grids)
+        if final and method == "phase" and track and finding.grid:
+            own = of_nominal(track, grids)
+            finding = examined(finding, track, own, self.settings, self.claimed_utc_ns)
         if method != self.method:
             warning = f"these estimates carry no phase: compared by {method}"
             finding = dataclasses.replace(finding, warnings=(*finding.warnings, warning))

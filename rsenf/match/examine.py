@@ -1,0 +1,66 @@
+"""A finding looked at again for the usual mistakes: each is named, and nothing rests on it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from rsenf.match.clip_phase import clip_phase
+from rsenf.match.joins import assembled
+from rsenf.match.matcher import Finding, claimed_lag_s
+from rsenf.match.parts import LEAST, Parts
+from rsenf.match.phase_search import Place
+from rsenf.match.series import Grid, Track
+from rsenf.match.settings import MatchSettings
+from rsenf.match.what_if import what_fits
+
+
+def examined(
+    finding: Finding,
+    track: Track,
+    grids: Sequence[Grid],
+    settings: MatchSettings,
+    claimed_utc_ns: int = 0,
+) -> Finding:
+    """Look for what may be wrong with a clip or a reference, and take back what isn't sure for it.
+
+    A clip of several parts is no match as a whole, and one that would fit with another step or
+    speed isn't absent: both are left open, with a warning that names the mistake, and a claimed
+    start that may then be right isn't refuted.
+
+    Parameters
+    ----------
+    finding : Finding
+        Of the phase matcher.
+    track, grids, settings, claimed_utc_ns
+        As the matcher had them.
+    """
+    clip = clip_phase(track)
+    if clip is None or finding.grid is None:
+        return finding
+    found = Parts(track, clip, grids, settings)
+    number = next(i for i, grid in enumerate(grids) if grid is finding.grid)
+    parts = found.found(Place(number, finding.lag_s, finding.lag_std_s, 0.0))
+    if parts:
+        assembly = assembled(found, parts, settings.tolerance_s)
+        warned = replace(finding, warnings=(*finding.warnings, *assembly.warnings))
+        if not assembly.warnings or (assembly.one_time and finding.decision == "match"):
+            return warned
+        reason, first = "parts of the clip fit, but not as one recording", parts[0]
+        begins_at = first.place.lag_s if first.span[0] < LEAST else math.nan
+        grid = grids[first.place.grid]
+    else:
+        supposed = None if finding.decision == "match" else what_fits(track, grids, settings)
+        if supposed is None:
+            return finding
+        warned = replace(finding, warnings=(*finding.warnings, supposed.warning))
+        reason = "the clip would fit, but for a mistake"
+        begins_at, grid = supposed.lag_s, supposed.grid
+    left = replace(warned, decision="no_decision", reason=reason)
+    # What remains of a claim is that it is refuted, where the clip is known to begin at another
+    # time.
+    away_s = abs(claimed_lag_s(grid, claimed_utc_ns) - begins_at)
+    if away_s > settings.tolerance_s and finding.claim_log10_lr <= -settings.min_log10_lr:
+        return left
+    return replace(left, claim_log10_lr=math.nan, claim_log10_lr_other=math.nan)
