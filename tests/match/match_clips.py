@@ -75,9 +75,27 @@ def estimates_from(track, *, epoch=0, seq=0):
                 enf_hz=float(enf),
                 enf_var_hz2=float(var),
                 usable=bool(np.isfinite(enf)),
+                **_amplitude(track, i, centre_ns),
             )
         )
     return out
+
+
+def _amplitude(track, i, centre_ns):
+    """The amplitude of one level that has a track's phase, if it has any."""
+    phase, variance = track.phase_rad[i], np.array([track.phase_var_rad2[i]])
+    if not np.isfinite(phase):
+        return {}
+    return {
+        "carrier_hz": 2.0 * track.nominal_hz,
+        "points": 1,
+        "amplitude_pts_ns": np.array([centre_ns]),
+        "amplitude_re": np.array([np.cos(phase)]),
+        "amplitude_im": np.array([np.sin(phase)]),
+        "amplitude_var_re": variance,
+        "amplitude_var_im": variance,
+        "amplitude_cov": np.zeros(1),
+    }
 
 
 def blocks_from(grid, block=500):
