@@ -51,14 +51,22 @@ def test_values_alone_in_pieces(tmp_path, monkeypatch, chars):
 
 
 @pytest.mark.parametrize("chars", [200, 4000, 60_000])
-@pytest.mark.parametrize("start", ["2022-10-29 23:00:00", "2022-10-30 00:30:00"])
-def test_a_repeated_hour_cut_anywhere(tmp_path, monkeypatch, chars, start):
-    times = local_stamps(start, 4 * 3600, 10)
+@pytest.mark.parametrize(
+    ("start", "seconds"),
+    [
+        ("2022-10-29 23:00:00", 4 * 3600),
+        ("2022-10-30 00:30:00", 3 * 3600),
+        ("2022-10-29 23:00:00", 6000),  # ends in the first of the two hours
+        ("2022-10-30 01:10:00", 3 * 3600),  # begins in the second
+    ],
+)
+def test_a_repeated_hour_cut_anywhere(tmp_path, monkeypatch, chars, start, seconds):
+    times = local_stamps(start, seconds, 10)
     rows = [f"{t},{f}" for t, f in zip(times, values(len(times)), strict=True)]
     text = "\n".join(["time,frequency", *rows])
     whole, cut = whole_and_cut(monkeypatch, tmp_path, text, chars, timezone="Europe/Berlin")
     same(whole, cut)
-    assert whole.gaps == 0
+    assert (whole.gaps, whole.freq_hz.size) == (0, len(times))
 
 
 @settings(max_examples=30, deadline=None)

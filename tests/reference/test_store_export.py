@@ -64,11 +64,12 @@ def test_round_trip(seed, step_ms, nominal_hz, decimals, centre, ending):
 def test_what_was_averaged_comes_back_as_it_was_read(tmp_path):
     """The store rounds to whole microhertz, so that a file of six decimals holds it."""
     store = tmp_path / "store"
-    for n in range(3):
-        freq = values(50) + 1e-6 * n * (np.arange(50) % 3)
+    for n, microhertz in enumerate((0, 1, 3)):
+        freq = np.round(values(50) + 1e-6 * microhertz * (np.arange(50) % 3), 6)
         bring(store, write_csv(tmp_path / f"{n}.csv", BORDER + np.arange(50), freq))
     _, stored, readings = held(store)
     assert set(readings) == {3}
+    np.testing.assert_array_equal(stored, to_microhertz(stored))
     back = read_reference(exported(store, tmp_path / "out.csv"))
     np.testing.assert_array_equal(back.freq_hz, stored)
 

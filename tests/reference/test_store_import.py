@@ -123,7 +123,7 @@ def test_jitter_and_half_steps(tmp_path):
     np.testing.assert_array_equal(stored, freq)
     assert readings.tolist() == [2] * 100 + [1] * 100
     late = write_csv(tmp_path / "late.csv", DAY + np.arange(300, 400), values(100))
-    with pytest.raises(UsageError, match=r"begin -0\.5 s off those of ce@1") as caught:
+    with pytest.raises(UsageError, match=r"begin -0\.5 s off those that ce has") as caught:
         bring(store, late, stamp="centre")
     assert "--stamp" in caught.value.hint
     bring(store, late, grid="centred", stamp="centre")

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from rsenf.reference import read_reference
 from rsenf.reference.samples import gathered, merged
-from rsenf.reference.store import writer
+from rsenf.reference.store import SampleFile, writer
 from tests.reference.store_files import BORDER, bring, files_in, held, write_csv
 
 
@@ -86,11 +86,12 @@ def test_the_same_file_again_changes_nothing(tmp_path):
     assert held(store)[2].tolist() == [1] * 100
 
 
-@pytest.mark.parametrize("pending", [1, 1 << 21])
-def test_a_file_in_no_order_is_the_same_file(tmp_path, monkeypatch, pending):
+@pytest.mark.parametrize(("pending", "groups"), [(1, range(3, 100)), (1 << 21, [2])])
+def test_a_file_in_no_order_is_the_same_file(tmp_path, monkeypatch, pending, groups):
     """However much of it is held back: blocks may be written in parts."""
     monkeypatch.setattr(writer, "PENDING_ROWS", pending)
     monkeypatch.setattr("rsenf.reference.text.BLOCK_CHARS", 400)
+    monkeypatch.setattr("rsenf.reference.readings.HEAD_VALUES", 3)
     rng = np.random.default_rng(5)
     seconds = BORDER - 200 + np.arange(400)
     freq = np.round(50 + 0.02 * rng.standard_normal(400), 6)
@@ -102,4 +103,5 @@ def test_a_file_in_no_order_is_the_same_file(tmp_path, monkeypatch, pending):
     np.testing.assert_array_equal(t_ns, seconds * 10**9)
     np.testing.assert_array_equal(stored, freq)
     assert set(readings) == {1}
+    assert len(SampleFile(done.path).groups) in groups
     assert "rows not in the order of time: sorted" in done.record.notes

@@ -19,7 +19,7 @@ from rsenf.reference.options import ReadOptions
 from rsenf.reference.read import file_sha256
 from rsenf.reference.readings import Readings
 from rsenf.reference.samples import Samples, gathered
-from rsenf.reference.store.folder import all_series, checked_name, series_folder
+from rsenf.reference.store.folder import any_records, checked_name, series_folder
 from rsenf.reference.store.record import Record
 from rsenf.reference.store.sample_file import UNIT_HZ, UNITS_PER_HZ, SampleFile
 from rsenf.reference.store.writer import SampleWriter
@@ -134,26 +134,25 @@ def _already(
 
 def _raster(store: Path, grid: str, nominal_hz: float, first: Piece, where: str) -> Raster:
     """When samples begin: as the series' do already, or as those of its first file."""
-    beside = all_series(store, grid)
-    other = next((s for s in beside if s.nominal_hz != nominal_hz), None)
+    beside = any_records(store, grid)
+    other = next((r for r in beside if r.nominal_hz != nominal_hz), None)
     if other:
         raise UsageError(
             f"{where} is of a {nominal_hz:g} Hz grid, {grid} of one of {other.nominal_hz:g} Hz",
             "import it under another name: --grid",
         )
-    raster = first.raster
-    step_ns, phase_ns = raster.step_ns, raster.t0_ns % raster.step_ns
-    series = next((s for s in beside if s.raster.step_ns == step_ns), None)
-    if series is None:
+    step_ns, phase_ns = first.raster.step_ns, first.raster.t0_ns % first.raster.step_ns
+    same = next((r.raster for r in beside if r.step_ns == step_ns), None)
+    if same is None:
         near = min(phase_ns, step_ns - phase_ns) <= OFF_GRID_RATIO * step_ns
         return Raster(0 if near else phase_ns, step_ns)
-    off_ns = (phase_ns - series.raster.t0_ns + step_ns // 2) % step_ns - step_ns // 2
+    off_ns = (phase_ns - same.t0_ns + step_ns // 2) % step_ns - step_ns // 2
     if abs(off_ns) > MAX_OFF_RATIO * step_ns:
         raise UsageError(
-            f"{where}: samples begin {off_ns / NS_PER_S:+g} s off those of {series.name}",
+            f"{where}: samples begin {off_ns / NS_PER_S:+g} s off those that {grid} has",
             "was --stamp the same? If so, import it under another name: --grid",
         )
-    return series.raster
+    return same
 
 
 def _samples(piece: Piece, placing: Placing, nominal_hz: float) -> Samples:

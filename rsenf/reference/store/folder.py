@@ -13,6 +13,7 @@ from pathlib import Path
 from rsenf.errors import ReferenceFormatError, UsageError
 from rsenf.reference.axis import Raster
 from rsenf.reference.samples import Samples, merged
+from rsenf.reference.store.record import Record
 from rsenf.reference.store.sample_file import BLOCK, Group, SampleFile
 from rsenf.timebase import NS_PER_S, utc_text
 
@@ -138,6 +139,12 @@ def all_series(store: Path, grid: str = "*") -> list[Series]:
     folders = sorted({path.parent for path in store.glob(f"{grid}/*/*.parquet")})
     found = [series for folder in folders if (series := open_series(folder))]
     return sorted(found, key=lambda s: (s.grid, s.raster.step_ns))
+
+
+def any_records(store: Path, grid: str) -> list[Record]:
+    """Return one record of each series of a grid: what its imports have in common."""
+    files = (next(_imports(folder), None) for folder in sorted((store / grid).glob("*")))
+    return [SampleFile(path).record for path in files if path]
 
 
 def open_series(folder: Path) -> Series | None:
