@@ -112,8 +112,6 @@ def averaged(clip: ClipPhase) -> ClipPhase | None:
     index = np.rint((clip.t_s - clip.t_s[0]) / clip.hop_s).astype(np.int64)
     count, reach = int(index[-1]) + 1, weights.size // 2
     middle = np.arange(reach, count - reach, max(round(AVERAGED_S / 2 / clip.hop_s), 1))
-    if middle.size < LEAST_AVERAGED:
-        return None
     every = np.arange(count)
     there = np.isin(every, index)
     phase = np.interp(every, index, clip.phase_rad)
@@ -122,7 +120,11 @@ def averaged(clip: ClipPhase) -> ClipPhase | None:
     def mean(values: FloatArray, by: FloatArray) -> FloatArray:
         return np.asarray(np.convolve(values, by, "valid")[middle - reach], np.float64)
 
+    if middle.size < LEAST_AVERAGED:
+        return None
     kept = mean(there.astype(float), weights) >= LEAST_THERE
+    if kept.sum() < LEAST_AVERAGED:
+        return None
     return ClipPhase(
         t_s=clip.t_s[0] + middle[kept] * clip.hop_s,
         phase_rad=mean(phase, weights)[kept],

@@ -26,7 +26,8 @@ CLIP = clip_of(DAY, START_S, 240, 1, ppm=70)
 
 
 def run(messages, **settings):
-    stage = Match(**settings)
+    """These clips are windows of 20 s, which only a correlation can compare."""
+    stage = Match(method="ncc", **settings)
     return [r for m in messages for r in stage.update(m)] + stage.flush()
 
 

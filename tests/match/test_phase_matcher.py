@@ -68,6 +68,15 @@ def test_holes_on_both_sides():
     assert found.coverage_ratio < 0.9
 
 
+def test_a_clip_of_more_holes_than_can_be_averaged():
+    track, grid = hidden(DAY, 6, start_s=8000.4, seconds=120)
+    every_third = np.arange(track.enf_hz.size) % 3 == 0
+    track = dataclasses.replace(track, enf_hz=np.where(every_third, np.nan, track.enf_hz))
+    found = match_phase(track, [grid], SETTINGS)
+    assert found.decision == "match"
+    assert found.lag_s == pytest.approx(8000.4, abs=4 * found.lag_std_s)
+
+
 def test_a_time_in_a_gap_is_not_found_beside_it():
     track, grid = hidden(DAY, 7, start_s=8000.4)
     freq = grid.freq_hz.copy()
