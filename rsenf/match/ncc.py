@@ -121,33 +121,35 @@ def lag_tables(
 
 
 def _residuals(stretch: _Stretch, min_pairs: int) -> Residuals:
-    pairs = np.rint(stretch.sums((1.0, 0, 0))).astype(np.int64)
+    pairs = np.rint(stretch.sums((1.0, 0, 0)))
     n = np.where(pairs >= max(min_pairs, 1), pairs, np.nan)
-    offset = stretch.sums((1.0, 1, 0), (-1.0, 0, 1))
-    offset /= n
-    residual_var = stretch.sums((1.0, 2, 0), (-2.0, 1, 1), (1.0, 0, 2))
-    residual_var /= n
-    residual_var -= offset**2
-    offset += stretch.x.level - stretch.y.level
-    return Residuals(stretch.first, pairs, offset, np.maximum(residual_var, 0.0, out=residual_var))
+    offset = stretch.sums((1.0, 1, 0), (-1.0, 0, 1)) / n
+    residual_var = stretch.sums((1.0, 2, 0), (-2.0, 1, 1), (1.0, 0, 2)) / n - offset**2
+    offset += stretch.reverse.level - stretch.y.level
+    return Residuals(
+        stretch.first,
+        np.broadcast_to(pairs.astype(np.int64), stretch.count),
+        offset,
+        np.maximum(residual_var, 0.0),
+    )
 
 
 class _Powers:
     """The powers 0, 1 and 2 of a series about a level, zero where it isn't valid."""
 
     def __init__(self, v: FloatArray, ok: BoolArray, level: float, size: int) -> None:
-        centred = np.where(ok, v - level, 0.0)
-        self.of = (ok.astype(np.float64), centred, centred * centred)
         self.level, self.whole, self._size = level, bool(ok.all()), size
-        self._spectra: dict[int, NDArray[np.complex128]] = {}
+        centred = v - level if self.whole else np.where(ok, v - level, 0.0)
+        self.of = (ok, centred, centred * centred)
+        self._spectra: dict[tuple[int, float], NDArray[np.complex128]] = {}
 
-    def spectrum(self, power: int) -> NDArray[np.complex128]:
-        """Spectrum of a power, padded to the size of the transforms."""
+    def spectrum(self, power: int, weight: float = 1.0) -> NDArray[np.complex128]:
+        """Spectrum of a power times a weight, padded to the size of the transforms."""
         from scipy import fft
 
-        if power not in self._spectra:
-            self._spectra[power] = fft.rfft(self.of[power], self._size)
-        return self._spectra[power]
+        if (power, weight) not in self._spectra:
+            self._spectra[power, weight] = weight * fft.rfft(self.of[power], self._size)
+        return self._spectra[power, weight]
 
     def running(self, power: int, length: int) -> FloatArray:
         """Sums of a power over so many values in a row."""
@@ -157,30 +159,37 @@ class _Powers:
 
 @dataclass(frozen=True, eq=False)
 class _Stretch:
-    """Lags in a row from ``first`` on: the short series beside a part of the long one."""
+    """Lags in a row from ``first`` on: the short series beside a part of the long one.
+
+    ``reverse`` is the short series backwards, so that its convolution is what is wanted of it.
+    """
 
     first: int
     count: int
     size: int
-    x: _Powers
+    reverse: _Powers
     y: _Powers
 
     def sums(self, *terms: tuple[float, int, int]) -> FloatArray:
-        """Return Σ weight · x^i · y^j over the pairs of each lag, for terms (weight, i, j)."""
+        """Return Σ weight · x^i · y^j over the pairs of each lag, for terms (weight, i, j).
+
+        It is of shape () where it is the same at all of them.
+        """
         from scipy import fft
 
-        out: FloatArray = np.zeros(self.count)
+        x, n = self.reverse, self.reverse.of[0].size
+        out: FloatArray = np.zeros(())
         spectrum: NDArray[np.complex128] | None = None
         for weight, i, j in terms:
             if j == 0 and self.y.whole:
-                out += weight * self.x.of[i].sum()
-            elif i == 0 and self.x.whole:
-                out += weight * self.y.running(j, self.x.of[0].size)[: self.count]
+                out = out + weight * x.of[i].sum()
+            elif i == 0 and x.whole:
+                out = out + weight * self.y.running(j, n)[: self.count]
             else:
-                product = (weight * np.conj(self.x.spectrum(i))) * self.y.spectrum(j)
+                product = x.spectrum(i, weight) * self.y.spectrum(j)
                 spectrum = product if spectrum is None else spectrum + product
         if spectrum is not None:
-            out += fft.irfft(spectrum, self.size)[: self.count]
+            out = out + fft.irfft(spectrum, self.size)[n - 1 : n - 1 + self.count]
         return out
 
 
@@ -191,12 +200,15 @@ def _stretches(
 
     size = fft.next_fast_len(max(MIN_FFT, 4 * x.size), real=True)
     lags = size - x.size + 1
-    short, level = _Powers(x, x_ok, _mean(x, x_ok), size), _mean(y, y_ok)
+    reverse, level = _Powers(x[::-1], x_ok[::-1], _mean(x, x_ok), size), _mean(y, y_ok)
     for first in range(1 - x.size, y.size, lags):
         part = slice(max(first, 0), min(first + size, y.size))
         beyond = (part.start - first, first + size - part.stop)
-        long = _Powers(np.pad(y[part], beyond), np.pad(y_ok[part], beyond), level, size)
-        yield _Stretch(first, min(lags, y.size - first), size, short, long)
+        own, own_ok = y[part], y_ok[part]
+        if any(beyond):
+            own, own_ok = np.pad(own, beyond), np.pad(own_ok, beyond)
+        long = _Powers(own, own_ok, level, size)
+        yield _Stretch(first, min(lags, y.size - first), size, reverse, long)
 
 
 def _mean(v: FloatArray, ok: BoolArray) -> float:
