@@ -93,12 +93,23 @@ def _noise(clip: ClipPhase) -> FloatArray:
 
 
 def _gaussian(steps: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Log-likelihood of each value given those before, by the Cholesky factor."""
+    """Log-likelihood of each value given those before, by the Cholesky factor.
+
+    A step is only known up to whole turns: it is taken for the one nearest to what the steps before
+    foretell, as the phase filter does at a lag. One slip costs no more here than there.
+    """
     from scipy.linalg import solve_triangular
 
     root = np.linalg.cholesky(covariance)
+    std = np.diag(root)
     white = solve_triangular(root, steps, lower=True)
-    return np.asarray(-0.5 * white**2 - np.log(np.diag(root)) - 0.5 * np.log(2 * np.pi))
+    for i in range(steps.size):
+        turns = np.round(white[i] * std[i] / (2 * np.pi))
+        if turns:
+            steps = steps.copy()
+            steps[i] -= 2 * np.pi * turns
+            white = solve_triangular(root, steps, lower=True)
+    return np.asarray(-0.5 * white**2 - np.log(std) - 0.5 * np.log(2 * np.pi))
 
 
 def _mixed(log_likelihood: FloatArray, log_weight: FloatArray) -> FloatArray:

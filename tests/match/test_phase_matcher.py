@@ -192,3 +192,14 @@ def _estimates(track):
             )
         )
     return out
+
+
+def test_slips_of_whole_turns_are_no_evidence():
+    """An estimator that loses count of the turns makes every grid look wrong, so none is right."""
+    for seed in range(3):
+        track, _ = hidden(ELSEWHERE, seed, start_s=900.0 + 900 * seed, seconds=120, noise_rad=0.2)
+        wrong = np.where(np.arange(track.enf_hz.size) % 10 == 5, 0.45, 0.0)
+        slipping = dataclasses.replace(track, enf_hz=track.enf_hz + wrong)
+        found = match_phase(slipping, [hidden(DAY, seed, start_s=100.0)[1]], SETTINGS)
+        assert found.decision != "match"
+        assert found.log10_lr_absent < 1
