@@ -23,15 +23,18 @@ from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
 
-WINDOW_S = 50.0  # a stretch is divided into windows of this at least
-WINDOWS = 3  # of one stretch, at most
+WINDOW_S = 50.0  # the shortest that are searched for
+WINDOWS = 3  # of one stretch that are, at most
 ROUNDS = 2  # of looking at what is left over
-FOLLOWED = 2  # times that a part's lag and its ends are found from each other
 LEAST = 10  # phases of a part
-ENDS = 64  # of a part that are tried at first
+ENDS = 48  # of a part that are tried at first
+# Nats by which the place of a window must be likelier than none, the search counted, for it to be
+# followed: with what lies beside it, it may tell enough.
+LEAST_HOPE = -5.0
 LN10 = math.log(10.0)
 
 Span = tuple[int, int]  # phases of a clip, from the first up to the last
+Ends = int | NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -87,28 +90,35 @@ class Parts:
 
     def _tried(self, places: Sequence[Place], stretch: Span, searched: float) -> list[Part]:
         """Follow known places through a stretch."""
-        tried = [(p, window) for p in places for window in self._windows(stretch)]
-        tried.sort(key=lambda pw: -self.score(*pw))
-        return self._followed(tried, stretch, searched)
+        windows = self._windows(stretch, self.settings.min_seconds)
+        if not windows:
+            return []
+        found = []
+        for place in places:
+            scores = self._span_scores(place, *np.array(windows).T)
+            found += [
+                (replace(place, score=float(score)), window)
+                for score, window in zip(scores, windows, strict=True)
+            ]
+        return self._followed(found, stretch, searched)
 
     def _search(self, stretch: Span) -> list[Part]:
-        """Search for the windows of a stretch, and follow what is found, what says most first."""
+        """Search for the windows of a stretch, and follow what is found."""
         found = []
-        for window in self._windows(stretch):
+        for window in self._windows(stretch, WINDOW_S, WINDOWS):
             places = search_phase(
                 self._track_of(window), self.clip.between(*window), self.grids, self.settings
             ).places
             found += [(place, window) for place in places[:1]]
-        found.sort(key=lambda pw: -pw[0].weight)
         return self._followed(found, stretch, self._searched)
 
-    def _windows(self, stretch: Span) -> list[Span]:
-        """Divide a stretch into equal windows; none where it is too short."""
+    def _windows(self, stretch: Span, shortest_s: float, most: int | None = None) -> list[Span]:
+        """Divide a stretch into equal windows; none where it is too short to tell anything."""
         first, last = stretch
         if (last - first) * self.clip.hop_s < self.settings.min_seconds:
             return []
         length_s = self.clip.t_s[last - 1] - self.clip.t_s[first] + self.clip.hop_s
-        count = int(np.clip(length_s / WINDOW_S, 1, WINDOWS))
+        count = int(np.clip(length_s / shortest_s, 1, most))
         return list(pairwise(int(end) for end in np.linspace(first, last, count + 1)))
 
     def _track_of(self, window: Span) -> Track:
@@ -120,9 +130,11 @@ class Parts:
     def _followed(
         self, found: Sequence[tuple[Place, Span]], stretch: Span, searched: float
     ) -> list[Part]:
-        """Follow places from their windows, each as far as those before have left room."""
+        """Follow places from their windows, what says most first, as far as there is room."""
         out: list[Part] = []
-        for place, (first, last) in found:
+        for place, (first, last) in sorted(found, key=lambda pw: -pw[0].weight):
+            if place.weight - searched < LEAST_HOPE:
+                break
             for free in between(out, stretch):
                 window = max(first, free[0]), min(last, free[1])
                 if window[1] - window[0] > LEAST:
@@ -134,33 +146,35 @@ class Parts:
         self, place: Place, window: Span, stretch: Span, searched: float
     ) -> tuple[Part] | tuple[()]:
         """Follow a lag from a window both ways; nothing where what fits tells too little."""
-        first, last = window
-        for _ in range(FOLLOWED):
-            last = _best(
-                min(first + LEAST, stretch[1]), stretch[1], self._by_end(place, first=first)
-            )
-            first = _best(stretch[0], max(last - LEAST, stretch[0]), self._by_end(place, last=last))
-            own = self.clip.between(first, last)
-            grid = self.grids[place.grid]
-            scorer = PhaseScorer(own, grid, self._any_length)
-            place = refined(scorer, place)
-        ends = 2.0 * math.log(stretch[1] - stretch[0])
-        log10_lr = calibration().absent((place.weight - searched - ends) / LN10)
+        span = window
+        for quick in (True, False):
+            span = self._grown(place, span, stretch, quick=quick)
+            own = PhaseScorer(self.clip.between(*span), self.grids[place.grid], self._any_length)
+            place = refined(own, place)
+        # Of all the ends that it might have had, but for those of the stretch.
+        inner = (span[0] > stretch[0]) + (span[1] < stretch[1])
+        chosen = inner * math.log(stretch[1] - stretch[0])
+        log10_lr = calibration().absent((place.weight - searched - chosen) / LN10)
         enough = log10_lr >= self.settings.min_log10_lr
-        return (Part((first, last), place, log10_lr),) if enough else ()
+        return (Part(span, place, log10_lr),) if enough else ()
 
-    def _by_end(
-        self, place: Place, *, first: int | None = None, last: int | None = None
-    ) -> Callable[[NDArray[np.int64]], FloatArray]:
-        """Return the score of spans of which one end is given, by the other."""
+    def _grown(self, place: Place, span: Span, stretch: Span, *, quick: bool) -> Span:
+        """Move the ends of a span to where the clip agrees with a lag the longest."""
+        first = span[0]
+        ends = np.arange(min(first + LEAST, stretch[1]), stretch[1] + 1)
+        last = _best(ends, lambda end: self._span_scores(place, first, end, quick=quick))
+        ends = np.arange(stretch[0], max(last - LEAST, stretch[0]) + 1)
+        return _best(ends, lambda end: self._span_scores(place, end, last, quick=quick)), last
 
-        def scores(end: NDArray[np.int64]) -> FloatArray:
-            index = np.arange(self.clip.size)[:, None]
-            among = index > (end if first is None else first)
-            among = among & (index < (end if last is None else last))
-            return self._scorers[place.grid].scores(np.full(end.size, place.lag_s), among)
-
-        return scores
+    def _span_scores(
+        self, place: Place, firsts: Ends, lasts: Ends, *, quick: bool = False
+    ) -> FloatArray:
+        """Score spans of phases, of either end one or many, at a place."""
+        firsts, lasts = np.broadcast_arrays(np.atleast_1d(firsts), np.atleast_1d(lasts))
+        index = np.arange(self.clip.size)[:, None]
+        among = (index > firsts) & (index < lasts)
+        lag_s = np.full(firsts.size, place.lag_s)
+        return self._scorers[place.grid].scores(lag_s, among, quick=quick)
 
 
 def between(parts: Sequence[Part], stretch: Span) -> list[Span]:
@@ -170,10 +184,9 @@ def between(parts: Sequence[Part], stretch: Span) -> list[Span]:
     return [(a, b) for a, b in zip(firsts, lasts, strict=True) if b > a]
 
 
-def _best(low: int, high: int, score: Callable[[NDArray[np.int64]], FloatArray]) -> int:
-    """Whole number from ``low`` to ``high`` with the best score: by large steps, then by one."""
-    step = max((high - low) // ENDS, 1)
-    rough = np.arange(low, high + step, step).clip(max=high)
-    near = int(rough[int(score(rough).argmax())])
-    fine = np.arange(max(near - step, low), min(near + step, high) + 1)
+def _best(ends: NDArray[np.int64], score: Callable[[NDArray[np.int64]], FloatArray]) -> int:
+    """Find the end with the best score: of some of them at first, then of those about the best."""
+    step = max(ends.size // ENDS, 1)
+    near = int(score(ends[::step]).argmax()) * step
+    fine = ends[max(near - step, 0) : near + step + 1]
     return int(fine[int(score(fine).argmax())])
