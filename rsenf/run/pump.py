@@ -45,10 +45,11 @@ class Lane:
         key = received.key
         if key not in self.inputs:
             return
-        self._heard[key] = time.monotonic()
         if received.message.header.is_end:
             del self.inputs[key]
         self.send(self.runner.feed(received.message))
+        # What the stage took its time for is no silence of the sender's.
+        self._heard[key] = time.monotonic()
 
     def give_up(self, run_id: str, hopeless: Callable[[str], bool]) -> None:
         """End the inputs from which nothing will come any more.
@@ -102,7 +103,7 @@ def pump(node: NodeProcess, lanes: list[Lane]) -> None:
             stop_by = min(stop_by, now + LINGER_S)
             if received is None or now > stop_by:
                 break
-        if now - looked > POLL_S:
+        if now - looked > POLL_S and not node.inbox.depth:
             looked = now
             for lane in lanes:
                 lane.give_up(node.run_id, lambda name: node.peers.gone_for_s(name) > GIVE_UP_S)

@@ -58,7 +58,7 @@ nodes:
   track:  {{kind: track, cameras: [cam], track: {{method: {method}, nominal_hz: 50}}}}
   idle:   {{kind: idle, cameras: [cam], idle: {{nominal_hz: 50}}}}
   grid:   {{kind: reference, grid: ce, input: "{reference}"}}
-  match:  {{kind: match, cameras: [cam], grid: ce}}
+  match:  {{kind: match, cameras: [cam], grid: ce, method: {matcher}}}
   record: {{kind: record, out: "{out}"}}
 """
 
@@ -83,6 +83,7 @@ class Graphs:
             "reference": film.reference,
             "out": self.out,
             "method": "stft",
+            "matcher": "phase",
             **more,
         }
         text = GRAPH.format(frames=frames, pace=str(pace).lower(), **values)

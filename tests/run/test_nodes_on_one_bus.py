@@ -121,6 +121,30 @@ def test_an_input_whose_sender_is_gone_is_given_up_while_others_go_on(
         sending.join(10)
 
 
+def test_a_sender_that_has_gone_is_heard_out_however_long_a_stage_takes(
+    network: Loopback, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pump_module, "GIVE_UP_S", 0.1)
+    node, out = node_on(network, "track"), listen(network, TRACK)
+    the_lane = lane(node)
+    quick = the_lane.runner.feed
+
+    def slow(message: Any) -> list[Any]:
+        time.sleep(0.25)
+        return quick(message)
+
+    the_lane.runner.feed = slow  # type: ignore[method-assign]
+    rows = network.bus("rows")
+    rows.declare_alive(alive_key("lab", "rows"))
+    publisher = rows.publisher(ROWS, SIGNALS)
+    with pumping(node, [the_lane]):
+        for seq in range(4):
+            publisher.send(block(seq))
+        publisher.send(end_after(block(3)))
+        rows.close()
+        assert [m.method for m in until_end(out)] == ["update", "update", "flush", ""]
+
+
 def test_a_late_end_of_an_input_given_up_ends_nothing_twice(network: Loopback) -> None:
     node = node_on(network, "match")
     reference = reference_key("lab", "ce")

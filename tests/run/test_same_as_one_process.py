@@ -82,12 +82,18 @@ def bits(messages: list[Any]) -> list[bytes]:
 
 
 @pytest.mark.parametrize(
-    ("frames", "method"), [("ring", "stft"), ("tcp", "stft"), ("fused", "projection")]
+    ("frames", "method", "matcher"),
+    [
+        ("ring", "stft", "phase"),
+        ("tcp", "stft", "phase"),
+        ("fused", "projection", "phase"),
+        ("fused", "paper", "metric4"),
+    ],
 )
 def test_bit_identical_and_nothing_lost(
-    film: Film, graphs: Graphs, frames: str, method: str
+    film: Film, graphs: Graphs, frames: str, method: str, matcher: str
 ) -> None:
-    path = graphs.write(film, frames, method=method)
+    path = graphs.write(film, frames, method=method, matcher=matcher)
     expected = in_one_process(path, film)
     on_bus, heard, run_id = as_processes(path)
 
