@@ -20,6 +20,7 @@ from rsenf.match.clip_phase import ClipPhase, averaged
 from rsenf.match.coarse import KEPT, Survey, survey
 from rsenf.match.forecast import forecast
 from rsenf.match.generic_grid import generic_log_likelihood
+from rsenf.match.pages import in_pages
 from rsenf.match.phase_filter import ERRORS, ClipErrors, Errors, Innovations, innovations
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
@@ -253,7 +254,7 @@ def search_phase(
     """
     kept = int(np.clip(KEPT * USUAL_PHASES / max(clip.size, 1), 32, KEPT))
     surveys = [survey(track, grid, settings, kept) for grid in grids]
-    scorers = [PhaseScorer(clip, grid, settings) for grid in grids]
+    scorers = [PhaseScorer(clip, in_pages(grid), settings) for grid in grids]
     found: list[Place] = []
     for number, (scorer, seen) in enumerate(zip(scorers, surveys, strict=True)):
         found += _rough(number, scorer, seen.lag_s)
@@ -320,7 +321,11 @@ def _top(at: FloatArray, score: FloatArray, step_s: float) -> tuple[float, float
 def distinct(places: list[Place]) -> list[Place]:
     """Sort best first and drop every place too near to a better one."""
     out: list[Place] = []
+    taken: dict[tuple[int, int], float] = {}  # lag in each stretch: there is no room for two
     for place in sorted(places, key=lambda p: -p.score):
-        if all(p.grid != place.grid or abs(p.lag_s - place.lag_s) >= APART_S for p in out):
+        stretch = math.floor(place.lag_s / APART_S)
+        beside = [taken.get((place.grid, stretch + d), math.inf) for d in (-1, 0, 1)]
+        if all(abs(lag_s - place.lag_s) >= APART_S for lag_s in beside):
+            taken[place.grid, stretch] = place.lag_s
             out.append(place)
     return out
