@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rsenf.flicker.grid_prior import NODE_S
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.profile import ProfileBasis
-from rsenf.flicker.tone import Tone, ToneFinder
+from rsenf.flicker.tone import AT_EDGE, Tone, ToneFinder
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -90,7 +90,7 @@ def acquire(
         return NO_FLICKER
     nominal_hz, one_turns, tone, baseband = best
     if tone.at_edge:
-        return "strongest at the edge of the search band"
+        return AT_EDGE
     nodes_t = np.arange(round(length_s / NODE_S) + 1) * NODE_S - length_s / 2.0
     offset_hz, drift_hz_s = _with_drift(baseband, t_mid, tone.offset_hz, finder)
     psi = 2.0 * np.pi * (offset_hz * nodes_t + drift_hz_s * nodes_t**2 / 2.0)

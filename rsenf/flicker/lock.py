@@ -19,7 +19,7 @@ from rsenf.flicker.phase_path import PhasePath
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slow_time import SlowTime
-from rsenf.flicker.tone import Tone, ToneFinder
+from rsenf.flicker.tone import AT_EDGE, Tone, ToneFinder
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -171,7 +171,7 @@ class Lock:
         if not stands_out(tone, HELD * self._min_snr):
             return tone, NO_FLICKER
         if tone.at_edge:
-            return tone, "strongest at the edge of the search band"
+            return tone, AT_EDGE
         if abs(tone.offset_hz - slope_hz) * (end - start) > MAX_OFF_CELLS:
             return tone, "the phase was lost"
         return tone, ""

@@ -29,7 +29,9 @@ EVERY_S = 15
 BINS_PER_S = 4
 BANDS = 120
 TOO_STILL = "alias at 0 Hz, and the flicker's phase has turned too little to tell it from texture"
-NO_GRID = "what turns moves as no grid's phase does"
+NO_GRID = (
+    "what turns moves as no grid's phase does: another light, another speed, or wrong frame times?"
+)
 NOT_FLICKER = "no mains flicker stands out"
 # Deviations (of the illumination) at which the other direction of read-out becomes more plausible.
 LIKELY_HZ, UNLIKELY_HZ = 0.1, 0.15

@@ -23,6 +23,7 @@ OVERSAMPLING = 4
 NOISE_CELLS = 10
 # Neighbours of a peak of a Hann window are this close to it at least; else it is no such peak.
 MIN_NEIGHBOUR = 0.25
+AT_EDGE = "strongest at the edge of the search band: played at another speed, or wrong frame times?"
 
 
 @dataclass(frozen=True)

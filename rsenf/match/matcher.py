@@ -133,6 +133,8 @@ def nothing_to_decide(track: Track, grids: Sequence[Grid], settings: MatchSettin
     usable_s = track.usable * track.hop_s
     if not track.usable:
         return "no usable signal"
+    if wrong_speed := off_speed(track, of_nominal(track, grids)):
+        return wrong_speed
     if usable_s < settings.min_seconds:
         return f"only {usable_s:g} usable seconds of ENF; at least {settings.min_seconds:g} needed"
     if not of_nominal(track, grids):
@@ -140,7 +142,7 @@ def nothing_to_decide(track: Track, grids: Sequence[Grid], settings: MatchSettin
             f"the light follows a {track.nominal_hz:.0f} Hz grid, "
             f"the reference is of a {grids[0].nominal_hz:.0f} Hz one"
         )
-    return off_speed(track, of_nominal(track, grids))
+    return ""
 
 
 def of_nominal(track: Track, grids: Sequence[Grid]) -> list[Grid]:

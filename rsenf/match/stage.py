@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -189,6 +190,8 @@ class Match:
             reason = _why_no_hypotheses(method, estimates)
         else:
             reason = nothing_to_decide(track, grids, self.settings)
+            if not track.usable:
+                reason = ": ".join(filter(None, (reason, _usual_reason(estimates))))
             if not reason:
                 own = of_nominal(track, grids)
                 return matcher(track, own, self.settings, self.claimed_utc_ns)
@@ -206,6 +209,12 @@ def _why_no_hypotheses(method: str, estimates: list[EnfEstimate]) -> str:
         other = estimates[-1].method
         return f"{method} compares the hypotheses of {PAPER_TRACKER!r}, not an ENF by {other!r}"
     return f"no usable signal: {estimates[-1].reason}"
+
+
+def _usual_reason(estimates: list[EnfEstimate]) -> str:
+    """Why most of them aren't usable."""
+    ((reason, _),) = Counter(e.reason for e in estimates).most_common(1)
+    return reason
 
 
 def _header(estimates: list[EnfEstimate], seq: int) -> Header:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rsenf.errors import UsageError
 from rsenf.flicker.faint import FAINT
 from rsenf.flicker.lines import Line, candidate_lines, project, templates
-from rsenf.flicker.tone import ToneFinder
+from rsenf.flicker.tone import AT_EDGE, ToneFinder
 from rsenf.messages import EnfEstimate, RowBlock
 from rsenf.track.settings import TrackSettings
 from rsenf.track.sliding import (
@@ -115,7 +115,7 @@ class StftTracker(SlidingTracker):
         if tone.amplitude < self._least_level:
             return FAINT
         if tone.at_edge:
-            return "strongest at the edge of the search band"
+            return AT_EDGE
         if self._rows == 1 and near_zero and not self.settings.nominal_hz:
             return "alias near 0 Hz, where brightness drifts: give the nominal frequency"
         alias_hz = fit.line.alias_hz(rate_hz)

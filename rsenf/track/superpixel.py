@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.faint import FAINT
 from rsenf.flicker.lines import Line
-from rsenf.flicker.tone import NOISE_CELLS, OVERSAMPLING, ToneFinder
+from rsenf.flicker.tone import AT_EDGE, NOISE_CELLS, OVERSAMPLING, ToneFinder
 from rsenf.messages import EnfEstimate, RowBlock
 from rsenf.track.alias import check_line, is_folded, why_nothing
 from rsenf.track.settings import TrackSettings
@@ -147,7 +147,7 @@ class SuperpixelTracker(SlidingTracker):
         if peak.level < self._least_level:
             return FAINT
         if peak.at_edge:
-            return "strongest at the edge of the search band"
+            return AT_EDGE
         if peak.offset_var_hz2 > (s.max_std_hz * 2.0 * s.harmonic) ** 2:
             return "too uncertain"
         return ""
