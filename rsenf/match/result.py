@@ -13,7 +13,7 @@ from rsenf.messages import Header, MatchResult
 NAN = float("nan")
 UNUSUAL_CLOCK_PPM = 150.0
 HOUR_S = 3600.0
-ZONE_S = 900.0  # time zones differ by quarters of an hour
+HALF_HOURS_FROM_H = 3.0  # time zones that are off by half hours are that far from UTC
 LAST_ZONE_H = 14
 
 
@@ -141,6 +141,7 @@ def _zone_hours(difference_s: float, tolerance_s: float) -> float:
     """Hours that a difference comes to, as time zones differ; 0 when it doesn't."""
     if math.isnan(difference_s):
         return 0.0
-    hours = round(difference_s / ZONE_S) * ZONE_S / HOUR_S
+    hours = round(2 * difference_s / HOUR_S) / 2
     near = abs(difference_s - hours * HOUR_S) <= tolerance_s
-    return hours if near and abs(hours) <= LAST_ZONE_H else 0.0
+    usual = hours.is_integer() or abs(hours) >= HALF_HOURS_FROM_H
+    return hours if near and usual and abs(hours) <= LAST_ZONE_H else 0.0
