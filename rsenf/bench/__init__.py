@@ -15,4 +15,9 @@ From a seed to a table, one idea a file::
     groups, idle_table, enf_table, claims_table, document
                records to the rows of the tables
     text       rows as text and as Markdown
+
+What has a plan of its own::
+
+    search_days, search_trial, search_table
+               long references, a search of one with its time and memory, and their table
 """

@@ -17,12 +17,21 @@ import scipy
 
 from rsenf import __version__
 from rsenf.bench.results import Record, read_records
-from rsenf.bench.search_days import GRID, NOMINAL_HZ, Haystack, clip_of, real_day, write_haystack
+from rsenf.bench.search_days import (
+    FIRST_S,
+    GRID,
+    NOMINAL_HZ,
+    Haystack,
+    clip_of,
+    real_day,
+    write_haystack,
+)
 from rsenf.bench.session import measure_missing
 from rsenf.match import MatchSettings
 from rsenf.match.phase import match_phase
 from rsenf.match.series import Grid, Track
 from rsenf.messages.schema import FloatArray
+from rsenf.timebase import seconds
 
 VERSION = 1
 RIGHT_S = 1.0  # a match is right when its lag is no further from the truth
@@ -102,7 +111,9 @@ def timed_search(trial: Trial) -> Record:
         watch("memory", match_phase, track, [held], settings)
         watch("correlate", correlate, away, clip, "valid", "fft")
         watch("oaconvolve", oaconvolve, away, clip[::-1], "valid")
-    error_s = found.lag_s - haystack.clip_start_s
+    # What the store has begins with its first sample that isn't in a gap.
+    true_lag_s = haystack.clip_start_s - (seconds(held.t0_ns) - FIRST_S)
+    error_s = found.lag_s - true_lag_s
     return {
         "version": VERSION,
         "key": trial.key,
@@ -113,7 +124,7 @@ def timed_search(trial: Trial) -> Record:
         "grid": day.name,
         "samples": held.freq_hz.size,
         "missing_ratio": float(np.isnan(held.freq_hz).mean()),
-        "clip_in_reference_ratio": _covered(held, track, haystack),
+        "clip_in_reference_ratio": _covered(held, track, true_lag_s),
         "repeats": trial.repeats,
         "decision": found.decision,
         "lag_error_s": None if math.isnan(error_s) else error_s,
@@ -141,9 +152,9 @@ def _away(freq_hz: FloatArray) -> FloatArray:
     return np.asarray(np.nan_to_num(freq_hz - NOMINAL_HZ, nan=0.0), np.float64)
 
 
-def _covered(grid: Grid, track: Track, haystack: Haystack) -> float:
+def _covered(grid: Grid, track: Track, lag_s: float) -> float:
     """Share of the clip's usable seconds that the reference has."""
-    at = int(haystack.clip_start_s) + np.flatnonzero(np.isfinite(track.enf_hz))
+    at = int(lag_s) + np.flatnonzero(np.isfinite(track.enf_hz))
     return float(np.isfinite(grid.freq_hz[at]).mean())
 
 

@@ -115,6 +115,27 @@ def test_a_clip_that_runs_into_a_gap_comes_first_all_the_same(seed):
     assert found.lag_s[0] == pytest.approx(9000.0)
 
 
+class OnDisk:
+    """A reference that is read in slices, none longer than allowed."""
+
+    def __init__(self, freq_hz, longest):
+        self._freq_hz, self.size, self._longest = freq_hz, freq_hz.size, longest
+
+    def __getitem__(self, part):
+        assert part.stop - part.start <= self._longest
+        return self._freq_hz[part]
+
+
+@pytest.mark.parametrize("step_s", [0.1, 1.0, 2.0])
+def test_a_reference_on_disk_is_read_piece_by_piece(step_s, monkeypatch):
+    monkeypatch.setattr(coarse, "PIECE", 60)
+    track, grid = pair(step_s, 11)
+    on_disk = replace(grid, freq_hz=OnDisk(grid.freq_hz, longest=60 + round(25 / step_s)))
+    expected, found = (coarse.survey(track, g, SETTINGS) for g in (grid, on_disk))
+    np.testing.assert_array_equal(found.lag_s, expected.lag_s)
+    np.testing.assert_array_equal(found.score, expected.score)
+
+
 def test_steps_that_do_not_fit_are_refused():
     track, grid = pair(1.0, 9)
     with pytest.raises(UsageError, match="no whole multiple"):

@@ -1,0 +1,94 @@
+"""The bench of long searches: what is searched is what it says, and a trial from end to end."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rsenf.bench.search_days import (
+    DAY_S,
+    FIRST_S,
+    GRID,
+    REFERENCE_HZ,
+    Haystack,
+    clip_of,
+    like,
+    real_day,
+    write_haystack,
+)
+from rsenf.bench.search_table import page, tabulate, text
+from rsenf.bench.search_trial import Trial, measure_trials
+from rsenf.cli import main
+from rsenf.reference import open_reference
+from rsenf.timebase import seconds
+
+THREE_DAYS = Haystack(days=3, gaps=True, clip_s=200, seed=3, folder=None)
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory: pytest.TempPathFactory) -> np.ndarray:
+    store = tmp_path_factory.mktemp("store")
+    write_haystack(THREE_DAYS, store)
+    reference = open_reference(f"store:{GRID}", store=store)
+    # The store doesn't keep a gap that it would begin with.
+    before = round(seconds(reference.t0_ns) - FIRST_S)
+    return np.concatenate([np.full(before, np.nan), reference.freq_hz])
+
+
+def test_the_middle_day_is_the_real_one_and_the_others_are_not(stored: np.ndarray) -> None:
+    real = real_day(None, THREE_DAYS.seed).freq_hz
+    days = [stored[k * DAY_S : (k + 1) * DAY_S] for k in range(stored.size // DAY_S)]
+    away = [np.nanstd(day - real) for day in days[:2]]
+    assert away[1] == pytest.approx(REFERENCE_HZ, rel=0.1)
+    assert away[0] > 5e-3
+
+
+def test_gaps_are_there_and_one_in_the_clip(stored: np.ndarray) -> None:
+    missing = np.isnan(stored)
+    assert 0.15 < missing.mean() < 0.45
+    start = int(THREE_DAYS.clip_start_s)
+    assert missing[start + 90 : start + 110].all()
+    assert not missing[start : start + 200].all()
+
+
+def test_the_clip_is_of_the_time_that_it_says(stored: np.ndarray) -> None:
+    track = clip_of(THREE_DAYS)
+    start = round(THREE_DAYS.clip_start_s)
+    beside = stored[start : start + 200] - track.enf_hz
+    assert np.nanstd(beside) < 4e-3
+    assert np.nanstd(stored[start + 500 : start + 700] - track.enf_hz) > 6e-3
+
+
+def test_a_day_like_another_has_its_spectrum_and_none_of_its_times() -> None:
+    day = real_day(None, 1).freq_hz
+    other = like(day, np.random.default_rng(2))
+    assert other.mean() == pytest.approx(day.mean())
+    assert other.std() == pytest.approx(day.std(), rel=1e-6)
+    assert np.diff(other).std() == pytest.approx(np.diff(day).std(), rel=0.1)
+    assert abs(np.corrcoef(day, other)[0, 1]) < 0.3
+
+
+def test_a_trial_is_measured_once_and_makes_a_table(tmp_path: Path) -> None:
+    trials = [Trial(Haystack(1, True, 120, 4, None), 2)]
+    begun: list[Trial] = []
+    records = measure_trials(trials, tmp_path / "search.jsonl", begun.append)
+    again = measure_trials(trials, tmp_path / "search.jsonl", begun.append)
+    assert begun == trials
+    assert again == records
+    document = tabulate(records)
+    (row,) = json.loads(json.dumps(document, allow_nan=False))["rows"]
+    assert row["right"]
+    assert abs(row["lag_error_s"]) < 1.0
+    assert row["clip_in_reference_ratio"] < 0.9
+    assert set(row["cpu_s"]) == {"store", "memory", "correlate", "oaconvolve"}
+    assert row["over_correlate"] == row["cpu_s"]["memory"] / row["cpu_s"]["correlate"]
+    assert "a day" in text(document)
+    assert page(document).startswith("| reference |")
+
+
+def test_a_clip_longer_than_a_day_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "search", "--duration-s", "90000"]) == 2
+    assert "at most" in capsys.readouterr().err
