@@ -32,7 +32,8 @@ def reference(freq_hz: np.ndarray, t0_ns: int) -> list[ReferenceBlock]:
 def analysed(
     level: np.ndarray, blocks: Sequence[ReferenceBlock]
 ) -> tuple[ThinRows, list[EnfEstimate], MatchResult]:
-    rows, tracker, match = ThinRows(), make_tracker(TrackSettings(nominal_hz=50.0)), Match()
+    rows, match = ThinRows(), Match(method="ncc")
+    tracker = make_tracker(TrackSettings(nominal_hz=50.0))
     for reference_block in blocks:
         match.update(reference_block)
     estimates = []

@@ -158,7 +158,7 @@ def test_without_a_signal_it_says_so_and_what_would_help(tmp_path: Path, dark: C
     page, numbers = written(tmp_path / "r", dark)
     assert page.ids == [*SECTIONS[:2], "help", *SECTIONS[2:]]
     assert numbers["decision"] == "no_decision"
-    assert numbers["answer"].endswith("no usable signal.")
+    assert "no usable signal" in numbers["answer"]
     assert numbers["pictures_left_out"] in page.words
     assert [p["file"] for p in numbers["pictures"]] == ["quality.png", "spectrogram.png"]
     assert any("--enf-method" in text for text in numbers["what_would_help"])
