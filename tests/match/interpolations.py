@@ -1,11 +1,11 @@
 """Which interpolation of the missing rows serves the paper's procedure best.
 
 Not a test by itself: ``python -m tests.match.interpolations 3`` prints the table for 3 clips a
-cell. Clips are row means of a minute, under lamps with and without harmonics, on the first half of the
-2022 day, which is the reference too; all seeds are development seeds. Of all hypotheses, ``agree``
-is the share above ``TH_c`` at the right time, ``best`` and ``median`` the rms of the ENF (mHz, its
-mean left out) against the reference as averaged by the window; ``right`` and ``wrong`` count what
-Metrics 2, 3 and 4 decide.
+cell. Clips are row means of a minute, under lamps with and without harmonics, on the first half of
+the 2022 day, which is the reference too; all seeds are development seeds. Of all hypotheses,
+``agree`` is the share above ``TH_c`` at the right time, ``best`` and ``median`` the rms of the ENF
+(mHz, its mean left out) against the reference as averaged by the window; ``right`` and ``wrong``
+count what Metrics 2, 3 and 4 decide.
 """
 
 from __future__ import annotations
