@@ -19,6 +19,7 @@ from rsenf.messages.schema import FloatArray
 
 BLOCK = 600  # phases that are looked at together; stretches count as independent
 MEAN_STD_HZ = 0.03  # of the ENF's mean over a clip about the nominal, clock errors included
+TURN_RAD = 2.0 * np.pi
 LIVELINESS = ((0.5, 0.25), (1.0, 0.5), (2.0, 0.25))
 
 
@@ -98,18 +99,12 @@ def _gaussian(steps: FloatArray, covariance: FloatArray) -> FloatArray:
     A step is only known up to whole turns: it is taken for the one nearest to what the steps before
     foretell, as the phase filter does at a lag. One slip costs no more here than there.
     """
-    from scipy.linalg import solve_triangular
-
     root = np.linalg.cholesky(covariance)
-    std = np.diag(root)
-    white = solve_triangular(root, steps, lower=True)
+    std, white = np.diag(root), np.empty(steps.size)
     for i in range(steps.size):
-        turns = np.round(white[i] * std[i] / (2 * np.pi))
-        if turns:
-            steps = steps.copy()
-            steps[i] -= 2 * np.pi * turns
-            white = solve_triangular(root, steps, lower=True)
-    return np.asarray(-0.5 * white**2 - np.log(std) - 0.5 * np.log(2 * np.pi))
+        away = float(steps[i] - root[i, :i] @ white[:i])
+        white[i] = (away - TURN_RAD * round(away / TURN_RAD)) / std[i]
+    return np.asarray(-0.5 * white**2 - np.log(std) - 0.5 * np.log(TURN_RAD))
 
 
 def _mixed(log_likelihood: FloatArray, log_weight: FloatArray) -> FloatArray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -34,6 +36,14 @@ def test_each_phase_after_those_before_is_as_likely_as_the_normal_says(walk):
     assert got.shape == (clip.size,)
     assert got[0] == 0.0
     np.testing.assert_allclose(got, densely(clip), rtol=1e-6, atol=1e-6)
+
+
+def test_whole_turns_of_a_phase_make_no_difference():
+    clip = clip_with(6)
+    turns = 2 * np.pi * np.random.default_rng(1).integers(-3, 4, clip.size)
+    turned = replace(clip, phase_rad=clip.phase_rad + turns)
+    got = generic_log_likelihood(turned)
+    np.testing.assert_allclose(got, generic_log_likelihood(clip), rtol=1e-9, atol=1e-9)
 
 
 def test_blocks_are_looked_at_for_themselves(monkeypatch):
