@@ -119,7 +119,7 @@ def _warnings(
     missed_s = track.usable * track.hop_s - finding.seconds_used
     if missed_s >= track.hop_s:
         out.append(f"{missed_s:g} usable seconds of the clip have no reference at the best time")
-    if abs(finding.clock_ppm) > UNUSUAL_CLOCK_PPM:
+    if finding.decision == "match" and abs(finding.clock_ppm) > UNUSUAL_CLOCK_PPM:
         out.append(
             f"a clock error of {finding.clock_ppm:.0f} ppm is unusual for a camera: wrong frame "
             "times? 30 and 29.97 frames/s differ by 1000 ppm"
