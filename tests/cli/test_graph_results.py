@@ -87,7 +87,10 @@ def test_the_demo_s_files_are_of_use_from_any_folder(
         "verify", out / "clip.mp4", "--reference", out / "reference.csv", "--json", cwd=tmp_path
     )
     in_one_process = json.loads(one.stdout)
-    assert in_one_process.pop("warnings") == result.pop("warnings")
+    for verdict in (result, in_one_process):
+        # A graph names its reference; a file that is given has its own name.
+        for named in (verdict, *verdict["candidates"]):
+            del named["grid"]
     assert in_one_process == result
 
 
