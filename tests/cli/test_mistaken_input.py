@@ -1,0 +1,117 @@
+"""Mistakes that a court would want named: `rsenf verify` says which, and claims nothing wrong."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+
+from tests.hidden_clip import HiddenClip
+
+Rsenf = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def verify(rsenf: Rsenf, clip: Path, reference: Path, *words: object) -> dict[str, Any]:
+    done = rsenf("verify", clip, "--reference", reference, *words, "--json")
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)  # type: ignore[no-any-return]
+
+
+def said(found: dict[str, Any]) -> str:
+    return " / ".join([found["reason"], *found["warnings"]])
+
+
+def edited(hidden: HiddenClip, path: Path, kept: np.ndarray | None, speed: float = 1.0) -> Path:
+    """The hidden clip's rows, some frames left out, at another speed."""
+    with np.load(hidden.clip) as held:
+        rows, time_s = held["rows"], held["frame_time_s"]
+    rows = rows if kept is None else rows[kept[: rows.shape[0]]]
+    np.savez(path, rows=rows, frame_time_s=time_s[: rows.shape[0]] / speed)
+    return path
+
+
+def values_alone(hidden: HiddenClip, path: Path, away_hz: float = 0.0) -> Path:
+    rows = hidden.reference.read_text().splitlines()[1:]
+    path.write_text("\n".join(f"{float(row.split(',')[1]) + away_hz:.6f}" for row in rows))
+    return path
+
+
+def test_a_claim_in_another_time_zone(rsenf: Rsenf, hidden: HiddenClip) -> None:
+    found = verify(rsenf, hidden.clip, hidden.reference, "--start", "2024-03-01T11:39:05.4Z")
+    assert (found["decision"], found["claim"]) == ("match", "refuted")
+    assert found["lag_s"] == pytest.approx(hidden.lag_s, abs=1)
+    assert "off by just -1 h: a time zone or daylight saving?" in said(found)
+
+
+def test_a_reference_in_another_time_zone(rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path) -> None:
+    local = tmp_path / "local.csv"
+    local.write_text(hidden.reference.read_text().replace("Z,", ","))
+    words = ["--timezone", "Asia/Kolkata", "--start", hidden.start_utc]
+    found = verify(rsenf, hidden.clip, local, *words)
+    assert (found["decision"], found["claim"]) == ("match", "refuted")
+    assert "off by just -5.5 h" in said(found)
+    assert "outside of the reference, which lasts from 2024-03-01T04:30" in said(found)
+
+
+def test_a_wrong_step(rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path) -> None:
+    values = values_alone(hidden, tmp_path / "values.csv")
+    found = verify(rsenf, hidden.clip, values, "--step-s", "2")
+    assert found["decision"] == "no_decision"
+    assert "with a step of 1 s instead of 2 s the reference would fit, 2345." in said(found)
+
+
+def test_a_reference_of_another_grid(rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path) -> None:
+    values = values_alone(hidden, tmp_path / "us.csv", away_hz=10.0)
+    found = verify(rsenf, hidden.clip, values, "--step-s", "1")
+    assert found["decision"] in ("no_decision", "no_match")
+    assert "looked for a 60 Hz grid, as the reference's is" in said(found)
+
+
+def test_a_clip_that_was_cut_and_rejoined(rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path) -> None:
+    frame = np.arange(4000)
+    kept = (frame < 1590) | (frame >= 2100)  # 17 s less, after 53 s
+    clip = edited(hidden, tmp_path / "cut.npz", kept)
+    found = verify(rsenf, clip, hidden.reference, "--start", hidden.start_utc)
+    assert (found["decision"], found["claim"]) == ("no_decision", "undecidable")
+    assert "s are missing: cut and rejoined?" in said(found)
+    assert "fit from 2024-03-01T10:39:05" in said(found)
+
+
+@pytest.mark.parametrize("speed", [1.01, 0.99])
+def test_another_speed(rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path, speed: float) -> None:
+    clip = edited(hidden, tmp_path / "fast.npz", None, speed)
+    found = verify(rsenf, clip, hidden.reference, "--start", hidden.start_utc)
+    assert (found["decision"], found["claim"]) == ("no_decision", "undecidable")
+    assert "played at another speed, or wrong frame times?" in said(found)
+
+
+def test_a_clip_that_was_coded_twice(rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path) -> None:
+    once, twice = tmp_path / "once.mp4", tmp_path / "twice.mp4"
+    done = rsenf(
+        "simulate", "--out", once, "--reference", hidden.reference, "--start-s", "1234.5",
+        "--duration-s", "70", "--size", "320x240", "--seed", "4", "--bitrate", "150k",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    code_again(once, twice, 100_000)
+    found = verify(rsenf, twice, hidden.reference, "--start", "2024-03-01T10:20:34.5Z")
+    assert found["decision"] in ("match", "no_decision")
+    assert found["claim"] in ("supported", "undecidable")
+    if found["decision"] == "match":
+        assert found["lag_s"] == pytest.approx(1234.5, abs=1)
+
+
+def code_again(source: Path, target: Path, bits: int) -> None:
+    with av.open(str(source)) as read, av.open(str(target), "w") as written:
+        (coded,) = read.streams.video
+        stream = written.add_stream("libx264", rate=coded.average_rate)
+        stream.width, stream.height, stream.pix_fmt = coded.width, coded.height, "yuv420p"
+        stream.bit_rate, stream.time_base = bits, coded.time_base
+        for frame in read.decode(coded):
+            written.mux(stream.encode(frame))
+        written.mux(stream.encode())
