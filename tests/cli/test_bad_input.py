@@ -211,7 +211,10 @@ def test_a_graph_with_a_misspelled_key(rsenf: Rsenf, verb: str, tmp_path: Path) 
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--method", "magic"], "no match method 'magic' (one of phase, ncc, metric1, metric2, metric3, metric4)"),
+        (
+            ["--method", "magic"],
+            "no match method 'magic' (one of phase, ncc, metric1, metric2, metric3, metric4)",
+        ),
         (["--enf-method", "magic"], "no ENF method 'magic' (one of "),
         (["--start", "yesterday"], "--start 'yesterday' is not a time"),
         (["--step-s", "-1"], "argument --step-s: -1 is not a finite number above 0"),
