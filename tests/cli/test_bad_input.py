@@ -137,7 +137,7 @@ def test_an_all_black_video_is_a_result(
         done
     )
     if verb == "verify":
-        assert done.stdout == "no_decision: no usable signal\n"
+        assert done.stdout == "no_decision: no usable signal: too few frames are usable\n"
 
 
 def test_a_recording_without_row_blocks(rsenf: Rsenf, grid: Path, tmp_path: Path) -> None:
