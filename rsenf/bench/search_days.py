@@ -45,7 +45,7 @@ GAPS_A_DAY, GAP_S = 60, (1.0, 3600.0)  # lengths spread evenly on a logarithmic 
 class Haystack:
     """A reference of so many days, of which the middle one holds the clip.
 
-    Where it has gaps, one of them is in the middle of the clip and lasts a fifth of it.
+    Where it has gaps, the clip has one, of a fifth of its length.
     """
 
     days: int
@@ -110,10 +110,13 @@ def _days(haystack: Haystack) -> Iterator[FloatArray]:
         day = real if number == haystack.days // 2 else like(real, rng)
         day = day + REFERENCE_HZ * rng.standard_normal(DAY_S)
         if haystack.gaps:
-            day[_missing(rng)] = np.nan
+            missing = _missing(rng)
             if number == haystack.days // 2:
-                begin = int(haystack.clip_start_s % DAY_S + 0.4 * haystack.clip_s)
-                day[begin : begin + haystack.clip_s // 5] = np.nan
+                begin = int(haystack.clip_start_s % DAY_S)
+                clip = missing[begin : begin + haystack.clip_s + 1]
+                clip[:] = False
+                clip[2 * haystack.clip_s // 5 : 3 * haystack.clip_s // 5] = True
+            day[missing] = np.nan
         yield day
 
 

@@ -33,7 +33,7 @@ from rsenf.match.series import Grid, Track
 from rsenf.messages.schema import FloatArray
 from rsenf.timebase import seconds
 
-VERSION = 1
+VERSION = 2
 RIGHT_S = 1.0  # a match is right when its lag is no further from the truth
 
 

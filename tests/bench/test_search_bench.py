@@ -50,8 +50,7 @@ def test_gaps_are_there_and_one_in_the_clip(stored: np.ndarray) -> None:
     missing = np.isnan(stored)
     assert 0.15 < missing.mean() < 0.45
     start = int(THREE_DAYS.clip_start_s)
-    assert missing[start + 90 : start + 110].all()
-    assert not missing[start : start + 200].all()
+    assert missing[start : start + 200].mean() == pytest.approx(0.2, abs=0.01)
 
 
 def test_the_clip_is_of_the_time_that_it_says(stored: np.ndarray) -> None:
@@ -82,7 +81,7 @@ def test_a_trial_is_measured_once_and_makes_a_table(tmp_path: Path) -> None:
     (row,) = json.loads(json.dumps(document, allow_nan=False))["rows"]
     assert row["right"]
     assert abs(row["lag_error_s"]) < 1.0
-    assert row["clip_in_reference_ratio"] < 0.9
+    assert row["clip_in_reference_ratio"] == pytest.approx(0.8, abs=0.06)
     assert set(row["cpu_s"]) == {"store", "memory", "correlate", "oaconvolve"}
     assert row["over_correlate"] == row["cpu_s"]["memory"] / row["cpu_s"]["correlate"]
     assert "a day" in text(document)
