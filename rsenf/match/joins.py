@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 from rsenf.match.matcher import moment
 from rsenf.match.parts import Part, Parts, Span
@@ -45,9 +45,8 @@ def assembled(found: Parts, parts: Sequence[Part], tolerance_s: float) -> Assemb
     wrong = [*_joins(found, parts), *_ends(found, parts)]
     if wrong and len(parts) > 1:
         wrong.insert(0, "; ".join(_where(found, part) for part in parts))
-    lags = [part.place.lag_s for part in parts]
-    one_grid = len({part.place.grid for part in parts}) == 1
-    return Assembly(one_grid and max(lags) - min(lags) <= tolerance_s, tuple(wrong))
+    one_time = all(_one_time(a, b, tolerance_s) for a, b in combinations(parts, 2))
+    return Assembly(one_time, tuple(wrong))
 
 
 def _joins(found: Parts, parts: Sequence[Part]) -> list[str]:
@@ -55,7 +54,7 @@ def _joins(found: Parts, parts: Sequence[Part]) -> list[str]:
     out = []
     for a, b in pairwise(parts):
         apart = found.score(a.place, a.span) + found.score(b.place, b.span)
-        if _same_lag(a, b):
+        if _one_time(a, b, SAME_S):
             if apart - found.score(a.place, (a.span[0], b.span[1])) >= MISFIT:
                 out.append(_jump(found, a, b))
         elif apart - _best_as_one(found, a, b) >= MISFIT:
@@ -63,11 +62,11 @@ def _joins(found: Parts, parts: Sequence[Part]) -> list[str]:
     return out
 
 
-def _same_lag(a: Part, b: Part) -> bool:
-    """Whether two parts may have the same lag."""
+def _one_time(a: Part, b: Part, within_s: float) -> bool:
+    """Whether the lags of two parts differ by no more than so much, or than by their errors."""
     apart_s = abs(a.place.lag_s - b.place.lag_s)
     error_s = math.hypot(a.place.lag_std_s, b.place.lag_std_s)
-    return a.place.grid == b.place.grid and apart_s <= max(SAME_S, SAME_STDS * error_s)
+    return a.place.grid == b.place.grid and apart_s <= max(within_s, SAME_STDS * error_s)
 
 
 def _best_as_one(found: Parts, a: Part, b: Part) -> float:
@@ -79,7 +78,7 @@ def _jump(found: Parts, a: Part, b: Part) -> str:
     (_, from_s), (to_s, _) = _ends_s(found, a.span), _ends_s(found, b.span)
     return (
         f"at about {(from_s + to_s) / 2:.0f} s of the clip the light's phase jumps: frames dropped "
-        "there, or a moment cut out?"
+        "there, a moment cut out, or is the reference at fault?"
     )
 
 
@@ -120,7 +119,7 @@ def _ends(found: Parts, parts: Sequence[Part]) -> list[str]:
             own = "" if len(parts) > 1 else f", while {_where(found, part)}"
             out.append(
                 f"the clip's {name} {to_s - from_s:.0f} s don't fit what is beside them{own}: "
-                "edited, or another recording joined on?"
+                "edited, another recording joined on, or is the reference at fault there?"
             )
     return out
 

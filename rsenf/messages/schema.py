@@ -13,6 +13,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import threading
 import types
 import typing
 from collections.abc import Callable
@@ -38,6 +39,7 @@ _SCALARS = {int: "int64", float: "double", str: "string", bytes: "bytes", bool: 
 
 M = TypeVar("M")
 _registry: dict[str, type[Any]] = {}
+_building = threading.Lock()
 _specs: dict[type[Any], tuple[FieldSpec, ...]] = {}
 
 
@@ -156,6 +158,7 @@ def file_descriptor(*, twin: bool = False) -> Any:
 
 @functools.cache
 def _twin_classes() -> dict[str, Any]:
+    """Build them all from one pool: classes of two pools don't go together."""
     from google.protobuf import descriptor_pool, message_factory
 
     pool = descriptor_pool.DescriptorPool()
@@ -169,7 +172,8 @@ def _twin_classes() -> dict[str, Any]:
 
 def twin_class(cls: type[Any]) -> Any:
     """Protobuf class of the fast twin of a message class."""
-    return _twin_classes()[cls.__name__]
+    with _building:  # a cache alone lets two threads that come first at once build two
+        return _twin_classes()[cls.__name__]
 
 
 def to_wire(msg: Any) -> Any:

@@ -219,4 +219,5 @@ def check_ended(run: GraphRun) -> int:
         if all(n.exit_code == EXIT_USAGE for n in bad):
             failure.exit_code = EXIT_USAGE
         raise failure
-    return max((n.exit_code or 0 for n in run.nodes.values()), default=0)
+    # Below 0: ended by the signal to stop, which came before it could listen to signals.
+    return max([0, *(n.exit_code or 0 for n in run.nodes.values())])

@@ -103,7 +103,7 @@ def test_verify_s_keys_stay(verdict: dict[str, Any]) -> None:
     } <= verdict.keys()  # fmt: skip
     assert verdict["claim"] is None
     assert verdict["idle_ratio"] is None
-    assert verdict["method"] == "ncc"
+    assert verdict["method"] == "phase"
     assert verdict["warnings"] == []
     first, *others = verdict["candidates"]
     assert first["lag_s"] == verdict["lag_s"]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
+import time
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -28,6 +30,7 @@ from rsenf.messages import (
     digest,
     encode,
     encoding_of,
+    schema,
 )
 from rsenf.messages.schema import field_specs, message_classes
 from tests.conftest import ROOT
@@ -157,3 +160,20 @@ def test_foreign_bytes_are_refused_or_read_but_never_crash(payload: bytes, name:
 def test_frame_never_puts_its_plane_on_the_wire() -> None:
     frame = Frame(header=Header(), height_px=2, width_px=2, luma=np.full((2, 2), 9, np.uint8))
     assert decode(Frame, encode(frame)).luma is None
+
+
+def test_threads_that_encode_first_at_once_share_one_set_of_classes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A node's health thread and its body both begin by sending."""
+    described = schema.file_descriptor
+
+    def slowly(*, twin: bool = False) -> Any:
+        time.sleep(0.05)
+        return described(twin=twin)
+
+    monkeypatch.setattr(schema, "file_descriptor", slowly)
+    schema._twin_classes.cache_clear()
+    with ThreadPoolExecutor(4) as threads:
+        classes = list(threads.map(schema.twin_class, [Header] * 4))
+    assert len(set(classes)) == 1

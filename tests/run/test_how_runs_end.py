@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import resource
+import signal
 import socket
 import subprocess
 import threading
@@ -188,6 +189,18 @@ def test_leaving_the_block_stops_the_graph(film: Film, graphs: Graphs) -> None:
             run.watch(0.05)
     assert run.running == []
     assert open_recording(graphs.out).complete
+    assert check_ended(run) == EXIT_DONE
+
+
+def test_a_node_that_was_stopped_before_it_could_listen_ended_well(
+    short_film: Film, graphs: Graphs
+) -> None:
+    path = graphs.write(short_film)
+    graph = load_graph(path)
+    with start_graph(graph, path) as run:
+        run.stop()  # at once: their interpreters have hardly begun
+    codes = {node.exit_code for node in run.nodes.values()}
+    assert codes & {-signal.SIGTERM, None}
     assert check_ended(run) == EXIT_DONE
 
 
