@@ -62,13 +62,14 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.cli.track import summary
     from rsenf.cli.verify_report import begin_report, finish_report
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
+    from rsenf.reference.moments import utc_ns
     from rsenf.report.verdict import verdict_json, verdict_words
 
     if args.against:
         from rsenf.cli import verify_against
 
         return verify_against.run(args)
-    claimed_ns = _claimed_ns(args.start)
+    claimed_ns = utc_ns(args.start, "--start") if args.start else 0
     _check_picture(args.picture)
     made_utc = begin_report(args.report) if args.report else ""
     references = open_references(args)
@@ -177,19 +178,3 @@ def _check_lengths(args: argparse.Namespace, clip_s: float, references: list[Ope
             f"of {args.input}",
             "give a reference that covers all of the time in question",
         )
-
-
-def _claimed_ns(text: str | None) -> int:
-    from datetime import UTC, datetime, timedelta
-
-    from rsenf.errors import UsageError
-
-    if text is None:
-        return 0
-    try:
-        moment = datetime.fromisoformat(text)
-    except ValueError as exc:
-        raise UsageError(f"--start {text!r} is not a time", "e.g. 2022-09-17T14:05:00Z") from exc
-    moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-    since = moment - datetime(1970, 1, 1, tzinfo=UTC)
-    return since // timedelta(microseconds=1) * 1000

@@ -14,7 +14,9 @@ from what the model leaves there: after a codec it is far from white.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TypeVar
 
 import numpy as np
@@ -36,7 +38,7 @@ RIDGE = 1e-4
 # Power over noise at which they are taken in.
 STANDS_OUT = 20.0
 # The flicker's size is taken over so many nodes, and held to the window's by so much of its weight.
-GAIN_NODES, STEADY = 24, 0.1
+GAIN_WINDOW, STEADY = np.hanning(26)[1:-1], 0.1
 # Degrees of freedom of Student's distribution: key frames and cuts are rare and far out.
 TAILS = 4.0
 MAX_STEPS = 16
@@ -122,7 +124,7 @@ def fit_phase(frames: Frames, psi_rad: Float) -> PhaseFit:
         amplitude = _amplitudes(frames, place, psi, trust, orders)
         gradient, information, trust, gain = _likelihood(place, amplitude, trust)
         precision = prior.T @ (information[:, None] * prior)
-        precision[np.diag_indices_from(precision)] += 1.0
+        precision.flat[:: len(precision) + 1] += 1.0
         step = np.linalg.solve(precision, prior.T @ gradient - coefficient)
         moved = prior @ step
         shape = moved - moved.mean()
@@ -194,7 +196,8 @@ def _amplitudes(
     frames: Frames, place: Place, psi: Float, trust: Float, orders: tuple[int, ...]
 ) -> Amplitudes:
     first = np.exp(1j * (frames.carrier_rad + place.at_frames(psi)))
-    turns = [first**k for k in orders]
+    powers = list(accumulate([first] * max(orders), np.multiply))
+    turns = [powers[k - 1] for k in orders]
     weight = place.of_nodes(trust)
     design = np.column_stack(
         [np.ones(first.size)] + [part for turn in turns for part in (turn.real, turn.imag)]
@@ -204,7 +207,7 @@ def _amplitudes(
     ridge = np.repeat(
         [RIDGE * first.size / size**2 for size in [HARMONIC_SIZE[k - 1] for k in orders]], 2
     )
-    gram[np.diag_indices_from(gram)] += np.concatenate([[0.0], ridge])
+    gram.flat[:: len(gram) + 1] += np.concatenate([[0.0], ridge])
     found = np.linalg.solve(gram, weighted.T @ frames.columns)
     residual = frames.columns - design @ found
     harmonic, weights = [], []
@@ -237,10 +240,25 @@ def _noise(series: Float | Complex, band_hz: tuple[float, float] = COLUMNS_HZ) -
     The median of exponentially distributed powers is ln 2 of their mean, and isn't moved by a
     line nearby.
     """
-    power = np.abs(np.fft.fft(series, axis=0)) ** 2
-    away = np.abs(np.fft.fftfreq(series.shape[0], NODE_S))
-    band = (away >= band_hz[0]) & (away <= band_hz[1])
-    return np.asarray(np.median(power[band], axis=0) / np.log(2.0))
+    waves = _waves(series.shape[0], band_hz, one_sided=series.dtype.kind == "f")
+    power = np.abs(waves @ series) ** 2
+    middle = power.shape[0] // 2
+    if power.shape[0] % 2:
+        return np.asarray(np.partition(power, middle, axis=0)[middle] / np.log(2.0))
+    halves = np.partition(power, (middle - 1, middle), axis=0)
+    return np.asarray((halves[middle - 1] + halves[middle]) / (2.0 * np.log(2.0)))
+
+
+@functools.cache
+def _waves(nodes: int, band_hz: tuple[float, float], *, one_sided: bool) -> Complex:
+    """Rows of the discrete Fourier transform that lie in a band; far fewer than all.
+
+    Of a real series both sides have the same powers, and so the same median as one of them.
+    """
+    freq_hz = np.fft.fftfreq(nodes, NODE_S)
+    away = freq_hz if one_sided else np.abs(freq_hz)
+    among = np.flatnonzero((away >= band_hz[0]) & (away <= band_hz[1]))
+    return np.asarray(np.exp(-2j * np.pi * np.outer(among, np.arange(nodes)) / nodes))
 
 
 def _deviation(amplitude: Amplitudes) -> Complex:
@@ -253,9 +271,8 @@ def _deviation(amplitude: Amplitudes) -> Complex:
 
 def _gain(across: Float, expected: Float) -> Float:
     """Size of the flicker around each node relative to the window's, at most one and a half."""
-    kernel = np.hanning(GAIN_NODES + 2)[1:-1]
-    beyond = np.convolve(across, kernel, "same")
-    share = np.convolve(expected, kernel, "same")
+    beyond = np.convolve(across, GAIN_WINDOW, "same")
+    share = np.convolve(expected, GAIN_WINDOW, "same")
     steady = STEADY * np.max(share)
     return np.asarray(np.clip(1.0 + beyond / np.maximum(share + steady, 1e-30), 0.0, 1.5))
 
@@ -270,13 +287,15 @@ def _likelihood(
     gradient, information = np.zeros(place.nodes), np.zeros(place.nodes)
     new, first_gain = trust, np.ones(place.nodes)
     for k, turn in enumerate(amplitude.turns[:HARMONICS], start=1):
-        weights = amplitude.weights[k - 1]
-        wave = turn[:, None] * amplitude.harmonic[k - 1]
-        slope = -k * wave.imag * weights
-        told = place.sums(np.sum(slope * amplitude.residual, axis=1))
-        expected = place.sums(np.sum(-slope * k * wave.imag, axis=1))
+        harmonic = amplitude.harmonic[k - 1]
+        weighted = amplitude.weights[k - 1] * harmonic
+        left = k * turn * (amplitude.residual @ weighted)
+        told = -place.sums(left.imag)
+        # The sum over the columns of a wave's square, along the phase: Σ w·(k·Im turn·C)².
+        power, turned = (weighted @ harmonic.conj()).real, turn * turn * (weighted @ harmonic)
+        expected = place.sums(0.5 * k**2 * (power - turned.real))
         # The columns' noise may go together: what is left of their sum says how much.
-        across = place.sums(np.sum(k * wave.real * weights * amplitude.residual, axis=1))
+        across = place.sums(left.real)
         if expected.sum() <= 0.0:
             continue
         gain = _gain(trust * across, trust * expected)

@@ -1,8 +1,7 @@
 """How well a clip fits at every lag: the curve that a person is shown.
 
-A method shows the score that it ranks lags by, if it has one of its own in :data:`CURVES`; every
-other shows the correlation. Curves come in pieces, so that a year of lags is never held at once:
-who draws one keeps what the picture can show.
+It is the correlation, whatever decides: that is what a layman can read. Curves come in pieces, so
+that a year of lags is never held at once: who draws one keeps what the picture can show.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,42 +42,26 @@ class LagScores:
     unit: str
 
 
-class Curve(Protocol):
-    """The scores of a method at every lag, in pieces.
-
-    Lags rise within a piece; pieces may overlap or interleave, and the best score of a lag counts.
-    """
-
-    def __call__(
-        self, track: Track, grid: Grid, settings: MatchSettings, best_lag_s: float
-    ) -> Iterator[LagScores]:
-        """Yield them; ``best_lag_s`` is the lag that the method found."""
-        ...
-
-
 def lag_scores(
-    method: str, track: Track, grid: Grid, settings: MatchSettings, best_lag_s: float
+    track: Track, grid: Grid, settings: MatchSettings, best_lag_s: float
 ) -> Iterator[LagScores]:
-    """Yield the scores that a method shows for every lag.
+    """Yield the normalised cross-correlation at every lag, in the way that fits best.
 
     Parameters
     ----------
-    method : str
-        Name of the matcher.
     track : Track
         As the matcher saw it, jumps left out.
     grid : Grid
     settings : MatchSettings
     best_lag_s : float
-        The lag that the method found.
+        The lag that the matcher found: the way that fits best there is the curve's.
+
+    Yields
+    ------
+    LagScores
+        Lags rise within a piece; pieces may overlap or interleave, and the best score of a lag
+        counts.
     """
-    return CURVES.get(method, correlations)(track, grid, settings, best_lag_s)
-
-
-def correlations(
-    track: Track, grid: Grid, settings: MatchSettings, best_lag_s: float
-) -> Iterator[LagScores]:
-    """Yield the normalised cross-correlation at every lag, in the way that fits best."""
     way = 0
     for part in _parts(track, grid):
         if part.first_lag_s <= best_lag_s < part.last_lag_s:
@@ -129,6 +112,3 @@ def _best_way(track: Track, grid: Grid, settings: MatchSettings, lag_s: float) -
 def _score_at(lag_s: float, scorers: list[LagScorer]) -> float:
     found = [scorer.peak(scorer.nearest_lag(lag_s)).score for scorer in scorers]
     return max((score for score in found if not math.isnan(score)), default=-math.inf)
-
-
-CURVES: dict[str, Curve] = {"ncc": correlations}

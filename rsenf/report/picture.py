@@ -69,7 +69,7 @@ def curve_of(
     if track is None or grid is None or not math.isfinite(result.lag_s):
         return no_curve()
     first_s = -track.first_s - track.enf_hz.size * track.hop_s
-    pieces = lag_scores(result.method, track, grid, settings, result.lag_s)
+    pieces = lag_scores(track, grid, settings, result.lag_s)
     return score_curve(pieces, first_s, grid.duration_s, result.lag_s)
 
 

@@ -12,11 +12,10 @@ from rsenf.messages import MatchResult
 from rsenf.report.recording_time.case import Case
 from rsenf.report.recording_time.texts import METHODS, RATIO_MEANING, RATIOLESS, SCALE_SOURCE
 from rsenf.report.recording_time.words import place, scope
-from rsenf.report.verdict import number
+from rsenf.report.verdict import CALIBRATED, number, ratio_limits
 from rsenf.timebase import seconds
 
 _EVEN_LOG10 = SCALE[-1][0]  # below it the words are "no support either way"
-_CALIBRATED = "phase"  # the method whose ratios are calibrated
 
 
 def propositions(case: Case) -> dict[str, str]:
@@ -85,7 +84,7 @@ def ratio_texts(result: MatchResult) -> dict[str, Any]:
     if math.isfinite(result.claim_log10_lr):
         furthest += f" ({_power(limits['claim'])} for a claimed time)"
     method = METHODS.get(result.method, "")
-    if result.method == _CALIBRATED:
+    if result.method == CALIBRATED:
         method += f" That calibration: {calibration().made}."
     return {
         "meaning": list(RATIO_MEANING),
@@ -99,12 +98,7 @@ def ratio_texts(result: MatchResult) -> dict[str, Any]:
 
 def _limits(method: str) -> dict[str, float]:
     """Return the log10 of the largest ratio to speak of, for each question."""
-    lines = calibration()
-    vouched = {"other": lines.other, "absent": lines.absent, "claim": lines.claim}
-    return {
-        name: min(line.limit, MAX_VERBAL_LOG10) if method == _CALIBRATED else MAX_VERBAL_LOG10
-        for name, line in vouched.items()
-    }
+    return {name: min(limit, MAX_VERBAL_LOG10) for name, limit in ratio_limits(method).items()}
 
 
 def _comparison(
