@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 from run_samples import children_of
 
 LINE = re.compile(r"rsenf +([\d.]+) s +(\w+): (\w+)(?: pid (\d+))? ?(.*)")
-TIMEOUT_S = 40.0
+TIMEOUT_S = 120.0  # against what hangs; how fast things are is said where it matters
 
 
 class LiveRun:
