@@ -24,6 +24,7 @@ ALLOWED: dict[str, set[str]] = {
     "idle": {*BASE, "flicker"},
     "match": {*BASE, "flicker"},
     "reference": {*BASE, "flicker", "track"},
+    "discrepancy": {*BASE, "flicker", "match", "model"},
     "record": BASE,
     "bus": BASE,
     # A graph file is checked against the very settings of the stages.
@@ -42,6 +43,7 @@ ALLOWED: dict[str, set[str]] = {
         "run",
         "bench",
         "cli",
+        "discrepancy",
     },
     "nodes": {*BASE, *SIGNAL, "bus", "config", "record", "reference", "run"},
 }

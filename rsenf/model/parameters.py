@@ -10,6 +10,7 @@ import difflib
 import math
 import types
 import typing
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, TypeVar
 
@@ -32,6 +33,34 @@ class ParameterError(UsageError):
         return ParameterError((*path, *self.path), self.problem, self.hint)
 
 
+@dataclass(frozen=True)
+class Fitting:
+    """How a parameter is found from data, where it is.
+
+    Attributes
+    ----------
+    neutral : float or None
+        Value with which the effect does nothing: where a search for it begins. None for one that
+        tells nothing while the others are neutral, such as the frequency of a tone.
+    step : float
+        A change small enough for its consequences to be proportional to it.
+    turn : str
+        Parameter of the same part that is this one's phase: the two are fitted as one complex
+        amplitude, which has no singular point at zero. Empty for none.
+    each : str
+        ``frame`` or ``line`` for a tuple with one value for each of them, drawn at random while it
+        is empty; empty for a single value.
+    wanders : bool
+        Of a series: each value goes on from the one before; else they are white.
+    """
+
+    neutral: float | None
+    step: float
+    turn: str = ""
+    each: str = ""
+    wanders: bool = False
+
+
 def parameter(
     default: Any,
     doc: str,
@@ -39,6 +68,7 @@ def parameter(
     low: float = -math.inf,
     high: float = math.inf,
     choices: tuple[str, ...] = (),
+    fitting: Fitting | None = None,
 ) -> Any:
     """Declare a parameter of a part of the model; its unit is in its name.
 
@@ -52,10 +82,19 @@ def parameter(
         Plausible range, both ends included; for a tuple, of each of its elements.
     choices : tuple of str, optional
         For a string: what it may be.
+    fitting : Fitting, optional
+        How it is found from data; a parameter without is never fitted.
     """
     return dataclasses.field(
-        default=default, metadata={"doc": doc, "low": low, "high": high, "choices": choices}
+        default=default,
+        metadata={"doc": doc, "low": low, "high": high, "choices": choices, "fitting": fitting},
     )
+
+
+def fittings(part: Any) -> dict[str, Fitting]:
+    """Return the parameters of a part that can be found from data, and how."""
+    told = {f.name: f.metadata.get("fitting") for f in dataclasses.fields(part)}
+    return {name: fitting for name, fitting in told.items() if fitting is not None}
 
 
 def validate(part: Any, path: KeyPath = ()) -> None:

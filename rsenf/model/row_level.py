@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,12 @@ class RowData:
 
     frame_time_s: FloatArray  # (frames,) presentation time, camera's clock
     level: NDArray[np.float32]  # (frames, rows, strips) 8-bit levels
-    truth: dict[str, Any]
+    capture: Capture
+
+    @cached_property
+    def truth(self) -> dict[str, Any]:
+        """All that is true of it, when it is asked for: fits simulate hundreds of times."""
+        return truth_of(self.capture)
 
 
 def simulate_rows(
@@ -94,7 +100,7 @@ def simulate_rows(
         done = part.stop
         if progress is not None:
             progress(done)
-    return RowData(capture.clip.stamp_s(), level, truth_of(capture))
+    return RowData(capture.clip.stamp_s(), level, capture)
 
 
 def _strip_light(light: LineLight, places: Float32Array) -> Float32Array:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from rsenf.model.effects.base import Run, SensorEffect
+from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
-from rsenf.model.parameters import parameter
+from rsenf.model.parameters import Fitting, parameter
 from rsenf.model.wander import wander
 
 
@@ -25,8 +28,16 @@ class AutoExposure(SensorEffect):
 
     gain_ratio: float = parameter(0.002, "rms of the gain about 1", low=0, high=0.3)
     time_constant_s: float = parameter(2.0, "over which it forgets", low=0.02, high=600)
+    gains: tuple[float, ...] = parameter(
+        (), "exactly these relative changes instead, one a frame", low=-0.9, high=9,
+        fitting=Fitting(0.0, 1e-3, each="frame", wanders=True),
+    )  # fmt: skip
 
     def apply(self, light: LineLight, run: Run) -> None:
         """Multiply each frame's light."""
-        gain = run.kept(lambda rng: wander(rng, run.frames, run.step_s, self.time_constant_s))
-        light.scale(1 + self.gain_ratio * gain[light.number, None])
+        light.scale(1 + run.kept(lambda rng: self._change(rng, run))[light.number, None])
+
+    def _change(self, rng: np.random.Generator, run: Run) -> FloatArray:
+        if self.gains:
+            return run.given(self.gains)
+        return self.gain_ratio * wander(rng, run.frames, run.step_s, self.time_constant_s)

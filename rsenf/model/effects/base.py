@@ -31,8 +31,10 @@ from numpy.typing import NDArray
 
 from rsenf.model import parameters
 from rsenf.model.clip import Clip
+from rsenf.model.effects.residue import Residue
 from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
+from rsenf.model.parameters import ParameterError
 from rsenf.model.readout import ReadOut
 from rsenf.model.scene import Float32Array
 from rsenf.model.seeds import generator
@@ -82,6 +84,20 @@ class Run:
             self.memory["series"] = make(self.rng())
         return np.asarray(self.memory["series"])
 
+    def given(self, series: tuple[float, ...], count: int | None = None) -> FloatArray:
+        """Return a series that a model gives, one value a frame unless there is another count.
+
+        Raises
+        ------
+        ParameterError
+            When there aren't as many.
+        """
+        wanted = self.frames if count is None else count
+        if len(series) < wanted:
+            problem = f"has a series of {len(series)}, for {wanted}"
+            raise ParameterError(("effects", self.label.split()[0]), problem)
+        return np.array(series[:wanted])
+
 
 @dataclass(frozen=True, kw_only=True)
 class Effect(ABC):
@@ -116,6 +132,23 @@ class Effect(ABC):
     def to_dict(self) -> dict[str, Any]:
         """Return its parameters as plain values."""
         return parameters.to_dict(self)
+
+    @classmethod
+    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+        """Guess values from which a search for it may begin; none where there is no sign of it.
+
+        Parameters
+        ----------
+        residue : Residue
+            What a model without it leaves.
+
+        Returns
+        -------
+        list of dict
+            Parameters each, of those that aren't fitted from neutral. By default one guess, the
+            defaults, if there is a parameter to be fitted at all.
+        """
+        return [{}] if parameters.fittings(cls) else []
 
 
 class FrameEffect(Effect):

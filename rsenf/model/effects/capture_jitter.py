@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from rsenf.model.clip import Clip
 from rsenf.model.effects.base import FrameEffect, Run
-from rsenf.model.parameters import parameter
+from rsenf.model.parameters import Fitting, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +26,12 @@ class CaptureJitter(FrameEffect):
     )
 
     jitter_s: float = parameter(1e-4, "rms", low=0, high=5e-3)
+    late_s: tuple[float, ...] = parameter(
+        (), "exactly so late instead, one value a frame", low=-0.1, high=0.1,
+        fitting=Fitting(0.0, 2e-5, each="frame"),
+    )  # fmt: skip
 
     def apply(self, clip: Clip, run: Run) -> None:
         """Move the starts, white."""
-        clip.start_s = clip.start_s + self.jitter_s * run.rng().standard_normal(run.frames)
+        late_s = self.jitter_s * run.rng().standard_normal(run.frames)
+        clip.start_s = clip.start_s + (run.given(self.late_s) if self.late_s else late_s)

@@ -8,7 +8,7 @@ import numpy as np
 
 from rsenf.model.effects.base import CodecEffect, Run
 from rsenf.model.line_light import LineLight
-from rsenf.model.parameters import parameter
+from rsenf.model.parameters import Fitting, parameter
 from rsenf.model.scene import Float32Array
 
 
@@ -26,7 +26,10 @@ class CodecLowpass(CodecEffect):
     confused_with = ("flicker_ratio", "gop_attenuation", "exposure")
     told_apart_by = "harmonics, whose aliases are elsewhere, lose other shares"
 
-    gain: float = parameter(0.3, "share of a change that a frame takes over", low=0.001, high=1)
+    gain: float = parameter(
+        0.3, "share of a change that a frame takes over", low=0.001, high=1,
+        fitting=Fitting(1.0, -0.02),
+    )  # fmt: skip
 
     def apply(self, light: LineLight, run: Run) -> None:
         """Run the recursion down the delivered frames, line by line."""

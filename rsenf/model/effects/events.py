@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsenf.model.clip import Int64Array
 from rsenf.model.effects.base import Run
+from rsenf.model.effects.residue import Residue
+
+LEAST_LEAP_RAD = 0.2  # smaller ones aren't told from noise
 
 
 def event_frames(per_min: float, at_frames: tuple[int, ...], run: Run) -> Int64Array:
@@ -30,3 +34,21 @@ def event_frames(per_min: float, at_frames: tuple[int, ...], run: Run) -> Int64A
     while (last := last + int(rng.geometric(chance))) < run.frames:
         numbers.append(last)
     return np.array(numbers, np.int64)
+
+
+def leaps(residue: Residue, turns: float) -> NDArray[np.int64]:
+    """Frames from which on the flicker is ahead of where it was by so many turns, for good.
+
+    Parameters
+    ----------
+    residue : Residue
+    turns : float
+        Whole turns don't count.
+    """
+    step = 2.0 * np.pi * (turns - np.rint(turns))
+    if abs(step) < LEAST_LEAP_RAD:
+        return np.empty(0, np.int64)
+    moved = np.diff(residue.angle_rad, prepend=residue.angle_rad[0])
+    moved = np.angle(np.exp(1j * moved))
+    near = np.abs(np.angle(np.exp(1j * (moved - step)))) < abs(step) / 4
+    return np.flatnonzero(near)

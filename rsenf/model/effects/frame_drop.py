@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rsenf.model.clip import Clip
 from rsenf.model.effects.base import DeliveryEffect, Run
-from rsenf.model.effects.events import event_frames
+from rsenf.model.effects.events import event_frames, leaps
+from rsenf.model.effects.residue import Residue
 from rsenf.model.parameters import parameter
 
 
@@ -43,3 +45,11 @@ class FrameDrop(DeliveryEffect):
         clip.number, clip.slot = clip.number[kept], clip.slot[kept]
         if self.retimed:
             clip.slot = clip.slot - before
+
+    @classmethod
+    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+        """Try the frames before which the flicker leaps ahead by a frame period's turns."""
+        found = leaps(residue, residue.turns_per_frame)
+        # Each one lost before shifts the numbers of those that were captured.
+        lost = tuple(int(n) + k for k, n in enumerate(found))
+        return [{"at_frames": lost}] if lost else []

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rsenf.model.clip import Clip
 from rsenf.model.effects.base import DeliveryEffect, Run
-from rsenf.model.effects.events import event_frames
+from rsenf.model.effects.events import event_frames, leaps
+from rsenf.model.effects.residue import Residue
 from rsenf.model.parameters import parameter
 
 
@@ -48,3 +50,10 @@ class FrameDuplicate(DeliveryEffect):
             hidden = np.flatnonzero(twice[:-1]) + 1
             clip.number = clip.number.copy()
             clip.number[hidden] = clip.number[hidden - 1]
+
+    @classmethod
+    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+        """Try the frames before which the flicker falls back by a frame period's turns."""
+        found = leaps(residue, -residue.turns_per_frame)
+        twice = tuple(int(n) - 1 - k for k, n in enumerate(found))
+        return [{"at_frames": twice}] if twice else []

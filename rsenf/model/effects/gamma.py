@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rsenf.model.effects.base import ToneEffect
-from rsenf.model.parameters import parameter
+from rsenf.model.parameters import Fitting, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +22,9 @@ class Gamma(ToneEffect):
     confused_with = ("harmonics",)
     told_apart_by = "noise against level, or flicker in bright against dark regions"
 
-    exponent: float = parameter(1.2, "of the power law", low=0.3, high=3.0)
+    exponent: float = parameter(
+        1.2, "of the power law", low=0.3, high=3.0, fitting=Fitting(1.0, 0.02)
+    )
 
     def apply(self, exponent: float) -> float:
         """Multiply: one power law after another is a power law."""

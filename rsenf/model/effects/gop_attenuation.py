@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rsenf.model.effects.base import CodecEffect, Run
+from rsenf.model.effects.residue import Residue
 from rsenf.model.line_light import LineLight
-from rsenf.model.parameters import parameter
+from rsenf.model.parameters import Fitting, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,8 +27,9 @@ class GopAttenuation(CodecEffect):
     told_apart_by = "the period, which the container's key frames tell"
 
     loss_ratio: float = parameter(
-        0.05, "share of the flicker lost at the end of a group", low=0, high=1
-    )
+        0.05, "share of the flicker lost at the end of a group", low=0, high=1,
+        fitting=Fitting(0.0, 0.02),
+    )  # fmt: skip
     period_frames: int = parameter(30, "frames from key frame to key frame", low=2, high=3000)
 
     def apply(self, light: LineLight, run: Run) -> None:
@@ -38,3 +41,12 @@ class GopAttenuation(CodecEffect):
         light.level = 1 + keep * (light.level - 1)
         if light.slope is not None:
             light.slope = keep * light.slope
+
+    @classmethod
+    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+        """Try the period at which the flicker's size repeats best, and what divides it."""
+        size = residue.size_ratio - residue.size_ratio.mean()
+        spectrum = np.abs(np.fft.rfft(size, 2 * size.size)) ** 2
+        again = np.fft.irfft(spectrum)[: size.size // 4]
+        best = 2 + int(np.argmax(again[2:] / (size.size - np.arange(2, again.size))))
+        return [{"period_frames": n} for n in range(2, best + 1) if best % n == 0]

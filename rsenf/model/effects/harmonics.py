@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.model.effects.base import WaveformEffect
-from rsenf.model.parameters import parameter
+from rsenf.model.parameters import Fitting, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,8 +28,14 @@ class Harmonics(WaveformEffect):
         "a PWM tone doesn't follow the mains"
     )
 
-    second_ratio: float = parameter(0.05, "2nd harmonic over the 1st", low=0, high=1)
-    third_ratio: float = parameter(0.0, "3rd harmonic over the 1st", low=0, high=1)
+    second_ratio: float = parameter(
+        0.05, "2nd harmonic over the 1st", low=0, high=1,
+        fitting=Fitting(0.0, 0.01, turn="second_phase_rad"),
+    )  # fmt: skip
+    third_ratio: float = parameter(
+        0.0, "3rd harmonic over the 1st", low=0, high=1,
+        fitting=Fitting(0.0, 0.01, turn="third_phase_rad"),
+    )  # fmt: skip
     second_phase_rad: float = parameter(
         0.0, "phase of the 2nd where the 1st has its crest", low=-7, high=7
     )

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from rsenf.model.effects.base import ReadOutEffect, Run
-from rsenf.model.parameters import parameter
+from rsenf.model.grid import FloatArray
+from rsenf.model.parameters import Fitting, parameter
 from rsenf.model.readout import ReadOut
 from rsenf.model.wander import wander
 
@@ -26,19 +29,23 @@ class ImageWobble(ReadOutEffect):
 
     wobble_rows: float = parameter(1.0, "rms of the shift", low=0, high=30)
     time_constant_s: float = parameter(0.02, "of the movement; 0 is white", low=0, high=60)
+    rows_down: tuple[float, ...] = parameter(
+        (), "exactly these shifts instead, one a frame", low=-100, high=100,
+        fitting=Fitting(0.0, 0.05, each="frame", wanders=True),
+    )  # fmt: skip
     residual_ratio: float = parameter(
         1.0, "share of the shift that the picture shows", low=0, high=1
     )
 
     def apply(self, read_out: ReadOut, run: Run) -> None:
         """Read each line when its place on the sensor is read, and move the scene against it."""
-        rows = (
-            self.wobble_rows
-            * run.kept(lambda rng: wander(rng, run.frames, run.step_s, self.time_constant_s))[
-                read_out.number
-            ]
-        )
+        rows = run.kept(lambda rng: self._shifts(rng, run))[read_out.number]
         read_out.line_s = read_out.line_s + rows[:, None] * (
             read_out.read_out_s / run.shutter.lines
         )
         read_out.shift_px[:, 0] -= self.residual_ratio * rows
+
+    def _shifts(self, rng: np.random.Generator, run: Run) -> FloatArray:
+        if self.rows_down:
+            return run.given(self.rows_down)
+        return self.wobble_rows * wander(rng, run.frames, run.step_s, self.time_constant_s)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rsenf.model.effects.base import LightEffect, Run
+from rsenf.model.effects.residue import Residue
 from rsenf.model.line_light import LineLight
-from rsenf.model.parameters import parameter
+from rsenf.model.parameters import Fitting, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,10 +30,27 @@ class Interharmonic(LightEffect):
         "side lines part it from a gain"
     )
 
-    flicker_hz: float = parameter(8.8, "frequency of the light's swing", low=0.1, high=1000)
-    depth_ratio: float = parameter(0.005, "amplitude over the mean light", low=0, high=0.5)
+    flicker_hz: float = parameter(
+        8.8, "frequency of the light's swing", low=0.1, high=1000,
+        fitting=Fitting(None, 1e-4),
+    )  # fmt: skip
+    depth_ratio: float = parameter(
+        0.005, "amplitude over the mean light", low=0, high=0.5,
+        fitting=Fitting(0.0, 0.002, turn="phase_rad"),
+    )  # fmt: skip
+    phase_rad: float | None = parameter(
+        None, "at the first frame's start; None draws it", low=-7, high=7
+    )
 
     def apply(self, light: LineLight, run: Run) -> None:
         """Multiply by the swing; its phase at the start is drawn."""
-        phase_rad = run.rng().uniform(-math.pi, math.pi)
+        phase_rad = self.phase_rad
+        if phase_rad is None:
+            phase_rad = float(run.rng().uniform(-math.pi, math.pi))
         light.scale(1 + np.float32(self.depth_ratio) * light.tone(self.flicker_hz, phase_rad))
+
+    @classmethod
+    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+        """Try what stands out, and its aliases."""
+        meta = cls.__dataclass_fields__["flicker_hz"].metadata
+        return [{"flicker_hz": f} for f in residue.tones_hz if meta["low"] <= f <= meta["high"]]

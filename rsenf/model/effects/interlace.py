@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rsenf.model.effects.base import ReadOutEffect, Run
+from rsenf.model.effects.residue import GROSS, Residue
 from rsenf.model.parameters import parameter
 from rsenf.model.readout import ReadOut
 
@@ -32,3 +34,8 @@ class Interlace(ReadOutEffect):
         line = np.arange(run.shutter.lines)
         second_field = line % 2 == (0 if self.bottom_first else 1)
         read_out.line_s = read_out.line_s[:, line // 2] + second_field * (run.step_s / 2)
+
+    @classmethod
+    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+        """Try either field as the first, where hardly anything fits."""
+        return [{"bottom_first": b} for b in (False, True)] if residue.gap > GROSS else []

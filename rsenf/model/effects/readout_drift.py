@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rsenf.model.effects.base import ReadOutEffect, Run
-from rsenf.model.parameters import parameter
+from rsenf.model.parameters import Fitting, parameter
 from rsenf.model.readout import ReadOut
 
 
@@ -23,8 +23,9 @@ class ReadoutDrift(ReadOutEffect):
     told_apart_by = "it is nought at the first line and grows down the frame"
 
     drift_per_min: float = parameter(
-        0.002, "relative change of the read-out time in a minute", low=-0.2, high=0.2
-    )
+        0.002, "relative change of the read-out time in a minute", low=-0.2, high=0.2,
+        fitting=Fitting(0.0, 0.002),
+    )  # fmt: skip
 
     def apply(self, read_out: ReadOut, run: Run) -> None:
         """Stretch the lines' times, later frames more."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from rsenf.model.effects.base import ReadOutEffect, Run
+from rsenf.model.effects.residue import GROSS, Residue
 from rsenf.model.readout import ReadOut
 
 
@@ -26,3 +28,8 @@ class ReverseReadout(ReadOutEffect):
     def apply(self, read_out: ReadOut, run: Run) -> None:
         """Turn the order round."""
         read_out.line_s = read_out.line_s[:, ::-1]
+
+    @classmethod
+    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+        """Try it where hardly anything fits."""
+        return [{}] if residue.gap > GROSS else []

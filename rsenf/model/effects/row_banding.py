@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.model.effects.base import Run, SensorEffect
+from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
-from rsenf.model.parameters import parameter
+from rsenf.model.parameters import Fitting, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,9 +26,17 @@ class RowBanding(SensorEffect):
     told_apart_by = "light of another level: the pattern stays, texture follows"
 
     banding_ratio: float = parameter(0.003, "rms over the mean level", low=0, high=0.2)
+    offsets: tuple[float, ...] = parameter(
+        (), "exactly these 8-bit levels instead, one a line", low=-255, high=255,
+        fitting=Fitting(0.0, 0.1, each="line"),
+    )  # fmt: skip
 
     def apply(self, light: LineLight, run: Run) -> None:
         """Add the pattern, the same in every frame."""
-        pattern = run.kept(lambda rng: rng.standard_normal(run.shutter.lines))
-        offset = (self.banding_ratio * run.mean_level * pattern).astype(np.float32)
+        offset = run.kept(lambda rng: self._pattern(rng, run)).astype(np.float32)
         light.offset = offset if light.offset is None else light.offset + offset
+
+    def _pattern(self, rng: np.random.Generator, run: Run) -> FloatArray:
+        if self.offsets:
+            return run.given(self.offsets, run.shutter.lines)
+        return self.banding_ratio * run.mean_level * rng.standard_normal(run.shutter.lines)

@@ -11,7 +11,7 @@ from rsenf.model.effects.base import LightEffect, Run
 from rsenf.model.lamp import LAMPS
 from rsenf.model.light import Light
 from rsenf.model.line_light import LineLight
-from rsenf.model.parameters import parameter
+from rsenf.model.parameters import Fitting, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +28,10 @@ class SecondLamp(LightEffect):
     confused_with = ("light phase", "flicker_ratio")
     told_apart_by = "strips from left to right; in row means alone it can't be seen"
 
-    weight: float = parameter(0.1, "its mean share of the light", low=0, high=1)
+    weight: float = parameter(
+        0.1, "its mean share of the light", low=0, high=1,
+        fitting=Fitting(0.0, 0.02, turn="phase_rad"),
+    )  # fmt: skip
     phase_rad: float = parameter(
         2 * math.pi / 3, "how far its first harmonic is ahead", low=-7, high=7
     )

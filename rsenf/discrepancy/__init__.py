@@ -1,0 +1,24 @@
+"""Where a model of a capture and the data disagree, what is missing, and how much it explains.
+
+One idea a file, in the order of the work::
+
+    measured     row means in blocks of time: some to fit to, the others to score on
+    theory       a capture model and a course of the light's phase, simulated at will
+    knobs        what can be turned on a model
+    linear       the small linear problem of one step
+    series       effects that have a value of their own for each frame or line
+    fit          Gauss-Newton steps, every derivative made by the capture model
+    start        where the first fit begins
+    gap          the systematic part of what is left, and its error
+    where        the gap taken apart: by time, row, level, strip, step and frequency
+    residue      what is left, summed up for effects to guess from
+    candidates   which effects might explain it
+    search       what held-out data support
+    floor        how small a gap can be
+    verdict      all of it on one recording
+"""
+
+from rsenf.discrepancy.measured import Measured, measured_of
+from rsenf.discrepancy.verdict import Discovery, discover, discovery_json, model_of
+
+__all__ = ["Discovery", "Measured", "discover", "discovery_json", "measured_of", "model_of"]

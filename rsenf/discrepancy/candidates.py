@@ -1,0 +1,76 @@
+"""Which effects might explain what is left, the likeliest first.
+
+An effect whose consequences are proportional to its parameters is weighed by one linear step: how
+much of the training residual it explains beyond what light, idle period, course and wall could.
+One that has a value for each frame is weighed by what the values found on one row in two explain of
+the other row. One that is there or isn't can only be tried.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rsenf.discrepancy.fit import Fit
+from rsenf.discrepancy.knobs import knobs_of, neutral, series_of
+from rsenf.discrepancy.residue import residue_of
+from rsenf.discrepancy.series import halves, power, response
+from rsenf.model import CATALOGUE, Effect
+from rsenf.model.parameters import Fitting
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect with values to begin a fit with.
+
+    Attributes
+    ----------
+    effect : Effect
+    explains : float
+        Share of the training residual's square that it would explain, by a linear step; of an
+        effect that can only be tried infinity.
+    """
+
+    effect: Effect
+    explains: float = field(compare=False)
+
+
+def candidates(fit: Fit) -> list[Candidate]:
+    """Return every effect of the catalogue that isn't in a fit's model yet, the likeliest first."""
+    residue = residue_of(fit)
+    there = {effect.name for effect in fit.theory.model.effects}
+    out = []
+    for name, kind in CATALOGUE.items():
+        if name in there:
+            continue
+        for values in kind.guesses(residue):
+            made = weighed(fit, neutral(kind(**values)))
+            if made is not None:
+                out.append(made)
+    return sorted(out, key=lambda c: -c.explains)
+
+
+def weighed(fit: Fit, effect: Effect) -> Candidate | None:
+    """Weigh an effect that does nothing yet; None for one that this data can't show."""
+    series = series_of(effect)
+    if series:
+        return _series(fit, effect, *series)
+    knobs = knobs_of(effect, neutral=True)
+    if not knobs:
+        return Candidate(effect, np.inf)
+    model = fit.theory.model.plus(effect)
+    own = [fit.direction(knob.moved(model, knob.step), knob.step) for knob in knobs]
+    training = fit.data.training
+    normal = fit.directions.normal(fit.residual, [*fit.known, *own], training)
+    left = float((fit.residual[training] ** 2).sum(dtype=np.float64))
+    return Candidate(effect, normal.over(fit.noise_var).explained(len(own)) * fit.noise_var / left)
+
+
+def _series(fit: Fit, effect: Effect, name: str, how: Fitting) -> Candidate:
+    """Weigh an effect that has one value for each frame or line."""
+    direction = response(fit.theory, fit.rows, fit.data, effect, name, how)
+    first, second = halves(direction, fit.residual, fit.directions.lit, fit.data, how)
+    left = float((fit.residual**2).sum(dtype=np.float64))
+    told = float((first * second * power(direction, fit.directions.lit, how)).sum())
+    return Candidate(effect, told / left)

@@ -1,0 +1,64 @@
+"""How small a gap can be: that of data which the fitted theory itself has made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.discrepancy.fit import Fit
+from rsenf.discrepancy.gap import FIRST, gap_of
+
+SETS = 20
+# How far over the floor, in standard deviations of the sets, a gap must be to be one.
+BEYOND_STDS = 4.0
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Gaps of data sets without a discrepancy.
+
+    Attributes
+    ----------
+    median : float
+    limit : float
+        Gaps below it are none.
+    """
+
+    median: float
+    limit: float
+
+
+def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> Floor:
+    """Simulate data sets from a fit, and take the gap of each.
+
+    The theory is what it is; what a fit would follow of each set's noise, the course, the wall and
+    the knobs, is followed by one linear step, which is all that there is to do so near the truth.
+
+    Parameters
+    ----------
+    fit : Fit
+    seed : int, optional
+        Of the noise.
+    sets : int, optional
+        How many.
+    """
+    rng, data = np.random.default_rng(seed), fit.data
+    about, training = fit.directions, fit.data.training
+    everything, noise_std = np.ones(data.frames, bool), np.float32(np.sqrt(fit.noise_var))
+    prior = np.zeros(about.basis.shape[1])
+    own = fit.known
+    gaps = []
+    for _ in range(sets):
+        left = noise_std * rng.standard_normal(fit.residual.shape, dtype=np.float32)
+        normal = about.normal(left, own, training).over(fit.noise_var).with_prior(prior)
+        step = normal.solve()[normal.course :]
+        for size, direction in zip(step.astype(np.float32), own, strict=True):
+            left -= size * direction
+        course = about.normal(left, [], everything, FIRST).over(fit.noise_var)
+        moved = about.basis @ course.with_prior(prior).solve()
+        left -= moved.astype(np.float32)[:, None, None] * about.turn
+        left -= about.brighter(left, training).astype(np.float32) * about.lit
+        gaps.append(gap_of(left, fit.flicker, data, ~training).value)
+    median, std = float(np.median(gaps)), float(np.std(gaps, ddof=1))
+    return Floor(median, median + BEYOND_STDS * std)

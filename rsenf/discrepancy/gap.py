@@ -1,0 +1,68 @@
+"""The gap between a theory and the data: the systematic part of what is left, and its error.
+
+Sensor noise of one row has nothing to do with that of the next. So the product of the residuals of
+neighbouring rows is, on average, the square of what is systematically left, and no noise; over the
+power of the flicker that was fitted it is the gap. Whatever follows the noise, such as the course
+of the phase, must have been found from one of the two rows alone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.discrepancy.measured import Float32Array, Mask, Measured
+from rsenf.messages.schema import FloatArray
+
+FIRST, SECOND = slice(0, None, 2), slice(1, None, 2)
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A gap.
+
+    Attributes
+    ----------
+    value : float
+        Power of the systematic residual over that of the flicker; its noise may make it negative.
+    stderr : float
+        Its standard error, by blocks of time.
+    """
+
+    value: float
+    stderr: float
+
+
+def products(residual: Float32Array) -> FloatArray:
+    """Mean product of each frame's neighbouring rows, (frames,)."""
+    pairs = residual.shape[1] // 2
+    first, second = residual[:, FIRST][:, :pairs], residual[:, SECOND][:, :pairs]
+    return np.asarray((first * second).mean(axis=(1, 2), dtype=np.float64))
+
+
+def gap_of(residual: Float32Array, flicker: Float32Array, data: Measured, frames: Mask) -> Gap:
+    """Return the gap over some frames.
+
+    Parameters
+    ----------
+    residual, flicker : ndarray (frames, lines, strips)
+        What is left, and what was fitted less the wall.
+    data : Measured
+    frames : ndarray of bool (frames,)
+        Those that count.
+    """
+    power = float((flicker[frames] ** 2).mean(dtype=np.float64))
+    by_block = block_means(products(residual), data, frames) / power
+    stderr = float(by_block.std(ddof=1) / math.sqrt(by_block.size)) if by_block.size > 1 else 0.0
+    return Gap(float(by_block.mean()), stderr)
+
+
+def block_means(values: FloatArray, data: Measured, frames: Mask) -> FloatArray:
+    """Mean of a series of frames over each block of time, those that are half there at least."""
+    block = data.block[frames]
+    count = np.bincount(block)
+    total = np.bincount(block, weights=values[frames])
+    kept = count >= max(count.max() / 2, 1)
+    return np.asarray(total[kept] / count[kept])

@@ -1,0 +1,138 @@
+"""What was measured, as the workflow takes it: row means with their times, in blocks of time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.errors import InputError
+from rsenf.messages import RowBlock
+from rsenf.messages.schema import FloatArray
+from rsenf.timebase import NS_PER_S
+
+Float32Array = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+# Long enough for the grid to move within one, short enough for twenty of them in a minute.
+BLOCK_S = 3.0
+SHORTEST_S = 8 * BLOCK_S
+FEWEST_LINES = 16
+# Rates that cameras have; one that is nearer to one of them than this is taken for it.
+RATES = (
+    *(Fraction(n) for n in (24, 25, 30, 48, 50, 60, 100, 120, 240)),
+    *(Fraction(n * 1000, 1001) for n in (24, 30, 60, 120, 240)),
+)
+SAME_RATE = 5e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Row means of one recording.
+
+    Attributes
+    ----------
+    level : ndarray of float32 (frames, lines, strips)
+        8-bit levels, lines in the order of their places in the picture.
+    stamp_s : ndarray (frames,)
+        Stamp of each frame, from the first on.
+    slot : ndarray of int (frames,)
+        Place of each frame on the clip's time axis, in frame periods.
+    frame_rate : Fraction
+    nominal_hz : float
+        50 or 60.
+    axis : str
+        ``rows`` or ``columns``: along which the lines lie.
+    """
+
+    level: Float32Array
+    stamp_s: FloatArray
+    slot: NDArray[np.int64]
+    frame_rate: Fraction
+    nominal_hz: float
+    axis: str = "rows"
+
+    @property
+    def frames(self) -> int:
+        """How many there are."""
+        return int(self.level.shape[0])
+
+    @property
+    def lines(self) -> int:
+        """How many there are in a frame."""
+        return int(self.level.shape[1])
+
+    @property
+    def strips(self) -> int:
+        """Into how many each line is divided."""
+        return int(self.level.shape[2])
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Start of each frame, if frames come regularly."""
+        return np.asarray(self.slot / float(self.frame_rate))
+
+    @property
+    def block(self) -> NDArray[np.int64]:
+        """Number of each frame's block of time, (frames,)."""
+        return np.asarray(self.time_s // BLOCK_S, np.int64)
+
+    @property
+    def training(self) -> Mask:
+        """Frames that models are fitted to; they are scored on the others."""
+        return np.asarray(self.block % 2 == 0)
+
+
+def measured_of(blocks: Sequence[RowBlock], nominal_hz: float) -> Measured:
+    """Join the row blocks of a recording.
+
+    Parameters
+    ----------
+    blocks : sequence of RowBlock
+        Of one epoch, in order.
+    nominal_hz : float
+        50 or 60.
+
+    Raises
+    ------
+    InputError
+        When they are too short, have too few lines, or hold nothing that changes.
+    """
+    if not blocks:
+        raise InputError("no frame can be read", "give a recording of mains light")
+    level = np.concatenate([block.level for block in blocks])
+    stamps = np.concatenate([block.frame_pts_ns for block in blocks])
+    if not np.isfinite(level).all():
+        raise InputError(
+            "luminance that isn't finite", "repair the recording, or cut that part out"
+        )
+    if blocks[0].read_out_axis == "frame":
+        problem = "one mean for the whole frame: it is rows that are compared"
+        raise InputError(problem, "give the video, or an .npz with 'rows'")
+    if level.shape[1] < FEWEST_LINES:
+        raise InputError(f"{level.shape[1]} lines a frame", f"at least {FEWEST_LINES} are needed")
+    stamp_s = (stamps - stamps[0]) / NS_PER_S
+    if stamp_s[-1] < SHORTEST_S:
+        raise InputError(
+            f"{stamp_s[-1]:.1f} s are too short to fit a model and to score it",
+            f"{SHORTEST_S:.0f} s are the least that is of use",
+        )
+    if np.ptp(level, axis=0).max() == 0.0:
+        raise InputError("every frame is the same", "give a recording of mains light")
+    rate = frame_rate_of(stamp_s)
+    slot = np.rint(stamp_s * float(rate)).astype(np.int64)
+    return Measured(level, stamp_s, slot, rate, nominal_hz, blocks[0].read_out_axis)
+
+
+def frame_rate_of(stamp_s: FloatArray) -> Fraction:
+    """Rate that stamps, perhaps with holes and jitter, are of."""
+    period_s = float(np.median(np.diff(stamp_s)))
+    periods = np.maximum(np.rint(np.diff(stamp_s) / period_s), 1.0)
+    rate_hz = float(periods.sum() / (stamp_s[-1] - stamp_s[0]))
+    nearest = min(RATES, key=lambda rate: abs(rate_hz / float(rate) - 1.0))
+    if abs(rate_hz / float(nearest) - 1.0) < SAME_RATE:
+        return nearest
+    return Fraction(rate_hz).limit_denominator(1001)

@@ -1,0 +1,189 @@
+"""The loop: fit, see what is left, try what might explain it, keep what held-out data support.
+
+A candidate enters when it leaves less of the held-out data: of the rows, in blocks of time, that
+nothing at all was fitted to. How much likelier it must make them counts how many were tried; it
+must take away more than chance makes of data without a discrepancy, and make no block of time
+worse, as what is only of the same shape would. A series must be what its effect says it is. Ones
+that do it equally well are one class, of which none is named.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.discrepancy.candidates import Candidate, candidates
+from rsenf.discrepancy.fit import Fit, fit
+from rsenf.discrepancy.gap import SECOND, block_means
+from rsenf.discrepancy.knobs import series_of
+from rsenf.discrepancy.series import all_as_told, held, with_series
+from rsenf.discrepancy.theory import Theory
+from rsenf.messages.schema import FloatArray
+from rsenf.model import Effect
+from rsenf.model.effects import DeliveryEffect
+from rsenf.model.parameters import ParameterError
+
+FALSE_ALARMS = 0.01  # of a whole search, by chance
+TRIED, STEPS = 3, 5  # of the likeliest are fitted, in so many steps
+HOPE = 0.3  # of the least gain that counts, from which on a candidate is worth a fit
+WORST = -4.0  # standard errors by which a block of time may fare worse
+AS_GOOD = 0.05  # of the gap that the best takes away: others within it are of its class
+MOST_STEPS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One candidate fitted.
+
+    Attributes
+    ----------
+    effect : Effect
+        As it was fitted.
+    fit : Fit
+    gain : float
+        By how much less is left of held-out rows, over the power of the flicker.
+    nats : float
+        Logarithm of the likelihood ratio of those rows, with it and without.
+    worst : float
+        Gain in the block of time that fares worst, in standard errors.
+    """
+
+    effect: Effect
+    fit: Fit
+    gain: float
+    nats: float
+    worst: float
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """What one round of the search did.
+
+    Attributes
+    ----------
+    before : Fit
+    trials : tuple of Trial
+        Those that were fitted, the best first.
+    tried : int
+        How many candidates were looked at.
+    limit : float
+        Nats that it must bring.
+    least : float
+        What a gain must be.
+    """
+
+    before: Fit
+    trials: tuple[Trial, ...]
+    tried: int
+    limit: float
+    least: float
+
+    @property
+    def chosen(self) -> Trial | None:
+        """The best trial, if the held-out data support it."""
+        best = self.trials[0] if self.trials else None
+        if best and best.nats > self.limit and best.gain > self.least and best.worst > WORST:
+            return best
+        return None
+
+    @property
+    def kin(self) -> tuple[str, ...]:
+        """Names of all effects that do as well as the chosen one, it among them."""
+        best = self.chosen
+        if best is None:
+            return ()
+        return tuple(dict.fromkeys(
+            t.effect.name for t in self.trials if best.gain - t.gain <= AS_GOOD * best.gain
+        ))  # fmt: skip
+
+
+def search(
+    first: Fit, least: float, progress: Callable[[Step], None] = lambda step: None
+) -> Iterator[Step]:
+    """Take step after step from a first fit, until nothing more is supported."""
+    now = first
+    for _ in range(MOST_STEPS):
+        step = next_step(now, least)
+        progress(step)
+        yield step
+        if step.chosen is None:
+            return
+        now = step.chosen.fit
+
+
+def next_step(before: Fit, least: float) -> Step:
+    """Look at all candidates, and fit the likeliest."""
+    found = candidates(before)
+    training = before.data.training
+    left = float((before.residual[training] ** 2).mean(dtype=np.float64))
+    power = float((before.flicker[training] ** 2).mean(dtype=np.float64))
+    likely = _likeliest(found, HOPE * least * power / left)
+    trials = [trial for c in likely if (trial := tried(before, c)) is not None]
+    limit = math.log(max(len(found), 1) / FALSE_ALARMS)
+    return Step(before, tuple(sorted(trials, key=lambda t: -t.gain)), len(found), limit, least)
+
+
+def tried(before: Fit, candidate: Candidate) -> Trial | None:
+    """Fit a candidate jointly with all there is; None where no fit is found."""
+    try:
+        after = fit(_with_effect(before, candidate.effect), before.data, most=STEPS)
+    except (ParameterError, np.linalg.LinAlgError):  # steps have led to what can't be
+        return None
+    effect = next(e for e in after.theory.model.effects if e.name == candidate.effect.name)
+    if not all_as_told(after.theory.model.effects):
+        return None
+    power = float((before.flicker[~before.data.training] ** 2).mean(dtype=np.float64))
+    gain, stderr, rows = _better(before, after)
+    nats = float((gain * rows).sum() / (2.0 * after.noise_var))
+    mean = float((gain * rows).sum() / rows.sum())
+    return Trial(effect, after, mean / power, nats, float((gain / stderr).min()))
+
+
+def _with_effect(before: Fit, effect: Effect) -> Theory:
+    """Return a fit's theory with an effect that does nothing yet."""
+    told, model = series_of(effect), before.theory.model.plus(effect)
+    if isinstance(effect, DeliveryEffect):
+        return before.theory.otherwise_delivered(model, before.data)
+    if told is None:
+        return before.theory.with_model(model)
+    values = held(before.theory, before.data, effect, *told)
+    return with_series(before.theory, effect, told[0], values)
+
+
+def _better(before: Fit, after: Fit) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """By how much less is left on average, in each held-out block, on rows nothing was fitted to.
+
+    Its standard error too, of the noise, and how many values each mean is of.
+    """
+    data, others = before.data, ~before.data.training
+    was, now = before.residual[:, SECOND], after.residual[:, SECOND]
+    less = (was**2 - now**2).mean(axis=(1, 2), dtype=np.float64)
+    moved = ((was - now) ** 2).mean(axis=(1, 2), dtype=np.float64)
+    rows = np.bincount(data.block[others]).astype(np.float64) * was[0].size
+    rows = rows[rows > 0]
+    gain, change = (block_means(values, data, others) for values in (less, moved))
+    rows = rows[: gain.size]
+    stderr = 2.0 * np.sqrt(after.noise_var * change / rows) + 1e-30
+    return gain, stderr, rows
+
+
+def _likeliest(found: Sequence[Candidate], least: float) -> list[Candidate]:
+    """Those worth a fit: of each effect the likeliest, and all that can only be tried.
+
+    ``least`` is the share of the residual that one must seem to explain.
+    """
+    certain = [c for c in found if math.isinf(c.explains)]
+    best: dict[str, Candidate] = {}
+    for c in found:
+        if not math.isinf(c.explains) and c.explains > least:
+            best.setdefault(c.effect.name, c)
+    return [*certain, *list(best.values())[:TRIED]]
+
+
+def without(fit_: Fit, name: str) -> Fit:
+    """Fit again without an effect."""
+    return fit(dataclasses.replace(fit_.theory, model=fit_.theory.model.without(name)), fit_.data)

@@ -1,0 +1,128 @@
+"""Effects that have a value of their own for each frame or line, and how the values are found.
+
+What a value does to the data is what the model says of it; it is found by least squares from one
+row in two (for frames), so that the others tell whether it is more than noise.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from rsenf.discrepancy.gap import FIRST, SECOND
+from rsenf.discrepancy.knobs import series_of
+from rsenf.discrepancy.measured import Float32Array, Measured
+from rsenf.discrepancy.theory import Theory, plan
+from rsenf.messages.schema import FloatArray
+from rsenf.model import Effect
+from rsenf.model.parameters import Fitting
+
+WHITE_STDS, RARE, FAR_OUT = 4.0, 1e-4, 8.0
+
+
+def with_series(theory: Theory, effect: Effect, name: str, values: FloatArray) -> Theory:
+    """Return a theory in which an effect, there or not, has such a series."""
+    changed = dataclasses.replace(effect, **{name: tuple(values.tolist())})
+    others = theory.model.without(effect.name)
+    return theory.with_model(others.plus(changed))
+
+
+def held(theory: Theory, data: Measured, effect: Effect, name: str, how: Fitting) -> FloatArray:
+    """Return the values that an effect has: nothing yet, or what was found before."""
+    count = plan(theory.model, data).start_s.size if how.each == "frame" else data.lines
+    own = np.array(getattr(effect, name))
+    return own if own.size else np.zeros(count)
+
+
+def response(
+    theory: Theory, rows: Float32Array, data: Measured, effect: Effect, name: str, how: Fitting
+) -> Float32Array:
+    """What the rows do, per unit, when every value of a series rises by the same."""
+    values = held(theory, data, effect, name, how) + how.step
+    moved = with_series(theory, effect, name, values).rows(data)
+    return np.asarray((moved - rows) / np.float32(how.step))
+
+
+def halves(
+    direction: Float32Array, residual: Float32Array, lit: Float32Array, data: Measured, how: Fitting
+) -> tuple[FloatArray, FloatArray]:
+    """Values of a series as found on one half of the data and on the other.
+
+    Of frames, the halves are one row in two and the other; of lines, the training frames and the
+    others, and what a brighter wall would do as well is taken off.
+    """
+    if how.each == "frame":
+        first, second = (_least(direction[:, h], residual[:, h], (1, 2)) for h in (FIRST, SECOND))
+        return first, second
+    out = []
+    for frames in (data.training, ~data.training):
+        alone = _beside(direction[frames], lit[frames])
+        out.append(_least(alone, residual[frames], (0, 2)))
+    return out[0], out[1]
+
+
+def power(direction: Float32Array, lit: Float32Array, how: Fitting) -> FloatArray:
+    """Square of what each value does to the data, per unit, beside what the wall could."""
+    if how.each == "frame":
+        return _squares(direction, (1, 2))
+    return _squares(_beside(direction, lit), (0, 2))
+
+
+def improved(theory: Theory, rows: Float32Array, lit: Float32Array, data: Measured) -> Theory:
+    """Move the series of all effects to where the data have them."""
+    for effect in theory.model.effects:
+        told = series_of(effect)
+        if told is None:
+            continue
+        name, how = told
+        direction = response(theory, rows, data, effect, name, how)
+        found, _ = halves(direction, data.level - rows, lit, data, how)
+        values = held(theory, data, effect, name, how)
+        # A frame that came twice has one value: the last of its two, which are as good.
+        taken = plan(theory.model, data).number[data.slot]
+        values[taken if how.each == "frame" else slice(None)] += found
+        theory = with_series(theory, effect, name, values)
+        rows = theory.rows(data)
+    return theory
+
+
+def all_as_told(effects: Sequence[Effect]) -> bool:
+    """Whether every series is of the kind that its effect says: a free one would explain anything.
+
+    Kicks, what each value brings beyond what the one before lets expect, must be white: no tone
+    among them, none far out.
+    """
+    for effect in effects:
+        told = series_of(effect)
+        if told is None or told[1].each != "frame":
+            continue
+        values = np.array(getattr(effect, told[0]))
+        values = values - values.mean()
+        before, after = values[:-1], values[1:]
+        stays = float(before @ after) / max(float(before @ before), 1e-30)
+        if not told[1].wanders and abs(stays) > WHITE_STDS / np.sqrt(values.size):
+            return False
+        kicks = after - (stays * before if told[1].wanders else 0.0)
+        power = np.abs(np.fft.rfft(kicks)[1:]) ** 2
+        if power.max() > power.mean() * np.log(power.size / RARE):
+            return False
+        if np.abs(kicks).max() > FAR_OUT * 1.4826 * float(np.median(np.abs(kicks))):
+            return False
+    return True
+
+
+def _least(direction: Float32Array, residual: Float32Array, axes: tuple[int, int]) -> FloatArray:
+    told = (direction * residual).sum(axis=axes, dtype=np.float64)
+    return np.asarray(told / np.maximum(_squares(direction, axes), 1e-12))
+
+
+def _squares(direction: Float32Array, axes: tuple[int, int]) -> FloatArray:
+    return np.asarray((direction * direction).sum(axis=axes, dtype=np.float64))
+
+
+def _beside(direction: Float32Array, lit: Float32Array) -> Float32Array:
+    """Take off a direction, line by line, what a brighter wall does."""
+    same = (direction * lit).sum(axis=0) / np.maximum((lit * lit).sum(axis=0), 1e-12)
+    return np.asarray(direction - same * lit)

@@ -1,0 +1,159 @@
+"""A theory of a recording: a capture model and a course of the light's phase, simulated at will.
+
+There is no second model in the workflow: whatever a theory says of the data is said by
+:func:`rsenf.model.simulate_rows`, noise left out.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.discrepancy.measured import Float32Array, Measured
+from rsenf.flicker.grid_prior import NODE_S, phase_prior
+from rsenf.messages.schema import FloatArray
+from rsenf.model import CaptureModel, GridPath, Scene, simulate_rows
+from rsenf.model.chain import Chain
+from rsenf.model.clip import Clip
+
+BEFORE, AFTER = 4, 8  # nodes beyond the clip's ends
+SEED = 0  # of what an effect draws and a fit doesn't know
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """The course of the light's phase, as the grid's habits allow it.
+
+    Attributes
+    ----------
+    weights : ndarray (directions,)
+        Of the principal directions of :func:`rsenf.flicker.grid_prior.phase_prior`, each of unit
+        variance a priori.
+    nodes : int
+        Nodes ``NODE_S`` apart, the first ``BEFORE`` of them before the clip begins.
+    nominal_hz : float
+    """
+
+    weights: FloatArray
+    nodes: int
+    nominal_hz: float
+
+    @classmethod
+    def for_time(cls, duration_s: float, nominal_hz: float) -> Course:
+        """Return the course of a grid at its nominal frequency."""
+        nodes = math.ceil(duration_s / NODE_S) + BEFORE + AFTER
+        return cls(np.zeros(phase_prior(nodes).basis.shape[1]), nodes, nominal_hz)
+
+    @property
+    def node_s(self) -> FloatArray:
+        """Time of each node, from the clip's first line on."""
+        return np.asarray((np.arange(self.nodes) - BEFORE) * NODE_S)
+
+    @property
+    def psi_rad(self) -> FloatArray:
+        """Phase at the nodes, relative to the nominal frequency's."""
+        return np.asarray(phase_prior(self.nodes).basis @ self.weights)
+
+    def basis_at(self, t_s: FloatArray) -> FloatArray:
+        """Phase of unit weights at some times, (times, directions)."""
+        basis, at = phase_prior(self.nodes).basis, t_s / NODE_S + BEFORE
+        left = np.clip(at.astype(np.intp), 0, self.nodes - 2)
+        beyond = (at - left)[:, None]
+        return np.asarray(basis[left] * (1.0 - beyond) + basis[left + 1] * beyond)
+
+    def through(self, psi_rad: FloatArray) -> Course:
+        """Return the course nearest to phases at the nodes."""
+        weights = np.linalg.lstsq(phase_prior(self.nodes).basis, psi_rad, rcond=1e-9)[0]
+        return dataclasses.replace(self, weights=np.asarray(weights))
+
+    def moved(self, by: FloatArray) -> Course:
+        """Return the course with other weights."""
+        return dataclasses.replace(self, weights=self.weights + by)
+
+    def grid(self) -> GridPath:
+        """Return it as the frequency of a grid, from the clip's first line on."""
+        freq_hz = self.nominal_hz + np.diff(self.psi_rad) / (4.0 * math.pi * NODE_S)
+        return GridPath(freq_hz, NODE_S, BEFORE * NODE_S, self.nominal_hz)
+
+
+@dataclass(frozen=True, eq=False)
+class Theory:
+    """What a recording is held to be, down to each line's level.
+
+    Attributes
+    ----------
+    model : CaptureModel
+        All but what differs from clip to clip: the light's course and the wall.
+    course : Course
+    wall : ndarray (lines, strips)
+        Levels under the mean light.
+    """
+
+    model: CaptureModel
+    course: Course
+    wall: FloatArray
+
+    def with_model(self, model: CaptureModel) -> Theory:
+        """Return it with another model."""
+        return dataclasses.replace(self, model=model)
+
+    def otherwise_delivered(self, model: CaptureModel, data: Measured) -> Theory:
+        """Return it with a model that delivers other frames, every frame's phase as it was."""
+        clip = plan(model, data)
+        taken_s = clip.start_s[clip.number[: int(data.slot[-1]) + 1]]
+        slot_s = np.arange(taken_s.size) / float(data.frame_rate)
+        # What was taken for a leap of the phase, within half a turn, is a leap of time.
+        late_s = np.diff(taken_s - slot_s, prepend=0.0)
+        leaps = np.angle(np.exp(4j * math.pi * self.course.nominal_hz * late_s))
+        psi_rad = np.interp(slot_s, self.course.node_s, self.course.psi_rad) - np.cumsum(leaps)
+        course = self.course.through(np.interp(self.course.node_s, taken_s, psi_rad))
+        return Theory(model, course, self.wall)
+
+    def whole(self, turned_rad: float = 0.0) -> CaptureModel:
+        """Return its model with the wall and the phase that the light has at the first line.
+
+        Parameters
+        ----------
+        turned_rad : float, optional
+            By which the light is ahead of that.
+        """
+        psi_rad = float(self.course.psi_rad[BEFORE]) + turned_rad
+        light = dataclasses.replace(
+            self.model.light, phase_rad=math.remainder(psi_rad, 2.0 * math.pi)
+        )
+        scene = Scene(profile=tuple(map(tuple, self.wall.tolist())))
+        return dataclasses.replace(self.model, light=light, scene=scene)
+
+    def rows(self, data: Measured, *, turned_rad: float = 0.0, lit: float = 1.0) -> Float32Array:
+        """Simulate the rows of the measured frames, (frames, lines, strips), without noise.
+
+        Parameters
+        ----------
+        data : Measured
+            Which frames.
+        turned_rad : float, optional
+            By which the light is ahead.
+        lit : float, optional
+            By which all the wall is brighter.
+        """
+        theory = dataclasses.replace(self, wall=self.wall * lit) if lit != 1.0 else self
+        model = theory.whole(turned_rad)
+        duration_s = plan(model, data).start_s.size / float(data.frame_rate)
+        made = simulate_rows(
+            model, self.course.grid(), duration_s, SEED, strips=data.strips, noise=False
+        )
+        return made.level[data.slot]
+
+
+def plan(model: CaptureModel, data: Measured) -> Clip:
+    """Return the plan of all frames that a model takes for as many to arrive as were measured."""
+    wanted = int(data.slot[-1]) + 1
+    count = wanted
+    while True:
+        clip = Chain(model, count, SEED).clip()
+        if clip.number.size >= wanted:
+            return clip
+        count += wanted - clip.number.size

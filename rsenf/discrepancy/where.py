@@ -1,0 +1,135 @@
+"""Where theory and data disagree: the gap taken apart, each part with how sure it is.
+
+Every part is a mean of products of neighbouring rows, as the gap is, so noise has no share in it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from rsenf.discrepancy.fit import Fit
+from rsenf.discrepancy.gap import FIRST, SECOND
+from rsenf.messages.schema import FloatArray
+
+BANDS = 8  # of rows
+LEVELS = 4
+LINES = 6  # of the spectrum that are named
+NEAR = 2  # bins to either side of a line that are its own
+
+
+@dataclass(frozen=True)
+class Share:
+    """A part of the gap.
+
+    Attributes
+    ----------
+    axis : str
+        ``time_s``, ``row``, ``level``, ``strip``, ``step`` or ``alias_hz``.
+    low, high : float
+        From where to where.
+    share : float
+        Of the whole gap; parts of one axis add up to one, but for those of ``step``, ``alias_hz``.
+    sure : float
+        The part over its standard error, or over the noise beside a line.
+    """
+
+    axis: str
+    low: float
+    high: float
+    share: float
+    sure: float
+
+
+def where(fit: Fit) -> list[Share]:
+    """Take the held-out gap of a fit apart, axis by axis."""
+    pairs = fit.data.lines // 2
+    held = ~fit.data.training
+    first = fit.residual[held][:, FIRST][:, :pairs]
+    second = fit.residual[held][:, SECOND][:, :pairs]
+    product = (first * second).astype(np.float64)  # (frames, pairs, strips)
+    wall = fit.theory.wall[: 2 * pairs : 2]
+    out = [
+        *_by_time(fit, product, held),
+        *_parts("row", product, 1, np.array_split(np.arange(pairs), BANDS), lambda i: 2.0 * i),
+        *_by_level(product, wall),
+    ]
+    strips = product.shape[2]
+    if strips > 1:
+        columns = np.array_split(np.arange(strips), strips)
+        out += _parts("strip", product, 2, columns, float)
+    return [*out, _by_step(fit), *_by_alias(fit)]
+
+
+def _parts(
+    axis: str,
+    product: FloatArray,
+    along: int,
+    groups: list[np.ndarray],
+    place: Callable[[int], float],
+) -> Iterator[Share]:
+    """Share of each group of indices along an axis of the products."""
+    total = float(product.sum())
+    for group in groups:
+        own = np.take(product, group, axis=along).sum(axis=tuple({1, 2}))
+        yield _share(axis, place(int(group[0])), place(int(group[-1]) + 1), own, total)
+
+
+def _by_time(fit: Fit, product: FloatArray, held: np.ndarray) -> Iterator[Share]:
+    time_s, block = fit.data.time_s[held], fit.data.block[held]
+    total, by_frame = float(product.sum()), product.sum(axis=(1, 2))
+    for number in np.unique(block):
+        own = block == number
+        yield _share("time_s", time_s[own][0], time_s[own][-1], by_frame[own], total)
+
+
+def _by_level(product: FloatArray, wall: FloatArray) -> Iterator[Share]:
+    total = float(product.sum())
+    edges = np.quantile(wall, np.linspace(0.0, 1.0, LEVELS + 1))
+    for low, high in pairwise(edges):
+        own = (wall >= low) & ((wall < high) | (high == edges[-1]))
+        yield _share("level", low, high, product[:, own].sum(axis=1), total)
+
+
+def _by_step(fit: Fit) -> Share:
+    """Share of what changes from one frame to the next, of which white residuals have all."""
+    pairs = fit.data.lines // 2
+    change = np.diff(fit.residual, axis=0)
+    steps = (change[:, FIRST][:, :pairs] * change[:, SECOND][:, :pairs]).sum(axis=(1, 2))
+    first, second = fit.residual[:, FIRST][:, :pairs], fit.residual[:, SECOND][:, :pairs]
+    total = 2.0 * float((first * second).sum(dtype=np.float64))
+    return _share("step", 1.0, 1.0, steps.astype(np.float64), total)
+
+
+def _by_alias(fit: Fit) -> Iterator[Share]:
+    """Lines that stand out of the spectrum of the rows, from frame to frame."""
+    pairs = fit.data.lines // 2
+    first = np.fft.rfft(fit.residual[:, FIRST][:, :pairs], axis=0)
+    second = np.fft.rfft(fit.residual[:, SECOND][:, :pairs], axis=0)
+    power = (first * second.conj()).real.sum(axis=(1, 2))
+    total, noise = float(power.sum()), 1.4826 * float(np.median(np.abs(power))) + 1e-30
+    hz = np.fft.rfftfreq(fit.data.frames, 1.0 / float(fit.data.frame_rate))
+    for _ in range(LINES):
+        peak = int(np.argmax(power))
+        low, high = max(peak - NEAR, 0), min(peak + NEAR, power.size - 1)
+        own = float(power[low : high + 1].sum())
+        if power[peak] < 5.0 * noise:
+            return
+        yield Share("alias_hz", hz[low], hz[high], own / total, float(power[peak] / noise))
+        power[low : high + 1] = 0.0
+
+
+def _share(axis: str, low: float, high: float, own: FloatArray, total: float) -> Share:
+    error = float(own.std() * math.sqrt(own.size))
+    total = total if total else 1e-30
+    return Share(
+        axis,
+        float(low),
+        float(high),
+        float(own.sum()) / total,
+        float(own.sum()) / max(error, 1e-30),
+    )

@@ -1,0 +1,43 @@
+"""What a simpler model leaves of a recording, as effects may look at it for where to begin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+GROSS = 0.05  # gap of a model that has lines at the wrong times
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Residue:
+    """Series and lines of what is left.
+
+    Attributes
+    ----------
+    gap : float
+        Systematic part of what is left, over the flicker's power; about 1 where nothing fits.
+    frame_rate_hz : float
+    turns_per_frame : float
+        Turns of the light in a frame period.
+    angle_rad : ndarray (frames,)
+        By which each frame's flicker is ahead of the model's, between −π and π.
+    size_ratio : ndarray (frames,)
+        Size of each frame's flicker over the model's.
+    alike : ndarray (frames,)
+        Mean square by which each frame differs from the one before, over what noise alone makes.
+    tones_hz : tuple of float
+        Frequencies at which light would leave the lines that stand out of the residual, what
+        stands out most first.
+    """
+
+    gap: float
+    frame_rate_hz: float
+    turns_per_frame: float
+    angle_rad: FloatArray
+    size_ratio: FloatArray
+    alike: FloatArray
+    tones_hz: tuple[float, ...]

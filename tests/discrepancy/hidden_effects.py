@@ -1,0 +1,54 @@
+"""Row luminance in which an effect is hidden, and the workflow run on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from rsenf.discrepancy import Discovery, Measured, discover, measured_of
+from rsenf.idle import IdleSettings, make_idle
+from rsenf.messages import EnfEstimate, Header
+from rsenf.model import CaptureModel, Light, RowData, Shutter, simulate_rows, synthetic_grid
+from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.track import TrackSettings, make_tracker
+
+PLAIN = CaptureModel(name="plain", light=Light(lamp="tone"))
+SECONDS, LINES = 27.0, 160
+
+
+@dataclass(frozen=True, eq=False)
+class Hidden:
+    """A simulated recording, as the workflow gets it, and its truth."""
+
+    made: RowData
+    data: Measured
+    estimates: list[EnfEstimate]
+    idle_ratio: float
+
+    def discover(self, model: CaptureModel = PLAIN) -> Discovery:
+        return discover(model, self.data, self.estimates, self.idle_ratio)
+
+
+def hidden(
+    effect: str = "",
+    *,
+    seed: int,
+    strips: int = 1,
+    rate: Fraction = Fraction(30000, 1001),
+    lines: int = LINES,
+    **values: Any,
+) -> Hidden:
+    """Film a wall under a pure tone, with one effect or none."""
+    shutter = Shutter(frame_rate=rate, rows=lines, idle_ratio=0.38)
+    model = CaptureModel(light=Light(lamp="tone"), shutter=shutter)
+    model = model.with_effect("exposure", exposure_s=0.002)
+    if effect:
+        model = model.with_effect(effect, **values)
+    grid = synthetic_grid(seed, SECONDS + 10.0, start_s=4.0)
+    made = simulate_rows(model, grid, SECONDS, seed, strips=strips)
+    blocks = list(blocks_from_luminance(made.level, made.frame_time_s, Header()))
+    tracker, stage = make_tracker(TrackSettings(nominal_hz=50.0)), make_idle(IdleSettings())
+    estimates = [e for block in blocks for e in tracker.update(block)] + tracker.flush()
+    idle = [e for block in blocks for e in stage.update(block)] + stage.flush()
+    return Hidden(made, measured_of(blocks, 50.0), estimates, idle[-1].idle_ratio)
