@@ -63,9 +63,8 @@ class Fit:
 
     @cached_property
     def noise_var(self) -> float:
-        """Variance of a row's noise: of what neighbouring rows don't share."""
-        left = self.residual[self.data.training]
-        return float(np.var(left[:, 1:] - left[:, :-1], dtype=np.float64) / 2.0)
+        """Variance of a row's noise, in the training frames."""
+        return noise_var(self.residual[self.data.training])
 
     @cached_property
     def gap(self) -> Gap:
@@ -116,42 +115,50 @@ def fit(theory: Theory, data: Measured, *, most: int = MOST) -> Fit:
     knobs = [FLICKER, IDLE]
     for effect in theory.model.effects:
         knobs += knobs_of(effect, neutral=False)
-    everything, training = np.ones(data.frames, bool), data.training
-    rows = theory.rows(data)
-    variance, moved = 1.0, np.inf
-    stderr = np.full(len(knobs), np.nan)
-    for count in range(most):
-        about = directions_of(theory, data, rows)
-        residual = data.level - rows
-        if count:
-            left = residual[training]
-            variance = float(np.var(left[:, 1:] - left[:, :-1], dtype=np.float64) / 2.0)
-        own = [
-            (theory.with_model(k.moved(theory.model, k.step)).rows(data) - rows)
-            / np.float32(k.step)
-            for k in knobs
-        ]
-        normal = about.normal(residual, own, training).over(variance)
-        normal = normal.with_prior(theory.course.weights)
-        most_step = FARTHEST_STEPS * _steps(knobs)
-        step = np.clip(normal.solve()[normal.course :], -most_step, most_step)
-        stderr = np.sqrt(np.diag(normal.covariance())[normal.course :])
-        # The course by one row in two, given the rest.
-        rest = residual - sum(s.astype(np.float32) * d for s, d in zip(step, own, strict=True))
-        alone = about.normal(rest, [], everything, FIRST).over(variance)
-        course = alone.with_prior(theory.course.weights).solve()
-        farthest = float(np.abs(about.basis @ course).max())
-        theory = Theory(
-            turned(theory.model, knobs, step.tolist()),
-            theory.course.moved(course * min(1.0, FARTHEST_RAD / max(farthest, 1e-9))),
-            theory.wall,
-        )
-        rows = theory.rows(data)
-        theory, rows = _relit(improved(theory, rows, about.lit, data), about, data)
-        moved = max(farthest / REST_RAD, *(abs(step) / _steps(knobs) / REST_STEPS))
+    rows, stderr = theory.rows(data), np.full(len(knobs), np.nan)
+    for _ in range(most):
+        theory, rows, stderr, moved = _stepped(theory, rows, data, knobs)
         if moved < 1.0:
             break
     return Fit(data, theory, rows, data.level - rows, tuple(knobs), stderr)
+
+
+def noise_var(residual: Float32Array) -> float:
+    """Variance of a row's noise: of what neighbouring rows don't share."""
+    return float(np.var(residual[:, 1:] - residual[:, :-1], dtype=np.float64) / 2.0)
+
+
+def _stepped(
+    theory: Theory, rows: Float32Array, data: Measured, knobs: Sequence[Knob]
+) -> tuple[Theory, Float32Array, FloatArray, float]:
+    """Take one step: knobs, then the course given these, then series, then the wall.
+
+    Also what the theory says then, the knobs' standard errors, and how far it went: below one it
+    is at rest.
+    """
+    about, residual = directions_of(theory, data, rows), data.level - rows
+    variance, weights = noise_var(residual[data.training]), theory.course.weights
+    own = [
+        (theory.with_model(k.moved(theory.model, k.step)).rows(data) - rows) / np.float32(k.step)
+        for k in knobs
+    ]
+    normal = about.normal(residual, own, data.training).over(variance).with_prior(weights)
+    stderr = np.sqrt(np.diag(normal.covariance())[normal.course :])
+    steps = np.array([abs(knob.step) for knob in knobs])
+    step = np.clip(normal.solve()[normal.course :], -FARTHEST_STEPS * steps, FARTHEST_STEPS * steps)
+    # The course by one row in two, given the rest.
+    rest = residual - sum(s.astype(np.float32) * d for s, d in zip(step, own, strict=True))
+    alone = about.normal(rest, [], np.ones(data.frames, bool), FIRST).over(variance)
+    course = alone.with_prior(weights).solve()
+    farthest = float(np.abs(about.basis @ course).max())
+    theory = Theory(
+        turned(theory.model, knobs, step.tolist()),
+        theory.course.moved(course * min(1.0, FARTHEST_RAD / max(farthest, 1e-9))),
+        theory.wall,
+    )
+    theory = improved(theory, theory.rows(data), about.lit, data)
+    theory, rows = _relit(theory, about, data)
+    return theory, rows, stderr, max(farthest / REST_RAD, *(np.abs(step) / steps / REST_STEPS))
 
 
 def _relit(theory: Theory, about: Directions, data: Measured) -> tuple[Theory, Float32Array]:
@@ -161,7 +168,3 @@ def _relit(theory: Theory, about: Directions, data: Measured) -> tuple[Theory, F
     wall = np.clip(theory.wall * (1.0 + brighter), 0.0, 255.0)
     theory = Theory(theory.model, theory.course, wall)
     return theory, theory.rows(data)
-
-
-def _steps(knobs: Sequence[Knob]) -> FloatArray:
-    return np.array([abs(knob.step) for knob in knobs])

@@ -54,15 +54,18 @@ def gap_of(residual: Float32Array, flicker: Float32Array, data: Measured, frames
         Those that count.
     """
     power = float((flicker[frames] ** 2).mean(dtype=np.float64))
-    by_block = block_means(products(residual), data, frames) / power
-    stderr = float(by_block.std(ddof=1) / math.sqrt(by_block.size)) if by_block.size > 1 else 0.0
-    return Gap(float(by_block.mean()), stderr)
+    gaps = by_block(products(residual), data, frames)[0] / power
+    stderr = float(gaps.std(ddof=1) / math.sqrt(gaps.size)) if gaps.size > 1 else math.nan
+    return Gap(float(gaps.mean()), stderr)
 
 
-def block_means(values: FloatArray, data: Measured, frames: Mask) -> FloatArray:
-    """Mean of a series of frames over each block of time, those that are half there at least."""
+def by_block(values: FloatArray, data: Measured, frames: Mask) -> tuple[FloatArray, FloatArray]:
+    """Mean of a series of frames over each block of time, and how many frames that is.
+
+    Blocks that are less than half there are left out.
+    """
     block = data.block[frames]
-    count = np.bincount(block)
+    count = np.bincount(block).astype(np.float64)
     total = np.bincount(block, weights=values[frames])
-    kept = count >= max(count.max() / 2, 1)
-    return np.asarray(total[kept] / count[kept])
+    kept = count >= max(count.max() / 2.0, 1.0)
+    return np.asarray(total[kept] / count[kept]), np.asarray(count[kept])

@@ -9,16 +9,15 @@ that do it equally well are one class, of which none is named.
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from rsenf.discrepancy.candidates import Candidate, candidates
 from rsenf.discrepancy.fit import Fit, fit
-from rsenf.discrepancy.gap import SECOND, block_means
+from rsenf.discrepancy.gap import SECOND, by_block
 from rsenf.discrepancy.knobs import series_of
 from rsenf.discrepancy.series import all_as_told, held, with_series
 from rsenf.discrepancy.theory import Theory
@@ -101,14 +100,23 @@ class Step:
         ))  # fmt: skip
 
 
-def search(
-    first: Fit, least: float, progress: Callable[[Step], None] = lambda step: None
-) -> Iterator[Step]:
-    """Take step after step from a first fit, until nothing more is supported."""
+def search(first: Fit, least: float) -> Iterator[Step]:
+    """Take step after step from a first fit, until nothing more is supported.
+
+    Parameters
+    ----------
+    first : Fit
+    least : float
+        What an effect must take away of held-out rows, over the power of the flicker.
+
+    Yields
+    ------
+    Step
+        The last of them chose nothing, unless there are too many.
+    """
     now = first
     for _ in range(MOST_STEPS):
         step = next_step(now, least)
-        progress(step)
         yield step
         if step.chosen is None:
             return
@@ -163,10 +171,8 @@ def _better(before: Fit, after: Fit) -> tuple[FloatArray, FloatArray, FloatArray
     was, now = before.residual[:, SECOND], after.residual[:, SECOND]
     less = (was**2 - now**2).mean(axis=(1, 2), dtype=np.float64)
     moved = ((was - now) ** 2).mean(axis=(1, 2), dtype=np.float64)
-    rows = np.bincount(data.block[others]).astype(np.float64) * was[0].size
-    rows = rows[rows > 0]
-    gain, change = (block_means(values, data, others) for values in (less, moved))
-    rows = rows[: gain.size]
+    (gain, frames), (change, _) = (by_block(values, data, others) for values in (less, moved))
+    rows = frames * float(was[0].size)
     stderr = 2.0 * np.sqrt(after.noise_var * change / rows) + 1e-30
     return gain, stderr, rows
 
@@ -182,8 +188,3 @@ def _likeliest(found: Sequence[Candidate], least: float) -> list[Candidate]:
         if not math.isinf(c.explains) and c.explains > least:
             best.setdefault(c.effect.name, c)
     return [*certain, *list(best.values())[:TRIED]]
-
-
-def without(fit_: Fit, name: str) -> Fit:
-    """Fit again without an effect."""
-    return fit(dataclasses.replace(fit_.theory, model=fit_.theory.model.without(name)), fit_.data)
