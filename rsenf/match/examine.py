@@ -15,6 +15,8 @@ from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.match.what_if import what_fits
 
+SHIFTS = (0.0, -1.0, -0.5, 0.5, 1.0)  # by which a claim may be off, of its tolerance
+
 
 def examined(
     finding: Finding,
@@ -41,7 +43,8 @@ def examined(
         return finding
     found = Parts(track, clip, grids, settings)
     number = next(i for i, grid in enumerate(grids) if grid is finding.grid)
-    parts = found.found(Place(number, finding.lag_s, finding.lag_std_s, 0.0))
+    best = Place(number, finding.lag_s, finding.lag_std_s, 0.0)
+    parts = found.found(best, _claimed(grids, claimed_utc_ns, settings.tolerance_s))
     if parts:
         assembly = assembled(found, parts, settings.tolerance_s)
         warned = replace(finding, warnings=(*finding.warnings, *assembly.warnings))
@@ -64,3 +67,14 @@ def examined(
     if away_s > settings.tolerance_s and finding.claim_log10_lr <= -settings.min_log10_lr:
         return left
     return replace(left, claim_log10_lr=math.nan, claim_log10_lr_other=math.nan)
+
+
+def _claimed(grids: Sequence[Grid], claimed_utc_ns: int, tolerance_s: float) -> list[Place]:
+    """Places about a claimed start in each reference; none without one."""
+    lags = [(number, claimed_lag_s(grid, claimed_utc_ns)) for number, grid in enumerate(grids)]
+    return [
+        Place(number, lag_s + shift * tolerance_s, tolerance_s / 2, 0.0)
+        for number, lag_s in lags
+        for shift in SHIFTS
+        if math.isfinite(lag_s)
+    ]

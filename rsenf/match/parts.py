@@ -62,16 +62,18 @@ class Parts:
         self._scorers = [PhaseScorer(clip, grid, self._any_length) for grid in grids]
         self._searched = math.log(max(sum(grid.duration_s for grid in grids), 1.0))
 
-    def found(self, best: Place) -> list[Part]:
+    def found(self, best: Place, claimed: Sequence[Place] = ()) -> list[Part]:
         """Find the parts, in the clip's order.
 
         Parameters
         ----------
         best : Place
             Where the whole clip fits best; it is tried before anything else is searched for.
+        claimed : sequence of Place, optional
+            Where it is said to be, which nobody had to search for.
         """
         whole = 0, self.clip.size
-        out = self._tried([best], whole, self._searched)
+        out = self._tried(claimed, whole, 0.0) or self._tried([best], whole, self._searched)
         for _ in range(ROUNDS):
             known = [part.place for part in out]
             more = []
