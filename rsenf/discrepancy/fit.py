@@ -35,6 +35,8 @@ class Fit:
 
     Attributes
     ----------
+    begun : Theory
+        From where it was fitted.
     theory : Theory
     rows : ndarray of float32 (frames, lines, strips)
         What it says.
@@ -47,6 +49,7 @@ class Fit:
     """
 
     data: Measured
+    begun: Theory
     theory: Theory
     rows: Float32Array
     residual: Float32Array
@@ -115,12 +118,12 @@ def fit(theory: Theory, data: Measured, *, most: int = MOST) -> Fit:
     knobs = [FLICKER, IDLE]
     for effect in theory.model.effects:
         knobs += knobs_of(effect, neutral=False)
-    rows, stderr = theory.rows(data), np.full(len(knobs), np.nan)
+    begun, rows, stderr = theory, theory.rows(data), np.full(len(knobs), np.nan)
     for _ in range(most):
         theory, rows, stderr, moved = _stepped(theory, rows, data, knobs)
         if moved < 1.0:
             break
-    return Fit(data, theory, rows, data.level - rows, tuple(knobs), stderr)
+    return Fit(data, begun, theory, rows, data.level - rows, tuple(knobs), stderr)
 
 
 def noise_var(residual: Float32Array) -> float:

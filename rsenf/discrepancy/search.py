@@ -9,6 +9,7 @@ that do it equally well are one class, of which none is named.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,19 +19,19 @@ import numpy as np
 from rsenf.discrepancy.candidates import Candidate, candidates
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.gap import SECOND, by_block
-from rsenf.discrepancy.knobs import series_of
+from rsenf.discrepancy.knobs import knobs_of, series_of
 from rsenf.discrepancy.series import all_as_told, held, with_series
+from rsenf.discrepancy.start import sized
 from rsenf.discrepancy.theory import Theory
+from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray
 from rsenf.model import Effect
 from rsenf.model.effects import DeliveryEffect
-from rsenf.model.parameters import ParameterError
 
 FALSE_ALARMS = 0.01  # of a whole search, by chance
 TRIED, STEPS = 3, 5  # of the likeliest are fitted, in so many steps
 HOPE = 0.3  # of the least gain that counts, from which on a candidate is worth a fit
 WORST = -4.0  # standard errors by which a block of time may fare worse
-AS_GOOD = 0.05  # of the gap that the best takes away: others within it are of its class
 MOST_STEPS = 6
 
 
@@ -96,7 +97,7 @@ class Step:
         if best is None:
             return ()
         return tuple(dict.fromkeys(
-            t.effect.name for t in self.trials if best.gain - t.gain <= AS_GOOD * best.gain
+            t.effect.name for t in self.trials if best.gain - t.gain <= self.least
         ))  # fmt: skip
 
 
@@ -132,14 +133,18 @@ def next_step(before: Fit, least: float) -> Step:
     likely = _likeliest(found, HOPE * least * power / left)
     trials = [trial for c in likely if (trial := tried(before, c)) is not None]
     limit = math.log(max(len(found), 1) / FALSE_ALARMS)
-    return Step(before, tuple(sorted(trials, key=lambda t: -t.gain)), len(found), limit, least)
+    ordered = sorted(trials, key=lambda t: -t.gain)
+    step = Step(before, tuple(ordered), len(found), limit, least)
+    if step.chosen is None:
+        return step
+    return dataclasses.replace(step, trials=(_settled(step.chosen), *ordered[1:]))
 
 
 def tried(before: Fit, candidate: Candidate) -> Trial | None:
     """Fit a candidate jointly with all there is; None where no fit is found."""
     try:
         after = fit(_with_effect(before, candidate.effect), before.data, most=STEPS)
-    except (ParameterError, np.linalg.LinAlgError):  # steps have led to what can't be
+    except (UsageError, np.linalg.LinAlgError):  # steps have led to what can't be
         return None
     effect = next(e for e in after.theory.model.effects if e.name == candidate.effect.name)
     if not all_as_told(after.theory.model.effects):
@@ -151,11 +156,21 @@ def tried(before: Fit, candidate: Candidate) -> Trial | None:
     return Trial(effect, after, mean / power, nats, float((gain / stderr).min()))
 
 
+def _settled(trial: Trial) -> Trial:
+    """Fit a trial on until it rests."""
+    after = fit(trial.fit.theory, trial.fit.data)
+    effect = next(e for e in after.theory.model.effects if e.name == trial.effect.name)
+    return dataclasses.replace(trial, effect=effect, fit=after)
+
+
 def _with_effect(before: Fit, effect: Effect) -> Theory:
     """Return a fit's theory with an effect that does nothing yet."""
     told, model = series_of(effect), before.theory.model.plus(effect)
     if isinstance(effect, DeliveryEffect):
         return before.theory.otherwise_delivered(model, before.data)
+    if told is None and not knobs_of(effect, neutral=True):
+        # Without it nothing has fitted: what steps have made of the course is of no use.
+        return sized(before.begun.with_model(model), before.data)
     if told is None:
         return before.theory.with_model(model)
     values = held(before.theory, before.data, effect, *told)

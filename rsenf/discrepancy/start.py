@@ -52,7 +52,7 @@ def first_theory(
     light = dataclasses.replace(model.light, flicker_ratio=FIRST_SIZE)
     wall = np.asarray(data.level.mean(axis=0, dtype=np.float64))
     begun = dataclasses.replace(model, light=light, shutter=shutter)
-    return _sized(Theory(begun, _course(data, estimates), wall), data)
+    return sized(Theory(begun, _course(data, estimates), wall), data)
 
 
 def _course(data: Measured, estimates: Sequence[EnfEstimate]) -> Course:
@@ -80,7 +80,7 @@ def _course(data: Measured, estimates: Sequence[EnfEstimate]) -> Course:
     return course.through(psi)
 
 
-def _sized(theory: Theory, data: Measured) -> Theory:
+def sized(theory: Theory, data: Measured) -> Theory:
     """Give the light its size and its phase by one linear step."""
     rows = theory.rows(data)
     about = directions_of(theory, data, rows)
@@ -89,8 +89,8 @@ def _sized(theory: Theory, data: Measured) -> Theory:
     own = slice(normal.course, None)
     along, across = np.linalg.solve(normal.matrix[own, own], normal.vector[own])
     size, turned = math.hypot(along, across), math.atan2(across, along)
-    light = dataclasses.replace(
-        theory.model.light, flicker_ratio=min(max(FIRST_SIZE * size, 1e-4), 0.9)
-    )
+    light = theory.model.light
+    ratio = (light.flicker_ratio or FIRST_SIZE) * size
+    light = dataclasses.replace(light, flicker_ratio=min(max(ratio, 1e-4), 0.9))
     course = theory.course.through(theory.course.psi_rad + turned)
     return Theory(dataclasses.replace(theory.model, light=light), course, theory.wall)

@@ -46,7 +46,8 @@ class Discovery:
     @property
     def verdict(self) -> str:
         """``no_discrepancy``, ``explained`` or ``unexplained``."""
-        if self.last.gap.value > self.floor.limit:
+        # Below zero beyond chance: neighbouring rows are wrong in opposite ways.
+        if abs(self.last.gap.value) > self.floor.limit:
             return "unexplained"
         return "explained" if self.steps else "no_discrepancy"
 
@@ -54,7 +55,7 @@ class Discovery:
     def shrinkage(self) -> float:
         """Share of the gap above the floor that is gone; NaN where there was none."""
         above = self.first.gap.value - self.floor.median
-        if above <= self.floor.limit - self.floor.median:
+        if abs(above) <= self.floor.limit - self.floor.median:
             return float("nan")
         return 1.0 - (self.last.gap.value - self.floor.median) / above
 

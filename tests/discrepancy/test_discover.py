@@ -37,6 +37,8 @@ def test_nothing_is_found_where_nothing_is_hidden() -> None:
         ("readout_drift", {"drift_per_min": 0.006}, {"drift_per_min": 0.006}),
         ("capture_jitter", {"jitter_s": 6e-5}, {}),
         ("auto_exposure", {"gain_ratio": 0.006}, {}),
+        ("interlace", {"bottom_first": True}, {"bottom_first": True}),
+        ("reverse_readout", {}, {}),
         ("row_banding", {"banding_ratio": 0.009}, {}),
         ("frame_drop", {"at_frames": (200, 600)}, {"at_frames": [200, 600]}),
         ("frame_duplicate", {"at_frames": (300, 650)}, {"at_frames": [300, 650]}),

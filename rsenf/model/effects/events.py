@@ -10,6 +10,7 @@ from rsenf.model.effects.base import Run
 from rsenf.model.effects.residue import Residue
 
 LEAST_LEAP_RAD = 0.2  # smaller ones aren't told from noise
+MOST_RATIO = 0.05  # of the frames: where there are more, nothing fits at all
 
 
 def event_frames(per_min: float, at_frames: tuple[int, ...], run: Run) -> Int64Array:
@@ -51,4 +52,5 @@ def leaps(residue: Residue, turns: float) -> NDArray[np.int64]:
     moved = np.diff(residue.angle_rad, prepend=residue.angle_rad[0])
     moved = np.angle(np.exp(1j * moved))
     near = np.abs(np.angle(np.exp(1j * (moved - step)))) < abs(step) / 4
-    return np.flatnonzero(near)
+    found = np.flatnonzero(near)
+    return found if found.size < MOST_RATIO * near.size else np.empty(0, np.int64)

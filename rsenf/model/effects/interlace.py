@@ -38,4 +38,4 @@ class Interlace(ReadOutEffect):
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
         """Try either field as the first, where hardly anything fits."""
-        return [{"bottom_first": b} for b in (False, True)] if residue.gap > GROSS else []
+        return [{"bottom_first": b} for b in (False, True)] if abs(residue.gap) > GROSS else []

@@ -19,7 +19,8 @@ class Residue:
     Attributes
     ----------
     gap : float
-        Systematic part of what is left, over the flicker's power; about 1 where nothing fits.
+        Systematic part of what is left, over the flicker's power; about 1 or more where nothing
+        fits, and below zero where neighbouring rows are wrong in opposite ways.
     frame_rate_hz : float
     turns_per_frame : float
         Turns of the light in a frame period.

@@ -32,4 +32,4 @@ class ReverseReadout(ReadOutEffect):
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
         """Try it where hardly anything fits."""
-        return [{}] if residue.gap > GROSS else []
+        return [{}] if abs(residue.gap) > GROSS else []
