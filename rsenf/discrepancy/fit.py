@@ -35,6 +35,7 @@ class Fit:
 
     Attributes
     ----------
+    data : Measured
     begun : Theory
         From where it was fitted.
     theory : Theory

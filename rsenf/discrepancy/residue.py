@@ -16,23 +16,17 @@ ALIASES = 1  # to either side of the likeliest
 
 def residue_of(fit: Fit) -> Residue:
     """Sum up what a fit leaves."""
-    data, frames = fit.data, fit.data.frames
+    data = fit.data
     turn = fit.directions.turn
     flicker = fit.flicker
     seen = data.level - fit.theory.wall.astype(np.float32)
     along = _dot(seen, flicker) / np.maximum(_dot(flicker, flicker), 1e-12)
     across = _dot(seen, turn) / np.maximum(_dot(turn, turn), 1e-12)
-    steps = np.diff(data.level, axis=0)
-    alike = np.zeros(frames)
-    alike[1:] = (steps**2).mean(axis=(1, 2), dtype=np.float64) / (2.0 * fit.noise_var)
-    rate_hz = float(data.frame_rate)
     return Residue(
         gap=fit.gap.value,
-        frame_rate_hz=rate_hz,
-        turns_per_frame=2.0 * data.nominal_hz / rate_hz,
+        turns_per_frame=2.0 * data.nominal_hz / float(data.frame_rate),
         angle_rad=np.arctan2(across, along),
         size_ratio=np.hypot(along, across),
-        alike=alike,
         tones_hz=tones_hz(fit),
     )
 

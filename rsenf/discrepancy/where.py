@@ -75,7 +75,7 @@ def _parts(
     """Share of each group of indices along an axis of the products."""
     total = float(product.sum())
     for group in groups:
-        own = np.take(product, group, axis=along).sum(axis=tuple({1, 2}))
+        own = np.take(product, group, axis=along).sum(axis=(1, 2))
         yield _share(axis, place(int(group[0])), place(int(group[-1]) + 1), own, total)
 
 

@@ -21,24 +21,19 @@ class Residue:
     gap : float
         Systematic part of what is left, over the flicker's power; about 1 or more where nothing
         fits, and below zero where neighbouring rows are wrong in opposite ways.
-    frame_rate_hz : float
     turns_per_frame : float
         Turns of the light in a frame period.
     angle_rad : ndarray (frames,)
         By which each frame's flicker is ahead of the model's, between −π and π.
     size_ratio : ndarray (frames,)
         Size of each frame's flicker over the model's.
-    alike : ndarray (frames,)
-        Mean square by which each frame differs from the one before, over what noise alone makes.
     tones_hz : tuple of float
         Frequencies at which light would leave the lines that stand out of the residual, what
         stands out most first.
     """
 
     gap: float
-    frame_rate_hz: float
     turns_per_frame: float
     angle_rad: FloatArray
     size_ratio: FloatArray
-    alike: FloatArray
     tones_hz: tuple[float, ...]
