@@ -12,7 +12,7 @@ from rsenf.match.parts import Part, Parts, Span
 
 # Nats by which one lag must say less of some stretches than each of them says by its own, before
 # they are said not to go together. Of unedited clips with errors of all kinds and sizes it was 6 at
-# most.
+# most; a reference that is itself at fault brings up to 60.
 MISFIT = 15.0
 SAME_S, SAME_STDS = 0.1, 4.0  # lags that differ by less may be one
 OVERLAP_S = 5.0  # of what two parts show, from which on it is shown again
