@@ -8,7 +8,8 @@ the other row. One that is there or isn't can only be tried.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import dataclasses
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,11 +17,12 @@ from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.knobs import knobs_of, neutral, series_of
 from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.series import halves, power, response
+from rsenf.discrepancy.slopes import Slopes, by_knob
 from rsenf.model import CATALOGUE, Effect
 from rsenf.model.parameters import Fitting
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """An effect with values to begin a fit with.
 
@@ -30,10 +32,13 @@ class Candidate:
     explains : float
         Share of the training residual's square that it would explain, by a linear step; of an
         effect that can only be tried infinity.
+    slopes : Slopes or None
+        To begin the fit with, where they are known.
     """
 
     effect: Effect
-    explains: float = field(compare=False)
+    explains: float
+    slopes: Slopes | None = None
 
 
 def candidates(fit: Fit) -> list[Candidate]:
@@ -59,18 +64,19 @@ def weighed(fit: Fit, effect: Effect) -> Candidate | None:
     knobs = knobs_of(effect, neutral=True)
     if not knobs:
         return Candidate(effect, np.inf)
-    model = fit.theory.model.plus(effect)
-    own = [fit.direction(knob.moved(model, knob.step), knob.step) for knob in knobs]
-    training = fit.data.training
-    normal = fit.directions.normal(fit.residual, [*fit.known, *own], training)
-    left = float((fit.residual[training] ** 2).sum(dtype=np.float64))
-    return Candidate(effect, normal.over(fit.noise_var).explained(len(own)) * fit.noise_var / left)
+    theory = fit.theory.with_model(fit.theory.model.plus(effect))
+    own = [by_knob(theory, fit.rows, fit.data, knob) for knob in knobs]
+    slopes = fit.slopes.plus(knobs, own)
+    left = float((fit.residual[fit.data.training] ** 2).sum(dtype=np.float64))
+    told = slopes.training.normal(fit.residual).over(fit.noise_var).explained(len(own))
+    return Candidate(effect, told * fit.noise_var / left, slopes)
 
 
 def _series(fit: Fit, effect: Effect, name: str, how: Fitting) -> Candidate:
     """Weigh an effect that has one value for each frame or line."""
     direction = response(fit.theory, fit.rows, fit.data, effect, name, how)
-    first, second = halves(direction, fit.residual, fit.directions.lit, fit.data, how)
+    first, second = halves(direction, fit.residual, fit.slopes.lit, fit.data, how)
     left = float((fit.residual**2).sum(dtype=np.float64))
-    told = float((first * second * power(direction, fit.directions.lit, how)).sum())
-    return Candidate(effect, told / left)
+    told = float((first * second * power(direction, fit.slopes.lit, how)).sum())
+    series = {**fit.slopes.series, effect.name: direction}
+    return Candidate(effect, told / left, dataclasses.replace(fit.slopes, series=series))

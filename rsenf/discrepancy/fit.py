@@ -8,24 +8,24 @@ nothing was trained on is a fair judge of both.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from rsenf.discrepancy.gap import FIRST, Gap, gap_of
+from rsenf.discrepancy.gap import Gap, gap_of
 from rsenf.discrepancy.knobs import FLICKER, IDLE, Knob, knobs_of, turned
-from rsenf.discrepancy.linear import Directions
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.series import improved
+from rsenf.discrepancy.slopes import Slopes, slopes_of
 from rsenf.discrepancy.theory import Theory
 from rsenf.messages.schema import FloatArray
-from rsenf.model import CaptureModel
 
-TURN_RAD, LIT = 0.02, 0.01
 FARTHEST_RAD, FARTHEST_STEPS = 1.0, 50.0  # that one step may go
-REST_RAD, REST_STEPS = 1e-4, 1e-2  # of the phase, and of a knob in its own steps
+# Farther than this, of the phase and of a knob or a value in its own steps, slopes are others.
+NEAR_RAD, NEAR_STEPS = 0.03, 1.0
+# Values of a series follow the noise of their own frames: nearer isn't worth the way.
+REST_RAD, REST_STEPS, REST_SERIES = 1e-4, 1e-2, 0.1
 MOST = 8
 
 
@@ -43,10 +43,10 @@ class Fit:
         What it says.
     residual : ndarray of float32 (frames, lines, strips)
         Data less that.
-    knobs : tuple of Knob
-        What was fitted, besides the course and the wall.
+    slopes : Slopes
+        What the rows do about it.
     stderr : ndarray (knobs,)
-        Standard error of each.
+        Standard error of each knob.
     """
 
     data: Measured
@@ -54,8 +54,13 @@ class Fit:
     theory: Theory
     rows: Float32Array
     residual: Float32Array
-    knobs: tuple[Knob, ...]
+    slopes: Slopes
     stderr: FloatArray
+
+    @property
+    def knobs(self) -> tuple[Knob, ...]:
+        """What was fitted, besides the course and the wall."""
+        return self.slopes.knobs
 
     @cached_property
     def flicker(self) -> Float32Array:
@@ -80,32 +85,8 @@ class Fit:
         """Held-out mean square of the residual (levels²)."""
         return float((self.residual[~self.data.training] ** 2).mean(dtype=np.float64))
 
-    @cached_property
-    def directions(self) -> Directions:
-        """What the rows do about this theory."""
-        return directions_of(self.theory, self.data, self.rows)
 
-    @cached_property
-    def known(self) -> list[Float32Array]:
-        """What the rows do when each knob is turned."""
-        model = self.theory.model
-        return [self.direction(knob.moved(model, knob.step), knob.step) for knob in self.knobs]
-
-    def direction(self, model: CaptureModel, step: float) -> Float32Array:
-        """What the rows do, per step, with another model."""
-        moved = self.theory.with_model(model).rows(self.data)
-        return np.asarray((moved - self.rows) / np.float32(step))
-
-
-def directions_of(theory: Theory, data: Measured, rows: Float32Array) -> Directions:
-    """Turn the light and brighten the wall, and see what that does."""
-    turn = (theory.rows(data, turned_rad=TURN_RAD) - rows) / np.float32(TURN_RAD)
-    lit = (theory.rows(data, lit=1.0 + LIT) - rows) / np.float32(LIT)
-    middle_s = data.time_s + 0.5 * theory.model.shutter.read_out_time_s
-    return Directions(lit, turn, theory.course.basis_at(middle_s))
-
-
-def fit(theory: Theory, data: Measured, *, most: int = MOST) -> Fit:
+def fit(theory: Theory, data: Measured, *, most: int = MOST, slopes: Slopes | None = None) -> Fit:
     """Fit a theory, its effects included, from where it stands.
 
     Parameters
@@ -115,16 +96,26 @@ def fit(theory: Theory, data: Measured, *, most: int = MOST) -> Fit:
     data : Measured
     most : int, optional
         Steps.
+    slopes : Slopes, optional
+        About where it stands, if they are known: the first step needs no others.
     """
     knobs = [FLICKER, IDLE]
     for effect in theory.model.effects:
         knobs += knobs_of(effect, neutral=False)
-    begun, rows, stderr = theory, theory.rows(data), np.full(len(knobs), np.nan)
+    begun, rows = theory, theory.rows(data)
     for _ in range(most):
-        theory, rows, stderr, moved = _stepped(theory, rows, data, knobs)
-        if moved < 1.0:
+        if slopes is None:
+            slopes = slopes_of(theory, rows, data, knobs)
+        step = _stepped(theory, rows, slopes)
+        theory, rows = step.theory, step.rows
+        complete = len(slopes.knobs) == len(knobs)
+        if step.rested and complete:
             break
-    return Fit(data, begun, theory, rows, data.level - rows, tuple(knobs), stderr)
+        if step.far or not complete:
+            slopes = None
+    else:
+        slopes = slopes or slopes_of(theory, rows, data, knobs)
+    return Fit(data, begun, theory, rows, data.level - rows, slopes, step.stderr)
 
 
 def noise_var(residual: Float32Array) -> float:
@@ -132,43 +123,53 @@ def noise_var(residual: Float32Array) -> float:
     return float(np.var(residual[:, 1:] - residual[:, :-1], dtype=np.float64) / 2.0)
 
 
-def _stepped(
-    theory: Theory, rows: Float32Array, data: Measured, knobs: Sequence[Knob]
-) -> tuple[Theory, Float32Array, FloatArray, float]:
-    """Take one step: knobs, then the course given these, then series, then the wall.
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """Where a step has led: what the theory is and says then, and how far it went."""
 
-    Also what the theory says then, the knobs' standard errors, and how far it went: below one it
-    is at rest.
-    """
-    about, residual = directions_of(theory, data, rows), data.level - rows
-    variance, weights = noise_var(residual[data.training]), theory.course.weights
-    own = [
-        (theory.with_model(k.moved(theory.model, k.step)).rows(data) - rows) / np.float32(k.step)
-        for k in knobs
-    ]
-    normal = about.normal(residual, own, data.training).over(variance).with_prior(weights)
+    theory: Theory
+    rows: Float32Array
+    stderr: FloatArray
+    turned_rad: float
+    turned_steps: float
+    moved_steps: float  # of a series
+
+    @property
+    def far(self) -> bool:
+        return (
+            self.turned_rad > NEAR_RAD
+            or self.turned_steps > NEAR_STEPS
+            or self.moved_steps > NEAR_STEPS
+        )
+
+    @property
+    def rested(self) -> bool:
+        return (
+            self.turned_rad < REST_RAD
+            and self.turned_steps < REST_STEPS
+            and self.moved_steps < REST_SERIES
+        )
+
+
+def _stepped(theory: Theory, rows: Float32Array, slopes: Slopes) -> _Step:
+    """Take one step: knobs, then the course given these, then series, then the wall."""
+    data, knobs = slopes.data, slopes.knobs
+    left = data.level - rows
+    variance, weights = noise_var(left[data.training]), theory.course.weights
+    normal = slopes.training.normal(left).over(variance).with_prior(weights)
     stderr = np.sqrt(np.diag(normal.covariance())[normal.course :])
     steps = np.array([abs(knob.step) for knob in knobs])
     step = np.clip(normal.solve()[normal.course :], -FARTHEST_STEPS * steps, FARTHEST_STEPS * steps)
-    # The course by one row in two, given the rest.
-    rest = residual - sum(s.astype(np.float32) * d for s, d in zip(step, own, strict=True))
-    alone = about.normal(rest, [], np.ones(data.frames, bool), FIRST).over(variance)
-    course = alone.with_prior(weights).solve()
-    farthest = float(np.abs(about.basis @ course).max())
-    theory = Theory(
-        turned(theory.model, knobs, step.tolist()),
-        theory.course.moved(course * min(1.0, FARTHEST_RAD / max(farthest, 1e-9))),
-        theory.wall,
-    )
-    theory = improved(theory, theory.rows(data), about.lit, data)
-    theory, rows = _relit(theory, about, data)
-    return theory, rows, stderr, max(farthest / REST_RAD, *(np.abs(step) / steps / REST_STEPS))
-
-
-def _relit(theory: Theory, about: Directions, data: Measured) -> tuple[Theory, Float32Array]:
-    """Move the wall to where the training frames have it."""
-    rows = theory.rows(data)
-    brighter = about.brighter(data.level - rows, data.training)
-    wall = np.clip(theory.wall * (1.0 + brighter), 0.0, 255.0)
-    theory = Theory(theory.model, theory.course, wall)
-    return theory, theory.rows(data)
+    for size, direction in zip(step.astype(np.float32), slopes.own, strict=True):
+        left -= size * direction
+    course = slopes.course.normal(left).over(variance).with_prior(weights).solve()
+    farthest_rad = float(np.abs(slopes.basis @ course).max())
+    course *= min(1.0, FARTHEST_RAD / max(farthest_rad, 1e-9))
+    left -= (slopes.basis @ course).astype(np.float32)[:, None, None] * slopes.turn
+    model = turned(theory.model, knobs, step.tolist())
+    theory = dataclasses.replace(theory, model=model, course=theory.course.moved(course))
+    theory, left, moved_steps = improved(theory, left, slopes.lit, slopes.series, data)
+    wall = np.clip(theory.wall * (1.0 + slopes.brighter(left)), 0.0, 255.0)
+    theory = dataclasses.replace(theory, wall=wall)
+    turned_steps = float((np.abs(step) / steps).max())
+    return _Step(theory, theory.rows(data), stderr, farthest_rad, turned_steps, moved_steps)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.gap import FIRST, gap_of
+from rsenf.discrepancy.gap import gap_of
 
 SETS = 20
 # How far over the floor, in standard deviations of the sets, a gap must be to be one.
@@ -44,21 +44,18 @@ def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> Floor:
         How many.
     """
     rng, data = np.random.default_rng(seed), fit.data
-    about, training = fit.directions, fit.data.training
-    everything, noise_std = np.ones(data.frames, bool), np.float32(np.sqrt(fit.noise_var))
-    prior = np.zeros(about.basis.shape[1])
-    own = fit.known
+    about, others = fit.slopes, ~data.training
+    noise_std, prior = np.float32(np.sqrt(fit.noise_var)), np.zeros(about.basis.shape[1])
     gaps = []
     for _ in range(sets):
         left = noise_std * rng.standard_normal(fit.residual.shape, dtype=np.float32)
-        normal = about.normal(left, own, training).over(fit.noise_var).with_prior(prior)
+        normal = about.training.normal(left).over(fit.noise_var).with_prior(prior)
         step = normal.solve()[normal.course :]
-        for size, direction in zip(step.astype(np.float32), own, strict=True):
+        for size, direction in zip(step.astype(np.float32), about.own, strict=True):
             left -= size * direction
-        course = about.normal(left, [], everything, FIRST).over(fit.noise_var)
-        moved = about.basis @ course.with_prior(prior).solve()
-        left -= moved.astype(np.float32)[:, None, None] * about.turn
-        left -= about.brighter(left, training).astype(np.float32) * about.lit
-        gaps.append(gap_of(left, fit.flicker, data, ~training).value)
+        course = about.course.normal(left).over(fit.noise_var).with_prior(prior).solve()
+        left -= (about.basis @ course).astype(np.float32)[:, None, None] * about.turn
+        left -= about.brighter(left).astype(np.float32) * about.lit
+        gaps.append(gap_of(left, fit.flicker, data, others).value)
     median, std = float(np.median(gaps)), float(np.std(gaps, ddof=1))
     return Floor(median, median + BEYOND_STDS * std)

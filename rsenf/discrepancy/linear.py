@@ -8,12 +8,13 @@ direction that a change of the wall would do as well is taken off it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import copy
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.measured import Float32Array, Mask
+from rsenf.discrepancy.measured import Float32Array
 from rsenf.messages.schema import FloatArray
 
 TINY = 1e-12
@@ -64,8 +65,8 @@ class Normal:
         return float(told @ np.linalg.solve(own, told))
 
 
-class Directions:
-    """Directions of one theory, reduced to sums as they are needed.
+class System:
+    """Normal equations of a part of the data, ready for one residual after another.
 
     Parameters
     ----------
@@ -73,48 +74,65 @@ class Directions:
         What the rows do when the wall is brighter, relative to it.
     turn : ndarray (frames, lines, strips)
         What they do when the light's phase is ahead, per rad.
-    basis : ndarray (frames, directions)
-        The course's directions at each frame.
+    basis : ndarray (its frames, directions)
+        The course's directions at each frame of the part.
+    part : callable
+        Takes the part out of such an array.
     """
 
-    def __init__(self, lit: Float32Array, turn: Float32Array, basis: FloatArray) -> None:
-        self.lit, self.turn, self.basis = lit, turn, basis
-
-    def normal(
+    def __init__(
         self,
-        residual: Float32Array,
-        others: Sequence[Float32Array],
-        frames: Mask,
-        lines: slice = slice(None),
-    ) -> Normal:
-        """Build the normal equations for some frames and lines."""
-        lit, turn, rest, *own = (
-            np.ascontiguousarray(a[frames][:, lines]).reshape(int(frames.sum()), -1)
-            for a in (self.lit, self.turn, residual, *others)
-        )
-        basis = self.basis[frames]
-        size = 1.0 / np.sqrt(np.maximum((lit * lit).sum(axis=0, dtype=np.float64), TINY))
-        course = ((lit * turn).T @ basis) * size[:, None]
-        walls = [(lit * a).sum(axis=0, dtype=np.float64) * size for a in (rest, *own)]
-        k, n = basis.shape[1], basis.shape[1] + len(own)
-        matrix, vector = np.empty((n, n)), np.empty(n)
-        power = (turn * turn).sum(axis=1, dtype=np.float64)
-        matrix[:k, :k] = basis.T @ (power[:, None] * basis) - course.T @ course
-        vector[:k] = basis.T @ (turn * rest).sum(axis=1, dtype=np.float64) - course.T @ walls[0]
-        for a, (mine, wall) in enumerate(zip(own, walls[1:], strict=True)):
-            along = basis.T @ (turn * mine).sum(axis=1, dtype=np.float64) - course.T @ wall
-            matrix[k + a, :k] = matrix[:k, k + a] = along
-            vector[k + a] = (mine * rest).sum(dtype=np.float64) - wall @ walls[0]
-            for b in range(a + 1):
-                both = (mine * own[b]).sum(dtype=np.float64) - wall @ walls[1 + b]
-                matrix[k + a, k + b] = matrix[k + b, k + a] = both
-        return Normal(matrix, vector, k)
+        lit: Float32Array,
+        turn: Float32Array,
+        basis: FloatArray,
+        part: Callable[[Float32Array], Float32Array],
+    ) -> None:
+        self._part, self._basis = part, basis
+        self._lit, self._turn = self._taken(lit), self._taken(turn)
+        square = (self._lit * self._lit).sum(axis=0, dtype=np.float64)
+        self._size = 1.0 / np.sqrt(np.maximum(square, TINY))
+        self._course = ((self._lit * self._turn).T @ basis) * self._size[:, None]
+        power = (self._turn * self._turn).sum(axis=1, dtype=np.float64)
+        self._matrix = basis.T @ (power[:, None] * basis) - self._course.T @ self._course
+        self._others: list[tuple[Float32Array, FloatArray]] = []  # each with its wall
 
-    def brighter(self, residual: Float32Array, frames: Mask) -> FloatArray:
-        """By how much the wall is brighter than it was, relative to it: (lines, strips)."""
-        lit = self.lit[frames]
-        seen = (lit * residual[frames]).sum(axis=0, dtype=np.float64)
-        return np.asarray(seen / np.maximum((lit * lit).sum(axis=0, dtype=np.float64), TINY))
+    def plus(self, others: Sequence[Float32Array]) -> System:
+        """Return the system with further directions, (frames, lines, strips) each."""
+        out = copy.copy(self)
+        out._others = [*self._others]
+        for other in others:
+            mine = self._taken(other)
+            wall = self._wall(mine)
+            both = [self._both(mine, wall, *there) for there in [*out._others, (mine, wall)]]
+            row = np.concatenate([self._along(mine, wall), both])
+            out._matrix = np.block([[out._matrix, row[:-1, None]], [row[None, :]]])
+            out._others.append((mine, wall))
+        return out
+
+    def normal(self, residual: Float32Array) -> Normal:
+        """Build the normal equations for a residual (frames, lines, strips)."""
+        rest = self._taken(residual)
+        wall = self._wall(rest)
+        told = [self._both(rest, wall, *there) for there in self._others]
+        return Normal(
+            self._matrix, np.concatenate([self._along(rest, wall), told]), self._basis.shape[1]
+        )
+
+    def _taken(self, array: Float32Array) -> Float32Array:
+        return np.ascontiguousarray(self._part(array)).reshape(len(self._basis), -1)
+
+    def _wall(self, array: Float32Array) -> FloatArray:
+        """Its part that the wall could do, line by line."""
+        return np.asarray((self._lit * array).sum(axis=0, dtype=np.float64) * self._size)
+
+    def _along(self, array: Float32Array, wall: FloatArray) -> FloatArray:
+        """Its products with the course's directions."""
+        told = (self._turn * array).sum(axis=1, dtype=np.float64)
+        return np.asarray(self._basis.T @ told - self._course.T @ wall)
+
+    @staticmethod
+    def _both(a: Float32Array, wall_a: FloatArray, b: Float32Array, wall_b: FloatArray) -> float:
+        return float((a * b).sum(dtype=np.float64) - wall_a @ wall_b)
 
 
 def _scale(matrix: FloatArray) -> FloatArray:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import fft
 
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.gap import FIRST, SECOND
 from rsenf.messages.schema import FloatArray
 from rsenf.model.effects.residue import Residue
 
-TONES = 1  # lines that are looked at: the others are for the next round
 STANDS_OUT = 25.0  # power of a line over the median of the others
 ALIASES = 1  # to either side of the likeliest
 
@@ -17,7 +17,7 @@ ALIASES = 1  # to either side of the likeliest
 def residue_of(fit: Fit) -> Residue:
     """Sum up what a fit leaves."""
     data = fit.data
-    turn = fit.directions.turn
+    turn = fit.slopes.turn
     flicker = fit.flicker
     seen = data.level - fit.theory.wall.astype(np.float32)
     along = _dot(seen, flicker) / np.maximum(_dot(flicker, flicker), 1e-12)
@@ -32,36 +32,28 @@ def residue_of(fit: Fit) -> Residue:
 
 
 def tones_hz(fit: Fit) -> tuple[float, ...]:
-    """Frequencies whose light would leave the lines that stand out of the residual.
+    """Frequencies whose light would leave the line that stands out most of the residual.
 
     Lines are looked for frame by frame and row by row at once: the one transform tells the alias,
-    the other, by how fast the phase runs down the rows, which of its aliases it is.
+    the other, by how fast the phase runs down the rows, which of its aliases it is. What stands out
+    less is for the next round.
     """
     left = fit.residual.mean(axis=2)
-    down = 4 * left.shape[1]
-    first = np.fft.fft2(left[:, FIRST], s=(2 * left.shape[0], down // 2))
-    second = np.fft.fft2(left[:, SECOND], s=(2 * left.shape[0], down // 2))
-    # Of the odd rows, moved up by one.
-    second *= np.exp(-2j * np.pi * np.fft.fftfreq(down // 2) * 0.5)
-    power = (first * second.conj()).real
-    rate_hz = float(fit.data.frame_rate)
-    read_out_s = fit.theory.model.shutter.read_out_time_s
-    level = np.median(np.abs(power)) + 1e-30
-    out: list[float] = []
-    for _ in range(TONES):
-        n, i = np.unravel_index(int(np.argmax(power)), power.shape)
-        if power[n, i] < STANDS_OUT * level:
-            break
-        alias_hz = _between(power[:, i], int(n)) * rate_hz / power.shape[0]
-        ramp = np.fft.fftfreq(down // 2)[i] * left.shape[1] / 2  # turns down a frame
-        likely = round((ramp / read_out_s - alias_hz) / rate_hz)
-        near = sorted(range(likely - ALIASES, likely + ALIASES + 1), key=lambda m: abs(m - likely))
-        out += [alias_hz + m * rate_hz for m in near]
-        for sign_n, sign_i in ((n, i), (-n, -i)):
-            rows = np.arange(sign_n - 4, sign_n + 5) % power.shape[0]
-            columns = np.arange(sign_i - 8, sign_i + 9) % power.shape[1]
-            power[np.ix_(rows, columns)] = 0.0
-    return tuple(dict.fromkeys(abs(f) for f in out))
+    first, second = left[:, FIRST], left[:, SECOND]
+    size = tuple(fft.next_fast_len(2 * n) for n in first.shape)
+    pairs = np.fft.rfftfreq(size[1])  # turns from one pair of rows to the next
+    # The second rows are moved up by one.
+    moved = fft.rfft2(second, s=size) * np.exp(-1j * np.pi * pairs).astype(np.complex64)
+    power = (fft.rfft2(first, s=size) * moved.conj()).real
+    n, i = np.unravel_index(int(np.argmax(power)), power.shape)
+    if power[n, i] < STANDS_OUT * np.median(np.abs(power)):
+        return ()
+    rate_hz, shutter = float(fit.data.frame_rate), fit.theory.model.shutter
+    alias_hz = _between(power[:, i], int(n)) * rate_hz / size[0]
+    down_hz = pairs[i] * left.shape[1] / 2.0 / shutter.read_out_time_s
+    likely = round((down_hz - alias_hz) / rate_hz)
+    near = sorted(range(likely - ALIASES, likely + ALIASES + 1), key=lambda m: abs(m - likely))
+    return tuple(dict.fromkeys(abs(alias_hz + m * rate_hz) for m in near))
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> FloatArray:

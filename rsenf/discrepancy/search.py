@@ -31,6 +31,7 @@ from rsenf.model.effects import DeliveryEffect
 FALSE_ALARMS = 0.01  # of a whole search, by chance
 TRIED, STEPS = 3, 5  # of the likeliest are fitted, in so many steps
 HOPE = 0.3  # of the least gain that counts, from which on a candidate is worth a fit
+RIVAL = 0.1  # of what the best explains, by a linear step, from which on another is its rival
 WORST = -4.0  # standard errors by which a block of time may fare worse
 MOST_STEPS = 6
 
@@ -130,20 +131,26 @@ def next_step(before: Fit, least: float) -> Step:
     training = before.data.training
     left = float((before.residual[training] ** 2).mean(dtype=np.float64))
     power = float((before.flicker[training] ** 2).mean(dtype=np.float64))
-    likely = _likeliest(found, HOPE * least * power / left)
-    trials = [trial for c in likely if (trial := tried(before, c)) is not None]
     limit = math.log(max(len(found), 1) / FALSE_ALARMS)
-    ordered = sorted(trials, key=lambda t: -t.gain)
-    step = Step(before, tuple(ordered), len(found), limit, least)
+    step = Step(before, (), len(found), limit, least)
+    for candidate in _likeliest(found, HOPE * least * power / left):
+        best = step.chosen
+        if best is not None and candidate.explains < RIVAL * best.gain * power / left:
+            break  # it, and all after it, are far from as good
+        trial = tried(before, candidate)
+        if trial is not None:
+            ordered = sorted((*step.trials, trial), key=lambda t: -t.gain)
+            step = dataclasses.replace(step, trials=tuple(ordered))
     if step.chosen is None:
         return step
-    return dataclasses.replace(step, trials=(_settled(step.chosen), *ordered[1:]))
+    return dataclasses.replace(step, trials=(_settled(step.chosen), *step.trials[1:]))
 
 
 def tried(before: Fit, candidate: Candidate) -> Trial | None:
     """Fit a candidate jointly with all there is; None where no fit is found."""
     try:
-        after = fit(_with_effect(before, candidate.effect), before.data, most=STEPS)
+        begun = _with_effect(before, candidate.effect)
+        after = fit(begun, before.data, most=STEPS, slopes=candidate.slopes)
     except (UsageError, np.linalg.LinAlgError):  # steps have led to what can't be
         return None
     effect = next(e for e in after.theory.model.effects if e.name == candidate.effect.name)
@@ -158,7 +165,7 @@ def tried(before: Fit, candidate: Candidate) -> Trial | None:
 
 def _settled(trial: Trial) -> Trial:
     """Fit a trial on until it rests."""
-    after = fit(trial.fit.theory, trial.fit.data)
+    after = fit(trial.fit.theory, trial.fit.data, slopes=trial.fit.slopes)
     effect = next(e for e in after.theory.model.effects if e.name == trial.effect.name)
     return dataclasses.replace(trial, effect=effect, fit=after)
 

@@ -70,22 +70,34 @@ def power(direction: Float32Array, lit: Float32Array, how: Fitting) -> FloatArra
     return _squares(_beside(direction, lit), (0, 2))
 
 
-def improved(theory: Theory, rows: Float32Array, lit: Float32Array, data: Measured) -> Theory:
-    """Move the series of all effects to where the data have them."""
+def improved(
+    theory: Theory,
+    left: Float32Array,
+    lit: Float32Array,
+    responses: dict[str, Float32Array],
+    data: Measured,
+) -> tuple[Theory, Float32Array, float]:
+    """Move the series of all effects to where the data have them.
+
+    Also what is left then, and how far the farthest value went, in its own steps.
+    """
+    farthest = 0.0
     for effect in theory.model.effects:
         told = series_of(effect)
         if told is None:
             continue
         name, how = told
-        direction = response(theory, rows, data, effect, name, how)
-        found, _ = halves(direction, data.level - rows, lit, data, how)
+        direction = responses[effect.name]
+        found, _ = halves(direction, left, lit, data, how)
         values = held(theory, data, effect, name, how)
         # A frame that came twice has one value: the last of its two, which are as good.
         taken = plan(theory.model, data).number[data.slot]
         values[taken if how.each == "frame" else slice(None)] += found
         theory = with_series(theory, effect, name, values)
-        rows = theory.rows(data)
-    return theory
+        along = (slice(None), None, None) if how.each == "frame" else (None, slice(None), None)
+        left = left - found.astype(np.float32)[along] * direction
+        farthest = max(farthest, float(np.abs(found).max() / how.step))
+    return theory, left, farthest
 
 
 def all_as_told(effects: Sequence[Effect]) -> bool:

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsenf.discrepancy.fit import directions_of
 from rsenf.discrepancy.measured import Measured
+from rsenf.discrepancy.slopes import slopes_of
 from rsenf.discrepancy.theory import Course, Theory
 from rsenf.errors import InputError
 from rsenf.match.series import track_of
@@ -83,9 +83,9 @@ def _course(data: Measured, estimates: Sequence[EnfEstimate]) -> Course:
 def sized(theory: Theory, data: Measured) -> Theory:
     """Give the light its size and its phase by one linear step."""
     rows = theory.rows(data)
-    about = directions_of(theory, data, rows)
+    about = slopes_of(theory, rows, data)
     flicker = rows - theory.wall.astype(np.float32)
-    normal = about.normal(data.level - rows + flicker, [flicker, about.turn], data.training)
+    normal = about.training.plus([flicker, about.turn]).normal(data.level - rows + flicker)
     own = slice(normal.course, None)
     along, across = np.linalg.solve(normal.matrix[own, own], normal.vector[own])
     size, turned = math.hypot(along, across), math.atan2(across, along)

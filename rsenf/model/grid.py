@@ -78,14 +78,19 @@ class GridPath:
 
     def cycles(self, t_s: FloatArray) -> FloatArray:
         """Mains cycles since the camera's start, at times since then, of any shape."""
-        k, beyond_s, slope = self._segment(t_s)
-        return (
-            self._cycles[k] + beyond_s * (self.freq_hz[k] + slope * beyond_s / 2)
-        ) - self._origin_cycles
+        steps = self._steps(t_s)
+        if steps.ndim != 2 or not steps.size:
+            return self._cycles_at(steps, np.floor(steps))
+        # The lines of a frame are so near to each other that most frames lie in one segment.
+        first, last = np.floor(steps.min(axis=1)), np.floor(steps.max(axis=1))
+        out, several = self._cycles_at(steps, first[:, None]), first != last
+        out[several] = self._cycles_at(steps[several], np.floor(steps[several]))
+        return out
 
     def frequency_hz(self, t_s: FloatArray) -> FloatArray:
         """Grid frequency at times since the camera's start, of any shape."""
-        k, beyond_s, slope = self._segment(t_s)
+        steps = self._steps(t_s)
+        k, beyond_s, slope = self._segment(steps, np.floor(steps))
         return np.asarray(self.freq_hz[k] + slope * beyond_s)
 
     def mean_hz(self, begin_s: FloatArray, end_s: FloatArray) -> FloatArray:
@@ -98,13 +103,30 @@ class GridPath:
                  for a, b in self.gaps]  # fmt: skip
         return [(a, b) for a, b in spans if b > 0 and a < duration_s]
 
-    def _segment(self, t_s: FloatArray) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
-        """Centre before each time, the time beyond it, and the frequency's slope there."""
-        steps = (np.asarray(t_s) + self.start_s) / self.step_s - 0.5
+    def _steps(self, t_s: FloatArray) -> FloatArray:
+        """Times in steps after the centre of sample 0."""
+        return np.asarray((np.asarray(t_s) + self.start_s) / self.step_s - 0.5)
+
+    def _cycles_at(self, steps: FloatArray, whole: FloatArray) -> FloatArray:
+        """Cycles at times whose centres before them are known."""
+        k, beyond_s, slope = self._segment(steps, whole)
+        slope = slope / 2
+        return np.asarray(
+            (self._cycles[k] - self._origin_cycles)
+            + beyond_s * (self.freq_hz[k] + slope * beyond_s)
+        )
+
+    def _segment(
+        self, steps: FloatArray, whole: FloatArray
+    ) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
+        """Centre before each time, the time beyond it, and the frequency's slope there.
+
+        ``whole`` may have one place for many of ``steps`` (broadcastable).
+        """
         last = self.freq_hz.size - 1
-        k = np.clip(np.floor(steps), 0, last).astype(np.intp)
+        k = np.clip(whole, 0, last).astype(np.intp)
         rise = self.freq_hz[np.minimum(k + 1, last)] - self.freq_hz[k]
-        inside = (steps >= 0) & (k < last)
+        inside = (whole >= 0) & (k < last)
         return k, (steps - k) * self.step_s, np.where(inside, rise, 0.0) / self.step_s
 
 

@@ -80,15 +80,27 @@ def relative_level(
     middle_s = line_start_s + exposure_s / 2
     turns = 2 * grid.cycles(middle_s) + phase_rad / (2 * math.pi)
     angle = ((turns - np.floor(turns)) * (2 * math.pi)).astype(np.float32)
-    tone = np.empty(angle.shape, np.complex64)
-    np.cos(angle, out=tone.real)
-    np.sin(angle, out=tone.imag)
+    real, imaginary = np.cos(angle), np.sin(angle)
     f0_hz = 2 * grid.frequency_hz(middle_s[:, middle_s.shape[1] // 2])
     order = np.arange(1, series.size + 1)
     sizes = (series * np.sinc(f0_hz[:, None] * order * exposure_s)).astype(np.complex64)
-    # Horner's rule in the tone, from the highest harmonic down.
-    total = np.zeros_like(tone)
-    for k in range(series.size - 1, -1, -1):
+    first = sizes[:, :1]
+    if series.size > 1:
+        tone = np.empty(angle.shape, np.complex64)
+        tone.real, tone.imag = real, imaginary
+        first = first + _above(sizes[:, 1:], tone)
+    # Of harmonic 1 only the real part is needed.
+    real *= first.real
+    imaginary *= first.imag
+    real -= imaginary
+    real += np.float32(1)
+    return real
+
+
+def _above(sizes: NDArray[np.complex64], tone: NDArray[np.complex64]) -> NDArray[np.complex64]:
+    """Sum of the higher harmonics over harmonic 1: Horner's rule, from the highest down."""
+    total = sizes[:, -1:] * tone
+    for k in range(sizes.shape[1] - 2, -1, -1):
         total += sizes[:, k, None]
         total *= tone
-    return np.asarray(total.real + np.float32(1))
+    return np.asarray(total)

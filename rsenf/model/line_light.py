@@ -65,8 +65,8 @@ class LineLight:
     def tone(self, freq_hz: float, phase_rad: float) -> Float32Array:
         """Cosine of unit size and fixed frequency, as the exposure leaves it."""
         turns = freq_hz * (self.start_s + self.exposure_s / 2) + phase_rad / (2 * np.pi)
-        size = np.sinc(freq_hz * self.exposure_s)
-        return np.asarray(size * np.cos(2 * np.pi * (turns % 1.0)), np.float32)
+        angle = ((turns - np.floor(turns)) * (2 * np.pi)).astype(np.float32)
+        return np.asarray(np.float32(np.sinc(freq_hz * self.exposure_s)) * np.cos(angle))
 
     def scale(self, gain: FloatArray | Float32Array) -> None:
         """Multiply all light by a gain that each line or frame shares (broadcastable)."""

@@ -1,0 +1,110 @@
+"""What the rows do when anything about a theory is turned: derivatives by the capture model."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from rsenf.discrepancy.gap import FIRST
+from rsenf.discrepancy.knobs import Knob, series_of
+from rsenf.discrepancy.linear import TINY, System
+from rsenf.discrepancy.measured import Float32Array, Measured
+from rsenf.discrepancy.series import response
+from rsenf.discrepancy.theory import Theory
+from rsenf.messages.schema import FloatArray
+
+TURN_RAD, LIT = 0.02, 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Derivatives of the rows at one theory, (frames, lines, strips) each.
+
+    Attributes
+    ----------
+    data : Measured
+    basis : ndarray (frames, directions)
+        The course's directions at each frame.
+    lit : ndarray of float32
+        By the wall's brightness, relative to it.
+    turn : ndarray of float32
+        By the light's phase (1/rad).
+    knobs : tuple of Knob
+    own : tuple of ndarray of float32
+        By each knob.
+    series : dict of str to ndarray of float32
+        By the values of each effect that has a series, all of them at once.
+    """
+
+    data: Measured
+    basis: FloatArray
+    lit: Float32Array
+    turn: Float32Array
+    knobs: tuple[Knob, ...]
+    own: tuple[Float32Array, ...]
+    series: dict[str, Float32Array]
+
+    @cached_property
+    def training(self) -> System:
+        """What the training frames tell of course and knobs."""
+        frames = self.data.training
+        return System(self.lit, self.turn, self.basis[frames], lambda a: a[frames]).plus(self.own)
+
+    @cached_property
+    def course(self) -> System:
+        """What one row in two of all frames tells of the course."""
+        return System(self.lit, self.turn, self.basis, lambda a: a[:, FIRST])
+
+    def plus(self, knobs: Sequence[Knob], own: Sequence[Float32Array]) -> Slopes:
+        """Return them with those of more knobs."""
+        out = dataclasses.replace(self, knobs=(*self.knobs, *knobs), own=(*self.own, *own))
+        # What is known already isn't reckoned again.
+        out.__dict__["training"] = self.training.plus(own)
+        out.__dict__["course"] = self.course
+        return out
+
+    def brighter(self, residual: Float32Array) -> FloatArray:
+        """By how much training frames say that the wall is brighter, relative to it."""
+        lit = self.lit[self.data.training]
+        seen = (lit * residual[self.data.training]).sum(axis=0, dtype=np.float64)
+        return np.asarray(seen / np.maximum((lit * lit).sum(axis=0, dtype=np.float64), TINY))
+
+
+def slopes_of(
+    theory: Theory, rows: Float32Array, data: Measured, knobs: Sequence[Knob] = ()
+) -> Slopes:
+    """Turn the light, brighten the wall, turn every knob, and see what that does.
+
+    Parameters
+    ----------
+    theory : Theory
+    rows : ndarray of float32 (frames, lines, strips)
+        What it says.
+    data : Measured
+    knobs : sequence of Knob, optional
+    """
+    middle_s = data.time_s + 0.5 * theory.model.shutter.read_out_time_s
+    series = {
+        effect.name: response(theory, rows, data, effect, *told)
+        for effect in theory.model.effects
+        if (told := series_of(effect)) is not None
+    }
+    return Slopes(
+        data=data,
+        basis=theory.course.basis_at(middle_s),
+        lit=(theory.rows(data, lit=1.0 + LIT) - rows) / np.float32(LIT),
+        turn=(theory.rows(data, turned_rad=TURN_RAD) - rows) / np.float32(TURN_RAD),
+        knobs=tuple(knobs),
+        own=tuple(by_knob(theory, rows, data, knob) for knob in knobs),
+        series=series,
+    )
+
+
+def by_knob(theory: Theory, rows: Float32Array, data: Measured, knob: Knob) -> Float32Array:
+    """What the rows do, per unit, when a knob is turned."""
+    moved = theory.with_model(knob.moved(theory.model, knob.step)).rows(data)
+    return np.asarray((moved - rows) / np.float32(knob.step))
