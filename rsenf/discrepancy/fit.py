@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from rsenf.discrepancy.gap import FIRST, Gap, gap_of
+from rsenf.discrepancy.gap import Gap, gap_of
 from rsenf.discrepancy.knobs import FLICKER, IDLE, Knob, knobs_of, turned
 from rsenf.discrepancy.linear import Directions
 from rsenf.discrepancy.measured import Float32Array, Measured
@@ -68,7 +68,7 @@ class Fit:
     @cached_property
     def noise_var(self) -> float:
         """Variance of a row's noise, in the training frames."""
-        return noise_var(self.residual[self.data.training])
+        return noise_var(self.residual[self.data.training], self.data)
 
     @cached_property
     def gap(self) -> Gap:
@@ -127,9 +127,9 @@ def fit(theory: Theory, data: Measured, *, most: int = MOST) -> Fit:
     return Fit(data, begun, theory, rows, data.level - rows, tuple(knobs), stderr)
 
 
-def noise_var(residual: Float32Array) -> float:
-    """Variance of a row's noise: of what neighbouring rows don't share."""
-    return float(np.var(residual[:, 1:] - residual[:, :-1], dtype=np.float64) / 2.0)
+def noise_var(residual: Float32Array, data: Measured) -> float:
+    """Variance of a row's noise: of what neighbours don't share."""
+    return float(np.var(np.diff(residual, axis=data.apart), dtype=np.float64) / 2.0)
 
 
 def _stepped(
@@ -141,7 +141,7 @@ def _stepped(
     is at rest.
     """
     about, residual = directions_of(theory, data, rows), data.level - rows
-    variance, weights = noise_var(residual[data.training]), theory.course.weights
+    variance, weights = noise_var(residual[data.training], data), theory.course.weights
     own = [
         (theory.with_model(k.moved(theory.model, k.step)).rows(data) - rows) / np.float32(k.step)
         for k in knobs
@@ -150,9 +150,9 @@ def _stepped(
     stderr = np.sqrt(np.diag(normal.covariance())[normal.course :])
     steps = np.array([abs(knob.step) for knob in knobs])
     step = np.clip(normal.solve()[normal.course :], -FARTHEST_STEPS * steps, FARTHEST_STEPS * steps)
-    # The course by one row in two, given the rest.
+    # The course by one half of each frame, given the rest.
     rest = residual - sum(s.astype(np.float32) * d for s, d in zip(step, own, strict=True))
-    alone = about.normal(rest, [], np.ones(data.frames, bool), FIRST).over(variance)
+    alone = about.normal(rest, [], np.ones(data.frames, bool), data.first).over(variance)
     course = alone.with_prior(weights).solve()
     farthest = float(np.abs(about.basis @ course).max())
     theory = Theory(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.gap import FIRST, gap_of
+from rsenf.discrepancy.gap import gap_of
 
 SETS = 20
 # How far over the floor, in standard deviations of the sets, a gap must be to be one.
@@ -55,7 +55,7 @@ def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> Floor:
         step = normal.solve()[normal.course :]
         for size, direction in zip(step.astype(np.float32), own, strict=True):
             left -= size * direction
-        course = about.normal(left, [], everything, FIRST).over(fit.noise_var)
+        course = about.normal(left, [], everything, data.first).over(fit.noise_var)
         moved = about.basis @ course.with_prior(prior).solve()
         left -= moved.astype(np.float32)[:, None, None] * about.turn
         left -= about.brighter(left, training).astype(np.float32) * about.lit

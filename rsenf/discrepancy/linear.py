@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.measured import Float32Array, Mask
+from rsenf.discrepancy.measured import ALL, Float32Array, Mask, Part
 from rsenf.messages.schema import FloatArray
 
 TINY = 1e-12
@@ -85,11 +85,11 @@ class Directions:
         residual: Float32Array,
         others: Sequence[Float32Array],
         frames: Mask,
-        lines: slice = slice(None),
+        part: Part = ALL,
     ) -> Normal:
-        """Build the normal equations for some frames and lines."""
+        """Build the normal equations for some frames and a part of each."""
         lit, turn, rest, *own = (
-            np.ascontiguousarray(a[frames][:, lines]).reshape(int(frames.sum()), -1)
+            np.ascontiguousarray(a[frames][part]).reshape(int(frames.sum()), -1)
             for a in (self.lit, self.turn, residual, *others)
         )
         basis = self.basis[frames]

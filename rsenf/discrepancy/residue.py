@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.gap import FIRST, SECOND
+from rsenf.discrepancy.measured import LINES
 from rsenf.messages.schema import FloatArray
 from rsenf.model.effects.residue import Residue
 
@@ -37,14 +37,16 @@ def tones_hz(fit: Fit) -> tuple[float, ...]:
     Lines are looked for frame by frame and row by row at once: the one transform tells the alias,
     the other, by how fast the phase runs down the rows, which of its aliases it is.
     """
-    left = fit.residual.mean(axis=2)
-    down = 4 * left.shape[1]
-    first = np.fft.fft2(left[:, FIRST], s=(2 * left.shape[0], down // 2))
-    second = np.fft.fft2(left[:, SECOND], s=(2 * left.shape[0], down // 2))
-    # Of the odd rows, moved up by one.
-    second *= np.exp(-2j * np.pi * np.fft.fftfreq(down // 2) * 0.5)
+    data, every = fit.data, fit.data.every(LINES)
+    frames, down = 2 * data.frames, 4 * data.lines // every
+    first, second = (
+        np.fft.fft2(half.mean(axis=2), s=(frames, down))
+        for half in (fit.residual[data.first], fit.residual[data.second])
+    )
+    if every > 1:  # the odd rows, moved up by one
+        second *= np.exp(-2j * np.pi * np.fft.fftfreq(down) / every)
     power = (first * second.conj()).real
-    rate_hz = float(fit.data.frame_rate)
+    rate_hz = float(data.frame_rate)
     read_out_s = fit.theory.model.shutter.read_out_time_s
     level = np.median(np.abs(power)) + 1e-30
     out: list[float] = []
@@ -53,7 +55,7 @@ def tones_hz(fit: Fit) -> tuple[float, ...]:
         if power[n, i] < STANDS_OUT * level:
             break
         alias_hz = _between(power[:, i], int(n)) * rate_hz / power.shape[0]
-        ramp = np.fft.fftfreq(down // 2)[i] * left.shape[1] / 2  # turns down a frame
+        ramp = np.fft.fftfreq(down)[i] * data.lines / every  # turns down a frame
         likely = round((ramp / read_out_s - alias_hz) / rate_hz)
         near = sorted(range(likely - ALIASES, likely + ALIASES + 1), key=lambda m: abs(m - likely))
         out += [alias_hz + m * rate_hz for m in near]
