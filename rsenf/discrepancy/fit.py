@@ -73,7 +73,7 @@ class Fit:
     @cached_property
     def noise_var(self) -> float:
         """Variance of a row's noise, in the training frames."""
-        return noise_var(self.residual[self.data.training])
+        return noise_var(self.residual[self.data.training], self.data)
 
     @cached_property
     def gap(self) -> Gap:
@@ -118,9 +118,9 @@ def fit(theory: Theory, data: Measured, *, most: int = MOST, slopes: Slopes | No
     return Fit(data, begun, theory, rows, data.level - rows, slopes, step.stderr)
 
 
-def noise_var(residual: Float32Array) -> float:
-    """Variance of a row's noise: of what neighbouring rows don't share."""
-    return float(np.var(residual[:, 1:] - residual[:, :-1], dtype=np.float64) / 2.0)
+def noise_var(residual: Float32Array, data: Measured) -> float:
+    """Variance of a row's noise: of what neighbours don't share."""
+    return float(np.var(np.diff(residual, axis=data.apart), dtype=np.float64) / 2.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +155,7 @@ def _stepped(theory: Theory, rows: Float32Array, slopes: Slopes) -> _Step:
     """Take one step: knobs, then the course given these, then series, then the wall."""
     data, knobs = slopes.data, slopes.knobs
     left = data.level - rows
-    variance, weights = noise_var(left[data.training]), theory.course.weights
+    variance, weights = noise_var(left[data.training], data), theory.course.weights
     normal = slopes.training.normal(left).over(variance).with_prior(weights)
     stderr = np.sqrt(np.diag(normal.covariance())[normal.course :])
     steps = np.array([abs(knob.step) for knob in knobs])

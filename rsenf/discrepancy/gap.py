@@ -3,7 +3,8 @@
 Sensor noise of one row has nothing to do with that of the next. So the product of the residuals of
 neighbouring rows is, on average, the square of what is systematically left, and no noise; over the
 power of the flicker that was fitted it is the gap. Whatever follows the noise, such as the course
-of the phase, must have been found from one of the two rows alone.
+of the phase, must have been found from one of the two rows alone. A codec ties rows together; there
+the neighbours are strips, each with columns of its own.
 """
 
 from __future__ import annotations
@@ -15,8 +16,6 @@ import numpy as np
 
 from rsenf.discrepancy.measured import Float32Array, Mask, Measured
 from rsenf.messages.schema import FloatArray
-
-FIRST, SECOND = slice(0, None, 2), slice(1, None, 2)
 
 
 @dataclass(frozen=True)
@@ -35,10 +34,9 @@ class Gap:
     stderr: float
 
 
-def products(residual: Float32Array) -> FloatArray:
-    """Mean product of each frame's neighbouring rows, (frames,)."""
-    pairs = residual.shape[1] // 2
-    first, second = residual[:, FIRST][:, :pairs], residual[:, SECOND][:, :pairs]
+def products(residual: Float32Array, data: Measured) -> FloatArray:
+    """Mean product of each frame's neighbours, (frames,)."""
+    first, second = data.halves(residual)
     return np.asarray((first * second).mean(axis=(1, 2), dtype=np.float64))
 
 
@@ -54,7 +52,7 @@ def gap_of(residual: Float32Array, flicker: Float32Array, data: Measured, frames
         Those that count.
     """
     power = float((flicker[frames] ** 2).mean(dtype=np.float64))
-    gaps = by_block(products(residual), data, frames)[0] / power
+    gaps = by_block(products(residual, data), data, frames)[0] / power
     stderr = float(gaps.std(ddof=1) / math.sqrt(gaps.size)) if gaps.size > 1 else math.nan
     return Gap(float(gaps.mean()), stderr)
 

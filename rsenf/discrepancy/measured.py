@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,12 @@ from rsenf.messages.schema import FloatArray
 from rsenf.timebase import NS_PER_S
 
 Float32Array = NDArray[np.float32]
+AnyArray = NDArray[Any]
 Mask = NDArray[np.bool_]
+Part = tuple[slice, ...]  # of an array (frames, lines, strips)
+
+ALL: Part = (slice(None),)
+LINES, STRIPS = 1, 2  # axes
 
 # Long enough for the grid to move within one, short enough for twenty of them in a minute.
 BLOCK_S = 3.0
@@ -46,6 +52,9 @@ class Measured:
         50 or 60.
     axis : str
         ``rows`` or ``columns``: along which the lines lie.
+    apart : int
+        Axis along which neighbours have nothing to do with each other but what is systematic:
+        ``LINES``, as a sensor's noise is, or ``STRIPS``, as a codec leaves it.
     """
 
     level: Float32Array
@@ -54,6 +63,7 @@ class Measured:
     frame_rate: Fraction
     nominal_hz: float
     axis: str = "rows"
+    apart: int = LINES
 
     @property
     def frames(self) -> int:
@@ -84,6 +94,26 @@ class Measured:
     def training(self) -> Mask:
         """Frames that models are fitted to; they are scored on the others."""
         return np.asarray(self.block % 2 == 0)
+
+    @property
+    def first(self) -> Part:
+        """Values that what follows the noise is found from."""
+        return (slice(None),) * self.apart + (slice(0, None, 2),)
+
+    @property
+    def second(self) -> Part:
+        """Their neighbours, which judge it."""
+        return (slice(None),) * self.apart + (slice(1, None, 2),)
+
+    def halves(self, array: AnyArray) -> tuple[AnyArray, AnyArray]:
+        """Part an array (frames, lines, strips) into values and their neighbours, pair by pair."""
+        second = array[self.second]
+        pairs = (slice(None),) * self.apart + (slice(second.shape[self.apart]),)
+        return array[self.first][pairs], second
+
+    def every(self, axis: int) -> int:
+        """How many lines or strips it takes to the next pair."""
+        return 2 if axis == self.apart else 1
 
 
 def measured_of(blocks: Sequence[RowBlock], nominal_hz: float) -> Measured:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import fft
 
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.gap import FIRST, SECOND
+from rsenf.discrepancy.measured import LINES
 from rsenf.messages.schema import FloatArray
 from rsenf.model.effects.residue import Residue
 
@@ -38,19 +38,21 @@ def tones_hz(fit: Fit) -> tuple[float, ...]:
     the other, by how fast the phase runs down the rows, which of its aliases it is. What stands out
     less is for the next round.
     """
-    left = fit.residual.mean(axis=2)
-    first, second = left[:, FIRST], left[:, SECOND]
+    data, every = fit.data, fit.data.every(LINES)
+    first = fit.residual[data.first].mean(axis=2)
+    second = fit.residual[data.second].mean(axis=2)
     size = tuple(fft.next_fast_len(2 * n) for n in first.shape)
-    pairs = np.fft.rfftfreq(size[1])  # turns from one pair of rows to the next
-    # The second rows are moved up by one.
-    moved = fft.rfft2(second, s=size) * np.exp(-1j * np.pi * pairs).astype(np.complex64)
+    down = np.fft.rfftfreq(size[1])  # turns from one of these rows to the next
+    moved = fft.rfft2(second, s=size)
+    if every > 1:  # the odd rows, moved up by one
+        moved *= np.exp(-2j * np.pi * down / every).astype(np.complex64)
     power = (fft.rfft2(first, s=size) * moved.conj()).real
     n, i = np.unravel_index(int(np.argmax(power)), power.shape)
     if power[n, i] < STANDS_OUT * np.median(np.abs(power)):
         return ()
-    rate_hz, shutter = float(fit.data.frame_rate), fit.theory.model.shutter
+    rate_hz, shutter = float(data.frame_rate), fit.theory.model.shutter
     alias_hz = _between(power[:, i], int(n)) * rate_hz / size[0]
-    down_hz = pairs[i] * left.shape[1] / 2.0 / shutter.read_out_time_s
+    down_hz = down[i] * data.lines / every / shutter.read_out_time_s
     likely = round((down_hz - alias_hz) / rate_hz)
     near = sorted(range(likely - ALIASES, likely + ALIASES + 1), key=lambda m: abs(m - likely))
     return tuple(dict.fromkeys(abs(alias_hz + m * rate_hz) for m in near))

@@ -18,7 +18,7 @@ import numpy as np
 
 from rsenf.discrepancy.candidates import Candidate, candidates
 from rsenf.discrepancy.fit import Fit, fit
-from rsenf.discrepancy.gap import SECOND, by_block
+from rsenf.discrepancy.gap import by_block
 from rsenf.discrepancy.knobs import knobs_of, series_of
 from rsenf.discrepancy.series import all_as_told, held, with_series
 from rsenf.discrepancy.start import sized
@@ -190,7 +190,7 @@ def _better(before: Fit, after: Fit) -> tuple[FloatArray, FloatArray, FloatArray
     Its standard error too, of the noise, and how many values each mean is of.
     """
     data, others = before.data, ~before.data.training
-    was, now = before.residual[:, SECOND], after.residual[:, SECOND]
+    was, now = before.residual[data.second], after.residual[data.second]
     less = (was**2 - now**2).mean(axis=(1, 2), dtype=np.float64)
     moved = ((was - now) ** 2).mean(axis=(1, 2), dtype=np.float64)
     (gain, frames), (change, _) = (by_block(values, data, others) for values in (less, moved))

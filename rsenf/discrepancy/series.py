@@ -11,7 +11,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsenf.discrepancy.gap import FIRST, SECOND
 from rsenf.discrepancy.knobs import series_of
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.theory import Theory, plan
@@ -50,11 +49,13 @@ def halves(
 ) -> tuple[FloatArray, FloatArray]:
     """Values of a series as found on one half of the data and on the other.
 
-    Of frames, the halves are one row in two and the other; of lines, the training frames and the
+    Of frames, the halves are those of the data; of lines, the training frames and the
     others, and what a brighter wall would do as well is taken off.
     """
     if how.each == "frame":
-        first, second = (_least(direction[:, h], residual[:, h], (1, 2)) for h in (FIRST, SECOND))
+        first, second = (
+            _least(direction[part], residual[part], (1, 2)) for part in (data.first, data.second)
+        )
         return first, second
     out = []
     for frames in (data.training, ~data.training):

@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 
-from rsenf.discrepancy.gap import FIRST
 from rsenf.discrepancy.knobs import Knob, series_of
 from rsenf.discrepancy.linear import TINY, System
 from rsenf.discrepancy.measured import Float32Array, Measured
@@ -56,8 +55,8 @@ class Slopes:
 
     @cached_property
     def course(self) -> System:
-        """What one row in two of all frames tells of the course."""
-        return System(self.lit, self.turn, self.basis, lambda a: a[:, FIRST])
+        """What one half of every frame tells of the course."""
+        return System(self.lit, self.turn, self.basis, lambda a: a[self.data.first])
 
     def plus(self, knobs: Sequence[Knob], own: Sequence[Float32Array]) -> Slopes:
         """Return them with those of more knobs."""

@@ -1,24 +1,24 @@
 """Where theory and data disagree: the gap taken apart, each part with how sure it is.
 
-Every part is a mean of products of neighbouring rows, as the gap is, so noise has no share in it.
+Every part is a mean of products of neighbours, as the gap is, so noise has no share in it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.gap import FIRST, SECOND
+from rsenf.discrepancy.measured import LINES, STRIPS
 from rsenf.messages.schema import FloatArray
 
 BANDS = 8  # of rows
 LEVELS = 4
-LINES = 6  # of the spectrum that are named
+PEAKS = 6  # of the spectrum that are named
 NEAR = 2  # bins to either side of a line that are its own
 
 
@@ -47,21 +47,19 @@ class Share:
 
 def where(fit: Fit) -> list[Share]:
     """Take the held-out gap of a fit apart, axis by axis."""
-    pairs = fit.data.lines // 2
-    held = ~fit.data.training
-    first = fit.residual[held][:, FIRST][:, :pairs]
-    second = fit.residual[held][:, SECOND][:, :pairs]
-    product = (first * second).astype(np.float64)  # (frames, pairs, strips)
-    wall = fit.theory.wall[: 2 * pairs : 2]
+    data, held = fit.data, ~fit.data.training
+    first, second = data.halves(fit.residual[held])
+    product = (first * second).astype(np.float64)  # (frames, lines, strips), one axis in pairs
+    wall = data.halves(fit.theory.wall[None])[0][0]
+    lines, strips = np.arange(product.shape[1]), np.arange(product.shape[2])
+    by_line, by_strip = data.every(LINES), data.every(STRIPS)
     out = [
         *_by_time(fit, product, held),
-        *_parts("row", product, 1, np.array_split(np.arange(pairs), BANDS), lambda i: 2.0 * i),
+        *_parts("row", product, 1, np.array_split(lines, BANDS), by_line),
         *_by_level(product, wall),
     ]
-    strips = product.shape[2]
-    if strips > 1:
-        columns = np.array_split(np.arange(strips), strips)
-        out += _parts("strip", product, 2, columns, float)
+    if strips.size > 1:
+        out += _parts("strip", product, 2, np.array_split(strips, strips.size), by_strip)
     return [*out, _by_step(fit), *_by_alias(fit)]
 
 
@@ -70,13 +68,13 @@ def _parts(
     product: FloatArray,
     along: int,
     groups: list[np.ndarray],
-    place: Callable[[int], float],
+    every: int,
 ) -> Iterator[Share]:
     """Share of each group of indices along an axis of the products."""
     total = float(product.sum())
     for group in groups:
         own = np.take(product, group, axis=along).sum(axis=(1, 2))
-        yield _share(axis, place(int(group[0])), place(int(group[-1]) + 1), own, total)
+        yield _share(axis, every * int(group[0]), every * (int(group[-1]) + 1), own, total)
 
 
 def _by_time(fit: Fit, product: FloatArray, held: np.ndarray) -> Iterator[Share]:
@@ -97,23 +95,19 @@ def _by_level(product: FloatArray, wall: FloatArray) -> Iterator[Share]:
 
 def _by_step(fit: Fit) -> Share:
     """Share of what changes from one frame to the next, of which white residuals have all."""
-    pairs = fit.data.lines // 2
-    change = np.diff(fit.residual, axis=0)
-    steps = (change[:, FIRST][:, :pairs] * change[:, SECOND][:, :pairs]).sum(axis=(1, 2))
-    first, second = fit.residual[:, FIRST][:, :pairs], fit.residual[:, SECOND][:, :pairs]
+    first, second = fit.data.halves(fit.residual)
+    steps = (np.diff(first, axis=0) * np.diff(second, axis=0)).sum(axis=(1, 2))
     total = 2.0 * float((first * second).sum(dtype=np.float64))
     return _share("step", 1.0, 1.0, steps.astype(np.float64), total)
 
 
 def _by_alias(fit: Fit) -> Iterator[Share]:
     """Lines that stand out of the spectrum of the rows, from frame to frame."""
-    pairs = fit.data.lines // 2
-    first = np.fft.rfft(fit.residual[:, FIRST][:, :pairs], axis=0)
-    second = np.fft.rfft(fit.residual[:, SECOND][:, :pairs], axis=0)
+    first, second = (np.fft.rfft(half, axis=0) for half in fit.data.halves(fit.residual))
     power = (first * second.conj()).real.sum(axis=(1, 2))
     total, noise = float(power.sum()), 1.4826 * float(np.median(np.abs(power))) + 1e-30
     hz = np.fft.rfftfreq(fit.data.frames, 1.0 / float(fit.data.frame_rate))
-    for _ in range(LINES):
+    for _ in range(PEAKS):
         peak = int(np.argmax(power))
         low, high = max(peak - NEAR, 0), min(peak + NEAR, power.size - 1)
         own = float(power[low : high + 1].sum())
