@@ -24,7 +24,7 @@ ALLOWED: dict[str, set[str]] = {
     "idle": {*BASE, "flicker"},
     "match": {*BASE, "flicker"},
     "reference": {*BASE, "flicker", "track"},
-    "discrepancy": {*BASE, "flicker", "match", "model"},
+    "discrepancy": {*BASE, "rows", "flicker", "track", "idle", "match", "model"},
     "record": BASE,
     "bus": BASE,
     # A graph file is checked against the very settings of the stages.

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from rsenf.discrepancy import Discovery
     from rsenf.messages import RowBlock
     from rsenf.model import CaptureModel
-    from rsenf.run.inline import Analysis
 
 MODEL, RESULT, RESIDUALS = "model.yaml", "discovery.json", "residuals.npz"
 
@@ -62,9 +61,9 @@ def run(args: argparse.Namespace) -> int:
     for path in args.effects:
         load_effects(path)
     model = _model(args)
-    blocks, analysis = _analyse(args)
-    data = measured_of(blocks, _nominal_hz(args, analysis))
-    found = discover(model, data, analysis.estimates, analysis.idle.idle_ratio, note)
+    blocks, loss = _rows(args)
+    data = measured_of(blocks, args.nominal_hz)
+    found = discover(model, data, note)
     told = discovery_json(found, str(args.out / MODEL))
     _keep(args, found, told)
     if args.json:
@@ -73,9 +72,9 @@ def run(args: argparse.Namespace) -> int:
         print(discovery_words(told))
     if Path(args.input).suffix != ".npz":
         note("a codec ties rows together: what it does to them counts as a discrepancy")
-    if analysis.loss:
-        say(f"{args.input}: {analysis.loss}")
-    return EXIT_LOSS if analysis.loss else EXIT_DONE
+    if loss:
+        say(f"{args.input}: {loss}")
+    return EXIT_LOSS if loss else EXIT_DONE
 
 
 def _check_out(folder: Path) -> None:
@@ -100,12 +99,11 @@ def _model(args: argparse.Namespace) -> CaptureModel:
     return CaptureModel(name="plain", light=Light(lamp="tone"))
 
 
-def _analyse(args: argparse.Namespace) -> tuple[list[RowBlock], Analysis]:
+def _rows(args: argparse.Namespace) -> tuple[list[RowBlock], str]:
+    """Read the rows of the recording's first stretch, and what of it could not be read."""
     from rsenf.cli.console import progress_bar, row_settings
-    from rsenf.idle import IdleSettings
     from rsenf.run.inline import analyse
     from rsenf.run.inputs import open_input_file
-    from rsenf.track import TrackSettings
 
     recording = open_input_file(args.input, camera=args.camera)
     blocks: list[RowBlock] = []
@@ -115,21 +113,9 @@ def _analyse(args: argparse.Namespace) -> tuple[list[RowBlock], Analysis]:
             blocks.append(message)
 
     with progress_bar("reading", recording.duration_s) as progress:
-        analysis = analyse(
-            recording,
-            rows=row_settings(args),
-            track=TrackSettings(nominal_hz=args.nominal_hz),
-            idle=IdleSettings(nominal_hz=args.nominal_hz),
-            progress=progress,
-            tap=tap,
-        )
+        analysis = analyse(recording, rows=row_settings(args), progress=progress, tap=tap)
     epoch = blocks[0].header.epoch if blocks else 0
-    return [block for block in blocks if block.header.epoch == epoch], analysis
-
-
-def _nominal_hz(args: argparse.Namespace, analysis: Analysis) -> float:
-    told = [e.nominal_hz for e in analysis.estimates if e.usable]
-    return float(args.nominal_hz or (told[0] if told else 50.0))
+    return [block for block in blocks if block.header.epoch == epoch], analysis.loss
 
 
 def _keep(args: argparse.Namespace, found: Discovery, told: dict[str, Any]) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.discrepancy.estimates import Estimates, estimate
 from rsenf.errors import InputError
 from rsenf.messages import RowBlock
 from rsenf.messages.schema import FloatArray
@@ -48,8 +49,8 @@ class Measured:
     slot : ndarray of int (frames,)
         Place of each frame on the clip's time axis, in frame periods.
     frame_rate : Fraction
-    nominal_hz : float
-        50 or 60.
+    estimates : Estimates
+        Of its ENF and its idle period.
     axis : str
         ``rows`` or ``columns``: along which the lines lie.
     apart : int
@@ -61,9 +62,14 @@ class Measured:
     stamp_s: FloatArray
     slot: NDArray[np.int64]
     frame_rate: Fraction
-    nominal_hz: float
+    estimates: Estimates
     axis: str = "rows"
     apart: int = LINES
+
+    @property
+    def nominal_hz(self) -> float:
+        """Of the grid: 50 or 60."""
+        return self.estimates.nominal_hz
 
     @property
     def frames(self) -> int:
@@ -116,15 +122,15 @@ class Measured:
         return 2 if axis == self.apart else 1
 
 
-def measured_of(blocks: Sequence[RowBlock], nominal_hz: float) -> Measured:
+def measured_of(blocks: Sequence[RowBlock], nominal_hz: float | None = None) -> Measured:
     """Join the row blocks of a recording.
 
     Parameters
     ----------
     blocks : sequence of RowBlock
         Of one epoch, in order.
-    nominal_hz : float
-        50 or 60.
+    nominal_hz : float, optional
+        50 or 60; by default whichever is seen.
 
     Raises
     ------
@@ -154,7 +160,10 @@ def measured_of(blocks: Sequence[RowBlock], nominal_hz: float) -> Measured:
         raise InputError("every frame is the same", "give a recording of mains light")
     rate = frame_rate_of(stamp_s)
     slot = np.rint(stamp_s * float(rate)).astype(np.int64)
-    return Measured(level, stamp_s, slot, rate, nominal_hz, blocks[0].read_out_axis)
+    axis = blocks[0].read_out_axis
+    # Stamps that jitter would move the phase: frames count.
+    seen = estimate(level, slot / float(rate), axis, nominal_hz)
+    return Measured(level, stamp_s, slot, rate, seen, axis)
 
 
 def frame_rate_of(stamp_s: FloatArray) -> Fraction:

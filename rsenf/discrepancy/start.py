@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,33 +12,28 @@ from rsenf.discrepancy.slopes import slopes_of
 from rsenf.discrepancy.theory import Course, Theory
 from rsenf.errors import InputError
 from rsenf.match.series import track_of
-from rsenf.messages import EnfEstimate
 from rsenf.model import CaptureModel
 
 LEAST_USABLE = 0.5  # share of the seconds
 FIRST_SIZE = 0.05  # flicker with which the first simulation is made
 
 
-def first_theory(
-    model: CaptureModel, data: Measured, estimates: Sequence[EnfEstimate], idle_ratio: float
-) -> Theory:
+def first_theory(model: CaptureModel, data: Measured) -> Theory:
     """Return a theory near enough to the data for a fit to find its way.
 
     Parameters
     ----------
     model : CaptureModel
-        What to begin with; of it, the size of the flicker and the idle period are replaced.
+        What to begin with; the size of its flicker and, where it is seen, its idle period are
+        replaced.
     data : Measured
-    estimates : sequence of EnfEstimate
-        Of the same rows, by an estimator that publishes amplitudes if there is one.
-    idle_ratio : float
-        As it was estimated; NaN for unknown, and the model's is taken.
 
     Raises
     ------
     InputError
         When no flicker can be followed.
     """
+    idle_ratio = data.estimates.idle_ratio
     known = math.isfinite(idle_ratio)
     shutter = dataclasses.replace(
         model.shutter,
@@ -52,11 +46,12 @@ def first_theory(
     light = dataclasses.replace(model.light, flicker_ratio=FIRST_SIZE)
     wall = np.asarray(data.level.mean(axis=0, dtype=np.float64))
     begun = dataclasses.replace(model, light=light, shutter=shutter)
-    return sized(Theory(begun, _course(data, estimates), wall), data)
+    return sized(Theory(begun, _course(data), wall), data)
 
 
-def _course(data: Measured, estimates: Sequence[EnfEstimate]) -> Course:
+def _course(data: Measured) -> Course:
     """Follow the phase: as measured each second where it could be, by the frequency elsewhere."""
+    estimates = data.estimates.enf
     if not estimates:
         raise InputError("no ENF estimate: the recording is too short", "give a longer one")
     track = track_of(estimates)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,6 @@ from rsenf.discrepancy.measured import Measured
 from rsenf.discrepancy.search import Step, search
 from rsenf.discrepancy.start import first_theory
 from rsenf.discrepancy.where import Share, where
-from rsenf.messages import EnfEstimate
 from rsenf.model import CaptureModel
 
 SURE = 3.0  # standard errors with which a place is one
@@ -63,8 +62,6 @@ class Discovery:
 def discover(
     model: CaptureModel,
     data: Measured,
-    estimates: Sequence[EnfEstimate],
-    idle_ratio: float,
     progress: Callable[[str], None] = lambda doing: None,
 ) -> Discovery:
     """Find what a model lacks of a recording, and add it.
@@ -74,10 +71,6 @@ def discover(
     model : CaptureModel
         To begin with.
     data : Measured
-    estimates : sequence of EnfEstimate
-        Of the same rows.
-    idle_ratio : float
-        As estimated from them; NaN for unknown.
     progress : callable, optional
         Told what is being done.
 
@@ -87,7 +80,7 @@ def discover(
         When the recording has no flicker to fit a model to.
     """
     progress("fitting the model")
-    first = fit(first_theory(model, data, estimates, idle_ratio), data)
+    first = fit(first_theory(model, data), data)
     floor = floor_of(first)
     steps = []
     progress("looking for what is missing")

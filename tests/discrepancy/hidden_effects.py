@@ -7,11 +7,9 @@ from fractions import Fraction
 from typing import Any
 
 from rsenf.discrepancy import Discovery, Measured, discover, measured_of
-from rsenf.idle import IdleSettings, make_idle
-from rsenf.messages import EnfEstimate, Header
+from rsenf.messages import Header
 from rsenf.model import CaptureModel, Light, RowData, Shutter, simulate_rows, synthetic_grid
 from rsenf.rows.luminance import blocks_from_luminance
-from rsenf.track import TrackSettings, make_tracker
 
 PLAIN = CaptureModel(name="plain", light=Light(lamp="tone"))
 SECONDS, LINES = 27.0, 160
@@ -23,11 +21,9 @@ class Hidden:
 
     made: RowData
     data: Measured
-    estimates: list[EnfEstimate]
-    idle_ratio: float
 
     def discover(self, model: CaptureModel = PLAIN) -> Discovery:
-        return discover(model, self.data, self.estimates, self.idle_ratio)
+        return discover(model, self.data)
 
 
 def hidden(
@@ -48,7 +44,4 @@ def hidden(
     grid = synthetic_grid(seed, SECONDS + 10.0, start_s=4.0)
     made = simulate_rows(model, grid, SECONDS, seed, strips=strips)
     blocks = list(blocks_from_luminance(made.level, made.frame_time_s, Header()))
-    tracker, stage = make_tracker(TrackSettings(nominal_hz=50.0)), make_idle(IdleSettings())
-    estimates = [e for block in blocks for e in tracker.update(block)] + tracker.flush()
-    idle = [e for block in blocks for e in stage.update(block)] + stage.flush()
-    return Hidden(made, measured_of(blocks, 50.0), estimates, idle[-1].idle_ratio)
+    return Hidden(made, measured_of(blocks))

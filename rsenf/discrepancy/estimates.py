@@ -1,0 +1,67 @@
+"""What the estimators of rsenf see in the rows: where a fit of a model may begin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.idle import IdleSettings, make_idle
+from rsenf.messages import EnfEstimate, Header
+from rsenf.messages.schema import FloatArray
+from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.track import TrackSettings, make_tracker
+
+ENOUGH = 240  # lines; what more of them tell is kept by means of neighbours
+
+
+@dataclass(frozen=True, eq=False)
+class Estimates:
+    """ENF and idle period of a recording.
+
+    Attributes
+    ----------
+    enf : tuple of EnfEstimate
+    idle_ratio : float
+        NaN where it isn't known.
+    nominal_hz : float
+        50 or 60.
+    """
+
+    enf: tuple[EnfEstimate, ...]
+    idle_ratio: float
+    nominal_hz: float
+
+
+def estimate(
+    level: np.ndarray, time_s: FloatArray, axis: str, nominal_hz: float | None
+) -> Estimates:
+    """Run the ENF tracker and the idle estimator on row means.
+
+    Parameters
+    ----------
+    level : ndarray (frames, lines, strips)
+        8-bit levels.
+    time_s : ndarray (frames,)
+        Start of each frame.
+    axis : str
+        ``rows`` or ``columns``.
+    nominal_hz : float or None
+        50 or 60; None for whichever is seen.
+    """
+    tracker = make_tracker(TrackSettings(nominal_hz=nominal_hz))
+    idle = make_idle(IdleSettings(nominal_hz=nominal_hz))
+    blocks = list(blocks_from_luminance(_thinned(level), time_s, Header(), read_out_axis=axis))
+    told = [e for block in blocks for e in tracker.update(block)] + tracker.flush()
+    enf = tuple(e for e in told if e.rank == 0)  # those that the tracker stands behind
+    found = [e for block in blocks for e in idle.update(block)] + idle.flush()
+    seen = nominal_hz or next((e.nominal_hz for e in enf if e.usable), 50.0)
+    return Estimates(enf, found[-1].idle_ratio if found else float("nan"), seen)
+
+
+def _thinned(level: np.ndarray) -> np.ndarray:
+    """Means of as many neighbouring lines as leave enough; some at the end may be left out."""
+    group = max(level.shape[1] // ENOUGH, 1)
+    lines = level.shape[1] // group
+    cut = level[:, : lines * group].reshape(level.shape[0], lines, group, level.shape[2])
+    return np.asarray(cut.mean(axis=2)) if group > 1 else level
