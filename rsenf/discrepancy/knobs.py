@@ -40,12 +40,12 @@ class Knob:
         """Return the model with this coordinate moved."""
         held = _part(model, self.part)
         if not self.turn:
-            value = _within(held, self.name, getattr(held, self.name) + by)
+            value = within(held, self.name, getattr(held, self.name) + by)
             return _with(model, self.part, **{self.name: value})
         size, phase = getattr(held, self.name), getattr(held, self.turn) or 0.0
         along, across = size * math.cos(phase), size * math.sin(phase)
         along, across = (along, across + by) if self.across else (along + by, across)
-        size = _within(held, self.name, math.hypot(along, across))
+        size = within(held, self.name, math.hypot(along, across))
         turned = {self.name: size, self.turn: math.atan2(across, along)}
         return _with(model, self.part, **turned)
 
@@ -109,7 +109,7 @@ def _with(model: CaptureModel, part: str, **values: Any) -> CaptureModel:
     return dataclasses.replace(model, effects=effects)
 
 
-def _within(held: Any, name: str, value: float) -> float:
-    """Keep a parameter within its plausible range."""
+def within(held: Any, name: str, value: float) -> float:
+    """Keep a value within the plausible range of a parameter."""
     meta = next(f.metadata for f in dataclasses.fields(held) if f.name == name)
     return float(min(max(value, meta["low"]), meta["high"]))

@@ -34,6 +34,7 @@ RATES = (
     *(Fraction(n * 1000, 1001) for n in (24, 30, 60, 120, 240)),
 )
 SAME_RATE = 5e-4
+MOST_SLIP = 0.25  # frames, over a whole recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,6 +173,7 @@ def frame_rate_of(stamp_s: FloatArray) -> Fraction:
     periods = np.maximum(np.rint(np.diff(stamp_s) / period_s), 1.0)
     rate_hz = float(periods.sum() / (stamp_s[-1] - stamp_s[0]))
     nearest = min(RATES, key=lambda rate: abs(rate_hz / float(rate) - 1.0))
-    if abs(rate_hz / float(nearest) - 1.0) < SAME_RATE:
+    slip = abs(rate_hz / float(nearest) - 1.0)
+    if slip < SAME_RATE and slip * stamp_s.size < MOST_SLIP:
         return nearest
     return Fraction(rate_hz).limit_denominator(1001)

@@ -20,13 +20,14 @@ from rsenf.discrepancy.candidates import Candidate, candidates
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.gap import by_block
 from rsenf.discrepancy.knobs import knobs_of, series_of
-from rsenf.discrepancy.series import all_as_told, held, with_series
+from rsenf.discrepancy.series import all_as_told, halves, held, summed_up, with_series
 from rsenf.discrepancy.start import sized
-from rsenf.discrepancy.theory import Theory
+from rsenf.discrepancy.theory import Theory, plan
 from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray
 from rsenf.model import Effect
 from rsenf.model.effects import DeliveryEffect
+from rsenf.model.parameters import Fitting
 
 FALSE_ALARMS = 0.01  # of a whole search, by chance
 TRIED, STEPS = 3, 5  # of the likeliest are fitted, in so many steps
@@ -125,6 +126,26 @@ def search(first: Fit, least: float) -> Iterator[Step]:
         now = step.chosen.fit
 
 
+def needed(last: Fit, steps: Sequence[Step]) -> tuple[Fit, list[Step]]:
+    """Take out again what later steps have made superfluous.
+
+    An effect stays if the model without it is worse by as much as it would take for it to enter.
+    """
+    kept = list(steps)
+    for step in steps[:-1]:
+        chosen = step.chosen
+        assert chosen is not None
+        name = chosen.effect.name
+        without = fit(last.theory.with_model(last.theory.model.without(name)), last.data)
+        gain, _, rows = _better(without, last)
+        power = float((last.flicker[~last.data.training] ** 2).mean(dtype=np.float64))
+        nats = float((gain * rows).sum() / (2.0 * last.noise_var))
+        if nats < step.limit or float((gain * rows).sum() / rows.sum()) < step.least * power:
+            last = without
+            kept.remove(step)
+    return last, kept
+
+
 def next_step(before: Fit, least: float) -> Step:
     """Look at all candidates, and fit the likeliest."""
     found = candidates(before)
@@ -164,10 +185,27 @@ def tried(before: Fit, candidate: Candidate) -> Trial | None:
 
 
 def _settled(trial: Trial) -> Trial:
-    """Fit a trial on until it rests."""
+    """Fit a trial on until it rests, and sum its series up."""
     after = fit(trial.fit.theory, trial.fit.data, slopes=trial.fit.slopes)
-    effect = next(e for e in after.theory.model.effects if e.name == trial.effect.name)
-    return dataclasses.replace(trial, effect=effect, fit=after)
+    told, model = [], after.theory.model
+    for effect in model.effects:
+        series = series_of(effect)
+        told.append(_in_numbers(after, effect, *series) if series else effect)
+    theory = after.theory.with_model(dataclasses.replace(model, effects=tuple(told)))
+    effect = next(e for e in told if e.name == trial.effect.name)
+    return dataclasses.replace(trial, effect=effect, fit=dataclasses.replace(after, theory=theory))
+
+
+def _in_numbers(after: Fit, effect: Effect, name: str, how: Fitting) -> Effect:
+    """Return an effect with the numbers that its series comes to."""
+    direction = after.slopes.series[effect.name]
+    moved = halves(direction, after.residual, after.slopes.lit, after.data, how)
+    values = np.array(getattr(effect, name))
+    if how.each == "frame":  # as they were delivered
+        values = values[plan(after.theory.model, after.data).number[after.data.slot]]
+    return summed_up(
+        effect, values + moved[0], values + moved[1], 1.0 / float(after.data.frame_rate)
+    )
 
 
 def _with_effect(before: Fit, effect: Effect) -> Theory:

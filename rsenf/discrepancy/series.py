@@ -7,11 +7,12 @@ row in two (for frames), so that the others tell whether it is more than noise.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from rsenf.discrepancy.knobs import series_of
+from rsenf.discrepancy.knobs import series_of, within
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.theory import Theory, plan
 from rsenf.messages.schema import FloatArray
@@ -99,6 +100,30 @@ def improved(
         left = left - found.astype(np.float32)[along] * direction
         farthest = max(farthest, float(np.abs(found).max() / how.step))
     return theory, left, farthest
+
+
+def summed_up(effect: Effect, first: FloatArray, second: FloatArray, step_s: float) -> Effect:
+    """Return an effect with its series' root mean square, and the time over which it forgets.
+
+    Parameters
+    ----------
+    effect : Effect
+    first, second : ndarray
+        The series as found on either half of the data: their noise is not in their product.
+    step_s : float
+        Time between its values.
+    """
+    told = series_of(effect)
+    if told is None or not told[1].rms:
+        return effect
+    first, second = first - first.mean(), second - second.mean()
+    square = float(first @ second) / first.size
+    values = {told[1].rms: within(effect, told[1].rms, math.sqrt(max(square, 0.0)))}
+    if told[1].memory and square > 0.0:
+        beside = float(first[:-1] @ second[1:] + second[:-1] @ first[1:]) / (2 * first.size - 2)
+        stays = min(max(beside / square, 1e-6), 1.0 - 1e-6)
+        values[told[1].memory] = within(effect, told[1].memory, -step_s / math.log(stays))
+    return dataclasses.replace(effect, **values)
 
 
 def all_as_told(effects: Sequence[Effect]) -> bool:

@@ -11,11 +11,13 @@ from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.floor import Floor, floor_of
 from rsenf.discrepancy.knobs import series_of
 from rsenf.discrepancy.measured import Measured
-from rsenf.discrepancy.search import Step, search
+from rsenf.discrepancy.search import Step, needed, search
+from rsenf.discrepancy.stamps import Stamps, gap_of_stamps, off_s, stamps_of
 from rsenf.discrepancy.start import first_theory
 from rsenf.discrepancy.where import Share, where
-from rsenf.model import CaptureModel
+from rsenf.model import CaptureModel, Effect
 
+MOST_EVENTS = 100  # that are listed
 SURE = 3.0  # standard errors with which a place is one
 
 
@@ -29,34 +31,51 @@ class Discovery:
         Before any effect was added, and after the last.
     steps : tuple of Step
         Those that added one.
+    stamps : Stamps or None
+        What the frames' stamps have shown, before any row was looked at.
     floor : Floor
         Of data that the last theory made.
-    before, after : list of Share
+    where_before, where_after : list of Share
         Where theory and data disagreed, and where they still do.
     """
 
     first: Fit
     last: Fit
     steps: tuple[Step, ...]
+    stamps: Stamps | None
     floor: Floor
-    before: list[Share]
-    after: list[Share]
+    where_before: list[Share]
+    where_after: list[Share]
+
+    @property
+    def before(self) -> float:
+        """Gap of the model to begin with: of rows and of stamps."""
+        return self.first.gap.value + _stamps_gap(self.first)
+
+    @property
+    def after(self) -> float:
+        """Gap of the model at last."""
+        return self.last.gap.value + _stamps_gap(self.last)
 
     @property
     def verdict(self) -> str:
         """``no_discrepancy``, ``explained`` or ``unexplained``."""
         # Below zero beyond chance: neighbouring rows are wrong in opposite ways.
-        if abs(self.last.gap.value) > self.floor.limit:
+        if max(abs(self.last.gap.value), _stamps_gap(self.last)) > self.floor.limit:
             return "unexplained"
-        return "explained" if self.steps else "no_discrepancy"
+        return "explained" if self.steps or self.stamps else "no_discrepancy"
 
     @property
     def shrinkage(self) -> float:
         """Share of the gap above the floor that is gone; NaN where there was none."""
-        above = self.first.gap.value - self.floor.median
+        above = self.before - self.floor.median
         if abs(above) <= self.floor.limit - self.floor.median:
             return float("nan")
-        return 1.0 - (self.last.gap.value - self.floor.median) / above
+        return 1.0 - (self.after - self.floor.median) / above
+
+
+def _stamps_gap(fit: Fit) -> float:
+    return gap_of_stamps(off_s(fit.theory, fit.data), fit.data.nominal_hz)
 
 
 def discover(
@@ -81,17 +100,20 @@ def discover(
     """
     progress("fitting the model")
     first = fit(first_theory(model, data), data)
-    floor = floor_of(first)
+    stamps = stamps_of(first)
+    last = stamps.fit if stamps else first
+    floor = floor_of(last)
     steps = []
     progress("looking for what is missing")
-    for step in search(first, floor.limit - floor.median):
+    for step in search(last, floor.limit - floor.median):
         if step.chosen is None:
             break
         steps.append(step)
+        last = step.chosen.fit
         progress(f"added {' or '.join(step.kin)}")
-    last = steps[-1].chosen.fit if steps and steps[-1].chosen else first
+    last, steps = needed(last, steps)
     floor = floor_of(last) if steps else floor
-    return Discovery(first, last, tuple(steps), floor, where(first), where(last))
+    return Discovery(first, last, tuple(steps), stamps, floor, where(first), where(last))
 
 
 def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:
@@ -100,18 +122,21 @@ def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:
     return {
         "version": 1,
         "verdict": found.verdict,
-        "effects": [_step_json(step) for step in found.steps],
+        "effects": [
+            *([_stamps_json(found)] if found.stamps else []),
+            *(_step_json(step) for step in found.steps),
+        ],
         "gap": {
-            "before": first.value,
+            "before": found.before,
             "before_stderr": first.stderr,
-            "after": last.value,
+            "after": found.after,
             "stderr": last.stderr,
             "floor": floor.median,
             "limit": floor.limit,
             "shrinkage": found.shrinkage if found.shrinkage == found.shrinkage else None,
         },
         "held_out_mean_square": {"before": found.first.misfit, "after": found.last.misfit},
-        "where_before": [dataclasses.asdict(share) for share in found.before],
+        "where_before": [dataclasses.asdict(share) for share in found.where_before],
         "unexplained": _left(found),
         "model_out": model_out,
     }
@@ -129,10 +154,34 @@ def model_of(found: Discovery, made_from: str) -> CaptureModel:
         "from": made_from,
         "verdict": found.verdict,
         "stderr": errors,
-        "gap": {"before": found.first.gap.value, "after": found.last.gap.value},
+        "gap": {"before": found.before, "after": found.after},
         "wander": "the light's course is the recording's own and isn't part of the model",
     }
     return dataclasses.replace(theory.whole(), provenance=provenance)
+
+
+def _stamps_json(found: Discovery) -> dict[str, Any]:
+    stamps = found.stamps
+    assert stamps is not None
+    several = len(stamps.rivals) > 1
+    return {
+        "name": None if several else stamps.effect.name,
+        "class": list(stamps.rivals) if several else [],
+        "parameters": _numbers(stamps.effect),
+        "stderr": {},
+        "told_apart_by": stamps.effect.told_apart_by if several else "",
+        "gap_before": found.before,
+        "gap_after": stamps.fit.gap.value,
+        "gain": stamps.gap,
+        "evidence": None,  # stamps have no noise
+        "tried": len(stamps.rivals),
+    }
+
+
+def _numbers(effect: Effect) -> dict[str, Any]:
+    """Parameters of an effect, without those that have a value for each frame or line."""
+    told = effect.to_dict().items()
+    return {k: v for k, v in told if not (isinstance(v, list) and len(v) > MOST_EVENTS)}
 
 
 def _step_json(step: Step) -> dict[str, Any]:
@@ -148,7 +197,7 @@ def _step_json(step: Step) -> dict[str, Any]:
     return {
         "name": best.effect.name if len(kin) == 1 else None,
         "class": list(kin) if len(kin) > 1 else [],
-        "parameters": {k: v for k, v in best.effect.to_dict().items() if not told or k != told[0]},
+        "parameters": {k: v for k, v in _numbers(best.effect).items() if not told or k != told[0]},
         "stderr": {name: error for (name, across), error in errors.items() if not across},
         "told_apart_by": best.effect.told_apart_by if len(kin) > 1 else "",
         "gap_before": step.before.gap.value,
@@ -162,8 +211,9 @@ def _step_json(step: Step) -> dict[str, Any]:
 def _left(found: Discovery) -> dict[str, Any] | None:
     if found.verdict != "unexplained":
         return None
-    places = [share for share in found.after if share.sure > SURE]
+    places = [share for share in found.where_after if share.sure > SURE]
     return {
-        "gap": found.last.gap.value,
+        "gap": found.after,
+        "stamps_gap": _stamps_gap(found.last),
         "places": [dataclasses.asdict(share) for share in places],
     }

@@ -52,6 +52,9 @@ class Fitting:
         is empty; empty for a single value.
     wanders : bool
         Of a series: each value goes on from the one before; else they are white.
+    rms, memory : str
+        Of a series: parameters of the same part that are its root mean square, and the time over
+        which it forgets; empty for none.
     """
 
     neutral: float | None
@@ -59,6 +62,8 @@ class Fitting:
     turn: str = ""
     each: str = ""
     wanders: bool = False
+    rms: str = ""
+    memory: str = ""
 
 
 def parameter(

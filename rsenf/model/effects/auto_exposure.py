@@ -30,7 +30,9 @@ class AutoExposure(SensorEffect):
     time_constant_s: float = parameter(2.0, "over which it forgets", low=0.02, high=600)
     gains: tuple[float, ...] = parameter(
         (), "exactly these relative changes instead, one a frame", low=-0.9, high=9,
-        fitting=Fitting(0.0, 1e-3, each="frame", wanders=True),
+        fitting=Fitting(
+            0.0, 1e-3, each="frame", wanders=True, rms="gain_ratio", memory="time_constant_s"
+        ),
     )  # fmt: skip
 
     def apply(self, light: LineLight, run: Run) -> None:

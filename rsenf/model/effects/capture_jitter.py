@@ -28,7 +28,7 @@ class CaptureJitter(FrameEffect):
     jitter_s: float = parameter(1e-4, "rms", low=0, high=5e-3)
     late_s: tuple[float, ...] = parameter(
         (), "exactly so late instead, one value a frame", low=-0.1, high=0.1,
-        fitting=Fitting(0.0, 2e-5, each="frame"),
+        fitting=Fitting(0.0, 2e-5, each="frame", rms="jitter_s"),
     )  # fmt: skip
 
     def apply(self, clip: Clip, run: Run) -> None:

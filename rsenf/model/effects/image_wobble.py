@@ -31,7 +31,9 @@ class ImageWobble(ReadOutEffect):
     time_constant_s: float = parameter(0.02, "of the movement; 0 is white", low=0, high=60)
     rows_down: tuple[float, ...] = parameter(
         (), "exactly these shifts instead, one a frame", low=-100, high=100,
-        fitting=Fitting(0.0, 0.05, each="frame", wanders=True),
+        fitting=Fitting(
+            0.0, 0.05, each="frame", wanders=True, rms="wobble_rows", memory="time_constant_s"
+        ),
     )  # fmt: skip
     residual_ratio: float = parameter(
         1.0, "share of the shift that the picture shows", low=0, high=1

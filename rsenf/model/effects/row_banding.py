@@ -26,9 +26,9 @@ class RowBanding(SensorEffect):
     told_apart_by = "light of another level: the pattern stays, texture follows"
 
     banding_ratio: float = parameter(0.003, "rms over the mean level", low=0, high=0.2)
-    offsets: tuple[float, ...] = parameter(
-        (), "exactly these 8-bit levels instead, one a line", low=-255, high=255,
-        fitting=Fitting(0.0, 0.1, each="line"),
+    offset_ratios: tuple[float, ...] = parameter(
+        (), "exactly these shares of the mean level instead, one a line", low=-1, high=1,
+        fitting=Fitting(0.0, 1e-3, each="line", rms="banding_ratio"),
     )  # fmt: skip
 
     def apply(self, light: LineLight, run: Run) -> None:
@@ -37,6 +37,6 @@ class RowBanding(SensorEffect):
         light.offset = offset if light.offset is None else light.offset + offset
 
     def _pattern(self, rng: np.random.Generator, run: Run) -> FloatArray:
-        if self.offsets:
-            return run.given(self.offsets, run.shutter.lines)
+        if self.offset_ratios:
+            return run.mean_level * run.given(self.offset_ratios, run.shutter.lines)
         return self.banding_ratio * run.mean_level * rng.standard_normal(run.shutter.lines)

@@ -26,9 +26,15 @@ class TimestampJitter(DeliveryEffect):
     told_apart_by = "the stamps themselves against the flicker's phase: the jitter is in both"
 
     jitter_s: float = parameter(1e-3, "rms", low=0, high=0.02)
+    error_s: tuple[float, ...] = parameter(
+        (), "exactly these errors instead, one a frame", low=-1, high=1
+    )
 
     def apply(self, clip: Clip, run: Run) -> None:
         """Move the stamps."""
+        if self.error_s:
+            clip.stamp_offset_s += run.given(self.error_s)
+            return
         error_s = self.jitter_s * run.rng().standard_normal(run.frames)
         error_s[0] = 0  # the clip's time begins with its first stamp
         most_s = 0.45 * run.step_s

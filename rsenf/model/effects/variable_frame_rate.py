@@ -8,6 +8,7 @@ import numpy as np
 
 from rsenf.model.clip import Clip
 from rsenf.model.effects.base import FrameEffect, Run
+from rsenf.model.grid import FloatArray
 from rsenf.model.parameters import parameter
 from rsenf.model.wander import wander
 
@@ -27,13 +28,19 @@ class VariableFrameRate(FrameEffect):
 
     rate_ratio: float = parameter(1e-5, "rms of the relative change", low=0, high=0.2)
     time_constant_s: float = parameter(10.0, "over which it forgets", low=0, high=3600)
+    late_s: tuple[float, ...] = parameter(
+        (), "frames begin exactly so late instead, one value each", low=-60, high=60
+    )
     stamped: bool = parameter(True, "the stamps say so; else they run on evenly")
 
     def apply(self, clip: Clip, run: Run) -> None:
         """Add up the periods."""
-        change = wander(run.rng(), run.frames, run.step_s, self.time_constant_s)
-        periods = np.maximum(self.rate_ratio * change, -0.9) * run.step_s
-        late_s = np.concatenate(([0.0], np.cumsum(periods)[:-1]))
+        late_s = run.given(self.late_s) if self.late_s else self._late_s(run)
         clip.start_s = clip.start_s + late_s
         if self.stamped:
             clip.stamp_offset_s += late_s
+
+    def _late_s(self, run: Run) -> FloatArray:
+        change = wander(run.rng(), run.frames, run.step_s, self.time_constant_s)
+        periods = np.maximum(self.rate_ratio * change, -0.9) * run.step_s
+        return np.concatenate(([0.0], np.cumsum(periods)[:-1]))
