@@ -31,7 +31,7 @@ ALLOWED: dict[str, set[str]] = {
     "config": {*BASE, "bus", "decode", "rows", "track", "idle", "match", "model"},
     "report": {*BASE, "rows", "flicker", "track", "idle", "match"},
     "run": {*BASE, *SIGNAL, "bus", "config", "record", "reference"},
-    "bench": {*BASE, *SIGNAL, "config", "record", "reference", "report", "run"},
+    "bench": {*BASE, *SIGNAL, "discrepancy", "config", "record", "reference", "report", "run"},
     "cli": {
         *BASE,
         *SIGNAL,

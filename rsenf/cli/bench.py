@@ -8,6 +8,8 @@
     rsenf bench calibration   likelihood ratios of the time of recording: how reliable they are
     rsenf bench search   blind searches of a day to a year of reference: time and memory, beside a
                          plain FFT correlation
+    rsenf bench discover   effects hidden in recordings: found and named rightly, wrongly or not at
+                         all; false alarms; by how much the gap shrinks
 
 Each clip is filmed once by the capture model, encoded at every bit rate in the same pass by x264,
 decoded and sampled; all methods see the same rows. With --out, results are kept clip by clip, and
@@ -29,7 +31,8 @@ if TYPE_CHECKING:
 RECORDING_TIME = "recording-time"
 CALIBRATION = "calibration"
 SEARCH = "search"
-_TABLES = ("idle", "enf", "claims", RECORDING_TIME, CALIBRATION, SEARCH)
+DISCOVER = "discover"
+_TABLES = ("idle", "enf", "claims", RECORDING_TIME, CALIBRATION, SEARCH, DISCOVER)
 # Measured grids are not part of the project; in a checkout they lie beside it.
 _GRIDS = Path("../shared/data")
 _QUICK: dict[str, Any] = {
@@ -61,15 +64,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--fit", type=Path, metavar="FILE.json", help="calibration: make a new one, into a file"
     )
-    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="calibration: draw it")
+    parser.add_argument(
+        "--picture", type=Path, metavar="FILE.png", help="calibration, discover: draw it"
+    )
     parser.add_argument("--repeat", type=count, metavar="N", help="search: times each (3)")
+    parser.add_argument("--hide", type=_words, metavar="LIST", help="discover: these effects only")
+    parser.add_argument(
+        "--times",
+        type=positive,
+        metavar="X",
+        help="discover: strength over the weakest that is to be named (3)",
+    )
+    parser.add_argument("--video", action="store_true", help="discover: filmed and encoded")
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--json", action="store_true")
     how.add_argument("--markdown", action="store_true", help="for a page")
     parser.add_argument("--pool-sizes", action="store_true", help="all sizes in one cell")
     plan = parser.add_argument_group("clips")
     plan.add_argument("--seed", type=count, dest="first_seed", metavar="FIRST", help="(0)")
-    plan.add_argument("--clips", type=count, metavar="N", help="of each cell (20) or scene (40)")
+    plan.add_argument(
+        "--clips", type=count, metavar="N", help="of each cell or effect (20), scene (40)"
+    )
     plan.add_argument("--duration-s", type=positive, metavar="S", help="of each clip (60)")
     plan.add_argument("--sizes", type=_words, metavar="LIST", help="(480p,720p)")
     plan.add_argument("--frame-rates", type=_words, metavar="LIST", help="(23.976,25,29.97,30)")
@@ -109,6 +124,10 @@ def run(args: argparse.Namespace) -> int:
         from rsenf.cli import bench_search
 
         return bench_search.run(args)
+    if args.table == DISCOVER:
+        from rsenf.cli import bench_discover
+
+        return bench_discover.run(args)
     plan = _plan(args)
     clips = plan.nothing() if args.table == "claims" else plan.lit()
     if args.out:

@@ -1,0 +1,96 @@
+"""Camera, lamp, grid and effects of a case, drawn from its seed."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from rsenf.bench.discover.plan import Case
+from rsenf.bench.discover.strengths import LISTED
+from rsenf.bench.grids import grid_for
+from rsenf.model import CaptureModel, GridPath, Light, Scene, Shutter
+from rsenf.model.seeds import generator
+
+NTSC, FILM = Fraction(30000, 1001), Fraction(24)
+# Frame rates with their grids: where each frame sees the light at another phase.
+CAMERAS = ((NTSC, 50.0), (Fraction(30), 50.0), (FILM, 50.0), (Fraction(25), 60.0))
+# Where a frame is lost or comes twice, nothing shows at 25 fps and 50 Hz; all else does.
+STILL = (Fraction(25), 50.0)
+BLIND_THERE = ("frame_drop", "frame_duplicate")
+LINES = (240, 360, 480)
+COLUMNS = {240: 426, 360: 640, 480: 854}
+KNOWN_LAMPS = ("tone", "led", "incandescent", "cfl")
+CROPPED = 0.2  # of the cases without an effect have what is none
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """A capture, and the model that the workflow begins with.
+
+    Attributes
+    ----------
+    truth : CaptureModel
+    given : CaptureModel
+    grid : GridPath
+    grid_name : str
+    hidden : dict
+        Parameters of what is hidden, by name.
+    strips : int
+    """
+
+    truth: CaptureModel
+    given: CaptureModel
+    grid: GridPath
+    grid_name: str
+    hidden: dict[str, dict[str, Any]]
+    strips: int
+
+
+def drawn(case: Case, grids: Path | None) -> Drawn:
+    """Draw a case; half of them at the lamp that the model is told of, half at a pure tone.
+
+    Parameters
+    ----------
+    case : Case
+    grids : Path or None
+        Folder of measured grids.
+    """
+    rng = generator(case.seed, "discover case")
+    cameras = CAMERAS if set(case.hidden) & set(BLIND_THERE) else (*CAMERAS, STILL)
+    rate, nominal_hz = cameras[int(rng.integers(len(cameras)))]
+    grid, grid_name = grid_for(grids, nominal_hz, case.duration_s + 4.0, rng)
+    lines = int(rng.choice(LINES))
+    exposure_s = float(rng.uniform(2e-4, 4e-3))
+    lamp = str(rng.choice(KNOWN_LAMPS)) if rng.integers(2) else "tone"
+    given = CaptureModel(name="given", light=Light(lamp=lamp))
+    if lamp != "tone":  # whose harmonics an exposure changes, so that it has to be known too
+        given = given.with_effect("exposure", exposure_s=exposure_s)
+    truth = CaptureModel(
+        light=Light(lamp=lamp, flicker_ratio=float(rng.uniform(0.05, 0.2))),
+        shutter=Shutter(
+            frame_rate=rate,
+            rows=lines,
+            columns=COLUMNS[lines],
+            idle_ratio=float(rng.uniform(0.1, 0.6)),
+        ),
+        scene=Scene(
+            mean_level=float(rng.uniform(80.0, 150.0)),
+            texture_ratio=float(rng.uniform(0.02, 0.1)),
+        ),
+    ).with_effect("exposure", exposure_s=exposure_s)
+    frames, hidden = round(case.duration_s * rate), {}
+    for name in case.hidden:
+        if name in LISTED:
+            hidden[name] = LISTED[name](rng, case.times, frames, rate, exposure_s)
+    if case.kind == "none" and rng.random() < CROPPED:
+        truth = truth.with_effect("rows_cropped", crop_ratio=float(rng.uniform(0.05, 0.2)))
+    for name, values in hidden.items():
+        truth = truth.with_effect(name, **values)
+    if "harmonics" in hidden and lamp != "tone":
+        # The effect takes the place of the lamp's harmonics: it has to be told of nothing else.
+        given = dataclasses.replace(given, light=Light(lamp="tone"))
+    strips = 2 if "second_lamp" in case.hidden else int(rng.choice([1, 2]))
+    return Drawn(truth, given, grid, grid_name, hidden, strips)

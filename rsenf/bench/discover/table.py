@@ -1,0 +1,105 @@
+"""Records to rates: by what was hidden, and what was named for it."""
+
+from __future__ import annotations
+
+import statistics
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from rsenf.bench.discover.judge import MISSED, REST, RIGHT, WRONG
+from rsenf.bench.discover.plan import KINDS
+from rsenf.bench.text import aligned, markdown
+
+Record = dict[str, Any]
+NOTHING, MORE = "nothing", "a rest"  # what else can be said of a case
+
+
+def tabulated(records: Sequence[Record]) -> dict[str, Any]:
+    """Return the rows of the table and the counts of the picture."""
+    rows = []
+    for depth in (False, True):
+        for kind in KINDS:
+            of_kind = [r for r in records if r["kind"] == kind and r["video"] == depth]
+            if kind in ("one", "outside"):
+                for name in dict.fromkeys(r["hidden"][0] for r in of_kind):
+                    rows.append(_row(name, [r for r in of_kind if r["hidden"] == [name]]))
+            if of_kind:
+                whole = {"one": "all single effects", "none": "nothing hidden",
+                         "outside": "all outside", "pair": "pairs"}[kind]  # fmt: skip
+                rows.append(_row(whole, of_kind))
+    return {"cases": len(records), "rows": rows, "named": named(records)}
+
+
+def named(records: Sequence[Record]) -> dict[str, dict[str, int]]:
+    """Count what was named where one thing was hidden, or nothing."""
+    out: dict[str, Counter[str]] = {}
+    for record in records:
+        if record["kind"] == "pair":
+            continue
+        hidden = (record["hidden"] or [NOTHING])[0]
+        said = record["named"] or [MORE if record["verdict"] == "unexplained" else NOTHING]
+        out.setdefault(hidden, Counter()).update(said)
+    return {name: dict(counts) for name, counts in out.items()}
+
+
+def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
+    """Summarise the cases of one row."""
+    outcome = Counter(r["outcome"] for r in records)
+    good = outcome[RIGHT] + outcome[REST]
+    errors = [abs(e) for r in records for e in r["relative_error"].values() if e is not None]
+    sure = [abs(e) for r in records for e in r["error_over_stderr"].values() if e is not None]
+    shrinkage = [
+        r["gap"]["shrinkage"]
+        for r in records
+        if r["verdict"] == "explained" and r["gap"].get("shrinkage") is not None
+    ]
+    return {
+        "hidden": name,
+        "video": records[0]["video"],
+        "times": records[0]["times"],
+        "cases": len(records),
+        "right": outcome[RIGHT],
+        "rest": outcome[REST],
+        "wrong": outcome[WRONG],
+        "missed": outcome[MISSED],
+        "unexplained": sum(r["verdict"] == "unexplained" for r in records),
+        "refused": sum(r["verdict"] == "refused" for r in records),
+        "named": good / len(records),
+        "error_median": _of(statistics.median, errors),
+        "within_two": sum(e <= 2.0 for e in sure) / len(sure) if sure else None,
+        "shrinkage_median": _of(statistics.median, shrinkage),
+        "shrinkage_least": _of(min, shrinkage),
+        "cpu_median_s": statistics.median(r["cpu_s"] for r in records),
+    }
+
+
+def _of(what: Callable[[Sequence[float]], float], values: Sequence[float]) -> float | None:
+    return float(what(values)) if values else None
+
+
+_COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
+    ("hidden", lambda r: ("video: " if r["video"] else "") + str(r["hidden"])),
+    ("cases", lambda r: str(r["cases"])),
+    ("right", lambda r: str(r["right"])),
+    ("and a rest", lambda r: str(r["rest"])),
+    ("wrong", lambda r: str(r["wrong"])),
+    ("missed", lambda r: str(r["missed"])),
+    ("rightly named", lambda r: _percent(r["named"], 0)),
+    ("size off by", lambda r: _percent(r["error_median"])),
+    ("within 2 std", lambda r: _percent(r["within_two"])),
+    ("gap closed, median", lambda r: _percent(r["shrinkage_median"], 2)),
+    ("least", lambda r: _percent(r["shrinkage_least"], 1)),
+    ("CPU", lambda r: f"{r['cpu_median_s']:.1f} s"),
+)
+
+
+def text(document: dict[str, Any], *, on_page: bool = False) -> str:
+    """Write the table for a terminal, or in Markdown for a page."""
+    written = markdown if on_page else aligned
+    lines = [[write(row) for _, write in _COLUMNS] for row in document["rows"]]
+    return written([title for title, _ in _COLUMNS], lines)
+
+
+def _percent(value: float | None, decimals: int = 1) -> str:
+    return "–" if value is None else f"{100.0 * value:.{decimals}f} %"

@@ -1,0 +1,85 @@
+"""A case made, given to the workflow, and its truth opened afterwards."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsenf.bench.discover.judge import judged, parameter_error
+from rsenf.bench.discover.outside import OUTSIDE, done_to
+from rsenf.bench.discover.plan import Case
+from rsenf.bench.discover.scene import Drawn, drawn
+from rsenf.discrepancy import discover, discovery_json, measured_of
+from rsenf.errors import RsenfError
+from rsenf.messages import Header, RowBlock
+from rsenf.model import simulate_rows
+from rsenf.model.seeds import generator
+from rsenf.rows.luminance import blocks_from_luminance
+
+
+def tried(case: Case, grids: Path | None) -> dict[str, Any]:
+    """Make a case, let the workflow work on it, and judge its answer.
+
+    Parameters
+    ----------
+    case : Case
+    grids : Path or None
+        Folder of measured grids.
+
+    Returns
+    -------
+    dict
+        The record: plain values.
+    """
+    made = drawn(case, grids)
+    blocks = _rows(case, made)
+    begun = time.process_time()
+    try:
+        told = discovery_json(discover(made.given, measured_of(blocks)), "")
+        refused = ""
+    except RsenfError as exc:
+        told = {"verdict": "refused", "effects": [], "gap": {}}
+        refused = str(exc)
+    seconds = time.process_time() - begun
+    shutter = made.truth.shutter
+    errors = {name: parameter_error(name, made.hidden[name], told) for name in made.hidden}
+    return {
+        "key": case.key,
+        "kind": case.kind,
+        "hidden": list(case.hidden),
+        "seed": case.seed,
+        "times": case.times,
+        "video": case.video,
+        "outcome": judged(case.kind, case.hidden, told),
+        "verdict": told["verdict"],
+        "refused": refused,
+        "named": [e["name"] or " or ".join(e["class"]) for e in told["effects"]],
+        "truth": made.hidden,
+        "told": [e["parameters"] for e in told["effects"]],
+        "relative_error": {k: v[0] for k, v in errors.items()},
+        "error_over_stderr": {k: v[1] for k, v in errors.items()},
+        "gap": told["gap"],
+        "frame_rate": str(shutter.frame_rate),
+        "nominal_hz": made.grid.nominal_hz,
+        "lines": shutter.rows,
+        "strips": made.strips,
+        "lamp": made.truth.light.lamp,
+        "idle_ratio": shutter.idle_ratio,
+        "flicker_ratio": made.truth.light.flicker_ratio,
+        "grid": made.grid_name,
+        "cpu_s": round(seconds, 2),
+    }
+
+
+def _rows(case: Case, made: Drawn) -> list[RowBlock]:
+    """Row means of a case, as they leave the sensor."""
+    rows = simulate_rows(made.truth, made.grid, case.duration_s, case.seed, strips=made.strips)
+    level = np.asarray(rows.level)
+    for name in case.hidden:
+        if name in OUTSIDE:
+            rng = generator(case.seed, "outside")
+            level = done_to(name, level, made.truth.shutter.frame_rate, rng)
+    return list(blocks_from_luminance(level, rows.frame_time_s, Header()))
