@@ -23,6 +23,7 @@ BLIND_THERE = ("frame_drop", "frame_duplicate")
 LINES = (240, 360, 480)
 COLUMNS = {240: 426, 360: 640, 480: 854}
 KNOWN_LAMPS = ("tone", "led", "incandescent", "cfl")
+LONG_S, BRIEF_S = 4e-3, 1e-3  # exposures; a long one leaves nothing of a fast tone
 CROPPED = 0.2  # of the cases without an effect have what is none
 
 
@@ -63,7 +64,8 @@ def drawn(case: Case, grids: Path | None) -> Drawn:
     rate, nominal_hz = cameras[int(rng.integers(len(cameras)))]
     grid, grid_name = grid_for(grids, nominal_hz, case.duration_s + 4.0, rng)
     lines = int(rng.choice(LINES))
-    exposure_s = float(rng.uniform(2e-4, 4e-3))
+    longest_s = BRIEF_S if "pwm_tone" in case.hidden else LONG_S
+    exposure_s = float(rng.uniform(2e-4, longest_s))
     lamp = str(rng.choice(KNOWN_LAMPS)) if rng.integers(2) else "tone"
     given = CaptureModel(name="given", light=Light(lamp=lamp))
     if lamp != "tone":  # whose harmonics an exposure changes, so that it has to be known too

@@ -119,7 +119,6 @@ SIZE = {
     "gop_attenuation": "loss_ratio",
     "row_banding": "banding_ratio",
     "readout_drift": "drift_per_min",
-    "variable_frame_rate": "rate_ratio",
     "timestamp_jitter": "jitter_s",
 }
 # What the data can't tell apart is right as either.

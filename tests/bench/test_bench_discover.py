@@ -1,0 +1,105 @@
+"""The blind benchmark: what it draws, how it judges, and that it runs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rsenf.bench.discover.judge import judged, parameter_error
+from rsenf.bench.discover.outside import OUTSIDE, done_to
+from rsenf.bench.discover.plan import Plan
+from rsenf.bench.discover.scene import drawn
+from rsenf.bench.discover.strengths import LISTED
+from rsenf.bench.discover.table import tabulated, text
+from rsenf.bench.discover.trial import tried
+
+
+def _told(verdict: str, *named: str) -> dict[str, Any]:
+    effects = [
+        {"name": None, "class": name.split("|")} if "|" in name else {"name": name, "class": []}
+        for name in named
+    ]
+    return {"verdict": verdict, "effects": effects}
+
+
+@pytest.mark.parametrize(
+    ("kind", "hidden", "told", "outcome"),
+    [
+        ("one", ("gamma",), _told("explained", "gamma"), "right"),
+        ("one", ("gamma",), _told("explained", "harmonics|gamma"), "right"),
+        ("one", ("gamma",), _told("unexplained", "gamma"), "right, and a rest"),
+        ("one", ("gamma",), _told("explained", "harmonics"), "wrong"),
+        ("one", ("gamma",), _told("explained", "gamma", "pwm_tone"), "wrong"),
+        ("one", ("gamma",), _told("no_discrepancy"), "missed"),
+        ("one", ("gamma",), _told("unexplained"), "missed"),
+        ("none", (), _told("no_discrepancy"), "right"),
+        ("none", (), _told("unexplained"), "wrong"),
+        ("none", (), _told("explained", "gamma"), "wrong"),
+        ("outside", ("shaken",), _told("unexplained"), "right"),
+        ("outside", ("shaken",), _told("explained", "gamma"), "wrong"),
+        ("outside", ("shaken",), _told("no_discrepancy"), "missed"),
+        ("pair", ("gamma", "frame_drop"), _told("explained", "frame_drop", "gamma"), "right"),
+        ("pair", ("gamma", "frame_drop"), _told("unexplained", "gamma"), "right, and a rest"),
+        ("pair", ("gamma", "frame_drop"), _told("explained", "gamma"), "missed"),
+        ("pair", ("gamma", "frame_drop"), _told("unexplained"), "missed"),
+    ],
+)
+def test_an_answer_is_judged(
+    kind: str, hidden: tuple[str, ...], told: dict[str, Any], outcome: str
+) -> None:
+    assert judged(kind, hidden, told) == outcome
+
+
+def test_a_size_is_compared_with_the_true_one() -> None:
+    told = _told("explained", "gamma")
+    told["effects"][0] |= {"parameters": {"exponent": 1.32}, "stderr": {"exponent": 0.01}}
+    relative, over_stderr = parameter_error("gamma", {"exponent": 1.2}, told)
+    assert relative == pytest.approx(0.1)
+    assert over_stderr == pytest.approx(12.0)
+    assert parameter_error("reverse_readout", {}, told) == (None, None)
+
+
+def test_a_plan_has_every_effect_so_often_and_no_seed_twice() -> None:
+    cases = Plan(first_seed=50, each=2, none=3, outside=6, pairs=5).cases()
+    assert len({case.seed for case in cases}) == len({case.key for case in cases}) == len(cases)
+    for name in LISTED:
+        assert sum(case.hidden == (name,) for case in cases) == 2
+    assert {case.hidden[0] for case in cases if case.kind == "outside"} == set(OUTSIDE)
+    assert cases == Plan(first_seed=50, each=2, none=3, outside=6, pairs=5).cases()
+    assert cases != Plan(first_seed=51, each=2, none=3, outside=6, pairs=5).cases()
+
+
+def test_a_case_is_its_seed() -> None:
+    case = Plan(each=1, none=0, outside=0, pairs=0, effects=("pwm_tone",)).cases()[0]
+    first, second = drawn(case, None), drawn(case, None)
+    assert first.truth == second.truth
+    assert first.hidden["pwm_tone"]["depth_ratio"] == pytest.approx(3 * 5e-4)
+    # What is given to the workflow hasn't the effect, and knows nothing of the shutter.
+    assert [effect.name for effect in first.given.effects] in ([], ["exposure"])
+    assert first.given.shutter != first.truth.shutter
+
+
+@pytest.mark.parametrize("name", list(OUTSIDE))
+def test_what_no_catalogue_has_changes_the_rows(name: str) -> None:
+    rng = np.random.default_rng(3)
+    level = (100 + 10 * rng.random((300, 24, 2))).astype(np.float32)
+    from fractions import Fraction
+
+    done = done_to(name, level, Fraction(30), np.random.default_rng(4))
+    assert done.shape == level.shape
+    assert done.dtype == np.float32
+    assert np.abs(done - level).max() > 0.05
+
+
+def test_a_case_is_tried_and_counted() -> None:
+    cases = Plan(
+        first_seed=60, each=1, none=0, outside=0, pairs=0, duration_s=27.0, effects=("harmonics",)
+    ).cases()
+    record = tried(cases[0], None)
+    assert record["outcome"] in ("right", "right, and a rest")
+    assert record["gap"]["after"] < record["gap"]["before"]
+    document = tabulated([record])
+    assert document["rows"][0]["right"] + document["rows"][0]["rest"] == 1
+    assert "harmonics" in text(document)
