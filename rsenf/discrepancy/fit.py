@@ -119,8 +119,13 @@ def fit(theory: Theory, data: Measured, *, most: int = MOST, slopes: Slopes | No
 
 
 def noise_var(residual: Float32Array, data: Measured) -> float:
-    """Variance of a row's noise: of what neighbours don't share."""
-    return float(np.var(np.diff(residual, axis=data.apart), dtype=np.float64) / 2.0)
+    """Variance of a row's noise: of what neighbours don't share, nor those one further on.
+
+    What goes up and down from row to row is no noise either.
+    """
+    moved = np.moveaxis(residual, data.apart, 0)
+    steps = (moved[n:] - moved[:-n] for n in (1, 2) if len(moved) > n)
+    return min(float(np.var(step, dtype=np.float64)) / 2.0 for step in steps)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,10 +24,13 @@ class Floor:
     median : float
     limit : float
         Gaps below it are none.
+    most : float
+        The same of :attr:`rsenf.discrepancy.gap.Gap.most`.
     """
 
     median: float
     limit: float
+    most: float
 
 
 def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> Floor:
@@ -56,6 +60,10 @@ def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> Floor:
         course = about.course.normal(left).over(fit.noise_var).with_prior(prior).solve()
         left -= (about.basis @ course).astype(np.float32)[:, None, None] * about.turn
         left -= about.brighter(left).astype(np.float32) * about.lit
-        gaps.append(gap_of(left, fit.flicker, data, others).value)
-    median, std = float(np.median(gaps)), float(np.std(gaps, ddof=1))
-    return Floor(median, median + BEYOND_STDS * std)
+        gaps.append(gap_of(left, fit.flicker, data, others))
+    values, most = [gap.value for gap in gaps], [gap.most for gap in gaps]
+    return Floor(float(np.median(values)), _limit(values), _limit(most))
+
+
+def _limit(values: Sequence[float]) -> float:
+    return float(np.median(values) + BEYOND_STDS * np.std(values, ddof=1))

@@ -28,10 +28,19 @@ class Gap:
         Power of the systematic residual over that of the flicker; its noise may make it negative.
     stderr : float
         Its standard error, by blocks of time.
+    comb : float
+        The same of the next but one among the neighbours that judge: what goes up and down from
+        row to row has it, and may have none of the other.
     """
 
     value: float
     stderr: float
+    comb: float
+
+    @property
+    def most(self) -> float:
+        """The greater of both, of either sign: below zero neighbours are wrong by turns."""
+        return max(abs(self.value), self.comb)
 
 
 def products(residual: Float32Array, data: Measured) -> FloatArray:
@@ -54,7 +63,10 @@ def gap_of(residual: Float32Array, flicker: Float32Array, data: Measured, frames
     power = float((flicker[frames] ** 2).mean(dtype=np.float64))
     gaps = by_block(products(residual, data), data, frames)[0] / power
     stderr = float(gaps.std(ddof=1) / math.sqrt(gaps.size)) if gaps.size > 1 else math.nan
-    return Gap(float(gaps.mean()), stderr)
+    judges = np.moveaxis(residual[frames][data.second], data.apart, 0)
+    further = float((judges[1:] * judges[:-1]).sum(dtype=np.float64))
+    comb = further / max(judges[1:].size, 1) / power
+    return Gap(float(gaps.mean()), stderr, comb)
 
 
 def by_block(values: FloatArray, data: Measured, frames: Mask) -> tuple[FloatArray, FloatArray]:

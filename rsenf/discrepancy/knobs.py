@@ -41,6 +41,7 @@ class Knob:
         held = _part(model, self.part)
         if not self.turn:
             value = within(held, self.name, getattr(held, self.name) + by)
+            value = max(value, LEAST_FLICKER) if self == FLICKER else value
             return _with(model, self.part, **{self.name: value})
         size, phase = getattr(held, self.name), getattr(held, self.turn) or 0.0
         along, across = size * math.cos(phase), size * math.sin(phase)
@@ -50,6 +51,7 @@ class Knob:
         return _with(model, self.part, **turned)
 
 
+LEAST_FLICKER = 1e-4  # without any no phase could be fitted, and nothing else
 FLICKER = Knob("light", "flicker_ratio", 1e-3)
 IDLE = Knob("shutter", "idle_ratio", 1e-3)
 

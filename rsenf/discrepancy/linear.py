@@ -55,7 +55,7 @@ class Normal:
     def explained(self, extra: int) -> float:
         """By how much the last directions reduce the square of the residual, beyond the others."""
         known = len(self.matrix) - extra
-        matrix, vector = self.matrix, self.vector
+        matrix, vector = _scaled(self.matrix, self.vector)  # which changes nothing of it
         rest = np.linalg.solve(matrix[:known, :known], np.column_stack(
             [matrix[:known, known:], vector[:known]]
         ))  # fmt: skip

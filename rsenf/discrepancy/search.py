@@ -21,7 +21,7 @@ from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.gap import by_block
 from rsenf.discrepancy.knobs import knobs_of, series_of
 from rsenf.discrepancy.series import all_as_told, halves, held, summed_up, with_series
-from rsenf.discrepancy.start import sized
+from rsenf.discrepancy.start import begun_anew
 from rsenf.discrepancy.theory import Theory, plan
 from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray
@@ -215,7 +215,7 @@ def _with_effect(before: Fit, effect: Effect) -> Theory:
         return before.theory.otherwise_delivered(model, before.data)
     if told is None and not knobs_of(effect, neutral=True):
         # Without it nothing has fitted: what steps have made of the course is of no use.
-        return sized(before.begun.with_model(model), before.data)
+        return begun_anew(before.begun.with_model(model), before.data)
     if told is None:
         return before.theory.with_model(model)
     values = held(before.theory, before.data, effect, *told)

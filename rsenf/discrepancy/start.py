@@ -89,3 +89,18 @@ def sized(theory: Theory, data: Measured) -> Theory:
     light = dataclasses.replace(light, flicker_ratio=min(max(ratio, 1e-4), 0.9))
     course = theory.course.through(theory.course.psi_rad + turned)
     return Theory(dataclasses.replace(theory.model, light=light), course, theory.wall)
+
+
+def begun_anew(theory: Theory, data: Measured) -> Theory:
+    """Size the light of a theory whose lines are read in another order than was thought.
+
+    Where two fields were taken for one frame, it seemed to be read twice as fast as it was.
+    """
+    model, out = theory.model, []
+    for times in (1.0, 2.0):
+        idle_ratio = 1.0 - times * (1.0 - model.shutter.idle_ratio)
+        if idle_ratio >= 0.0:
+            shutter = dataclasses.replace(model.shutter, idle_ratio=idle_ratio)
+            other = theory.with_model(dataclasses.replace(model, shutter=shutter))
+            out.append(sized(other, data))
+    return min(out, key=lambda t: float(((data.level - t.rows(data)) ** 2).mean(dtype=np.float64)))

@@ -60,8 +60,7 @@ class Discovery:
     @property
     def verdict(self) -> str:
         """``no_discrepancy``, ``explained`` or ``unexplained``."""
-        # Below zero beyond chance: neighbouring rows are wrong in opposite ways.
-        if max(abs(self.last.gap.value), _stamps_gap(self.last)) > self.floor.limit:
+        if self.last.gap.most > self.floor.most or _stamps_gap(self.last) > self.floor.limit:
             return "unexplained"
         return "explained" if self.steps or self.stamps else "no_discrepancy"
 

@@ -12,6 +12,8 @@ from rsenf.model.effects.residue import GROSS, Residue
 from rsenf.model.parameters import parameter
 from rsenf.model.readout import ReadOut
 
+COMB = 1e-5  # gap below zero from which on neighbouring rows are wrong in opposite ways
+
 
 @dataclass(frozen=True, kw_only=True)
 class Interlace(ReadOutEffect):
@@ -37,5 +39,6 @@ class Interlace(ReadOutEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try either field as the first, where hardly anything fits."""
-        return [{"bottom_first": b} for b in (False, True)] if abs(residue.gap) > GROSS else []
+        """Try either field as the first, where hardly anything fits or rows are wrong by turns."""
+        seen = residue.gap > GROSS or residue.gap < -COMB
+        return [{"bottom_first": b} for b in (False, True)] if seen else []
