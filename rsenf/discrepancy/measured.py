@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.discrepancy.apart import LINES, apart_of
 from rsenf.errors import InputError
 from rsenf.messages import RowBlock
 from rsenf.messages.schema import FloatArray
@@ -21,7 +22,6 @@ Mask = NDArray[np.bool_]
 Part = tuple[slice, ...]  # of an array (frames, lines, strips)
 
 ALL: Part = (slice(None),)
-LINES, STRIPS = 1, 2  # axes
 
 # Long enough for the grid to move within one, short enough for twenty of them in a minute.
 BLOCK_S = 3.0
@@ -154,7 +154,8 @@ def measured_of(blocks: Sequence[RowBlock], nominal_hz: float) -> Measured:
         raise InputError("every frame is the same", "give a recording of mains light")
     rate = frame_rate_of(stamp_s)
     slot = np.rint(stamp_s * float(rate)).astype(np.int64)
-    return Measured(level, stamp_s, slot, rate, nominal_hz, blocks[0].read_out_axis)
+    axis, apart = blocks[0].read_out_axis, apart_of(level)
+    return Measured(level, stamp_s, slot, rate, nominal_hz, axis, apart)
 
 
 def frame_rate_of(stamp_s: FloatArray) -> Fraction:

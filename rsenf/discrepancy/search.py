@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.candidates import Candidate, candidates
+from rsenf.discrepancy.candidates import Candidate, candidates, per_power
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.gap import by_block
 from rsenf.discrepancy.knobs import knobs_of, series_of
@@ -50,6 +50,8 @@ class Trial:
         Logarithm of the likelihood ratio of those rows, with it and without.
     worst : float
         Gain in the block of time that fares worst, in standard errors.
+    usual : float
+        What a codec alone may have it gain.
     """
 
     effect: Effect
@@ -57,6 +59,12 @@ class Trial:
     gain: float
     nats: float
     worst: float
+    usual: float = 0.0
+
+    @property
+    def beyond(self) -> float:
+        """Gain beyond what is usual."""
+        return self.gain - self.usual
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +94,7 @@ class Step:
     def chosen(self) -> Trial | None:
         """The best trial, if the held-out data support it."""
         best = self.trials[0] if self.trials else None
-        if best and best.nats > self.limit and best.gain > self.least and best.worst > WORST:
+        if best and best.nats > self.limit and best.beyond > self.least and best.worst > WORST:
             return best
         return None
 
@@ -97,11 +105,11 @@ class Step:
         if best is None:
             return ()
         return tuple(dict.fromkeys(
-            t.effect.name for t in self.trials if best.gain - t.gain <= self.least
+            t.effect.name for t in self.trials if best.beyond - t.beyond <= self.least
         ))  # fmt: skip
 
 
-def search(first: Fit, least: float) -> Iterator[Step]:
+def search(first: Fit, least: float, usual: Mapping[str, float]) -> Iterator[Step]:
     """Take step after step from a first fit, until nothing more is supported.
 
     Parameters
@@ -109,6 +117,8 @@ def search(first: Fit, least: float) -> Iterator[Step]:
     first : Fit
     least : float
         What an effect must take away of held-out rows, over the power of the flicker.
+    usual : mapping of str to float
+        Beyond what a codec alone may have it take away, by the effect's name.
 
     Yields
     ------
@@ -117,30 +127,27 @@ def search(first: Fit, least: float) -> Iterator[Step]:
     """
     now = first
     for _ in range(MOST_STEPS):
-        step = next_step(now, least)
+        step = next_step(now, least, usual)
         yield step
         if step.chosen is None:
             return
         now = step.chosen.fit
 
 
-def next_step(before: Fit, least: float) -> Step:
+def next_step(before: Fit, least: float, usual: Mapping[str, float]) -> Step:
     """Look at all candidates, and fit the likeliest."""
     found = candidates(before)
-    training = before.data.training
-    left = float((before.residual[training] ** 2).mean(dtype=np.float64))
-    power = float((before.flicker[training] ** 2).mean(dtype=np.float64))
-    likely = _likeliest(found, HOPE * least * power / left)
-    trials = [trial for c in likely if (trial := tried(before, c)) is not None]
+    likely = _likeliest(found, HOPE * least, per_power(before), usual)
+    trials = [trial for c in likely if (trial := tried(before, c, usual)) is not None]
     limit = math.log(max(len(found), 1) / FALSE_ALARMS)
-    ordered = sorted(trials, key=lambda t: -t.gain)
+    ordered = sorted(trials, key=lambda t: -t.beyond)
     step = Step(before, tuple(ordered), len(found), limit, least)
     if step.chosen is None:
         return step
     return dataclasses.replace(step, trials=(_settled(step.chosen), *ordered[1:]))
 
 
-def tried(before: Fit, candidate: Candidate) -> Trial | None:
+def tried(before: Fit, candidate: Candidate, usual: Mapping[str, float]) -> Trial | None:
     """Fit a candidate jointly with all there is; None where no fit is found."""
     try:
         after = fit(_with_effect(before, candidate.effect), before.data, most=STEPS)
@@ -153,7 +160,8 @@ def tried(before: Fit, candidate: Candidate) -> Trial | None:
     gain, stderr, rows = _better(before, after)
     nats = float((gain * rows).sum() / (2.0 * after.noise_var))
     mean = float((gain * rows).sum() / rows.sum())
-    return Trial(effect, after, mean / power, nats, float((gain / stderr).min()))
+    worst = float((gain / stderr).min())
+    return Trial(effect, after, mean / power, nats, worst, usual.get(effect.name, 0.0))
 
 
 def _settled(trial: Trial) -> Trial:
@@ -192,14 +200,19 @@ def _better(before: Fit, after: Fit) -> tuple[FloatArray, FloatArray, FloatArray
     return gain, stderr, rows
 
 
-def _likeliest(found: Sequence[Candidate], least: float) -> list[Candidate]:
+def _likeliest(
+    found: Sequence[Candidate], least: float, scale: float, usual: Mapping[str, float]
+) -> list[Candidate]:
     """Those worth a fit: of each effect the likeliest, and all that can only be tried.
 
-    ``least`` is the share of the residual that one must seem to explain.
+    ``least`` is what one must seem to gain beyond what is usual, and ``scale`` what all of the
+    residual would be.
     """
     certain = [c for c in found if math.isinf(c.explains)]
     best: dict[str, Candidate] = {}
     for c in found:
-        if not math.isinf(c.explains) and c.explains > least:
+        if math.isinf(c.explains):
+            continue
+        if c.explains * scale > least + usual.get(c.effect.name, 0.0):
             best.setdefault(c.effect.name, c)
     return [*certain, *list(best.values())[:TRIED]]

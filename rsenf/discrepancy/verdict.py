@@ -10,9 +10,10 @@ from typing import Any
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.floor import Floor, floor_of
 from rsenf.discrepancy.knobs import series_of
-from rsenf.discrepancy.measured import Measured
+from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.search import Step, search
 from rsenf.discrepancy.start import first_theory
+from rsenf.discrepancy.usual import NOTHING, Usual, usual_of
 from rsenf.discrepancy.where import Share, where
 from rsenf.messages import EnfEstimate
 from rsenf.model import CaptureModel
@@ -32,6 +33,8 @@ class Discovery:
         Those that added one.
     floor : Floor
         Of data that the last theory made.
+    usual : Usual
+        What the recording's codec may do by itself; nothing where there is none, or it is unknown.
     before, after : list of Share
         Where theory and data disagreed, and where they still do.
     """
@@ -40,6 +43,7 @@ class Discovery:
     last: Fit
     steps: tuple[Step, ...]
     floor: Floor
+    usual: Usual
     before: list[Share]
     after: list[Share]
 
@@ -66,6 +70,7 @@ def discover(
     estimates: Sequence[EnfEstimate],
     idle_ratio: float,
     progress: Callable[[str], None] = lambda doing: None,
+    recoded: Callable[[Float32Array], Float32Array] | None = None,
 ) -> Discovery:
     """Find what a model lacks of a recording, and add it.
 
@@ -80,6 +85,8 @@ def discover(
         As estimated from them; NaN for unknown.
     progress : callable, optional
         Told what is being done.
+    recoded : callable, optional
+        Returns what the recording's codec leaves of rows, (frames, lines, strips).
 
     Raises
     ------
@@ -88,17 +95,23 @@ def discover(
     """
     progress("fitting the model")
     first = fit(first_theory(model, data, estimates, idle_ratio), data)
+    usual = NOTHING
+    if recoded:
+        progress("coding the fitted model as the recording was")
+        usual = usual_of(first, recoded(first.rows))
     floor = floor_of(first)
+    least = floor.limit - floor.median
+    floor = floor.raised(usual.gap, usual.most)
     steps = []
     progress("looking for what is missing")
-    for step in search(first, floor.limit - floor.median):
+    for step in search(first, least, usual.gains):
         if step.chosen is None:
             break
         steps.append(step)
         progress(f"added {' or '.join(step.kin)}")
     last = steps[-1].chosen.fit if steps and steps[-1].chosen else first
-    floor = floor_of(last) if steps else floor
-    return Discovery(first, last, tuple(steps), floor, where(first), where(last))
+    floor = floor_of(last).raised(usual.gap, usual.most) if steps else floor
+    return Discovery(first, last, tuple(steps), floor, usual, where(first), where(last))
 
 
 def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:
@@ -115,6 +128,7 @@ def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:
             "stderr": last.stderr,
             "floor": floor.median,
             "limit": floor.limit,
+            "codec": found.usual.gap,
             "shrinkage": found.shrinkage if found.shrinkage == found.shrinkage else None,
         },
         "held_out_mean_square": {"before": found.first.misfit, "after": found.last.misfit},
