@@ -13,12 +13,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsenf.discrepancy import Discovery
+    from collections.abc import Callable
+
+    from rsenf.discrepancy import Discovery, Measured
     from rsenf.messages import RowBlock
+    from rsenf.messages.schema import Float32Array
     from rsenf.model import CaptureModel
+    from rsenf.rows.settings import RowsSettings
     from rsenf.run.inline import Analysis
+    from rsenf.run.inputs import Input
 
 MODEL, RESULT, RESIDUALS = "model.yaml", "discovery.json", "residuals.npz"
+STRIPS = 4  # of a video's rows: two from left to right, each in two that a codec treats apart
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,17 +68,18 @@ def run(args: argparse.Namespace) -> int:
     for path in args.effects:
         load_effects(path)
     model = _model(args)
-    blocks, analysis = _analyse(args)
+    blocks, analysis, recording = _analyse(args)
     data = measured_of(blocks, _nominal_hz(args, analysis))
-    found = discover(model, data, analysis.estimates, analysis.idle.idle_ratio, note)
+    again = _recoded(args, data) if data.coded and recording.begins_with == "frames" else None
+    found = discover(model, data, analysis.estimates, analysis.idle.idle_ratio, note, recoded=again)
     told = discovery_json(found, str(args.out / MODEL))
     _keep(args, found, told)
     if args.json:
         print_json(told)
     else:
         print(discovery_words(told))
-    if Path(args.input).suffix != ".npz":
-        note("a codec ties rows together: what it does to them counts as a discrepancy")
+    if data.coded and not again:
+        note("a codec has tied rows together: what it did to them counts as a discrepancy")
     if analysis.loss:
         say(f"{args.input}: {analysis.loss}")
     return EXIT_LOSS if analysis.loss else EXIT_DONE
@@ -100,8 +107,8 @@ def _model(args: argparse.Namespace) -> CaptureModel:
     return CaptureModel(name="plain", light=Light(lamp="tone"))
 
 
-def _analyse(args: argparse.Namespace) -> tuple[list[RowBlock], Analysis]:
-    from rsenf.cli.console import progress_bar, row_settings
+def _analyse(args: argparse.Namespace) -> tuple[list[RowBlock], Analysis, Input]:
+    from rsenf.cli.console import progress_bar
     from rsenf.idle import IdleSettings
     from rsenf.run.inline import analyse
     from rsenf.run.inputs import open_input_file
@@ -117,14 +124,29 @@ def _analyse(args: argparse.Namespace) -> tuple[list[RowBlock], Analysis]:
     with progress_bar("reading", recording.duration_s) as progress:
         analysis = analyse(
             recording,
-            rows=row_settings(args),
+            rows=_rows(args),
             track=TrackSettings(nominal_hz=args.nominal_hz),
             idle=IdleSettings(nominal_hz=args.nominal_hz),
             progress=progress,
             tap=tap,
         )
     epoch = blocks[0].header.epoch if blocks else 0
-    return [block for block in blocks if block.header.epoch == epoch], analysis
+    return [block for block in blocks if block.header.epoch == epoch], analysis, recording
+
+
+def _rows(args: argparse.Namespace) -> RowsSettings:
+    import dataclasses
+
+    from rsenf.cli.console import row_settings
+
+    return dataclasses.replace(row_settings(args), strips=STRIPS)
+
+
+def _recoded(args: argparse.Namespace, data: Measured) -> Callable[[Float32Array], Float32Array]:
+    """Return what puts rows through the codec of a video."""
+    from rsenf.run.recoded import recoded
+
+    return lambda level: recoded(Path(args.input), level, data.axis, _rows(args))
 
 
 def _nominal_hz(args: argparse.Namespace, analysis: Analysis) -> float:

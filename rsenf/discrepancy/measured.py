@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.discrepancy.apart import LINES, apart_of
+from rsenf.discrepancy.apart import LINES, STRIPS, apart_of
 from rsenf.errors import InputError
 from rsenf.messages import RowBlock
 from rsenf.messages.schema import FloatArray
@@ -94,6 +94,11 @@ class Measured:
     def training(self) -> Mask:
         """Frames that models are fitted to; they are scored on the others."""
         return np.asarray(self.block % 2 == 0)
+
+    @property
+    def coded(self) -> bool:
+        """Whether rows share their noise, as they do after a codec."""
+        return self.apart == STRIPS
 
     @property
     def first(self) -> Part:

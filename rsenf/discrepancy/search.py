@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,7 @@ from rsenf.discrepancy.knobs import knobs_of, series_of
 from rsenf.discrepancy.series import all_as_told, held, with_series
 from rsenf.discrepancy.start import sized
 from rsenf.discrepancy.theory import Theory
+from rsenf.discrepancy.usual import Usual
 from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray
 from rsenf.model import Effect
@@ -109,7 +110,7 @@ class Step:
         ))  # fmt: skip
 
 
-def search(first: Fit, least: float, usual: Mapping[str, float]) -> Iterator[Step]:
+def search(first: Fit, least: float, usual: Usual) -> Iterator[Step]:
     """Take step after step from a first fit, until nothing more is supported.
 
     Parameters
@@ -117,8 +118,8 @@ def search(first: Fit, least: float, usual: Mapping[str, float]) -> Iterator[Ste
     first : Fit
     least : float
         What an effect must take away of held-out rows, over the power of the flicker.
-    usual : mapping of str to float
-        Beyond what a codec alone may have it take away, by the effect's name.
+    usual : Usual
+        Beyond what a codec alone may have it take away.
 
     Yields
     ------
@@ -134,7 +135,7 @@ def search(first: Fit, least: float, usual: Mapping[str, float]) -> Iterator[Ste
         now = step.chosen.fit
 
 
-def next_step(before: Fit, least: float, usual: Mapping[str, float]) -> Step:
+def next_step(before: Fit, least: float, usual: Usual) -> Step:
     """Look at all candidates, and fit the likeliest."""
     found = candidates(before)
     likely = _likeliest(found, HOPE * least, per_power(before), usual)
@@ -147,7 +148,7 @@ def next_step(before: Fit, least: float, usual: Mapping[str, float]) -> Step:
     return dataclasses.replace(step, trials=(_settled(step.chosen), *ordered[1:]))
 
 
-def tried(before: Fit, candidate: Candidate, usual: Mapping[str, float]) -> Trial | None:
+def tried(before: Fit, candidate: Candidate, usual: Usual) -> Trial | None:
     """Fit a candidate jointly with all there is; None where no fit is found."""
     try:
         after = fit(_with_effect(before, candidate.effect), before.data, most=STEPS)
@@ -161,7 +162,7 @@ def tried(before: Fit, candidate: Candidate, usual: Mapping[str, float]) -> Tria
     nats = float((gain * rows).sum() / (2.0 * after.noise_var))
     mean = float((gain * rows).sum() / rows.sum())
     worst = float((gain / stderr).min())
-    return Trial(effect, after, mean / power, nats, worst, usual.get(effect.name, 0.0))
+    return Trial(effect, after, mean / power, nats, worst, usual.of(effect.name))
 
 
 def _settled(trial: Trial) -> Trial:
@@ -201,7 +202,7 @@ def _better(before: Fit, after: Fit) -> tuple[FloatArray, FloatArray, FloatArray
 
 
 def _likeliest(
-    found: Sequence[Candidate], least: float, scale: float, usual: Mapping[str, float]
+    found: Sequence[Candidate], least: float, scale: float, usual: Usual
 ) -> list[Candidate]:
     """Those worth a fit: of each effect the likeliest, and all that can only be tried.
 
@@ -213,6 +214,6 @@ def _likeliest(
     for c in found:
         if math.isinf(c.explains):
             continue
-        if c.explains * scale > least + usual.get(c.effect.name, 0.0):
+        if c.explains * scale > least + usual.of(c.effect.name):
             best.setdefault(c.effect.name, c)
     return [*certain, *list(best.values())[:TRIED]]

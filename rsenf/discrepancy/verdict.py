@@ -104,7 +104,7 @@ def discover(
     floor = floor.raised(usual.gap, usual.most)
     steps = []
     progress("looking for what is missing")
-    for step in search(first, least, usual.gains):
+    for step in search(first, least, usual):
         if step.chosen is None:
             break
         steps.append(step)

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.errors import InputError
 from rsenf.messages.schema import Float32Array
 from rsenf.model.codec import Codec
 from rsenf.model.noise import NoiseBank
@@ -95,11 +94,6 @@ def recoded(path: Path, level: Float32Array, axis: str, settings: RowsSettings) 
         ``rows`` or ``columns``: along which the lines lie.
     settings : RowsSettings
         With which the recording was sampled.
-
-    Raises
-    ------
-    InputError
-        When its frames aren't as many, or their size is one that no encoder takes.
     """
     import dataclasses
 
@@ -108,9 +102,10 @@ def recoded(path: Path, level: Float32Array, axis: str, settings: RowsSettings) 
     from rsenf.run.inputs import open_input_file
 
     picture, rate, codec = _seen(path)
-    if picture.shape[0] % 2 or picture.shape[1] % 2:
-        raise InputError("a picture of odd size can't be coded again", "crop a line off it")
+    # Encoders take even sizes: a line is added where one lacks, and taken off again.
+    picture = np.pad(picture, [(0, n % 2) for n in picture.shape], mode="edge")
     light = level / np.maximum(level.mean(axis=0), 1e-6)
+    light = np.pad(light, ((0, 0), (0, level.shape[1] % 2), (0, 0)), mode="edge")
     blocks: list[Float32Array] = []
 
     def tap(topic: str, message: Any) -> None:
@@ -118,17 +113,11 @@ def recoded(path: Path, level: Float32Array, axis: str, settings: RowsSettings) 
             blocks.append(message.level)
 
     with tempfile.TemporaryDirectory() as folder:
-        again = Path(folder) / "again.mkv"
+        again = Path(folder) / f"again{'.avi' if codec.name == 'mjpeg' else '.mkv'}"
         write_video(again, Filmed(picture, light, axis, rate, Sensor()), codec)
-        analyse(
-            open_input_file(again),
-            rows=dataclasses.replace(settings, read_out_axis=axis),
-            tap=tap,
-        )
-    out = np.concatenate(blocks)
-    if out.shape != level.shape:
-        raise InputError("the codec returns other frames than it was given", "")
-    return out
+        settings = dataclasses.replace(settings, read_out_axis=axis)
+        analyse(open_input_file(again), rows=settings, tap=tap)
+    return np.concatenate(blocks)[:, : level.shape[1]]
 
 
 def _seen(path: Path) -> tuple[Float32Array, Fraction, Codec]:
