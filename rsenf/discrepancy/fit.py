@@ -27,6 +27,7 @@ TURN_RAD, LIT = 0.02, 0.01
 FARTHEST_RAD, FARTHEST_STEPS = 1.0, 50.0  # that one step may go
 REST_RAD, REST_STEPS = 1e-4, 1e-2  # of the phase, and of a knob in its own steps
 MOST = 8
+DARKEST = 0.01  # level of a wall: none that no light could be relative to
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +170,6 @@ def _relit(theory: Theory, about: Directions, data: Measured) -> tuple[Theory, F
     """Move the wall to where the training frames have it."""
     rows = theory.rows(data)
     brighter = about.brighter(data.level - rows, data.training)
-    wall = np.clip(theory.wall * (1.0 + brighter), 0.0, 255.0)
+    wall = np.clip(theory.wall * (1.0 + brighter), DARKEST, 255.0)
     theory = Theory(theory.model, theory.course, wall)
     return theory, theory.rows(data)

@@ -15,7 +15,7 @@ from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.measured import Float32Array
 
 # Encoders are alike in what they do, not the same: by how much the data must exceed it (gaps of
-# clips without an effect were 0.2 to 2.5 of those foretold, x264 at several presets and rates), and
+# clips without an effect were 0.1 to 2.5 of those foretold, x264 at several presets and rates), and
 # how much of the gap another encoder may have shaped like any effect.
 BEYOND, ANY = 3.0, 0.5
 

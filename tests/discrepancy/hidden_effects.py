@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 from rsenf.discrepancy import Discovery, Measured, discover, measured_of
 from rsenf.idle import IdleSettings, make_idle
-from rsenf.messages import EnfEstimate, Header
+from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.model import CaptureModel, Light, RowData, Shutter, simulate_rows, synthetic_grid
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
@@ -22,6 +23,20 @@ class Hidden:
     """A simulated recording, as the workflow gets it, and its truth."""
 
     made: RowData
+    seen: Seen
+
+    @property
+    def data(self) -> Measured:
+        return self.seen.data
+
+    def discover(self, model: CaptureModel = PLAIN) -> Discovery:
+        return self.seen.discover(model)
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A recording as the workflow gets it."""
+
     data: Measured
     estimates: list[EnfEstimate]
     idle_ratio: float
@@ -47,8 +62,12 @@ def hidden(
         model = model.with_effect(effect, **values)
     grid = synthetic_grid(seed, SECONDS + 10.0, start_s=4.0)
     made = simulate_rows(model, grid, SECONDS, seed, strips=strips)
-    blocks = list(blocks_from_luminance(made.level, made.frame_time_s, Header()))
+    return Hidden(made, seen(list(blocks_from_luminance(made.level, made.frame_time_s, Header()))))
+
+
+def seen(blocks: Sequence[RowBlock]) -> Seen:
+    """Estimate from row blocks what the workflow begins with."""
     tracker, stage = make_tracker(TrackSettings(nominal_hz=50.0)), make_idle(IdleSettings())
     estimates = [e for block in blocks for e in tracker.update(block)] + tracker.flush()
     idle = [e for block in blocks for e in stage.update(block)] + stage.flush()
-    return Hidden(made, measured_of(blocks, 50.0), estimates, idle[-1].idle_ratio)
+    return Seen(measured_of(blocks, 50.0), estimates, idle[-1].idle_ratio)
