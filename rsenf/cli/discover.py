@@ -13,11 +13,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsenf.discrepancy import Discovery
+    from collections.abc import Callable
+
+    from rsenf.discrepancy import Discovery, Measured
     from rsenf.messages import RowBlock
+    from rsenf.messages.schema import Float32Array
     from rsenf.model import CaptureModel
+    from rsenf.rows.settings import RowsSettings
+    from rsenf.run.inputs import Input
 
 MODEL, RESULT, RESIDUALS = "model.yaml", "discovery.json", "residuals.npz"
+STRIPS = 4  # of a video's rows: two from left to right, each in two that a codec treats apart
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,17 +67,18 @@ def run(args: argparse.Namespace) -> int:
     for path in args.effects:
         load_effects(path)
     model = _model(args)
-    blocks, loss = _rows(args)
+    blocks, recording, loss = _rows(args)
     data = measured_of(blocks, args.nominal_hz)
-    found = discover(model, data, note)
+    again = _recoded(args, data) if data.coded and recording.begins_with == "frames" else None
+    found = discover(model, data, note, recoded=again)
     told = discovery_json(found, str(args.out / MODEL))
     _keep(args, found, told)
     if args.json:
         print_json(told)
     else:
         print(discovery_words(told))
-    if Path(args.input).suffix != ".npz":
-        note("a codec ties rows together: what it does to them counts as a discrepancy")
+    if data.coded and not again:
+        note("a codec has tied rows together: what it did to them counts as a discrepancy")
     if loss:
         say(f"{args.input}: {loss}")
     return EXIT_LOSS if loss else EXIT_DONE
@@ -99,9 +106,9 @@ def _model(args: argparse.Namespace) -> CaptureModel:
     return CaptureModel(name="plain", light=Light(lamp="tone"))
 
 
-def _rows(args: argparse.Namespace) -> tuple[list[RowBlock], str]:
+def _rows(args: argparse.Namespace) -> tuple[list[RowBlock], Input, str]:
     """Read the rows of the recording's first stretch, and what of it could not be read."""
-    from rsenf.cli.console import progress_bar, row_settings
+    from rsenf.cli.console import progress_bar
     from rsenf.run.inline import analyse
     from rsenf.run.inputs import open_input_file
 
@@ -113,9 +120,24 @@ def _rows(args: argparse.Namespace) -> tuple[list[RowBlock], str]:
             blocks.append(message)
 
     with progress_bar("reading", recording.duration_s) as progress:
-        analysis = analyse(recording, rows=row_settings(args), progress=progress, tap=tap)
+        analysis = analyse(recording, rows=_settings(args), progress=progress, tap=tap)
     epoch = blocks[0].header.epoch if blocks else 0
-    return [block for block in blocks if block.header.epoch == epoch], analysis.loss
+    return [b for b in blocks if b.header.epoch == epoch], recording, analysis.loss
+
+
+def _settings(args: argparse.Namespace) -> RowsSettings:
+    import dataclasses
+
+    from rsenf.cli.console import row_settings
+
+    return dataclasses.replace(row_settings(args), strips=STRIPS)
+
+
+def _recoded(args: argparse.Namespace, data: Measured) -> Callable[[Float32Array], Float32Array]:
+    """Return what puts rows through the codec of a video."""
+    from rsenf.run.recoded import recoded
+
+    return lambda level: recoded(Path(args.input), level, data.axis, _settings(args))
 
 
 def _keep(args: argparse.Namespace, found: Discovery, told: dict[str, Any]) -> None:

@@ -56,6 +56,22 @@ def candidates(fit: Fit) -> list[Candidate]:
     return sorted(out, key=lambda c: -c.explains)
 
 
+def seeming_gains(fit: Fit) -> dict[str, float]:
+    """What the likeliest candidate of each effect seems to gain, over the power of the flicker."""
+    scale, out = per_power(fit), dict[str, float]()
+    for c in candidates(fit):
+        if np.isfinite(c.explains):
+            out.setdefault(c.effect.name, c.explains * scale)
+    return out
+
+
+def per_power(fit: Fit) -> float:
+    """Mean square of a fit's training residual, over the power of its flicker."""
+    training = fit.data.training
+    left = float((fit.residual[training] ** 2).mean(dtype=np.float64))
+    return left / float((fit.flicker[training] ** 2).mean(dtype=np.float64))
+
+
 def weighed(fit: Fit, effect: Effect) -> Candidate | None:
     """Weigh an effect that does nothing yet; None for one that this data can't show."""
     series = series_of(effect)

@@ -27,6 +27,7 @@ NEAR_RAD, NEAR_STEPS = 0.03, 1.0
 # Values of a series follow the noise of their own frames: nearer isn't worth the way.
 REST_RAD, REST_STEPS, REST_SERIES = 1e-4, 1e-2, 0.1
 MOST = 8
+DARKEST = 0.01  # level of a wall: none that no light could be relative to
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +175,7 @@ def _stepped(theory: Theory, rows: Float32Array, slopes: Slopes) -> _Step:
     model = turned(theory.model, knobs, step.tolist())
     theory = dataclasses.replace(theory, model=model, course=theory.course.moved(course))
     theory, left, moved_steps = improved(theory, left, slopes.lit, slopes.series, data)
-    wall = np.clip(theory.wall * (1.0 + slopes.brighter(left)), 0.0, 255.0)
+    wall = np.clip(theory.wall * (1.0 + slopes.brighter(left)), DARKEST, 255.0)
     theory = dataclasses.replace(theory, wall=wall)
     turned_steps = float((np.abs(step) / steps).max())
     return _Step(theory, theory.rows(data), stderr, farthest_rad, turned_steps, moved_steps)

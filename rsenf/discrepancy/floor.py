@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rsenf.discrepancy.apart import LINES
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.gap import gap_of
+from rsenf.discrepancy.measured import Float32Array
 
 SETS = 20
 # How far over the floor, in standard deviations of the sets, a gap must be to be one.
@@ -32,6 +34,10 @@ class Floor:
     limit: float
     most: float
 
+    def raised(self, gap: float, most: float) -> Floor:
+        """Return the floor of data that have such a gap without a discrepancy, or at most such."""
+        return Floor(self.median + gap, self.limit + most, self.most + most)
+
 
 def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> Floor:
     """Simulate data sets from a fit, and take the gap of each.
@@ -49,10 +55,10 @@ def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> Floor:
     """
     rng, data = np.random.default_rng(seed), fit.data
     about, others = fit.slopes, ~data.training
-    noise_std, prior = np.float32(np.sqrt(fit.noise_var)), np.zeros(about.basis.shape[1])
+    prior = np.zeros(about.basis.shape[1])
     gaps = []
     for _ in range(sets):
-        left = noise_std * rng.standard_normal(fit.residual.shape, dtype=np.float32)
+        left = _noise(fit, rng)
         normal = about.training.normal(left).over(fit.noise_var).with_prior(prior)
         step = normal.solve()[normal.course :]
         for size, direction in zip(step.astype(np.float32), about.own, strict=True):
@@ -67,3 +73,15 @@ def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> Floor:
 
 def _limit(values: Sequence[float]) -> float:
     return float(np.median(values) + BEYOND_STDS * np.std(values, ddof=1))
+
+
+def _noise(fit: Fit, rng: np.random.Generator) -> Float32Array:
+    """Noise as the data have it: white, or such as strips don't share, from another time."""
+    data = fit.data
+    if data.apart == LINES:
+        noise_std = np.float32(np.sqrt(fit.noise_var))
+        return noise_std * rng.standard_normal(fit.residual.shape, dtype=np.float32)
+    first, second = data.halves(fit.residual)
+    own = (first - second) / np.float32(np.sqrt(2.0))
+    drawn = [own[:, :, rng.integers(own.shape[2])] for _ in range(data.strips)]
+    return np.stack([np.roll(a, rng.integers(data.frames), axis=0) for a in drawn], axis=2)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.discrepancy.apart import LINES, STRIPS, apart_of
 from rsenf.discrepancy.estimates import Estimates, estimate
 from rsenf.errors import InputError
 from rsenf.messages import RowBlock
@@ -22,7 +23,6 @@ Mask = NDArray[np.bool_]
 Part = tuple[slice, ...]  # of an array (frames, lines, strips)
 
 ALL: Part = (slice(None),)
-LINES, STRIPS = 1, 2  # axes
 
 # Long enough for the grid to move within one, short enough for twenty of them in a minute.
 BLOCK_S = 3.0
@@ -103,6 +103,11 @@ class Measured:
         return np.asarray(self.block % 2 == 0)
 
     @property
+    def coded(self) -> bool:
+        """Whether rows share their noise, as they do after a codec."""
+        return self.apart == STRIPS
+
+    @property
     def first(self) -> Part:
         """Values that what follows the noise is found from."""
         return (slice(None),) * self.apart + (slice(0, None, 2),)
@@ -164,7 +169,7 @@ def measured_of(blocks: Sequence[RowBlock], nominal_hz: float | None = None) -> 
     axis = blocks[0].read_out_axis
     # Stamps that jitter would move the phase: frames count.
     seen = estimate(level, slot / float(rate), axis, nominal_hz)
-    return Measured(level, stamp_s, slot, rate, seen, axis)
+    return Measured(level, stamp_s, slot, rate, seen, axis, apart_of(level))
 
 
 def frame_rate_of(stamp_s: FloatArray) -> Fraction:

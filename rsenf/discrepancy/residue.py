@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import fft
 
+from rsenf.discrepancy.apart import LINES
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.measured import LINES
 from rsenf.messages.schema import FloatArray
 from rsenf.model.effects.residue import Residue
 

@@ -16,13 +16,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.candidates import Candidate, candidates
+from rsenf.discrepancy.candidates import Candidate, candidates, per_power
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.gap import by_block
 from rsenf.discrepancy.knobs import knobs_of, series_of
 from rsenf.discrepancy.series import all_as_told, halves, held, summed_up, with_series
 from rsenf.discrepancy.start import begun_anew
 from rsenf.discrepancy.theory import Theory, plan
+from rsenf.discrepancy.usual import NOTHING, Usual
 from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray
 from rsenf.model import Effect
@@ -52,6 +53,8 @@ class Trial:
         Logarithm of the likelihood ratio of those rows, with it and without.
     worst : float
         Gain in the block of time that fares worst, in standard errors.
+    usual : float
+        What a codec alone may have it gain.
     """
 
     effect: Effect
@@ -59,6 +62,12 @@ class Trial:
     gain: float
     nats: float
     worst: float
+    usual: float = 0.0
+
+    @property
+    def beyond(self) -> float:
+        """Gain beyond what is usual."""
+        return self.gain - self.usual
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +97,7 @@ class Step:
     def chosen(self) -> Trial | None:
         """The best trial, if the held-out data support it."""
         best = self.trials[0] if self.trials else None
-        if best and best.nats > self.limit and best.gain > self.least and best.worst > WORST:
+        if best and best.nats > self.limit and best.beyond > self.least and best.worst > WORST:
             return best
         return None
 
@@ -99,11 +108,11 @@ class Step:
         if best is None:
             return ()
         return tuple(dict.fromkeys(
-            t.effect.name for t in self.trials if best.gain - t.gain <= self.least
+            t.effect.name for t in self.trials if best.beyond - t.beyond <= self.least
         ))  # fmt: skip
 
 
-def search(first: Fit, least: float) -> Iterator[Step]:
+def search(first: Fit, least: float, usual: Usual) -> Iterator[Step]:
     """Take step after step from a first fit, until nothing more is supported.
 
     Parameters
@@ -111,6 +120,8 @@ def search(first: Fit, least: float) -> Iterator[Step]:
     first : Fit
     least : float
         What an effect must take away of held-out rows, over the power of the flicker.
+    usual : Usual
+        Beyond what a codec alone may have it take away.
 
     Yields
     ------
@@ -119,7 +130,7 @@ def search(first: Fit, least: float) -> Iterator[Step]:
     """
     now = first
     for _ in range(MOST_STEPS):
-        step = next_step(now, least)
+        step = next_step(now, least, usual)
         yield step
         if step.chosen is None:
             return
@@ -146,28 +157,25 @@ def needed(last: Fit, steps: Sequence[Step]) -> tuple[Fit, list[Step]]:
     return last, kept
 
 
-def next_step(before: Fit, least: float) -> Step:
+def next_step(before: Fit, least: float, usual: Usual = NOTHING) -> Step:
     """Look at all candidates, and fit the likeliest."""
-    found = candidates(before)
-    training = before.data.training
-    left = float((before.residual[training] ** 2).mean(dtype=np.float64))
-    power = float((before.flicker[training] ** 2).mean(dtype=np.float64))
+    found, scale = candidates(before), per_power(before)
     limit = math.log(max(len(found), 1) / FALSE_ALARMS)
     step = Step(before, (), len(found), limit, least)
-    for candidate in _likeliest(found, HOPE * least * power / left):
+    for candidate in _likeliest(found, HOPE * least, scale, usual):
         best = step.chosen
-        if best is not None and candidate.explains < RIVAL * best.gain * power / left:
+        if best is not None and candidate.explains * scale < RIVAL * best.gain:
             break  # it, and all after it, are far from as good
-        trial = tried(before, candidate)
+        trial = tried(before, candidate, usual)
         if trial is not None:
-            ordered = sorted((*step.trials, trial), key=lambda t: -t.gain)
+            ordered = sorted((*step.trials, trial), key=lambda t: -t.beyond)
             step = dataclasses.replace(step, trials=tuple(ordered))
     if step.chosen is None:
         return step
     return dataclasses.replace(step, trials=(_settled(step.chosen), *step.trials[1:]))
 
 
-def tried(before: Fit, candidate: Candidate) -> Trial | None:
+def tried(before: Fit, candidate: Candidate, usual: Usual) -> Trial | None:
     """Fit a candidate jointly with all there is; None where no fit is found."""
     try:
         begun = _with_effect(before, candidate.effect)
@@ -181,7 +189,8 @@ def tried(before: Fit, candidate: Candidate) -> Trial | None:
     gain, stderr, rows = _better(before, after)
     nats = float((gain * rows).sum() / (2.0 * after.noise_var))
     mean = float((gain * rows).sum() / rows.sum())
-    return Trial(effect, after, mean / power, nats, float((gain / stderr).min()))
+    worst = float((gain / stderr).min())
+    return Trial(effect, after, mean / power, nats, worst, usual.of(effect.name))
 
 
 def _settled(trial: Trial) -> Trial:
@@ -237,14 +246,19 @@ def _better(before: Fit, after: Fit) -> tuple[FloatArray, FloatArray, FloatArray
     return gain, stderr, rows
 
 
-def _likeliest(found: Sequence[Candidate], least: float) -> list[Candidate]:
+def _likeliest(
+    found: Sequence[Candidate], least: float, scale: float, usual: Usual
+) -> list[Candidate]:
     """Those worth a fit: of each effect the likeliest, and all that can only be tried.
 
-    ``least`` is the share of the residual that one must seem to explain.
+    ``least`` is what one must seem to gain beyond what is usual, and ``scale`` what all of the
+    residual would be.
     """
     certain = [c for c in found if math.isinf(c.explains)]
     best: dict[str, Candidate] = {}
     for c in found:
-        if not math.isinf(c.explains) and c.explains > least:
+        if math.isinf(c.explains):
+            continue
+        if c.explains * scale > least + usual.of(c.effect.name):
             best.setdefault(c.effect.name, c)
     return [*certain, *list(best.values())[:TRIED]]

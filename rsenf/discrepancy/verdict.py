@@ -10,10 +10,11 @@ from typing import Any
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.floor import Floor, floor_of
 from rsenf.discrepancy.knobs import series_of
-from rsenf.discrepancy.measured import Measured
+from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.search import Step, needed, search
 from rsenf.discrepancy.stamps import Stamps, gap_of_stamps, off_s, stamps_of
 from rsenf.discrepancy.start import first_theory
+from rsenf.discrepancy.usual import NOTHING, Usual, usual_of
 from rsenf.discrepancy.where import Share, where
 from rsenf.model import CaptureModel, Effect
 
@@ -35,6 +36,8 @@ class Discovery:
         What the frames' stamps have shown, before any row was looked at.
     floor : Floor
         Of data that the last theory made.
+    usual : Usual
+        What the recording's codec may do by itself; nothing where there is none, or it is unknown.
     where_before, where_after : list of Share
         Where theory and data disagreed, and where they still do.
     """
@@ -44,6 +47,7 @@ class Discovery:
     steps: tuple[Step, ...]
     stamps: Stamps | None
     floor: Floor
+    usual: Usual
     where_before: list[Share]
     where_after: list[Share]
 
@@ -81,6 +85,7 @@ def discover(
     model: CaptureModel,
     data: Measured,
     progress: Callable[[str], None] = lambda doing: None,
+    recoded: Callable[[Float32Array], Float32Array] | None = None,
 ) -> Discovery:
     """Find what a model lacks of a recording, and add it.
 
@@ -91,6 +96,8 @@ def discover(
     data : Measured
     progress : callable, optional
         Told what is being done.
+    recoded : callable, optional
+        Returns what the recording's codec leaves of rows, (frames, lines, strips).
 
     Raises
     ------
@@ -101,18 +108,24 @@ def discover(
     first = fit(first_theory(model, data), data)
     stamps = stamps_of(first)
     last = stamps.fit if stamps else first
+    usual = NOTHING
+    if recoded:
+        progress("coding the fitted model as the recording was")
+        usual = usual_of(last, recoded(last.rows))
     floor = floor_of(last)
+    least = floor.limit - floor.median
+    floor = floor.raised(usual.gap, usual.most)
     steps = []
     progress("looking for what is missing")
-    for step in search(last, floor.limit - floor.median):
+    for step in search(last, least, usual):
         if step.chosen is None:
             break
         steps.append(step)
         last = step.chosen.fit
         progress(f"added {' or '.join(step.kin)}")
     last, steps = needed(last, steps)
-    floor = floor_of(last) if steps else floor
-    return Discovery(first, last, tuple(steps), stamps, floor, where(first), where(last))
+    floor = floor_of(last).raised(usual.gap, usual.most) if steps else floor
+    return Discovery(first, last, tuple(steps), stamps, floor, usual, where(first), where(last))
 
 
 def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:
@@ -132,6 +145,7 @@ def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:
             "stderr": last.stderr,
             "floor": floor.median,
             "limit": floor.limit,
+            "codec": found.usual.gap,
             "shrinkage": found.shrinkage if found.shrinkage == found.shrinkage else None,
         },
         "held_out_mean_square": {"before": found.first.misfit, "after": found.last.misfit},

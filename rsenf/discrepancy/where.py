@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from rsenf.discrepancy.apart import LINES, STRIPS
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.measured import LINES, STRIPS
 from rsenf.messages.schema import FloatArray
 
 BANDS = 8  # of rows

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,6 @@ from rsenf.whole_file import whole_file
 if TYPE_CHECKING:
     import av
     from av.video.stream import VideoStream
-
-    from rsenf.model.full_video import FrameStream
 
 # AVI has no presentation times: only a codec without reordering comes back as it went in.
 CONTAINERS = {
@@ -33,9 +32,34 @@ THREADS = 3
 _GREY = 128
 
 
+class Frames(Protocol):
+    """Frames to encode, such as :class:`rsenf.model.full_video.FrameStream`.
+
+    Iterating yields ``(pts, luma)``: the time in units of ``time_base``, and a uint8 array.
+    """
+
+    @property
+    def frame_rate(self) -> Fraction:
+        """Nominal frame rate."""
+
+    @property
+    def time_base(self) -> Fraction:
+        """Seconds per unit of ``pts``."""
+
+    @property
+    def height_px(self) -> int:
+        """Height of a frame, even."""
+
+    @property
+    def width_px(self) -> int:
+        """Width of a frame, even."""
+
+    def __iter__(self) -> Iterator[tuple[int, NDArray[np.uint8]]]: ...
+
+
 def write_video(
     path: Path,
-    frames: FrameStream,
+    frames: Frames,
     codec: Codec,
     progress: Callable[[int], None] | None = None,
 ) -> int:
@@ -48,7 +72,7 @@ def write_video(
     ----------
     path : Path
         ``.mp4``, ``.mov``, ``.mkv``, ``.avi`` or ``.webm``.
-    frames : FrameStream
+    frames : Frames
         The clip.
     codec : Codec
         Encoder and its settings.
@@ -72,7 +96,7 @@ def write_video(
 
 def write_videos(
     codecs: Mapping[Path, Codec],
-    frames: FrameStream,
+    frames: Frames,
     progress: Callable[[int], None] | None = None,
 ) -> int:
     """Encode a clip into several files at once, each by its codec; it is rendered once.
@@ -98,7 +122,7 @@ def write_videos(
 
 @contextmanager
 def _encoder(
-    path: Path, frames: FrameStream, codec: Codec
+    path: Path, frames: Frames, codec: Codec
 ) -> Iterator[Callable[[int, NDArray[np.uint8]], None]]:
     """Yield what takes one frame after the other; the file is complete at the end."""
     import av
@@ -115,7 +139,7 @@ def _encoder(
         container.mux(stream.encode(None))
 
 
-def _check(path: Path, frames: FrameStream, codec: Codec) -> None:
+def _check(path: Path, frames: Frames, codec: Codec) -> None:
     codec.validate()
     if path.suffix not in CONTAINERS:
         raise UsageError(f"{path}: not a video file's name", f"end it in {', '.join(CONTAINERS)}")
@@ -132,7 +156,7 @@ def _check(path: Path, frames: FrameStream, codec: Codec) -> None:
 
 
 def _open_stream(
-    container: av.container.OutputContainer, frames: FrameStream, codec: Codec
+    container: av.container.OutputContainer, frames: Frames, codec: Codec
 ) -> VideoStream:
     stream: Any = container.add_stream(
         ENCODERS[codec.name], rate=frames.frame_rate, options=codec.options()

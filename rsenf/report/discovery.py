@@ -28,6 +28,11 @@ def discovery_words(told: dict[str, Any]) -> str:
         f"  {'gap at last':15} {gap['after']:.2e} ± {gap['stderr']:.1e}; data that the model "
         f"itself has made have {gap['floor']:.1e}, at most {gap['limit']:.1e}"
     )
+    if gap["codec"]:
+        lines.append(
+            f"  {'its codec':15} the model's own rows, coded again as this recording was, have "
+            f"{gap['codec']:.1e}: effects that are smaller can't be seen"
+        )
     if gap["shrinkage"] is not None:
         lines.append(f"  {'shrinkage':15} {100.0 * gap['shrinkage']:.1f} % of what was above that")
     if told["unexplained"]:

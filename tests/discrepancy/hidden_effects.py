@@ -20,6 +20,20 @@ class Hidden:
     """A simulated recording, as the workflow gets it, and its truth."""
 
     made: RowData
+    seen: Seen
+
+    @property
+    def data(self) -> Measured:
+        return self.seen.data
+
+    def discover(self, model: CaptureModel = PLAIN) -> Discovery:
+        return self.seen.discover(model)
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A recording as the workflow gets it."""
+
     data: Measured
 
     def discover(self, model: CaptureModel = PLAIN) -> Discovery:
@@ -43,5 +57,5 @@ def hidden(
         model = model.with_effect(effect, **values)
     grid = synthetic_grid(seed, SECONDS + 10.0, start_s=4.0)
     made = simulate_rows(model, grid, SECONDS, seed, strips=strips)
-    blocks = list(blocks_from_luminance(made.level, made.frame_time_s, Header()))
-    return Hidden(made, measured_of(blocks))
+    blocks = blocks_from_luminance(made.level, made.frame_time_s, Header())
+    return Hidden(made, Seen(measured_of(list(blocks))))

@@ -7,8 +7,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from rsenf.discrepancy.apart import LINES, STRIPS, apart_of
 from rsenf.discrepancy.gap import gap_of
-from rsenf.discrepancy.measured import LINES, STRIPS, Measured
+from rsenf.discrepancy.measured import Measured
 
 FRAMES, ROWS = 900, 64
 
@@ -41,3 +42,18 @@ def test_noise_that_rows_share_is_a_gap_between_rows_but_not_between_strips() ->
     strips = gap_of(noise, lit, _measured(STRIPS, 4), every)
     assert rows.value == pytest.approx(1.0, rel=0.05)
     assert abs(strips.value) < 4.0 * strips.stderr
+
+
+def test_which_it_is_is_seen_in_the_noise() -> None:
+    rng = np.random.default_rng(4)
+    white = rng.standard_normal((FRAMES, ROWS, 2)).astype(np.float32)
+    turns = (
+        np.arange(ROWS)[:, None] / 30.0
+        + np.array([0.0, 0.1])
+        + np.arange(FRAMES)[:, None, None] / 7
+    )
+    lit = 100.0 * (1.0 + 0.1 * np.cos(2 * np.pi * turns)).astype(np.float32)
+    coded = white + 0.2 * np.roll(white, 1, axis=1)  # fine detail is what codecs take
+    assert apart_of(lit + 0.1 * white) == LINES
+    assert apart_of(lit + 0.1 * coded) == STRIPS
+    assert apart_of((lit + 0.1 * coded)[:, :, :1]) == LINES  # which can't be told

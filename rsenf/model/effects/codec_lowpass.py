@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rsenf.model.effects.base import CodecEffect, Run
+from rsenf.model.effects.residue import Residue
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
 from rsenf.model.scene import Float32Array
+
+STANDS_OUT = 8.0  # of the spread from frame to frame
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,11 +28,14 @@ class CodecLowpass(CodecEffect):
     name = "codec_lowpass"
     source = "measured on x264 at 50 to 150 kbit/s; a first-order picture"
     confused_with = ("flicker_ratio", "gop_attenuation", "exposure")
-    told_apart_by = "harmonics, whose aliases are elsewhere, lose other shares"
+    told_apart_by = (
+        "harmonics, whose aliases are elsewhere, lose other shares; the first frames after a key "
+        "frame, which still have all of the flicker"
+    )
 
     gain: float = parameter(
         0.3, "share of a change that a frame takes over", low=0.001, high=1,
-        fitting=Fitting(1.0, -0.02),
+        fitting=Fitting(None, -0.02),
     )  # fmt: skip
 
     def apply(self, light: LineLight, run: Run) -> None:
@@ -43,3 +50,19 @@ class CodecLowpass(CodecEffect):
             held = run.memory.get(what, frame)
             out[n] = run.memory[what] = held + gain * (frame - held)
         return out
+
+    @classmethod
+    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+        """Try the gain by which the flicker is smaller than in the first frame, a key frame.
+
+        Where the clip doesn't begin with one, a pure tone that has lost a share is a weaker tone.
+        """
+        size = residue.size_ratio
+        usual = float(np.median(size))
+        spread = 1.4826 * float(np.median(np.abs(size - usual)))
+        if size[0] < usual + STANDS_OUT * spread:
+            return []
+        gain = np.linspace(0.01, 0.99, 99)
+        turn = np.exp(-2j * np.pi * residue.turns_per_frame)
+        kept = gain / np.abs(1.0 - (1.0 - gain) * turn)
+        return [{"gain": float(gain[np.argmin(np.abs(kept - usual / size[0]))])}]

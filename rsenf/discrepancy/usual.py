@@ -1,0 +1,62 @@
+"""What an encoder makes of a recording that lacks nothing, which no effect may be named for.
+
+The first fit, put through the recording's own codec, is data without a discrepancy: its gap is
+part of the floor, and what effects seem to explain of it is what they must beat on the data.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rsenf.discrepancy.candidates import seeming_gains
+from rsenf.discrepancy.fit import Fit, fit
+from rsenf.discrepancy.measured import Float32Array
+
+# Encoders are alike in what they do, not the same: by how much the data must exceed it (gaps of
+# clips without an effect were 0.1 to 2.5 of those foretold, x264 at several presets and rates), and
+# how much of the gap another encoder may have shaped like any effect.
+BEYOND, ANY = 3.0, 0.5
+
+
+@dataclass(frozen=True)
+class Usual:
+    """A gap, and gains of effects by name, such as a codec alone may bring about.
+
+    Attributes
+    ----------
+    gap : float
+        Over the power of the flicker, as one such codec left it.
+    gains : mapping of str to float
+        Of each effect, by its name, over the same power.
+    """
+
+    gap: float
+    gains: Mapping[str, float]
+
+    @property
+    def most(self) -> float:
+        """Gap that another codec of the kind may leave."""
+        return BEYOND * self.gap
+
+    def of(self, name: str) -> float:
+        """What an effect may gain by such a codec alone."""
+        return BEYOND * self.gains.get(name, 0.0) + ANY * self.gap
+
+
+NOTHING = Usual(0.0, {})
+
+
+def usual_of(first: Fit, level: Float32Array) -> Usual:
+    """See what a codec does to data that a fit itself has made.
+
+    Parameters
+    ----------
+    first : Fit
+        Of the recording.
+    level : ndarray of float32 (frames, lines, strips)
+        What the codec leaves of ``first.rows``.
+    """
+    again = fit(first.theory, dataclasses.replace(first.data, level=level))
+    return Usual(abs(again.gap.value), seeming_gains(again))

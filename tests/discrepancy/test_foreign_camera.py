@@ -1,0 +1,43 @@
+"""Effects in rows that another camera has made are named too."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rsenf.discrepancy import discovery_json
+from rsenf.messages import Header
+from rsenf.rows.luminance import blocks_from_luminance
+from tests.discrepancy.foreign_camera import film
+from tests.discrepancy.hidden_effects import seen
+
+
+def _discover(seed: int, **hidden: Any) -> dict[str, Any]:
+    level, stamp_s = film(seed, **hidden)
+    blocks = list(blocks_from_luminance(level.astype(np.float32), stamp_s, Header()))
+    return discovery_json(seen(blocks).discover(), "")
+
+
+def test_it_lacks_nothing() -> None:
+    assert _discover(1)["verdict"] == "no_discrepancy"
+
+
+@pytest.mark.parametrize(
+    ("hidden", "name", "checked"),
+    [
+        ({"other_lamp": 0.12}, "second_lamp", {}),
+        ({"tone": (987.0, 0.002)}, "pwm_tone", {"tone_hz": 987.0, "depth_ratio": 0.002}),
+        ({"jitter_s": 8e-5}, "capture_jitter", {}),
+        ({"lost": (250, 611)}, "frame_drop", {"at_frames": [250, 611]}),
+    ],
+)
+def test_what_it_hides_is_named(hidden: dict[str, Any], name: str, checked: dict[str, Any]) -> None:
+    told = _discover(2, **hidden)
+    assert told["verdict"] == "explained"
+    (step,) = told["effects"]
+    assert step["name"] == name
+    for parameter, value in checked.items():
+        assert step["parameters"][parameter] == pytest.approx(value, rel=0.05)
+    assert told["gap"]["shrinkage"] > 0.9
