@@ -18,7 +18,7 @@ from rsenf.model.parameters import fittings
 
 Value = tuple[float, float]  # and its standard error
 MOST_PLACES = 3
-GONE_STDS = 3.0  # from neutral, within which an effect does nothing
+GONE_STDS = 4.0  # from neutral, within which an effect does nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +66,8 @@ def seen_in(found: Discovery, given: CaptureModel, known: Sequence[FoundEffect])
         members = classes.get(effect.name, ())
         blank = FoundEffect(name="" if members else effect.name, members=members)
         effects.append(_with_values(added.get(effect.name, blank), effect, values))
+    parts = {"light", "shutter", *(effect.name for effect in model.effects)}
+    values = {key: value for key, value in values.items() if key[0] in parts}
     return Seen(found.verdict, model, tuple(effects), values)
 
 
