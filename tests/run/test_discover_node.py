@@ -69,17 +69,17 @@ def test_work_is_given_up_when_the_node_is_told_to_stop() -> None:
     stop, never = threading.Event(), threading.Event()
     threading.Timer(0.1, stop.set).start()
     begun = time.monotonic()
-    assert _unless_stopped(never.wait, stop) is None  # type: ignore[arg-type]
+    assert _unless_stopped(never.wait, stop) is None
     assert time.monotonic() - begun < 2.0
     never.set()
     go_on = threading.Event()
-    assert _unless_stopped(lambda: "done", go_on) == "done"  # type: ignore[arg-type, return-value]
+    assert _unless_stopped(lambda: "done", go_on) == "done"
 
     def fails() -> None:
         raise InputError("no flicker")
 
     with pytest.raises(InputError, match="no flicker"):
-        _unless_stopped(fails, go_on)  # type: ignore[arg-type]
+        _unless_stopped(fails, go_on)
 
 
 @pytest.mark.parametrize(
