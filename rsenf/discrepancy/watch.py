@@ -25,10 +25,13 @@ from rsenf.errors import InputError
 from rsenf.messages import DiscoveryVerdict, RowBlock
 from rsenf.model import CaptureModel, Effect
 from rsenf.model.effects import DeliveryEffect
+from rsenf.model.effects.gop_attenuation import GopAttenuation
 from rsenf.model.parameters import fittings
 from rsenf.timebase import NS_PER_S
 
 WORTH_NS = 3 * NS_PER_S  # of new rows, for which the end of a stream is judged once more
+# Effects on certain frames: they count from the first of a window.
+OF_ONE_WINDOW = (DeliveryEffect, GopAttenuation)
 SHORTEST_NS = round((SHORTEST_S + 1.0) * NS_PER_S)
 
 
@@ -173,7 +176,7 @@ def lasting(model: CaptureModel) -> CaptureModel:
     What happened at certain frames, or has a value for each, is of its window alone. Phases are
     the window's own as well: an amplitude that has one begins at zero.
     """
-    kept = [e for e in model.effects if not isinstance(e, DeliveryEffect) and not series_of(e)]
+    kept = [e for e in model.effects if not isinstance(e, OF_ONE_WINDOW) and not series_of(e)]
     return dataclasses.replace(model, effects=tuple(_without_phase(e) for e in kept))
 
 

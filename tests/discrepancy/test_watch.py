@@ -110,6 +110,19 @@ def test_what_is_known_stays_explained_and_what_ends_is_said_to_be_gone() -> Non
     assert values["flicker_hz"] == pytest.approx(8.8, abs=1e-3)
 
 
+def test_a_window_may_begin_anywhere_among_the_key_frames() -> None:
+    level, time_s = film(2 * WINDOW_S + 2.0, "gop_attenuation", seed=51, loss_ratio=0.04)
+    first, second = watched(cut(level[47:], time_s[47:] - time_s[47]))
+    assert [t.verdict for t in (first, second)] == ["explained", "explained"]
+    for told in (first, second):
+        (effect,) = told.effects
+        values = dict(zip(effect.parameter_names, effect.parameters, strict=True))
+        begun = int(told.header.frame_first) + 47
+        assert values["first_age"] == begun % 30
+        assert values["loss_ratio"] == pytest.approx(0.04, rel=0.05)
+    assert second.changed == ()
+
+
 def test_how_rows_were_batched_changes_nothing() -> None:
     level, time_s = film(40.0, seed=44)
     small, large = (watched(cut(level, time_s, block_frames=n)) for n in (5, 1000))
