@@ -92,6 +92,7 @@ class WatchStage:
         since_ns = end_ns - self._judged_ns
         if self._published and (since_ns < WORTH_NS or self._rows.span_ns < SHORTEST_NS):
             return []
+        self._rows.forget_before(end_ns - self._window_ns)
         return self._judge(end_ns)
 
     def _take(self, block: RowBlock, first: int, end: int) -> None:
@@ -108,15 +109,15 @@ class WatchStage:
         """Judge the window that ends now, unless behind; rows go on at ``next_ns``."""
         due_ns = self._due_ns
         self._due_ns += self._every_ns * (1 + (next_ns - due_ns) // self._every_ns)
+        self._rows.forget_before(due_ns - self._window_ns)
         if self._is_behind():
             self._skipped += 1
             return []
         return self._judge(due_ns)
 
     def _judge(self, end_ns: int) -> list[DiscoveryVerdict]:
-        """Look at the window that ends at a moment of the stream."""
+        """Look at the rows there are, up to a moment of the stream."""
         self._judged_ns = end_ns
-        self._rows.forget_before(end_ns - self._window_ns)
         blocks = self._rows.blocks()
         if not blocks:
             return [self._blank(self._reason)]
@@ -131,6 +132,7 @@ class WatchStage:
         """Say what is seen, and remember it for the next window."""
         found, before, blank = seeing.found, self._before, self._blank()
         now = seen_in(found, self._given, before.effects if before else ())
+        model = model_of(found, f"{blank.header.source}, as seen by the watch")
         told = dataclasses.replace(
             blank,
             verdict=found.verdict,
@@ -142,7 +144,7 @@ class WatchStage:
             gap_stderr=found.last.gap.stderr,
             changed=changes(before, now) if before else (),
             frames_missing=missing_in(found.last.data),
-            model_yaml=_as_yaml(model_of(found, f"{blank.header.source}, as seen by the watch")),
+            model_yaml=_as_yaml(dataclasses.replace(model, effects=now.model.effects)),
         )
         if found.verdict == "unexplained":
             told = dataclasses.replace(told, **rest_of(found, seeing.gap_before))

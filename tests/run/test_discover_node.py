@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 import time
 from pathlib import Path
@@ -41,11 +42,12 @@ def write(folder: Path, **values: object) -> Path:
 
 @pytest.mark.processes
 def test_a_verdict_comes_out_and_is_recorded(live_run: type[LiveRun], tmp_path: Path) -> None:
-    run = live_run(write(tmp_path, seconds=28, window=25))
+    run = live_run(write(tmp_path, seconds=28, window=25), "--json")
     assert run.wait() == EXIT_DONE, run.lines
     assert any("cam explained (interharmonic), gap" in line for line in run.lines)
-    (printed,) = run.process.stdout.read().splitlines()  # type: ignore[union-attr]
-    assert printed.startswith("lab/cam: ")
+    printed = json.load(run.process.stdout)["discover"]["lab/cam"]  # type: ignore[arg-type]
+    assert [e["name"] for e in printed["effects"]] == ["interharmonic"]
+    assert abs(printed["gap"]["after"]) < printed["gap"]["limit"]
     messages = open_recording(tmp_path / "out.mcap").messages(["rsenf/lab/cam/discover"])
     told = [m for _, m, _ in messages]
     assert told[-1].header.is_end

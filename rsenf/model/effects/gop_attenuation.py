@@ -32,9 +32,7 @@ class GopAttenuation(CodecEffect):
         fitting=Fitting(0.0, 0.02),
     )  # fmt: skip
     period_frames: int = parameter(30, "frames from key frame to key frame", low=2, high=3000)
-    first_age: int = parameter(
-        0, "frames from a key frame to the first", low=0, high=2999
-    )
+    first_age: int = parameter(0, "frames from a key frame to the first", low=0, high=2999)
 
     def apply(self, light: LineLight, run: Run) -> None:
         """Draw the light towards its mean, more with each frame since the last key frame."""
