@@ -3,33 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Any
 
 from rsenf.bus.keys import camera_key
 from rsenf.config.graph import IdleNode
 from rsenf.idle import make_idle
 from rsenf.run.node import NodeProcess, run_node
-from rsenf.run.pump import Lane, pump
+from rsenf.run.pump import Lane, TellingLane, pump
 from rsenf.run.runner import Runner
-
-
-@dataclass(kw_only=True)
-class IdleLane(Lane):
-    """A lane that tells, in the node's state, how far the estimate has come."""
-
-    node: NodeProcess
-    camera: str
-    latest: dict[str, str]  # of all cameras of the node
-
-    def send(self, messages: Iterable[Any]) -> None:
-        """Send estimates, and say the newest."""
-        for message in messages:
-            super().send([message])
-            if not message.header.is_end:
-                self.latest[self.camera] = f"{self.camera} {message.in_short}"
-                self.node.say("running", "; ".join(self.latest.values()))
 
 
 def body(node: NodeProcess) -> None:
@@ -40,7 +20,7 @@ def body(node: NodeProcess) -> None:
     for camera in config.cameras:
         key = node.subscribe(camera_key(node.graph.site, camera, "rows"))
         lanes.append(
-            IdleLane(
+            TellingLane(
                 runner=Runner("idle", lambda: make_idle(config.idle)),
                 publisher=node.publisher(camera, "idle"),
                 inputs={key: node.sender_of("rows", camera)},

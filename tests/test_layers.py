@@ -28,7 +28,7 @@ ALLOWED: dict[str, set[str]] = {
     "record": BASE,
     "bus": BASE,
     # A graph file is checked against the very settings of the stages.
-    "config": {*BASE, "bus", "decode", "rows", "track", "idle", "match", "model"},
+    "config": {*BASE, "bus", "decode", "rows", "track", "idle", "match", "model", "discrepancy"},
     "report": {*BASE, "rows", "flicker", "track", "idle", "match"},
     "run": {*BASE, *SIGNAL, "bus", "config", "record", "reference"},
     "bench": {*BASE, *SIGNAL, "discrepancy", "config", "record", "reference", "report", "run"},
@@ -45,7 +45,7 @@ ALLOWED: dict[str, set[str]] = {
         "cli",
         "discrepancy",
     },
-    "nodes": {*BASE, *SIGNAL, "bus", "config", "record", "reference", "run"},
+    "nodes": {*BASE, *SIGNAL, "bus", "config", "record", "reference", "run", "discrepancy"},
 }
 # What a signal room must not touch, whatever it is imported through.
 NOT_FOR_SIGNALS = {"zenoh", "mcap", "yaml", "pydantic", "argparse", "rich", "subprocess"}

@@ -99,11 +99,9 @@ def _check_out(folder: Path) -> None:
 
 def _model(args: argparse.Namespace) -> CaptureModel:
     from rsenf.config.model_file import load_model
-    from rsenf.model import CaptureModel, Light
+    from rsenf.discrepancy import PLAIN
 
-    if args.model:
-        return load_model(args.model)
-    return CaptureModel(name="plain", light=Light(lamp="tone"))
+    return load_model(args.model) if args.model else PLAIN
 
 
 def _rows(args: argparse.Namespace) -> tuple[list[RowBlock], Input, str]:

@@ -55,6 +55,8 @@ def run(args: argparse.Namespace) -> int:
                 note(line)
         for source, estimate in running.idle.items():
             print(f"{source}: {idle_words(estimate)}")
+        for source, told in running.discovered.items():
+            print(f"{source}: {told.in_short}")
     if failure:
         raise failure
     if interrupted:
@@ -63,6 +65,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _as_json(running: GraphRun) -> dict[str, Any]:
+    from rsenf.report.discovery import watch_json
     from rsenf.report.idle import idle_json
     from rsenf.report.verdict import verdict_json
 
@@ -80,4 +83,5 @@ def _as_json(running: GraphRun) -> dict[str, Any]:
             source: idle_json(estimate, list(estimate.warnings))
             for source, estimate in running.idle.items()
         },
+        "discover": {source: watch_json(told) for source, told in running.discovered.items()},
     }

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
 
 from rsenf.bus.keys import NAME_PATTERN, NAME_RULE, REFERENCE, is_name
+from rsenf.discrepancy.settings import WatchSettings
 from rsenf.idle.settings import IdleSettings
 from rsenf.match.settings import MatchSettings
 from rsenf.rows.settings import RowsSettings
@@ -119,6 +120,15 @@ class IdleNode(Strict):
     idle: IdleSettings = IdleSettings()
 
 
+class DiscoverNode(Strict):
+    """Watches for what a model of the cameras lacks, and names what changes."""
+
+    kind: Literal["discover"]
+    cameras: tuple[Camera, ...] = Field(min_length=1)
+    model: str | None = Field(None, description="model file to begin with; a plain lamp without")
+    discover: WatchSettings = WatchSettings()
+
+
 class ReferenceNode(Strict):
     """Publishes a grid's frequency from a file, or from the store."""
 
@@ -156,7 +166,14 @@ class RecordNode(Strict):
 
 
 Node = Annotated[
-    DecodeNode | RowsNode | TrackNode | IdleNode | ReferenceNode | MatchNode | RecordNode,
+    DecodeNode
+    | RowsNode
+    | TrackNode
+    | IdleNode
+    | DiscoverNode
+    | ReferenceNode
+    | MatchNode
+    | RecordNode,
     Field(discriminator="kind"),
 ]
 
@@ -181,7 +198,7 @@ def outputs(node: Any) -> list[tuple[str, str]]:
         return [(t, node.camera) for t in [*topics, *(["video"] if node.record_video else [])]]
     if isinstance(node, ReferenceNode):
         return [("reference", node.grid)]
-    if isinstance(node, RowsNode | TrackNode | IdleNode | MatchNode):
+    if isinstance(node, RowsNode | TrackNode | IdleNode | DiscoverNode | MatchNode):
         return [(node.kind, camera) for camera in node.cameras]
     return []
 

@@ -9,6 +9,7 @@ from rsenf.bus.zenoh_bus import setting_problem
 from rsenf.config.graph import (
     BusConfig,
     DecodeNode,
+    DiscoverNode,
     Graph,
     IdleNode,
     MatchNode,
@@ -27,7 +28,7 @@ from rsenf.track import METHODS as TRACK_METHODS
 
 Problem = tuple[tuple[str, ...], str]
 
-_READS = {"rows": "frames", "track": "rows", "idle": "rows", "match": "track"}
+_READS = {"rows": "frames", "track": "rows", "idle": "rows", "discover": "rows", "match": "track"}
 
 
 def problems(graph: Graph) -> list[Problem]:
@@ -108,7 +109,7 @@ def _unfit(graph: Graph, node: Node) -> Iterator[tuple[str, str]]:
 
 def _unfed(graph: Graph, node: Node) -> Iterator[tuple[str, str]]:
     """Yield every input that nobody sends."""
-    if isinstance(node, RowsNode | TrackNode | IdleNode | MatchNode):
+    if isinstance(node, RowsNode | TrackNode | IdleNode | DiscoverNode | MatchNode):
         topic = _READS[node.kind]
         for camera in node.cameras:
             if not sender_of(graph, topic, camera):

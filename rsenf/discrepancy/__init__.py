@@ -16,9 +16,32 @@ One idea a file, in the order of the work::
     search       what held-out data support
     floor        how small a gap can be
     verdict      all of it on one recording
+
+and on a stream, window by window::
+
+    rolling      the newest rows, averaged down
+    window       all of it on one window
+    seen         what was found in it
+    news         what isn't as in the window before
+    watch        the stage
 """
 
 from rsenf.discrepancy.measured import Measured, measured_of
+from rsenf.discrepancy.settings import WatchSettings
+from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.verdict import Discovery, discover, discovery_json, model_of
+from rsenf.discrepancy.watch import WatchStage
+from rsenf.discrepancy.window import Look
 
-__all__ = ["Discovery", "Measured", "discover", "discovery_json", "measured_of", "model_of"]
+__all__ = [
+    "PLAIN",
+    "Discovery",
+    "Look",
+    "Measured",
+    "discover",
+    "discovery_json",
+    "measured_of",
+    "model_of",
+    "WatchSettings",
+    "WatchStage",
+]

@@ -20,6 +20,7 @@ from rsenf.discrepancy.candidates import Candidate, candidates, per_power
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.gap import by_block
 from rsenf.discrepancy.knobs import knobs_of, series_of
+from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.series import all_as_told, halves, held, summed_up, with_series
 from rsenf.discrepancy.start import begun_anew
 from rsenf.discrepancy.theory import Theory, plan
@@ -221,7 +222,8 @@ def _with_effect(before: Fit, effect: Effect) -> Theory:
     """Return a fit's theory with an effect that does nothing yet."""
     told, model = series_of(effect), before.theory.model.plus(effect)
     if isinstance(effect, DeliveryEffect):
-        return before.theory.otherwise_delivered(model, before.data)
+        ahead_rad = residue_of(before).angle_rad
+        return before.theory.otherwise_delivered(model, before.data, ahead_rad)
     if told is None and not knobs_of(effect, neutral=True):
         # Without it nothing has fitted: what steps have made of the course is of no use.
         return begun_anew(before.begun.with_model(model), before.data)

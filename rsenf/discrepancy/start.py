@@ -12,8 +12,10 @@ from rsenf.discrepancy.slopes import slopes_of
 from rsenf.discrepancy.theory import Course, Theory
 from rsenf.errors import InputError
 from rsenf.match.series import track_of
-from rsenf.model import CaptureModel
+from rsenf.model import CaptureModel, Light
 
+# What to begin with when nothing is known.
+PLAIN = CaptureModel(name="plain", light=Light(lamp="tone"))
 LEAST_USABLE = 0.5  # share of the seconds
 FIRST_SIZE = 0.05  # flicker with which the first simulation is made
 

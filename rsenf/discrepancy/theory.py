@@ -100,15 +100,24 @@ class Theory:
         """Return it with another model."""
         return dataclasses.replace(self, model=model)
 
-    def otherwise_delivered(self, model: CaptureModel, data: Measured) -> Theory:
-        """Return it with a model that delivers other frames, every frame's phase as it was."""
+    def otherwise_delivered(
+        self, model: CaptureModel, data: Measured, ahead_rad: FloatArray
+    ) -> Theory:
+        """Return it with a model that delivers other frames, each in its phase as measured.
+
+        Parameters
+        ----------
+        model : CaptureModel
+        data : Measured
+        ahead_rad : ndarray (frames,)
+            By which the flicker of each measured frame is ahead of this theory's.
+        """
         clip = plan(model, data)
-        taken_s = clip.start_s[clip.number[: int(data.slot[-1]) + 1]]
-        slot_s = np.arange(taken_s.size) / float(data.frame_rate)
-        # What was taken for a leap of the phase, within half a turn, is a leap of time.
-        late_s = np.diff(taken_s - slot_s, prepend=0.0)
-        leaps = np.angle(np.exp(4j * math.pi * self.course.nominal_hz * late_s))
-        psi_rad = np.interp(slot_s, self.course.node_s, self.course.psi_rad) - np.cumsum(leaps)
+        taken_s = clip.start_s[clip.number[data.slot]]
+        # What was taken for a leap of the phase is a leap of time.
+        late_s = taken_s - data.time_s
+        psi_rad = np.interp(data.time_s, self.course.node_s, self.course.psi_rad) + ahead_rad
+        psi_rad = np.unwrap(psi_rad - 4.0 * math.pi * self.course.nominal_hz * late_s)
         course = self.course.through(np.interp(self.course.node_s, taken_s, psi_rad))
         return Theory(model, course, self.wall)
 

@@ -38,7 +38,7 @@ class Discovery:
         Of data that the last theory made.
     usual : Usual
         What the recording's codec may do by itself; nothing where there is none, or it is unknown.
-    where_before, where_after : list of Share
+    before, after : list of Share
         Where theory and data disagreed, and where they still do.
     """
 
@@ -48,16 +48,16 @@ class Discovery:
     stamps: Stamps | None
     floor: Floor
     usual: Usual
-    where_before: list[Share]
-    where_after: list[Share]
+    before: list[Share]
+    after: list[Share]
 
     @property
-    def before(self) -> float:
+    def gap_before(self) -> float:
         """Gap of the model to begin with: of rows and of stamps."""
         return self.first.gap.value + _stamps_gap(self.first)
 
     @property
-    def after(self) -> float:
+    def gap_after(self) -> float:
         """Gap of the model at last."""
         return self.last.gap.value + _stamps_gap(self.last)
 
@@ -71,10 +71,10 @@ class Discovery:
     @property
     def shrinkage(self) -> float:
         """Share of the gap above the floor that is gone; NaN where there was none."""
-        above = self.before - self.floor.median
+        above = self.gap_before - self.floor.median
         if abs(above) <= self.floor.limit - self.floor.median:
             return float("nan")
-        return 1.0 - (self.after - self.floor.median) / above
+        return 1.0 - (self.gap_after - self.floor.median) / above
 
 
 def _stamps_gap(fit: Fit) -> float:
@@ -139,9 +139,9 @@ def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:
             *(_step_json(step) for step in found.steps),
         ],
         "gap": {
-            "before": found.before,
+            "before": found.gap_before,
             "before_stderr": first.stderr,
-            "after": found.after,
+            "after": found.gap_after,
             "stderr": last.stderr,
             "floor": floor.median,
             "limit": floor.limit,
@@ -149,7 +149,7 @@ def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:
             "shrinkage": found.shrinkage if found.shrinkage == found.shrinkage else None,
         },
         "held_out_mean_square": {"before": found.first.misfit, "after": found.last.misfit},
-        "where_before": [dataclasses.asdict(share) for share in found.where_before],
+        "where_before": [dataclasses.asdict(share) for share in found.before],
         "unexplained": _left(found),
         "model_out": model_out,
     }
@@ -167,7 +167,7 @@ def model_of(found: Discovery, made_from: str) -> CaptureModel:
         "from": made_from,
         "verdict": found.verdict,
         "stderr": errors,
-        "gap": {"before": found.before, "after": found.after},
+        "gap": {"before": found.gap_before, "after": found.gap_after},
         "wander": "the light's course is the recording's own and isn't part of the model",
     }
     return dataclasses.replace(theory.whole(), provenance=provenance)
@@ -183,7 +183,7 @@ def _stamps_json(found: Discovery) -> dict[str, Any]:
         "parameters": _numbers(stamps.effect),
         "stderr": {},
         "told_apart_by": stamps.effect.told_apart_by if several else "",
-        "gap_before": found.before,
+        "gap_before": found.gap_before,
         "gap_after": stamps.fit.gap.value,
         "gain": stamps.gap,
         "evidence": None,  # stamps have no noise
@@ -224,9 +224,9 @@ def _step_json(step: Step) -> dict[str, Any]:
 def _left(found: Discovery) -> dict[str, Any] | None:
     if found.verdict != "unexplained":
         return None
-    places = [share for share in found.where_after if share.sure > SURE]
+    places = [share for share in found.after if share.sure > SURE]
     return {
-        "gap": found.after,
+        "gap": found.gap_after,
         "stamps_gap": _stamps_gap(found.last),
         "places": [dataclasses.asdict(share) for share in places],
     }

@@ -62,16 +62,37 @@ class FoundEffect:
 @message(version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DiscoveryVerdict:
-    """Where the model and the data disagree, and what is missing."""
+    """Where the model and the data of a window disagree, what is missing, and what has changed.
+
+    The header tells the window's frames. The model given is the one found in the windows before;
+    numbers of frames and phases in effects and model count from the window's first frame.
+    """
 
     header: Header = field(1, "", None)
-    verdict: str = field(2, "'no_discrepancy', 'explained' or 'unexplained'", "")
-    effects: tuple[FoundEffect, ...] = field(3, "added to the model, in order", ())
+    verdict: str = field(
+        2, "'no_discrepancy', 'explained', 'unexplained', or 'no_signal' for no rows to judge", ""
+    )
+    effects: tuple[FoundEffect, ...] = field(3, "those found so far, in order", ())
     gap_before: float = field(4, "held-out, with the model given", NAN)
     gap_after: float = field(5, "held-out, with the model found", NAN)
     gap_floor: float = field(6, "gap of data simulated from the model found", NAN)
-    gap_stderr: float = field(7, "standard error of the shrinkage", NAN)
+    gap_stderr: float = field(7, "standard error of gap_after", NAN)
     unexplained_freq_hz: float = field(8, "where the rest is strongest; NaN for nothing", NAN)
     unexplained_ratio: float = field(9, "share of the gap that is left", NAN)
     unexplained_text: str = field(10, "what the rest looks like, and what would tell", "")
     model_yaml: str = field(11, "the model found, as a model file", "")
+    gap_limit: float = field(12, "gaps below it are none", NAN)
+    changed: tuple[str, ...] = field(13, "what isn't as in the window before, in words", ())
+    reason: str = field(14, "why there is nothing to judge; empty when there is", "")
+    frames_missing: int = field(15, "of the window, that never came or were of no use", 0)
+    windows_skipped: int = field(16, "since the verdict before, for lack of time", 0)
+
+    @property
+    def in_short(self) -> str:
+        """Verdict on one line, for logs."""
+        if self.verdict == "no_signal":
+            return f"{self.verdict}: {self.reason}"
+        names = ", ".join(effect.name or " or ".join(effect.members) for effect in self.effects)
+        known = f" ({names})" if names else ""
+        said = f"{self.verdict}{known}, gap {self.gap_before:.1e} to {self.gap_after:.1e}"
+        return "; ".join([said, *self.changed])

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
+
+from rsenf.messages import DiscoveryVerdict
 
 VERDICTS = {
     "no_discrepancy": "the model explains this recording",
@@ -40,6 +43,39 @@ def discovery_words(told: dict[str, Any]) -> str:
             lines.append(f"  {'where':15} {_place(place)}")
     lines.append(f"  {'model':15} {told['model_out']}")
     return "\n".join(lines)
+
+
+def watch_json(told: DiscoveryVerdict) -> dict[str, Any]:
+    """Return the stable keys of a verdict on one window of a stream, plain values all."""
+    return {
+        "verdict": told.verdict,
+        "reason": told.reason,
+        "changed": list(told.changed),
+        "effects": [
+            {
+                "name": effect.name or None,
+                "class": list(effect.members),
+                "parameters": dict(
+                    zip(effect.parameter_names, map(float, effect.parameters), strict=True)
+                ),
+            }
+            for effect in told.effects
+        ],
+        "gap": {
+            name: value if math.isfinite(value) else None
+            for name, value in [
+                ("before", told.gap_before),
+                ("after", told.gap_after),
+                ("stderr", told.gap_stderr),
+                ("floor", told.gap_floor),
+                ("limit", told.gap_limit),
+            ]
+        },
+        "unexplained": told.unexplained_text,
+        "frames": [told.header.frame_first, told.header.frame_last],
+        "frames_missing": told.frames_missing,
+        "windows_skipped": told.windows_skipped,
+    }
 
 
 def _name(effect: dict[str, Any]) -> str:

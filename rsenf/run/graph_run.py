@@ -15,9 +15,9 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import camera_key, health_key, node_of, source_of
 from rsenf.bus.ring import ring_directory
 from rsenf.config import Graph
-from rsenf.config.graph import DecodeNode, IdleNode, MatchNode, ReferenceNode
+from rsenf.config.graph import DecodeNode, DiscoverNode, IdleNode, MatchNode, ReferenceNode
 from rsenf.errors import EXIT_USAGE, NodeFailed
-from rsenf.messages import Health, IdleEstimate, MatchResult
+from rsenf.messages import DiscoveryVerdict, Health, IdleEstimate, MatchResult
 from rsenf.run.peers import LAST_WORDS
 
 # Told to stop, sources end their streams and everything after them finishes by itself; who hasn't
@@ -81,6 +81,8 @@ class GraphRun:
         Latest match result of each camera.
     idle : dict
         Latest idle estimate of each camera.
+    discovered : dict
+        Latest verdict of each camera on what a model of it lacks.
     """
 
     graph: Graph
@@ -90,6 +92,7 @@ class GraphRun:
     on_change: Callable[[NodeState], None]
     results: dict[str, MatchResult] = field(default_factory=dict)
     idle: dict[str, IdleEstimate] = field(default_factory=dict)
+    discovered: dict[str, DiscoveryVerdict] = field(default_factory=dict)
     _words: Inbox = field(default_factory=Inbox)
 
     @property
@@ -169,9 +172,16 @@ class GraphRun:
                 node.was_ready |= received.message.state == "running"
                 self._change(node, received.message.state, received.message.detail)
         elif not received.message.header.is_end:
-            latest = self.idle if isinstance(received.message, IdleEstimate) else self.results
-            latest[source_of(received.key)] = received.message
+            self._keep(source_of(received.key), received.message)
         return True
+
+    def _keep(self, source: str, message: MatchResult | IdleEstimate | DiscoveryVerdict) -> None:
+        if isinstance(message, IdleEstimate):
+            self.idle[source] = message
+        elif isinstance(message, DiscoveryVerdict):
+            self.discovered[source] = message
+        else:
+            self.results[source] = message
 
     def _change(self, node: NodeState, state: str, detail: str) -> None:
         before = node.state, node.detail
@@ -180,12 +190,13 @@ class GraphRun:
             self.on_change(node)
 
     def listen_to(self, bus: Bus) -> None:
-        """Subscribe to the health of the nodes, to results and to idle estimates."""
+        """Subscribe to the health of the nodes, and to what a run says at its end."""
         site = self.graph.site
         bus.subscribe(self._words, health_key(site, "*"), LOOKING)
-        nodes: list[MatchNode | IdleNode] = [
+        nodes: list[MatchNode | IdleNode | DiscoverNode] = [
             *self.graph.of(MatchNode),
             *self.graph.of(IdleNode),
+            *self.graph.of(DiscoverNode),
         ]
         for node in nodes:
             for camera in node.cameras:

@@ -81,6 +81,23 @@ class Lane:
             self.publisher.send(message)
 
 
+@dataclass(kw_only=True)
+class TellingLane(Lane):
+    """A lane that tells the newest message in the node's state: all of them have ``in_short``."""
+
+    node: NodeProcess
+    camera: str
+    latest: dict[str, str]  # of all cameras of the node
+
+    def send(self, messages: Iterable[Any]) -> None:
+        """Send messages, and say the newest."""
+        for message in messages:
+            super().send([message])
+            if not message.header.is_end:
+                self.latest[self.camera] = f"{self.camera} {message.in_short}"
+                self.node.say("running", "; ".join(self.latest.values()))
+
+
 def pump(node: NodeProcess, lanes: list[Lane]) -> None:
     """Run until every lane has ended, or the node is told to stop.
 

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from rsenf.discrepancy import Discovery, Measured, discover, measured_of
+from rsenf.discrepancy import PLAIN, Discovery, Measured, discover, measured_of
 from rsenf.messages import Header
 from rsenf.model import CaptureModel, Light, RowData, Shutter, simulate_rows, synthetic_grid
 from rsenf.rows.luminance import blocks_from_luminance
 
-PLAIN = CaptureModel(name="plain", light=Light(lamp="tone"))
 SECONDS, LINES = 27.0, 160
 
 
@@ -20,20 +19,6 @@ class Hidden:
     """A simulated recording, as the workflow gets it, and its truth."""
 
     made: RowData
-    seen: Seen
-
-    @property
-    def data(self) -> Measured:
-        return self.seen.data
-
-    def discover(self, model: CaptureModel = PLAIN) -> Discovery:
-        return self.seen.discover(model)
-
-
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """A recording as the workflow gets it."""
-
     data: Measured
 
     def discover(self, model: CaptureModel = PLAIN) -> Discovery:
@@ -58,4 +43,4 @@ def hidden(
     grid = synthetic_grid(seed, SECONDS + 10.0, start_s=4.0)
     made = simulate_rows(model, grid, SECONDS, seed, strips=strips)
     blocks = blocks_from_luminance(made.level, made.frame_time_s, Header())
-    return Hidden(made, Seen(measured_of(list(blocks))))
+    return Hidden(made, measured_of(list(blocks)))

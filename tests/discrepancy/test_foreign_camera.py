@@ -7,17 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.discrepancy import discovery_json
+from rsenf.discrepancy import PLAIN, discover, discovery_json, measured_of
 from rsenf.messages import Header
 from rsenf.rows.luminance import blocks_from_luminance
 from tests.discrepancy.foreign_camera import film
-from tests.discrepancy.hidden_effects import seen
 
 
 def _discover(seed: int, **hidden: Any) -> dict[str, Any]:
     level, stamp_s = film(seed, **hidden)
     blocks = list(blocks_from_luminance(level.astype(np.float32), stamp_s, Header()))
-    return discovery_json(seen(blocks).discover(), "")
+    return discovery_json(discover(PLAIN, measured_of(blocks)), "")
 
 
 def test_it_lacks_nothing() -> None:

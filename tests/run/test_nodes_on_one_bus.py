@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
-from rsenf_nodes.idle import IdleLane
 from rsenf_nodes.rows import RowsLane
 from run_samples import GRAPH, Counting, block, end_after, node_on, wall
 
@@ -24,7 +23,7 @@ from rsenf.rows.stage import Rows
 from rsenf.run import peers as peers_module
 from rsenf.run import pump as pump_module
 from rsenf.run.node import NodeProcess
-from rsenf.run.pump import Lane, pump
+from rsenf.run.pump import Lane, TellingLane, pump
 from rsenf.run.recording import Ending
 from rsenf.run.runner import Runner
 
@@ -414,7 +413,7 @@ def test_an_idle_node_says_how_far_it_has_come_with_each_camera(network: Loopbac
     health = health_of(network, "idle")
     latest: dict[str, str] = {}
     lanes: list[Lane] = [
-        IdleLane(
+        TellingLane(
             Runner("idle", Guessing),
             node.publisher(camera, "idle"),
             {node.subscribe(camera_key("lab", camera, "rows")): "rows"},

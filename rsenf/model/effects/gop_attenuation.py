@@ -9,6 +9,7 @@ import numpy as np
 
 from rsenf.model.effects.base import CodecEffect, Run
 from rsenf.model.effects.residue import Residue
+from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
 
@@ -31,10 +32,11 @@ class GopAttenuation(CodecEffect):
         fitting=Fitting(0.0, 0.02),
     )  # fmt: skip
     period_frames: int = parameter(30, "frames from key frame to key frame", low=2, high=3000)
+    first_age: int = parameter(0, "frames from a key frame to the first", low=0, high=2999)
 
     def apply(self, light: LineLight, run: Run) -> None:
         """Draw the light towards its mean, more with each frame since the last key frame."""
-        first = run.memory.get("delivered", 0)
+        first = run.memory.get("delivered", self.first_age)
         run.memory["delivered"] = first + len(light.level)
         age = (first + np.arange(len(light.level))) % self.period_frames
         keep = (1 - self.loss_ratio * age / (self.period_frames - 1)).astype(np.float32)[:, None]
@@ -44,9 +46,20 @@ class GopAttenuation(CodecEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try the period at which the flicker's size repeats best, and what divides it."""
+        """Try the period at which the flicker's size repeats best, and what divides it.
+
+        Of each, with key frames where the sawtooth fits the size best.
+        """
         size = residue.size_ratio - residue.size_ratio.mean()
         spectrum = np.abs(np.fft.rfft(size, 2 * size.size)) ** 2
         again = np.fft.irfft(spectrum)[: size.size // 4]
         best = 2 + int(np.argmax(again[2:] / (size.size - np.arange(2, again.size))))
-        return [{"period_frames": n} for n in range(2, best + 1) if best % n == 0]
+        periods = [n for n in range(2, best + 1) if best % n == 0]
+        return [{"period_frames": n, "first_age": _first_age(size, n)} for n in periods]
+
+
+def _first_age(size: FloatArray, period: int) -> int:
+    """Age of the first frame with which a size that falls from key frame to key frame fits best."""
+    folded = size[: size.size // period * period].reshape(-1, period).mean(axis=0)
+    ages = (np.arange(period)[:, None] + np.arange(period)) % period
+    return int(np.argmin(ages @ folded))

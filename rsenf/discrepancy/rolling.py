@@ -1,0 +1,135 @@
+"""The newest rows of a stream, averaged down, however they were batched on their way."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from rsenf.messages import Header, RowBlock
+
+BLOCK_FRAMES = 8
+
+
+class Rolling:
+    """Rows of one shape; others begin it anew.
+
+    Parameters
+    ----------
+    lines : int
+        To which the rows of a frame are averaged down, if there are more.
+    """
+
+    def __init__(self, lines: int) -> None:
+        self._lines = lines
+        self._blocks: deque[RowBlock] = deque()
+
+    def add(self, block: RowBlock) -> None:
+        """Add the newest frames."""
+        thin = thinned(block, self._lines)
+        if self._blocks and _shape(self._blocks[0]) != _shape(thin):
+            self._blocks.clear()
+        self._blocks.append(thin)
+
+    def forget_before(self, pts_ns: int) -> None:
+        """Let go of frames that came before a moment of the stream."""
+        while self._blocks and self._blocks[0].frame_pts_ns[0] < pts_ns:
+            oldest = self._blocks.popleft()
+            kept = int(np.searchsorted(oldest.frame_pts_ns, pts_ns))
+            if kept < oldest.frames:
+                self._blocks.appendleft(part_of(oldest, kept, oldest.frames))
+
+    @property
+    def header(self) -> Header | None:
+        """Header that tells all of its frames; None while there are none."""
+        return joined(self._blocks).header if self._blocks else None
+
+    @property
+    def span_ns(self) -> int:
+        """From the first frame to the last."""
+        if not self._blocks:
+            return 0
+        return int(self._blocks[-1].frame_pts_ns[-1] - self._blocks[0].frame_pts_ns[0])
+
+    def blocks(self) -> list[RowBlock]:
+        """Return all of it, cut anew: the same however the frames came.
+
+        On a clock that begins with the first of them, as if the stream began there.
+        """
+        if not self._blocks:
+            return []
+        whole = joined(self._blocks)
+        since_start = whole.frame_pts_ns - whole.frame_pts_ns[0]
+        whole = dataclasses.replace(whole, frame_pts_ns=since_start)
+        firsts = range(0, whole.frames, BLOCK_FRAMES)
+        return [part_of(whole, k, min(k + BLOCK_FRAMES, whole.frames)) for k in firsts]
+
+
+def thinned(block: RowBlock, lines: int) -> RowBlock:
+    """Average neighbouring rows, so that no more than so many lines are left.
+
+    As many in each, for the lines must come regularly: a few rows at the end may be left over.
+    """
+    group = -(-block.rows // lines)
+    # A few lines less, if that leaves no row over.
+    group = next((n for n in range(group, 2 * group) if block.rows % n == 0), group)
+    if group == 1:
+        return block
+    kept = block.rows // group
+    level = block.level[:, : kept * group].reshape(block.frames, kept, group, block.strips)
+    pixels = block.kept_px[: kept * group].reshape(kept, group, block.strips)
+    return dataclasses.replace(
+        block,
+        rows=kept,
+        level=level.mean(axis=2, dtype=np.float64).astype(np.float32),
+        kept_px=pixels.sum(axis=1, dtype=np.uint32),
+    )
+
+
+def part_of(block: RowBlock, first: int, end: int) -> RowBlock:
+    """Return some frames of a block."""
+    part, pts_ns = slice(first, end), int(block.frame_pts_ns[first])
+    since_ns = pts_ns - int(block.frame_pts_ns[0])
+    header = block.header
+    return dataclasses.replace(
+        block,
+        header=dataclasses.replace(
+            header,
+            frame_first=int(block.frame_number[first]),
+            frame_last=int(block.frame_number[end - 1]),
+            pts_ns=pts_ns,
+            camera_time_ns=header.camera_time_ns and header.camera_time_ns + since_ns,
+        ),
+        frames=end - first,
+        frame_number=block.frame_number[part],
+        frame_pts_ns=block.frame_pts_ns[part],
+        level=block.level[part],
+        tile_level=block.tile_level[part],
+    )
+
+
+def joined(blocks: Sequence[RowBlock]) -> RowBlock:
+    """Join blocks of one shape."""
+    first, last = blocks[0], blocks[-1]
+    return dataclasses.replace(
+        first,
+        header=dataclasses.replace(
+            last.header,
+            frame_first=int(first.frame_number[0]),
+            pts_ns=int(first.frame_pts_ns[0]),
+            camera_time_ns=first.header.camera_time_ns,
+        ),
+        frames=sum(block.frames for block in blocks),
+        frame_number=np.concatenate([block.frame_number for block in blocks]),
+        frame_pts_ns=np.concatenate([block.frame_pts_ns for block in blocks]),
+        level=np.concatenate([block.level for block in blocks]),
+        tile_level=first.tile_level[:0],
+        bands=0,
+        tiles=0,
+    )
+
+
+def _shape(block: RowBlock) -> tuple[str, int, int]:
+    return block.read_out_axis, block.rows, block.strips

@@ -1,0 +1,192 @@
+"""The watch: row blocks of a stream in, now and then a verdict on the newest of them.
+
+The first window tells what the camera is like; every later one begins with the model found so far.
+So what is known stays explained, and what a window adds, loses or leaves is a change of the camera.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import yaml
+
+from rsenf.discrepancy.knobs import series_of
+from rsenf.discrepancy.measured import SHORTEST_S
+from rsenf.discrepancy.news import changes
+from rsenf.discrepancy.rolling import Rolling, part_of
+from rsenf.discrepancy.seen import Seen, rest_of, seen_in
+from rsenf.discrepancy.settings import WatchSettings
+from rsenf.discrepancy.start import PLAIN
+from rsenf.discrepancy.verdict import model_of
+from rsenf.discrepancy.window import Look, look, missing_in
+from rsenf.errors import InputError
+from rsenf.messages import DiscoveryVerdict, RowBlock
+from rsenf.model import CaptureModel, Effect
+from rsenf.model.effects import DeliveryEffect
+from rsenf.model.effects.gop_attenuation import GopAttenuation
+from rsenf.model.parameters import fittings
+from rsenf.timebase import NS_PER_S
+
+WORTH_NS = 3 * NS_PER_S  # of new rows, for which the end of a stream is judged once more
+# Effects on certain frames: they count from the first of a window.
+OF_ONE_WINDOW = (DeliveryEffect, GopAttenuation)
+SHORTEST_NS = round((SHORTEST_S + 1.0) * NS_PER_S)
+
+
+class WatchStage:
+    """Runs the workflow on the newest rows of a stream. Implements ``rsenf.stage.Stage``.
+
+    Parameters
+    ----------
+    settings : WatchSettings
+    given : CaptureModel, optional
+        To begin with.
+    is_behind : callable, optional
+        Asked when a verdict is due: whether to skip it, for there is no time.
+    run : callable, optional
+        Does what takes long, and returns what it returns; None for given up, and no verdict comes.
+    """
+
+    def __init__(
+        self,
+        settings: WatchSettings,
+        given: CaptureModel = PLAIN,
+        is_behind: Callable[[], bool] = lambda: False,
+        run: Callable[[Callable[[], Look]], Look | None] = lambda work: work(),
+    ) -> None:
+        self._settings, self._given = settings, given
+        self._is_behind, self._run = is_behind, run
+        self._window_ns = round(settings.window_s * NS_PER_S)
+        self._every_ns = round(settings.every_s * NS_PER_S)
+        self._rows = Rolling(settings.lines)
+        self._model = given
+        self._before: Seen | None = None
+        self._newest: RowBlock | None = None  # of use or not
+        self._reason = "no frame can be read"  # why what is of no use is so
+        self._due_ns, self._judged_ns = 0, 0
+        self._published, self._skipped = 0, 0
+
+    def update(self, message: RowBlock) -> list[DiscoveryVerdict]:
+        """Take a block of rows; return the verdicts that are due."""
+        if message.frames == 0:
+            return []
+        if self._newest is None:
+            self._judged_ns = int(message.frame_pts_ns[0])
+            self._due_ns = self._judged_ns + self._window_ns
+        out, first = [], 0
+        while message.frame_pts_ns[-1] >= self._due_ns:
+            end = int(np.searchsorted(message.frame_pts_ns, self._due_ns))
+            self._take(message, first, end)
+            out += self._when_due(int(message.frame_pts_ns[end]))
+            first = end
+        self._take(message, first, message.frames)
+        return out
+
+    def flush(self) -> list[DiscoveryVerdict]:
+        """Return the verdict on the newest rows, if there are any that it could do anything for."""
+        if self._newest is None:
+            return []
+        end_ns = int(self._newest.frame_pts_ns[-1]) + 1
+        since_ns = end_ns - self._judged_ns
+        if self._published and (since_ns < WORTH_NS or self._rows.span_ns < SHORTEST_NS):
+            return []
+        self._rows.forget_before(end_ns - self._window_ns)
+        return self._judge(end_ns)
+
+    def _take(self, block: RowBlock, first: int, end: int) -> None:
+        """Keep some frames of a block."""
+        if first == end:
+            return
+        self._newest = part_of(block, first, end)
+        if block.usable:
+            self._rows.add(self._newest)
+        else:
+            self._reason = block.reason
+
+    def _when_due(self, next_ns: int) -> list[DiscoveryVerdict]:
+        """Judge the window that ends now, unless behind; rows go on at ``next_ns``."""
+        due_ns = self._due_ns
+        self._due_ns += self._every_ns * (1 + (next_ns - due_ns) // self._every_ns)
+        self._rows.forget_before(due_ns - self._window_ns)
+        if self._is_behind():
+            self._skipped += 1
+            return []
+        return self._judge(due_ns)
+
+    def _judge(self, end_ns: int) -> list[DiscoveryVerdict]:
+        """Look at the rows there are, up to a moment of the stream."""
+        self._judged_ns = end_ns
+        blocks = self._rows.blocks()
+        if not blocks:
+            return [self._blank(self._reason)]
+        models = [self._model, self._given] if self._model != self._given else [self._given]
+        try:
+            seeing = self._run(lambda: look(blocks, models, self._settings.nominal_hz))
+        except InputError as exc:
+            return [self._blank(exc.message)]
+        return [self._told(seeing, end_ns)] if seeing else []
+
+    def _told(self, seeing: Look, end_ns: int) -> DiscoveryVerdict:
+        """Say what is seen, and remember it for the next window."""
+        found, before, blank = seeing.found, self._before, self._blank()
+        now = seen_in(found, self._given, before.effects if before else ())
+        model = model_of(found, f"{blank.header.source}, as seen by the watch")
+        told = dataclasses.replace(
+            blank,
+            verdict=found.verdict,
+            effects=now.effects,
+            gap_before=seeing.gap_before,
+            gap_after=found.gap_after,
+            gap_floor=found.floor.median,
+            gap_limit=found.floor.limit,
+            gap_stderr=found.last.gap.stderr,
+            changed=changes(before, now) if before else (),
+            frames_missing=missing_in(found.last.data),
+            model_yaml=_as_yaml(dataclasses.replace(model, effects=now.model.effects)),
+        )
+        if found.verdict == "unexplained":
+            told = dataclasses.replace(told, **rest_of(found, seeing.gap_before))
+            if before and before.verdict != "unexplained":
+                self._begin_anew(end_ns)
+        self._before, self._model = now, lasting(now.model)
+        return told
+
+    def _begin_anew(self, end_ns: int) -> None:
+        """Forget all rows: those before and after a change don't mix to anything that can be."""
+        self._rows.forget_before(end_ns)
+        self._due_ns = max(self._due_ns, end_ns + SHORTEST_NS)
+
+    def _blank(self, reason: str = "") -> DiscoveryVerdict:
+        """Begin the next message."""
+        assert self._newest is not None
+        header = self._rows.header or self._newest.header
+        told = DiscoveryVerdict(
+            header=header.numbered(self._published),
+            verdict="no_signal",
+            reason=reason,
+            windows_skipped=self._skipped,
+        )
+        self._published, self._skipped = self._published + 1, 0
+        return told
+
+
+def lasting(model: CaptureModel) -> CaptureModel:
+    """Return what of a model holds in other windows too.
+
+    What happened at certain frames, or has a value for each, is of its window alone. Phases are
+    the window's own as well: an amplitude that has one begins at zero.
+    """
+    kept = [e for e in model.effects if not isinstance(e, OF_ONE_WINDOW) and not series_of(e)]
+    return dataclasses.replace(model, effects=tuple(_without_phase(e) for e in kept))
+
+
+def _without_phase(effect: Effect) -> Effect:
+    turned = {name: f for name, f in fittings(effect).items() if f.turn}
+    still = dict.fromkeys(turned, 0.0) | {f.turn: 0.0 for f in turned.values()}
+    return dataclasses.replace(effect, **still)
+
+
+def _as_yaml(model: CaptureModel) -> str:
+    return str(yaml.safe_dump(model.to_dict(), sort_keys=False))
