@@ -9,6 +9,7 @@ from typing import Any
 
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.floor import Floor, floor_of
+from rsenf.discrepancy.hint import hint_json, hint_of
 from rsenf.discrepancy.knobs import series_of
 from rsenf.discrepancy.measured import Measured
 from rsenf.discrepancy.search import Step, search
@@ -173,4 +174,5 @@ def _left(found: Discovery) -> dict[str, Any] | None:
     return {
         "gap": found.last.gap.value,
         "places": [dataclasses.asdict(share) for share in places],
+        **hint_json(hint_of(found.last, found.after)),
     }
