@@ -26,6 +26,7 @@ SLOW = 0.5  # correlation from frame to frame from which on a series wanders
 WHITE = (0.8, 1.2)  # share of what changes from frame to frame
 FEW_BANDS = BANDS / 2  # of rows that hold what is left
 COMMON = 0.7
+SHAKING_HZ = 60.0  # from which on it is no motion, and no gain of whole frames
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,8 @@ def _when(last: Fit, after: Sequence[Share], signs: Signs) -> Hint:
     lines = [share for share in after if share.axis == "alias_hz"]
     tone = tone_of(last, lines)
     if tone:
-        return Hint("tone", tone=tone)
+        fast = bool(tone.likely_hz) and tone.likely_hz[0] > SHAKING_HZ
+        return Hint("fast_tone" if fast else "tone", tone=tone)
     if signs.level > CURVE:
         return Hint("level")
     kind, most = max(series.items(), key=lambda item: item[1].share)

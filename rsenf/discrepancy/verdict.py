@@ -35,6 +35,8 @@ class Discovery:
         Of data that the last theory made.
     before, after : list of Share
         Where theory and data disagreed, and where they still do.
+    refused : Step or None
+        The last round, where it tried what it didn't add.
     """
 
     first: Fit
@@ -43,6 +45,7 @@ class Discovery:
     floor: Floor
     before: list[Share]
     after: list[Share]
+    refused: Step | None = None
 
     @property
     def verdict(self) -> str:
@@ -90,16 +93,18 @@ def discover(
     progress("fitting the model")
     first = fit(first_theory(model, data, estimates, idle_ratio), data)
     floor = floor_of(first)
-    steps = []
+    steps: list[Step] = []
+    refused = None
     progress("looking for what is missing")
     for step in search(first, floor.limit - floor.median):
         if step.chosen is None:
+            refused = step
             break
         steps.append(step)
         progress(f"added {' or '.join(step.kin)}")
     last = steps[-1].chosen.fit if steps and steps[-1].chosen else first
     floor = floor_of(last) if steps else floor
-    return Discovery(first, last, tuple(steps), floor, where(first), where(last))
+    return Discovery(first, last, tuple(steps), floor, where(first), where(last), refused)
 
 
 def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:

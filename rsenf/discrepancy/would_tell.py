@@ -20,6 +20,11 @@ TELLS: dict[str, tuple[str, ...]] = {
         "daylight in place of the lamp: what stays is the camera's, not the light's",
         "the camera on something heavy: what goes was shaking",
     ),
+    "fast_tone": (
+        "a recording at another frame rate: its alias moves, and only one frequency fits both",
+        "the lamp before a photodiode: its driver's frequency is there to read",
+        "each lamp and screen by itself: which of them it is",
+    ),
     "level": (
         "a bright and a dark wall side by side: a tone curve follows the level everywhere alike",
         "a stop less of exposure: clipping goes, a tone curve stays",

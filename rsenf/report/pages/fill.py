@@ -21,8 +21,9 @@ def fill(
     Parameters
     ----------
     template : Path
-        Which extends ``frame.html.j2``; it finds the pictures as ``inlined``, in base64.
+        Which extends ``frame.html.j2``.
     pictures : sequence of Picture
+        That it finds under this name, and as ``inlined`` in base64.
     filters : mapping of str to callable, optional
         That the template uses.
     **values
@@ -40,4 +41,6 @@ def fill(
     )
     environment.filters.update(filters or {})
     inlined = [base64.b64encode(p.png).decode() for p in pictures]
-    return environment.get_template(template.name).render(inlined=inlined, **values)
+    return environment.get_template(template.name).render(
+        pictures=pictures, inlined=inlined, **values
+    )

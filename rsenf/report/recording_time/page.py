@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from rsenf.report.pages import Picture, fill
+from rsenf.report.pages import Picture, fill, setting
 from rsenf.report.verdict import ppm_text
 
 _WHOLE = re.compile(r"\d{4}-\d\d-\d\d [\d:.]+ UTC|± [\d.]+ s|--[a-z-]+")
@@ -80,17 +80,6 @@ def _duration(value: float) -> str:
     return " ".join([*told, *([f"{rest:.4g} s"] if rest or not told else [])])
 
 
-def _setting(value: Any) -> str:
-    """Write a parameter's value."""
-    if value is None or value == "":
-        return "not set"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, list | tuple):
-        return ", ".join(map(_setting, value)) or "not set"
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
 _FILTERS: dict[str, Callable[..., str]] = {
     "fixed": _known(_fixed),
     "count": _known(_count),
@@ -101,6 +90,6 @@ _FILTERS: dict[str, Callable[..., str]] = {
     "percent": _known(lambda ratio, decimals=1: f"{100 * ratio:.{decimals}f} %"),
     "mhz": _known(lambda value: f"{1e3 * value:.3g} mHz"),
     "duration": _known(_duration),
-    "setting": _setting,
+    "setting": setting,
     "plain": lambda word: _WORDS.get(word, str(word)),
 }
