@@ -1,4 +1,4 @@
-"""A model file to read: long lists cut short."""
+"""A model file to read: long lists and numbers cut short."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import yaml
 
 from rsenf.model import CaptureModel
 
+DIGITS = 7
 FEW = 6  # values of a list that are written out
 
 
@@ -22,4 +23,4 @@ def _short(value: Any) -> Any:
     if isinstance(value, list | tuple):
         first = [_short(own) for own in value[:FEW]]
         return first if len(value) <= FEW else [*first[:2], f"… {len(value)} in all"]
-    return value
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value

@@ -15,6 +15,7 @@ from rsenf.report.panels.gap_places import axes_of, draw_gap_places
 from rsenf.report.panels.gap_steps import draw_gap_steps
 from rsenf.report.panels.row_images import SHOWN_S, draw_row_images, most_left
 
+WIDTH_IN = 5.2
 _STEPS = (
     "The gap is the share of the flicker's power that the model gets wrong. Red is more than "
     "chance makes, blue is not; the bar is the standard error, and a hollow diamond is a gap "
@@ -38,8 +39,7 @@ _PLACES = (
 
 def draw_pictures(found: Discovery) -> list[Picture]:
     """Draw the story; where nothing was added, there is no before and after."""
-    fits = [("before" if found.steps else "all", found.first)]
-    fits += [("after", found.last)] if found.steps else []
+    fits = [("before", found.first), ("after", found.last)] if found.steps else [("", found.last)]
     strip = _worst_strip(found)
     begin = most_left(found.first, strip)
     gaps = [found.first.gap, *(s.chosen.fit.gap for s in found.steps if s.chosen)]
@@ -51,34 +51,36 @@ def draw_pictures(found: Discovery) -> list[Picture]:
                 "gap.png", "The gap, step by step",
                 lambda f: draw_gap_steps(f.subplots(), names, gaps, found.floor),
                 _STEPS, _steps_alt(names, [gap.value for gap in gaps]),
-                height_in=1.2 + 0.55 * len(names),
+                width_in=WIDTH_IN, height_in=1.2 + 0.55 * len(names),
             ),
             picture_of(
                 "rows.png", "Measured, simulated and the difference",
                 lambda f: draw_row_images(f, fits, strip, begin),
                 _images_caption(found, strip), _images_alt(found),
-                height_in=1.35 + 1.45 * len(fits),
+                width_in=WIDTH_IN, height_in=1.35 + 1.45 * len(fits),
             ),
             picture_of(
                 "spectrum.png", "What is left, by frequency",
                 lambda f: draw_alias_spectrum(f.subplots(), fits),
                 _SPECTRUM, "Line chart of what is left against frequency.",
+                width_in=WIDTH_IN,
             ),
             picture_of(
                 "places.png", "What is left, by place and time",
                 lambda f: _draw_places(f, found, axes),
                 _PLACES + (" Grey is before, blue is after." if found.steps else ""),
                 f"Charts of the gap {', '.join(axes)}.",
-                height_in=0.85 * HEIGHT_IN * ((len(axes) + 1) // 2),
+                width_in=WIDTH_IN, height_in=0.85 * HEIGHT_IN * ((len(axes) + 1) // 2),
             ),
         ]  # fmt: skip
 
 
 def _draw_places(figure: Any, found: Discovery, axes: list[str]) -> None:
-    gaps = (found.first.gap.value, found.last.gap.value)
+    sides = [(found.before, found.first.gap.value)] if found.steps else []
+    sides += [(found.after, found.last.gap.value)]
     drawn = figure.subplots((len(axes) + 1) // 2, 2, squeeze=False, sharey=True)
     for own, axis in zip(drawn.flat, axes, strict=False):
-        draw_gap_places(own, axis, found.before, found.after, gaps, found.floor.limit)
+        draw_gap_places(own, axis, sides, found.floor.limit)
     for own in list(drawn.flat)[len(axes) :]:
         own.axis("off")
     for own in drawn[:, 0]:
@@ -93,16 +95,16 @@ def _worst_strip(found: Discovery) -> int:
 def _images_caption(found: Discovery, strip: int) -> str:
     data = found.last.data
     where = f", in strip {strip + 1} of {data.strips}" if data.strips > 1 else ""
-    scales = "Both differences have the same colours" if found.steps else "The difference has"
-    own = f"{scales}, far fewer levels to a colour than the other two"
+    own = "Both differences have the same colours"
     if not found.steps:
-        own = "The difference has colours of its own, far fewer levels to each"
+        own = "The difference has colours of its own"
     return (
         f"The brightness of each of the picture's {data.axis}, from top to bottom, over the "
         f"{SHOWN_S:.0f} held-out seconds in which most was left{where}, with each one's steady "
         "level taken off. The slanted bands are the flicker, which a camera that reads row by row "
-        f"sees pass through the picture. {own}. What has a pattern there is what the model "
-        "doesn't explain; what looks like grain is noise."
+        f"sees pass through the picture. {own}, with far fewer levels from blue to red than the "
+        "others have from black to white. What has a pattern there is what the model doesn't "
+        "explain; what looks like grain is noise."
     )
 
 

@@ -71,4 +71,4 @@ def _percent(share: Share | None, of: float) -> str:
 
 
 def _sure(share: Share | None) -> str:
-    return f"{share.sure:.1f}" if share else ""
+    return f"{share.sure:.{1 if abs(share.sure) < 100.0 else 0}f}" if share else ""

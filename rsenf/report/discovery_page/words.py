@@ -33,8 +33,8 @@ def headline(found: Discovery, told: dict[str, Any]) -> str:
         )
     if found.verdict == "explained":
         return (
-            f"The model lacked {added}: with it{_gone(found)} what is left is no more than chance leaves of "
-            "recordings that the model has made itself."
+            f"The model lacked {added}: with it{_gone(found)} what is left is no more than chance "
+            "leaves of recordings that the model has made itself."
         )
     kind = kind_words(told["unexplained"])
     though = f"Though the model was found to lack {added}, s" if added else "S"

@@ -31,6 +31,8 @@ def picture_of(
     draw: Callable[[Any], None],
     caption: str,
     alt: str,
+    *,
+    width_in: float = WIDTH_IN,
     height_in: float = HEIGHT_IN,
 ) -> Picture:
     """Draw a picture, within :func:`rsenf.report.panels.fixed_style`.
@@ -40,14 +42,15 @@ def picture_of(
     file, title, caption, alt : str
     draw : callable
         Draws onto the figure that it is given.
-    height_in : float, optional
+    width_in, height_in : float, optional
+        Text is 10 points high: the narrower, the larger it is on a phone.
     """
-    figure = new_figure(WIDTH_IN, height_in)
+    figure = new_figure(width_in, height_in)
     draw(figure)
     held = io.BytesIO()
     # Without the program's version in it, which a page names in its own place.
     figure.savefig(held, format="png", dpi=DPI, metadata={"Software": None})
     return Picture(
         file=file, title=title, caption=caption, alt=alt, png=held.getvalue(),
-        width_px=round(WIDTH_IN * DPI), height_px=round(height_in * DPI),
+        width_px=round(width_in * DPI), height_px=round(height_in * DPI),
     )  # fmt: skip

@@ -17,17 +17,18 @@ MULTIPLES = 3  # of the flicker that are marked
 
 
 def draw_alias_spectrum(axes: Any, fits: Sequence[tuple[str, Fit]]) -> None:
-    """Draw the spectrum of what the first and the last of several fits leave."""
+    """Draw the spectrum of what fits leave: one before, if there is such, and one after."""
     axes.set_title("What is left, by frequency")
     axes.set_yscale("log")
     floors, tops = [], []
-    for (name, fit), colour, width in zip(fits, (GRID, SIGNAL), (2.2, 1.0), strict=False):
+    looks = ((SIGNAL, 1.0, 3.0), (GRID, 2.2, 2.0))
+    for (name, fit), (colour, width, above) in zip(reversed(fits), looks, strict=False):
         freq_hz, power = alias_spectrum(fit)
         floor = float(np.median(np.abs(power))) or 1e-30
         # Of noise alone, which is as often below zero, only the size of it is shown.
         shown = extremes(np.maximum(power, floor), WIDTH_PX)[1]
         at_hz = extremes(freq_hz, WIDTH_PX)[0]
-        axes.plot(at_hz, shown, color=colour, lw=width, label=name)
+        axes.plot(at_hz, shown, color=colour, lw=width, label=name, zorder=above)
         floors.append(floor)
         tops.append(float(shown.max()))
     axes.set_ylim(min(floors) / 2.0, max(tops) * 30.0)
@@ -43,6 +44,8 @@ def draw_alias_spectrum(axes: Any, fits: Sequence[tuple[str, Fit]]) -> None:
     axes.set_xlim(0.0, float(fits[0][1].data.frame_rate) / 2.0)
     axes.set_xlabel("frequency, as an alias between 0 and half the frame rate (Hz)")
     axes.set_ylabel("share of the flicker's power")
-    axes.legend(
-        frameon=False, fontsize="small", loc="upper right", ncols=2, bbox_to_anchor=(1.0, 1.12)
-    )
+    if len(fits) > 1:
+        axes.legend(
+            frameon=False, fontsize="small", loc="upper right", ncols=2, reverse=True,
+            bbox_to_anchor=(1.0, 1.14),
+        )  # fmt: skip

@@ -34,6 +34,8 @@ def draw_row_images(figure: Any, fits: Sequence[tuple[str, Fit]], strip: int, be
     begin : int
         First frame.
     """
+    from matplotlib.ticker import MaxNLocator
+
     drawn = [_images(fit, strip, begin) for _, fit in fits]
     bright = float(np.percentile(np.abs(drawn[0][1]), BRIGHT)) or 1.0
     far = float(np.percentile(np.abs(drawn[0][2]), BRIGHT)) or 1.0
@@ -50,16 +52,17 @@ def draw_row_images(figure: Any, fits: Sequence[tuple[str, Fit]], strip: int, be
                 image.T, aspect="auto", interpolation="nearest", cmap=colours,
                 vmin=-most, vmax=most, extent=extent,
             )  # fmt: skip
-        row[0].set_ylabel(f"{name}\n{data.axis}", color=INK)
+        row[0].set_ylabel(f"{name}\n{data.axis}" if name else data.axis, color=INK)
     for own, title in zip(axes[0], titles, strict=True):
         own.set_title(title)
     for own in axes[-1]:
         own.set_xlabel("time (s)")
-    levels = {"orientation": "horizontal", "aspect": 40, "fraction": 0.06}
-    figure.colorbar(axes[-1][0].images[0], ax=list(axes[:, :2].flat), label="levels", **levels)
-    figure.colorbar(
-        axes[-1][2].images[0], ax=list(axes[:, 2].flat), label="levels", **{**levels, "aspect": 20}
-    )
+    for columns, aspect in ((slice(0, 2), 40), (slice(2, 3), 20)):
+        own = list(axes[:, columns].flat)
+        figure.colorbar(
+            own[0].images[0], ax=own, label="levels", orientation="horizontal", fraction=0.06,
+            aspect=aspect, ticks=MaxNLocator(2 if aspect == 20 else 5),
+        )  # fmt: skip
 
 
 def most_left(fit: Fit, strip: int) -> int:
