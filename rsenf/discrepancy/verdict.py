@@ -101,7 +101,7 @@ def discover(
             refused = step
             break
         steps.append(step)
-        progress(f"added {' or '.join(step.kin)}")
+        progress(f"added {' or '.join(step.kin)}, looking for what else is missing")
     last = steps[-1].chosen.fit if steps and steps[-1].chosen else first
     floor = floor_of(last) if steps else floor
     return Discovery(first, last, tuple(steps), floor, where(first), where(last), refused)

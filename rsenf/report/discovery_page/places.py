@@ -8,6 +8,7 @@ from rsenf.discrepancy import Discovery
 from rsenf.discrepancy.where import Share
 
 MOST = 10  # parts of an axis that are listed, those with most
+DIGITS = {"time_s": 1, "row": 0, "level": 1, "alias_hz": 2}
 Pair = tuple[Share | None, Share | None]
 NAMES = {
     "time_s": "time (s)",
@@ -63,7 +64,8 @@ def _place(share: Share) -> str:
         return "all"
     if share.axis == "strip":
         return f"{share.low + 1:.0f}"
-    return f"{share.low:.4g} to {share.high:.4g}"
+    digits = DIGITS[share.axis]
+    return f"{share.low:.{digits}f} to {share.high:.{digits}f}"
 
 
 def _percent(share: Share | None, of: float) -> str:

@@ -21,25 +21,20 @@ DEFINITIONS = (
     "is added only if it makes the held-out rows likelier by more than a limit (in nats, "
     "logarithms of a likelihood ratio) that grows with the number of candidates tried.",
 )
+_CHANCE = "no more than chance leaves of recordings that the model has made itself"
 
 
 def headline(found: Discovery, told: dict[str, Any]) -> str:
     """Return the verdict in one sentence."""
-    added = _and(names_of(found))
+    added, shrinks = _and(names_of(found)), _shrinks(found)
     if found.verdict == "no_discrepancy":
-        return (
-            "The model explains this recording: what it leaves is no more than chance leaves of "
-            "recordings that the model has made itself."
-        )
+        return f"The model explains this recording: what it leaves is {_CHANCE}."
     if found.verdict == "explained":
-        return (
-            f"The model lacked {added}: with it{_gone(found)} what is left is no more than chance "
-            "leaves of recordings that the model has made itself."
-        )
+        return f"The model lacked {added}: with it {shrinks} what is left is {_CHANCE}."
     kind = kind_words(told["unexplained"])
-    though = f"Though the model was found to lack {added}, s" if added else "S"
+    first = f"With {added} {shrinks} still s" if added else "S"
     return (
-        f"{though}omething is missing that no effect known here explains; what is left looks like "
+        f"{first}omething is missing that no effect known here explains; what is left looks like "
         f"this: {kind}."
     )
 
@@ -57,12 +52,10 @@ def left_over(found: Discovery, told: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _gone(found: Discovery) -> str:
-    """Say how much of the gap is gone, where there was one and it shrank."""
+def _shrinks(found: Discovery) -> str:
+    """Say how much of the gap goes, where there was one and it shrank."""
     share = found.shrinkage
-    if not share > 0.0:
-        return ""
-    return f" the gap shrinks by {min(100.0 * share, 100.0):.1f} %, and"
+    return f"the gap shrinks by {min(100.0 * share, 100.0):.1f} %, and" if share > 0.0 else ""
 
 
 def _and(names: list[str]) -> str:

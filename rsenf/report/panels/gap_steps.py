@@ -52,4 +52,4 @@ def draw_gap_steps(axes: Any, names: Sequence[str], gaps: Sequence[Gap], floor: 
     axes.set_ylim(len(names) - 0.5, -0.7)
     axes.set_xlim(lowest, 4.0 * max(floor.limit, *(abs(g.value) for g in gaps)))
     axes.tick_params(axis="y", length=0)
-    axes.set_xlabel("gap (systematic power left over, as a share of the flicker's)")
+    axes.set_xlabel("gap, as a share of the flicker's power")
