@@ -5,6 +5,8 @@ from __future__ import annotations
 import inspect
 from typing import Any
 
+import numpy as np
+
 from rsenf.discrepancy import Discovery
 from rsenf.discrepancy.knobs import series_of
 from rsenf.discrepancy.search import WORST, Step, Trial
@@ -60,7 +62,7 @@ def names_of(found: Discovery) -> list[str]:
 def summary(effect: Effect) -> str:
     """Return the first line of an effect's description."""
     text = inspect.getdoc(type(effect)) or effect.name
-    return f"{effect.name}: {text.splitlines()[0]}"
+    return f"{effect.name}: {text.splitlines()[0].replace('``', '')}"
 
 
 def gap_words(gap: Any) -> str:
@@ -92,7 +94,8 @@ def _parameters(trial: Trial) -> list[dict[str, str]]:
     for name, value in effect.to_dict().items():
         meta = effect.__dataclass_fields__[name].metadata if name in vars(effect) else {}
         if told and name == told[0]:
-            text = f"a value for each {told[1].each}, {len(getattr(effect, name))} in all"
+            values = np.array(getattr(effect, name))
+            text = f"a value for each {told[1].each}, {values.size} in all, {values.std():.2g} rms"
         elif name in errors:
             text = f"{value:.6g} ± {errors[name]:.2g}"
         else:

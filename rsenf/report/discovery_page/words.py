@@ -30,9 +30,9 @@ def headline(found: Discovery, told: dict[str, Any]) -> str:
     if found.verdict == "no_discrepancy":
         return f"The model explains this recording: what it leaves is {_CHANCE}."
     if found.verdict == "explained":
-        return f"The model lacked {added}: with it {shrinks} what is left is {_CHANCE}."
+        return f"The model lacked {added}: with it {shrinks}what is left is {_CHANCE}."
     kind = kind_words(told["unexplained"])
-    first = f"With {added} {shrinks} still s" if added else "S"
+    first = f"With {added} {shrinks}still s" if added else "S"
     return (
         f"{first}omething is missing that no effect known here explains; what is left looks like "
         f"this: {kind}."
@@ -55,7 +55,7 @@ def left_over(found: Discovery, told: dict[str, Any]) -> dict[str, Any]:
 def _shrinks(found: Discovery) -> str:
     """Say how much of the gap goes, where there was one and it shrank."""
     share = found.shrinkage
-    return f"the gap shrinks by {min(100.0 * share, 100.0):.1f} %, and" if share > 0.0 else ""
+    return f"the gap shrinks by {min(100.0 * share, 100.0):.1f} %, and " if share > 0.0 else ""
 
 
 def _and(names: list[str]) -> str:

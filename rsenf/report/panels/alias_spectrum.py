@@ -36,7 +36,7 @@ def draw_alias_spectrum(axes: Any, fits: Sequence[tuple[str, Fit]]) -> None:
         axes.axvline(alias_hz, 0.78, 1.0, color=INK, lw=1)
         name = "flicker" if n == 1 else f"{n}f"
         # Their aliases may be neighbours: to either side, one below the other.
-        side, ha = (-3, "right") if n % 2 == 0 else (3, "left")
+        side, ha = (-3, "right") if n % 2 == 0 and alias_hz > 1.0 else (3, "left")
         axes.annotate(
             name, (alias_hz, 1.05 - 0.07 * n), (side, 0), xycoords=("data", "axes fraction"),
             va="top", ha=ha, textcoords="offset points", color=INK, fontsize="small",

@@ -71,7 +71,7 @@ def most_left(fit: Fit, strip: int) -> int:
     power = (fit.residual[:, :, strip] ** 2).mean(axis=1, dtype=np.float64)
     blocks = np.unique(data.block[held])
     whole = [b for b in blocks if (data.block == b).sum() >= SHOWN_S * float(data.frame_rate)]
-    worst = max(whole, key=lambda b: power[data.block == b].mean())
+    worst = max(whole or blocks, key=lambda b: power[data.block == b].mean())
     return int(np.argmax(data.block == worst))
 
 
