@@ -29,7 +29,7 @@ ALLOWED: dict[str, set[str]] = {
     "bus": BASE,
     # A graph file is checked against the very settings of the stages.
     "config": {*BASE, "bus", "decode", "rows", "track", "idle", "match", "model", "discrepancy"},
-    "report": {*BASE, "rows", "flicker", "track", "idle", "match"},
+    "report": {*BASE, "rows", "flicker", "track", "idle", "match", "model", "discrepancy"},
     "run": {*BASE, *SIGNAL, "bus", "config", "record", "reference"},
     "bench": {*BASE, *SIGNAL, "discrepancy", "config", "record", "reference", "report", "run"},
     "cli": {

@@ -44,6 +44,24 @@ def progress_bar(
         yield lambda done: bar.update(task, completed=done)
 
 
+@contextmanager
+def stages() -> Iterator[Callable[[str], None]]:
+    """Say what is being done; yields a callable that is told in words.
+
+    On a terminal they stand beside a spinner and the time, elsewhere each is a line.
+    """
+    if not sys.stderr.isatty():
+        yield note
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task("", total=None)
+        yield lambda doing: shown.update(task, description=doing)
+
+
 def say(text: str) -> None:
     """Tell a person what went wrong or is under way, on stderr."""
     print(f"rsenf: {text}", file=sys.stderr, flush=True)

@@ -3,7 +3,8 @@
 The model is fitted to some blocks of time and scored on the others. What is left is compared with
 every effect of the catalogue; one that held-out data support is added, with its parameters and
 their errors, until nothing more is. The verdict is 'no_discrepancy', 'explained' or 'unexplained'
-(with where), and OUT gets the extended model, which 'rsenf simulate --model' takes as it is.
+(with where), and OUT gets a report to read (report.html) and the extended model, which 'rsenf
+simulate --model' takes as it is.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from rsenf.run.inputs import Input
 
 MODEL, RESULT, RESIDUALS = "model.yaml", "discovery.json", "residuals.npz"
+PAGE = "report.html"
 STRIPS = 4  # of a video's rows: two from left to right, each in two that a codec treats apart
 
 
@@ -57,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     UsageError
         For a folder that holds anything else, a model or effects that can't be meant so.
     """
-    from rsenf.cli.console import note, print_json, say
+    from rsenf.cli.console import note, print_json, say, stages
     from rsenf.discrepancy import discover, discovery_json, measured_of
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
     from rsenf.model import load_effects
@@ -70,9 +72,11 @@ def run(args: argparse.Namespace) -> int:
     blocks, recording, loss = _rows(args)
     data = measured_of(blocks, args.nominal_hz)
     again = _recoded(args, data) if data.coded and recording.begins_with == "frames" else None
-    found = discover(model, data, note, recoded=again)
-    told = discovery_json(found, str(args.out / MODEL))
-    _keep(args, found, told)
+    with stages() as progress:
+        found = discover(model, data, progress, recoded=again)
+        told = discovery_json(found, str(args.out / MODEL))
+        progress("writing the report")
+        _keep(args, found, told)
     if args.json:
         print_json(told)
     else:
@@ -91,7 +95,7 @@ def _check_out(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"--out {folder}: not a folder", "name a new one")
     there = folder.iterdir() if folder.exists() else iter(())
-    others = {path.name for path in there} - {MODEL, RESULT, RESIDUALS}
+    others = {path.name for path in there} - {MODEL, RESULT, RESIDUALS, PAGE}
     if others:
         problem = f"--out {folder}: holds what is no earlier result: {min(others)}"
         raise UsageError(problem, "name a new or an empty folder")
@@ -146,13 +150,16 @@ def _keep(args: argparse.Namespace, found: Discovery, told: dict[str, Any]) -> N
     import yaml
 
     from rsenf.discrepancy import model_of
+    from rsenf.report.discovery_page import discovery_page
     from rsenf.whole_file import whole_folder
 
     args.out.parent.mkdir(parents=True, exist_ok=True)
     with whole_folder(args.out) as folder:
-        extended = model_of(found, Path(args.input).name)
+        name = Path(args.input).name
+        extended = model_of(found, name)
         (folder / MODEL).write_text(yaml.safe_dump(extended.to_dict(), sort_keys=False))
         (folder / RESULT).write_text(json.dumps(told, indent=2, allow_nan=False) + "\n")
+        (folder / PAGE).write_text(discovery_page(found, told, name, extended), encoding="utf-8")
         np.savez_compressed(
             folder / RESIDUALS,
             frame_time_s=found.last.data.time_s,

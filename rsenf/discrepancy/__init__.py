@@ -15,6 +15,10 @@ One idea a file, in the order of the work::
     candidates   which effects might explain it
     search       what held-out data support
     floor        how small a gap can be
+    signs        what is left, measured in ways that tell causes apart
+    tone         a line among it, and of which frequencies it may be an alias
+    hint         a guess of its kind
+    would_tell   which further measurement would tell, for each kind
     verdict      all of it on one recording
 
 and on a stream, window by window::

@@ -9,6 +9,7 @@ from typing import Any
 
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.floor import Floor, floor_of
+from rsenf.discrepancy.hint import hint_json, hint_of
 from rsenf.discrepancy.knobs import series_of
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.search import Step, needed, search
@@ -40,6 +41,8 @@ class Discovery:
         What the recording's codec may do by itself; nothing where there is none, or it is unknown.
     before, after : list of Share
         Where theory and data disagreed, and where they still do.
+    refused : Step or None
+        The last round, where it tried what it didn't add.
     """
 
     first: Fit
@@ -50,6 +53,7 @@ class Discovery:
     usual: Usual
     before: list[Share]
     after: list[Share]
+    refused: Step | None = None
 
     @property
     def gap_before(self) -> float:
@@ -115,17 +119,21 @@ def discover(
     floor = floor_of(last)
     least = floor.limit - floor.median
     floor = floor.raised(usual.gap, usual.most)
-    steps = []
+    steps: list[Step] = []
+    refused = None
     progress("looking for what is missing")
     for step in search(last, least, usual):
         if step.chosen is None:
+            refused = step
             break
         steps.append(step)
         last = step.chosen.fit
-        progress(f"added {' or '.join(step.kin)}")
+        progress(f"added {' or '.join(step.kin)}, looking for what else is missing")
     last, steps = needed(last, steps)
     floor = floor_of(last).raised(usual.gap, usual.most) if steps else floor
-    return Discovery(first, last, tuple(steps), stamps, floor, usual, where(first), where(last))
+    return Discovery(
+        first, last, tuple(steps), stamps, floor, usual, where(first), where(last), refused
+    )
 
 
 def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:
@@ -229,4 +237,5 @@ def _left(found: Discovery) -> dict[str, Any] | None:
         "gap": found.gap_after,
         "stamps_gap": _stamps_gap(found.last),
         "places": [dataclasses.asdict(share) for share in places],
+        **hint_json(hint_of(found.last, found.after)),
     }

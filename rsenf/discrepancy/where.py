@@ -101,12 +101,29 @@ def _by_step(fit: Fit) -> Share:
     return _share("step", 1.0, 1.0, steps.astype(np.float64), total)
 
 
+def alias_spectrum(fit: Fit) -> tuple[FloatArray, FloatArray]:
+    """Return the spectrum of the rows, from frame to frame.
+
+    Returns
+    -------
+    freq_hz : ndarray (bins,)
+    power : ndarray (bins,)
+        Systematic power of the residual at each, over the flicker's: the bins add up to the gap
+        of all frames.
+    """
+    frames = fit.data.frames
+    first, second = (np.fft.rfft(half, axis=0) for half in fit.data.halves(fit.residual))
+    power = (first * second.conj()).real.mean(axis=(1, 2), dtype=np.float64)
+    power[1 : (frames + 1) // 2] *= 2.0  # each stands for its negative too
+    flicker = float((fit.flicker**2).mean(dtype=np.float64)) or 1e-30
+    freq_hz = np.fft.rfftfreq(frames, 1.0 / float(fit.data.frame_rate))
+    return np.asarray(freq_hz, np.float64), np.asarray(power / (float(frames) ** 2 * flicker))
+
+
 def _by_alias(fit: Fit) -> Iterator[Share]:
     """Lines that stand out of the spectrum of the rows, from frame to frame."""
-    first, second = (np.fft.rfft(half, axis=0) for half in fit.data.halves(fit.residual))
-    power = (first * second.conj()).real.sum(axis=(1, 2))
+    hz, power = alias_spectrum(fit)
     total, noise = float(power.sum()), 1.4826 * float(np.median(np.abs(power))) + 1e-30
-    hz = np.fft.rfftfreq(fit.data.frames, 1.0 / float(fit.data.frame_rate))
     for _ in range(PEAKS):
         peak = int(np.argmax(power))
         low, high = max(peak - NEAR, 0), min(peak + NEAR, power.size - 1)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import Any
 
 from rsenf.messages import DiscoveryVerdict
+from rsenf.report.hint_words import kind_words, tone_words
 
+LINE, UNEVEN = 0.1, 1.5  # share of a line, and of a part over its even share, to be named
 VERDICTS = {
     "no_discrepancy": "the model explains this recording",
     "explained": "what was missing is found",
@@ -39,8 +42,7 @@ def discovery_words(told: dict[str, Any]) -> str:
     if gap["shrinkage"] is not None:
         lines.append(f"  {'shrinkage':15} {100.0 * gap['shrinkage']:.1f} % of what was above that")
     if told["unexplained"]:
-        for place in told["unexplained"]["places"]:
-            lines.append(f"  {'where':15} {_place(place)}")
+        lines += _left(told["unexplained"], told["where_before"])
     lines.append(f"  {'model':15} {told['model_out']}")
     return "\n".join(lines)
 
@@ -76,6 +78,23 @@ def watch_json(told: DiscoveryVerdict) -> dict[str, Any]:
         "frames_missing": told.frames_missing,
         "windows_skipped": told.windows_skipped,
     }
+
+
+def _left(left: dict[str, Any], everywhere: list[dict[str, Any]]) -> list[str]:
+    """Say where it is and what it may be; of parts only those that have more than the others."""
+    counts = Counter(place["axis"] for place in everywhere)
+    most = [place for place in left["places"] if _stands_out(place, counts[place["axis"]])]
+    lines = [f"  {'where':15} {_place(place)}" for place in most]
+    lines.append(f"  {'perhaps':15} {kind_words(left)}")
+    if tone_words(left):
+        lines.append(f"  {'':15} {tone_words(left)}")
+    return [*lines, *(f"  {'would tell':15} {text}" for text in left["would_tell"])]
+
+
+def _stands_out(place: dict[str, Any], parts: int) -> bool:
+    if place["axis"] == "alias_hz":
+        return bool(place["share"] > LINE)
+    return bool(parts > 1 and place["share"] > UNEVEN / parts)
 
 
 def _name(effect: dict[str, Any]) -> str:

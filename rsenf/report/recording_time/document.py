@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 
 from rsenf.report.idle import idle_json
+from rsenf.report.pages import Picture
 from rsenf.report.recording_time import words
 from rsenf.report.recording_time.advice import what_would_help
 from rsenf.report.recording_time.case import Case, ReferenceFacts
 from rsenf.report.recording_time.folder import NUMBERS, PAGE, SCHEMA, VERDICT
-from rsenf.report.recording_time.pictures import Picture, left_out
+from rsenf.report.recording_time.pictures import left_out
 from rsenf.report.recording_time.ratios import (
     claim_among,
     claim_comparisons,

@@ -1,14 +1,13 @@
-"""A report's values as one HTML page that needs nothing else: pictures and style are inside."""
+"""A report's values as one HTML page."""
 
 from __future__ import annotations
 
-import base64
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from rsenf.report.recording_time.pictures import Picture
+from rsenf.report.pages import Picture, fill, setting
 from rsenf.report.verdict import ppm_text
 
 _WHOLE = re.compile(r"\d{4}-\d\d-\d\d [\d:.]+ UTC|± [\d.]+ s|--[a-z-]+")
@@ -34,19 +33,7 @@ def page_of(document: dict[str, Any], pictures: Sequence[Picture]) -> str:
     pictures : sequence of Picture
         Those that the document names, in its order.
     """
-    import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters.update(_FILTERS)
-    inlined = [base64.b64encode(p.png).decode() for p in pictures]
-    return environment.get_template("page.html.j2").render(r=document, inlined=inlined)
+    return fill(Path(__file__).parent / "page.html.j2", pictures, _FILTERS, r=document)
 
 
 def _known(write: Callable[..., str]) -> Callable[..., str]:
@@ -93,17 +80,6 @@ def _duration(value: float) -> str:
     return " ".join([*told, *([f"{rest:.4g} s"] if rest or not told else [])])
 
 
-def _setting(value: Any) -> str:
-    """Write a parameter's value."""
-    if value is None or value == "":
-        return "not set"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, list | tuple):
-        return ", ".join(map(_setting, value)) or "not set"
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
 _FILTERS: dict[str, Callable[..., str]] = {
     "fixed": _known(_fixed),
     "count": _known(_count),
@@ -114,6 +90,6 @@ _FILTERS: dict[str, Callable[..., str]] = {
     "percent": _known(lambda ratio, decimals=1: f"{100 * ratio:.{decimals}f} %"),
     "mhz": _known(lambda value: f"{1e3 * value:.3g} mHz"),
     "duration": _known(_duration),
-    "setting": _setting,
+    "setting": setting,
     "plain": lambda word: _WORDS.get(word, str(word)),
 }

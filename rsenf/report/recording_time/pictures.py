@@ -1,18 +1,16 @@
-"""The report's pictures: each a PNG with a title, a caption and a text for who can't see it."""
+"""The report's pictures, and what is said of each."""
 
 from __future__ import annotations
 
-import io
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from rsenf.match.jumps import without_jumps
 from rsenf.match.series import Track, track_of
-from rsenf.report.panels import fixed_style, new_figure
+from rsenf.report.pages import HEIGHT_IN, Picture, picture_of
+from rsenf.report.panels import fixed_style
 from rsenf.report.panels.enf import draw_enf
 from rsenf.report.panels.quality import draw_quality
 from rsenf.report.panels.score import draw_near, draw_score
@@ -20,21 +18,6 @@ from rsenf.report.panels.spectrogram import draw_spectrogram
 from rsenf.report.picture import curve_of
 from rsenf.report.recording_time.case import Case
 from rsenf.report.score_curve import NEAR_S, ScoreCurve
-
-WIDTH_IN, HEIGHT_IN, DPI = 6.4, 3.0, 175
-
-
-@dataclass(frozen=True, kw_only=True)
-class Picture:
-    """A picture and what is said of it."""
-
-    file: str
-    title: str
-    caption: str
-    alt: str
-    png: bytes
-    width_px: int
-    height_px: int
 
 
 def draw_pictures(case: Case) -> list[Picture]:
@@ -45,32 +28,32 @@ def draw_pictures(case: Case) -> list[Picture]:
     pictures = []
     with fixed_style():
         if track is not None and track.usable:
-            pictures.append(_picture(
+            pictures.append(picture_of(
                 "enf.png", "The recording over the reference",
                 lambda f: draw_enf(f.subplots(), track, grid, result),
                 _enf_caption(case), _enf_alt(case, track),
             ))  # fmt: skip
         curve = curve_of(track, grid, case.settings, result)
         if not curve.is_empty:
-            pictures.append(_picture(
+            pictures.append(picture_of(
                 "score.png", "How well each time fits: the whole search",
                 lambda f: draw_score(f.subplots(), curve, t0_ns, result),
                 _score_caption(case, curve), _score_alt(case, curve),
             ))  # fmt: skip
         if np.isfinite(curve.near).any():
-            pictures.append(_picture(
+            pictures.append(picture_of(
                 "score_near.png", "How well each time fits: around the best",
                 lambda f: draw_near(f.subplots(), curve, t0_ns, result),
                 _NEAR, _near_alt(curve),
             ))  # fmt: skip
         if case.estimates:
-            pictures.append(_picture(
+            pictures.append(picture_of(
                 "quality.png", "Quality of the signal over time",
                 lambda f: draw_quality(*_three_axes(f), case.estimates),
                 _QUALITY, _quality_alt(case), height_in=1.4 * HEIGHT_IN,
             ))  # fmt: skip
         if math.isfinite(case.spectrum.frame_rate_hz):
-            pictures.append(_picture(
+            pictures.append(picture_of(
                 "spectrogram.png", "The flicker itself",
                 lambda f: draw_spectrogram(f.subplots(), case.spectrum, case.estimates),
                 _SPECTROGRAM, _spectrogram_alt(case),
@@ -88,25 +71,6 @@ def left_out(case: Case) -> str:
 def _three_axes(figure: Any) -> tuple[Any, Any, Any]:
     error, snr, use = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 1))
     return error, snr, use
-
-
-def _picture(
-    file: str,
-    title: str,
-    draw: Callable[[Any], None],
-    caption: str,
-    alt: str,
-    height_in: float = HEIGHT_IN,
-) -> Picture:
-    figure = new_figure(WIDTH_IN, height_in)
-    draw(figure)
-    held = io.BytesIO()
-    # Without the program's version in it, which the report names in its own place.
-    figure.savefig(held, format="png", dpi=DPI, metadata={"Software": None})
-    return Picture(
-        file=file, title=title, caption=caption, alt=alt, png=held.getvalue(),
-        width_px=round(WIDTH_IN * DPI), height_px=round(height_in * DPI),
-    )  # fmt: skip
 
 
 def _enf_caption(case: Case) -> str:

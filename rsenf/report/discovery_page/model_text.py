@@ -1,0 +1,26 @@
+"""A model file to read: long lists and numbers cut short."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from rsenf.model import CaptureModel
+
+DIGITS = 7
+FEW = 6  # values of a list that are written out
+
+
+def model_text(model: CaptureModel) -> str:
+    """Return a model as YAML, of long lists the first values and how many there are."""
+    return yaml.safe_dump(_short(model.to_dict()), sort_keys=False, width=90, allow_unicode=True)
+
+
+def _short(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _short(own) for name, own in value.items()}
+    if isinstance(value, list | tuple):
+        first = [_short(own) for own in value[:FEW]]
+        return first if len(value) <= FEW else [*first[:2], f"… {len(value)} in all"]
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value

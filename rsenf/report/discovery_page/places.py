@@ -1,0 +1,76 @@
+"""Where theory and data disagree, as a table: each part's share of the first gap."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rsenf.discrepancy import Discovery
+from rsenf.discrepancy.where import Share
+
+MOST = 10  # parts of an axis that are listed, those with most
+DIGITS = {"time_s": 1, "row": 0, "level": 1, "alias_hz": 2}
+Pair = tuple[Share | None, Share | None]
+NAMES = {
+    "time_s": "time (s)",
+    "row": "rows",
+    "level": "level of the wall",
+    "strip": "strip",
+    "step": "from one frame to the next",
+    "alias_hz": "frequency (alias, Hz)",
+}
+
+
+def places_table(found: Discovery) -> list[dict[str, Any]]:
+    """Return a group of lines for each axis; nothing where there is no gap to take apart."""
+    if found.verdict == "no_discrepancy":
+        return []
+    smaller = found.last.gap.value / (found.first.gap.value or 1e-30)
+    groups = []
+    for axis, name in NAMES.items():
+        before, after = (
+            [s for s in shares if s.axis == axis] for shares in (found.before, found.after)
+        )
+        pairs = (
+            _lines(before, after) if axis == "alias_hz" else list(zip(before, after, strict=True))
+        )
+        if len(pairs) < 2 and axis != "step":
+            continue
+        most = sorted(pairs, key=lambda pair: -max(abs(s.share) for s in pair if s))[:MOST]
+        lines = [_line(*pair, smaller) for pair in pairs if pair in most]
+        groups.append({"name": name, "lines": lines, "left_out": len(pairs) - len(most)})
+    return groups
+
+
+def _lines(before: list[Share], after: list[Share]) -> list[Pair]:
+    """Pair lines of the spectrum, which needn't be the same before and after."""
+    old, new = ({(share.low, share.high): share for share in own} for own in (before, after))
+    return [(old.get(at), new.get(at)) for at in sorted({**old, **new})]
+
+
+def _line(old: Share | None, new: Share | None, smaller: float) -> dict[str, str]:
+    place = old or new
+    assert place is not None
+    return {
+        "place": _place(place),
+        "before": _percent(old, 1.0),
+        "before_sure": _sure(old),
+        "after": _percent(new, smaller),
+        "after_sure": _sure(new),
+    }
+
+
+def _place(share: Share) -> str:
+    if share.axis == "step":
+        return "all"
+    if share.axis == "strip":
+        return f"{share.low + 1:.0f}"
+    digits = DIGITS[share.axis]
+    return f"{share.low:.{digits}f} to {share.high:.{digits}f}"
+
+
+def _percent(share: Share | None, of: float) -> str:
+    return f"{100.0 * share.share * of:.2f} %" if share else "no line"
+
+
+def _sure(share: Share | None) -> str:
+    return f"{share.sure:.{1 if abs(share.sure) < 100.0 else 0}f}" if share else ""

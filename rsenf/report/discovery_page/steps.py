@@ -1,0 +1,105 @@
+"""What each round of the search tried, and what it added."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any
+
+import numpy as np
+
+from rsenf.discrepancy import Discovery
+from rsenf.discrepancy.knobs import series_of
+from rsenf.discrepancy.search import WORST, Step, Trial
+from rsenf.model import Effect
+from rsenf.model.parameters import fittings
+from rsenf.report.pages import setting
+
+
+def step_of(step: Step, number: int) -> dict[str, Any]:
+    """Return what is to be told of a step that added an effect."""
+    best = step.chosen
+    assert best is not None
+    effect = best.effect
+    return {
+        **round_of(step),
+        "number": number,
+        "name": " or ".join(step.kin),
+        "is_class": len(step.kin) > 1,
+        "told_apart_by": effect.told_apart_by,
+        "about": [summary(t.effect) for t in step.trials if t.effect.name in step.kin],
+        "source": effect.source,
+        "parameters": _parameters(best),
+        "before": gap_words(step.before.gap),
+        "after": gap_words(best.fit.gap),
+    }
+
+
+def round_of(step: Step) -> dict[str, Any]:
+    """Return what a round tried and what its limits were."""
+    return {
+        "tried": step.tried,
+        "limit": f"{step.limit:.1f}",
+        "least": f"{step.least:.1e}",
+        "trials": [
+            {
+                "name": trial.effect.name,
+                "gain": f"{trial.gain:.1e}",
+                "nats": f"{trial.nats:.4g}",
+                "worst": f"{trial.worst:.1f}",
+                "gap": f"{trial.fit.gap.value:.1e}",
+                "outcome": _outcome(step, trial),
+            }
+            for trial in step.trials
+        ],
+    }
+
+
+def names_of(found: Discovery) -> list[str]:
+    """Name what each step added."""
+    return [" or ".join(step.kin) for step in found.steps]
+
+
+def summary(effect: Effect) -> str:
+    """Return the first line of an effect's description."""
+    text = inspect.getdoc(type(effect)) or effect.name
+    return f"{effect.name}: {text.splitlines()[0].replace('``', '')}"
+
+
+def gap_words(gap: Any) -> str:
+    """Write a gap and its standard error."""
+    return f"{gap.value:.2e} ± {gap.stderr:.1e}"
+
+
+def _outcome(step: Step, trial: Trial) -> str:
+    if step.chosen is trial:
+        return "added"
+    if trial.effect.name in step.kin:
+        return "does as well: the same class"
+    if trial.nats <= step.limit:
+        return "too little evidence"
+    if trial.gain <= step.least:
+        return "too small to matter"
+    if trial.worst <= WORST:
+        return "makes a part of the recording worse"
+    return "explains less"
+
+
+def _parameters(trial: Trial) -> list[dict[str, str]]:
+    """List values with errors where they were fitted; a series by how many values it has."""
+    effect, told = trial.effect, series_of(trial.effect)
+    knobs = zip(trial.fit.knobs, trial.fit.stderr, strict=True)
+    errors = {k.name: float(e) for k, e in knobs if k.part == effect.name and not k.across}
+    turned = {fitting.turn for fitting in fittings(effect).values() if fitting.turn}
+    out = []
+    for name, value in effect.to_dict().items():
+        meta = effect.__dataclass_fields__[name].metadata if name in vars(effect) else {}
+        if told and name == told[0]:
+            values = np.array(getattr(effect, name))
+            text = f"a value for each {told[1].each}, {values.size} in all, {values.std():.2g} rms"
+        elif name in errors:
+            text = f"{value:.6g} ± {errors[name]:.2g}"
+        else:
+            text = "drawn" if value is None else setting(value)
+            text += "" if name in turned else " (not fitted)"
+        out.append({"name": name, "value": text, "about": str(meta.get("doc", ""))})
+    return out

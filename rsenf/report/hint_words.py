@@ -1,0 +1,65 @@
+"""What is guessed of what stays unexplained, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+KINDS = {
+    "other_readout": "hardly anything fits: a read-out, or a light, unlike the model's",
+    "single_lines": "every line on its own: neighbouring rows are wrong in opposite ways",
+    "event": "something that happened at one time",
+    "tone": "light, gain or motion at a steady frequency",
+    "fast_tone": "light at a steady frequency: a lamp's driver, a screen, another supply",
+    "level": "it follows the level: a tone curve or clipping",
+    "waveform": "the shape of the flicker: a lamp's waveform or a tone curve",
+    "flicker": "at the flicker's own frequency: a second lamp, or another shutter",
+    "gain": "the brightness of whole frames",
+    "timing": "the time at which whole frames see the light",
+    "flicker_size": "the size of the flicker, frame by frame",
+    "frame_by_frame": "whole frames at random: timing or gain",
+    "rows": "some rows only",
+    "strips": "not alike on all sides of the picture",
+    "unknown": "of no kind that is known here",
+}
+FEW = 4  # frequencies or times that are written out
+
+
+def kind_words(left: dict[str, Any]) -> str:
+    """Say of what kind it may be that is left.
+
+    Parameters
+    ----------
+    left : dict
+        ``unexplained`` of :func:`rsenf.discrepancy.discovery_json`.
+    """
+    words = [KINDS[left["kind"]], *(KINDS[kind] for kind in left["also"])]
+    if left["at_s"]:
+        words[0] += f", {_some(left['at_s'], '.1f')} s after the start"
+    if left["period_frames"]:
+        words[0] += f", coming again after {left['period_frames']} frames"
+    if left["slow"] is not None:
+        words[0] += ", wandering slowly" if left["slow"] else ", at random from frame to frame"
+    if left["rows"]:
+        first, last = left["rows"]
+        words[words.index(KINDS["rows"])] += f" ({first:.0f} to {last:.0f})"
+    return "; ".join(words)
+
+
+def tone_words(left: dict[str, Any]) -> str:
+    """Say which frequencies a tone may have; nothing where there is no tone."""
+    if "alias_hz" not in left:
+        return ""
+    alias = f"the frames show {left['alias_hz']:.2f} Hz"
+    likely = _some(left["likely_hz"], ".1f", " or ")
+    by_rows = f", which down the rows looks like {likely} Hz" if likely else ""
+    others = left["may_be_hz"]
+    return (
+        f"{alias}{by_rows}; by the frames alone it may be any of {len(others)} frequencies up to "
+        f"{others[-1]:.0f} Hz ({_some(others, '.1f')})"
+    )
+
+
+def _some(values: Sequence[float], how: str, between: str = ", ") -> str:
+    told = between.join(f"{value:{how}}" for value in values[:FEW])
+    return f"{told} …" if len(values) > FEW else told

@@ -1,0 +1,9 @@
+"""What the pages have in common: one frame and style, pictures inside, nothing from elsewhere."""
+
+from __future__ import annotations
+
+from rsenf.report.pages.fill import fill
+from rsenf.report.pages.picture import HEIGHT_IN, Picture, picture_of
+from rsenf.report.pages.setting import setting
+
+__all__ = ["HEIGHT_IN", "Picture", "fill", "picture_of", "setting"]

@@ -1,0 +1,46 @@
+"""A template filled in: a page that needs nothing else."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rsenf.report.pages.picture import Picture
+
+
+def fill(
+    template: Path,
+    pictures: Sequence[Picture],
+    filters: Mapping[str, Callable[..., Any]] | None = None,
+    **values: Any,
+) -> str:
+    """Fill in a page; whatever comes from outside is escaped.
+
+    Parameters
+    ----------
+    template : Path
+        Which extends ``frame.html.j2``.
+    pictures : sequence of Picture
+        That it finds under this name, and as ``inlined`` in base64.
+    filters : mapping of str to callable, optional
+        That the template uses.
+    **values
+        What it shows.
+    """
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader([template.parent, Path(__file__).parent]),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters.update(filters or {})
+    inlined = [base64.b64encode(p.png).decode() for p in pictures]
+    return environment.get_template(template.name).render(
+        pictures=pictures, inlined=inlined, **values
+    )
