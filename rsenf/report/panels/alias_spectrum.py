@@ -20,6 +20,7 @@ def draw_alias_spectrum(axes: Any, fits: Sequence[tuple[str, Fit]]) -> None:
     """Draw the spectrum of what fits leave: one before, if there is such, and one after."""
     axes.set_title("What is left, by frequency")
     axes.set_yscale("log")
+    axes.minorticks_off()
     floors, tops = [], []
     looks = ((SIGNAL, 1.0, 3.0), (GRID, 2.2, 2.0))
     for (name, fit), (colour, width, above) in zip(reversed(fits), looks, strict=False):

@@ -26,6 +26,7 @@ def draw_gap_steps(axes: Any, names: Sequence[str], gaps: Sequence[Gap], floor: 
     """
     axes.set_title("The gap on held-out data, step by step")
     axes.set_xscale("log")
+    axes.minorticks_off()
     lowest = floor.limit / FAR
     axes.axvspan(lowest, floor.limit, color=SIGNAL, alpha=0.12, lw=0)
     axes.axvline(floor.limit, color=SIGNAL, lw=1)
