@@ -13,6 +13,7 @@ One idea a file, in the order of the work::
     where        the gap taken apart: by time, row, level, strip, step and frequency
     residue      what is left, summed up for effects to guess from
     candidates   which effects might explain it
+    trial        one of them fitted, and judged by held-out data
     search       what held-out data support
     floor        how small a gap can be
     signs        what is left, measured in ways that tell causes apart

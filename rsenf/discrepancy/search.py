@@ -2,8 +2,8 @@
 
 A candidate enters when it leaves less of the held-out data: of the rows, in blocks of time, that
 nothing at all was fitted to. How much likelier it must make them counts how many were tried; it
-must take away more than chance makes of data without a discrepancy, and make no block of time
-worse, as what is only of the same shape would. A series must be what its effect says it is. Ones
+must take away more than chance makes of data without a discrepancy, and make no block of time, no
+band of rows and no strip worse, as what is only of a like shape would. A series must be what its effect says it is. Ones
 that do it equally well are one class, of which none is named.
 """
 
@@ -18,57 +18,16 @@ import numpy as np
 
 from rsenf.discrepancy.candidates import Candidate, candidates, per_power
 from rsenf.discrepancy.fit import Fit, fit
-from rsenf.discrepancy.gap import by_block
-from rsenf.discrepancy.knobs import knobs_of, series_of
-from rsenf.discrepancy.residue import residue_of
-from rsenf.discrepancy.series import all_as_told, halves, held, summed_up, with_series
-from rsenf.discrepancy.start import begun_anew
-from rsenf.discrepancy.theory import Theory, plan
+from rsenf.discrepancy.trial import Trial, judged, settled, tried
 from rsenf.discrepancy.usual import NOTHING, Usual
 from rsenf.errors import UsageError
-from rsenf.messages.schema import FloatArray
-from rsenf.model import Effect
-from rsenf.model.effects import DeliveryEffect
-from rsenf.model.parameters import Fitting
 
 FALSE_ALARMS = 0.01  # of a whole search, by chance
-TRIED, STEPS = 3, 5  # of the likeliest are fitted, in so many steps
+TRIED = 3  # of the likeliest are fitted
 HOPE = 0.3  # of the least gain that counts, from which on a candidate is worth a fit
 RIVAL = 0.1  # of what the best explains, by a linear step, from which on another is its rival
-WORST = -4.0  # standard errors by which a block of time may fare worse
+WORST = -4.0  # standard errors by which a block of time, of rows or a strip may fare worse
 MOST_STEPS = 6
-
-
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """One candidate fitted.
-
-    Attributes
-    ----------
-    effect : Effect
-        As it was fitted.
-    fit : Fit
-    gain : float
-        By how much less is left of held-out rows, over the power of the flicker.
-    nats : float
-        Logarithm of the likelihood ratio of those rows, with it and without.
-    worst : float
-        Gain in the block of time that fares worst, in standard errors.
-    usual : float
-        What a codec alone may have it gain.
-    """
-
-    effect: Effect
-    fit: Fit
-    gain: float
-    nats: float
-    worst: float
-    usual: float = 0.0
-
-    @property
-    def beyond(self) -> float:
-        """Gain beyond what is usual."""
-        return self.gain - self.usual
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +97,7 @@ def search(first: Fit, least: float, usual: Usual) -> Iterator[Step]:
         now = step.chosen.fit
 
 
-def needed(last: Fit, steps: Sequence[Step]) -> tuple[Fit, list[Step]]:
+def needed(last: Fit, steps: Sequence[Step], usual: Usual = NOTHING) -> tuple[Fit, list[Step]]:
     """Take out again what later steps have made superfluous.
 
     An effect stays if the model without it is worse by as much as it would take for it to enter.
@@ -148,11 +107,12 @@ def needed(last: Fit, steps: Sequence[Step]) -> tuple[Fit, list[Step]]:
         chosen = step.chosen
         assert chosen is not None
         name = chosen.effect.name
-        without = fit(last.theory.with_model(last.theory.model.without(name)), last.data)
-        gain, _, rows = _better(without, last)
-        power = float((last.flicker[~last.data.training] ** 2).mean(dtype=np.float64))
-        nats = float((gain * rows).sum() / (2.0 * last.noise_var))
-        if nats < step.limit or float((gain * rows).sum() / rows.sum()) < step.least * power:
+        try:
+            without = fit(last.theory.with_model(last.theory.model.without(name)), last.data)
+        except (UsageError, np.linalg.LinAlgError):  # nothing can be fitted without it
+            continue
+        worth = judged(without, last, name, usual)
+        if worth.nats < step.limit or worth.beyond < step.least:
             last = without
             kept.remove(step)
     return last, kept
@@ -173,79 +133,8 @@ def next_step(before: Fit, least: float, usual: Usual = NOTHING) -> Step:
             step = dataclasses.replace(step, trials=tuple(ordered))
     if step.chosen is None:
         return step
-    return dataclasses.replace(step, trials=(_settled(step.chosen), *step.trials[1:]))
-
-
-def tried(before: Fit, candidate: Candidate, usual: Usual) -> Trial | None:
-    """Fit a candidate jointly with all there is; None where no fit is found."""
-    try:
-        begun = _with_effect(before, candidate.effect)
-        after = fit(begun, before.data, most=STEPS, slopes=candidate.slopes)
-    except (UsageError, np.linalg.LinAlgError):  # steps have led to what can't be
-        return None
-    effect = next(e for e in after.theory.model.effects if e.name == candidate.effect.name)
-    if not all_as_told(after.theory.model.effects):
-        return None
-    power = float((before.flicker[~before.data.training] ** 2).mean(dtype=np.float64))
-    gain, stderr, rows = _better(before, after)
-    nats = float((gain * rows).sum() / (2.0 * after.noise_var))
-    mean = float((gain * rows).sum() / rows.sum())
-    worst = float((gain / stderr).min())
-    return Trial(effect, after, mean / power, nats, worst, usual.of(effect.name))
-
-
-def _settled(trial: Trial) -> Trial:
-    """Fit a trial on until it rests, and sum its series up."""
-    after = fit(trial.fit.theory, trial.fit.data, slopes=trial.fit.slopes)
-    told, model = [], after.theory.model
-    for effect in model.effects:
-        series = series_of(effect)
-        told.append(_in_numbers(after, effect, *series) if series else effect)
-    theory = after.theory.with_model(dataclasses.replace(model, effects=tuple(told)))
-    effect = next(e for e in told if e.name == trial.effect.name)
-    return dataclasses.replace(trial, effect=effect, fit=dataclasses.replace(after, theory=theory))
-
-
-def _in_numbers(after: Fit, effect: Effect, name: str, how: Fitting) -> Effect:
-    """Return an effect with the numbers that its series comes to."""
-    direction = after.slopes.series[effect.name]
-    moved = halves(direction, after.residual, after.slopes.lit, after.data, how)
-    values = np.array(getattr(effect, name))
-    if how.each == "frame":  # as they were delivered
-        values = values[plan(after.theory.model, after.data).number[after.data.slot]]
-    return summed_up(
-        effect, values + moved[0], values + moved[1], 1.0 / float(after.data.frame_rate)
-    )
-
-
-def _with_effect(before: Fit, effect: Effect) -> Theory:
-    """Return a fit's theory with an effect that does nothing yet."""
-    told, model = series_of(effect), before.theory.model.plus(effect)
-    if isinstance(effect, DeliveryEffect):
-        ahead_rad = residue_of(before).angle_rad
-        return before.theory.otherwise_delivered(model, before.data, ahead_rad)
-    if told is None and not knobs_of(effect, neutral=True):
-        # Without it nothing has fitted: what steps have made of the course is of no use.
-        return begun_anew(before.begun.with_model(model), before.data)
-    if told is None:
-        return before.theory.with_model(model)
-    values = held(before.theory, before.data, effect, *told)
-    return with_series(before.theory, effect, told[0], values)
-
-
-def _better(before: Fit, after: Fit) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """By how much less is left on average, in each held-out block, on rows nothing was fitted to.
-
-    Its standard error too, of the noise, and how many values each mean is of.
-    """
-    data, others = before.data, ~before.data.training
-    was, now = before.residual[data.second], after.residual[data.second]
-    less = (was**2 - now**2).mean(axis=(1, 2), dtype=np.float64)
-    moved = ((was - now) ** 2).mean(axis=(1, 2), dtype=np.float64)
-    (gain, frames), (change, _) = (by_block(values, data, others) for values in (less, moved))
-    rows = frames * float(was[0].size)
-    stderr = 2.0 * np.sqrt(after.noise_var * change / rows) + 1e-30
-    return gain, stderr, rows
+    best = settled(before, step.chosen, usual)
+    return dataclasses.replace(step, trials=(best, *step.trials[1:]))
 
 
 def _likeliest(

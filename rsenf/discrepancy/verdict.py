@@ -129,7 +129,7 @@ def discover(
         steps.append(step)
         last = step.chosen.fit
         progress(f"added {' or '.join(step.kin)}, looking for what else is missing")
-    last, steps = needed(last, steps)
+    last, steps = needed(last, steps, usual)
     floor = floor_of(last).raised(usual.gap, usual.most) if steps else floor
     return Discovery(
         first, last, tuple(steps), stamps, floor, usual, where(first), where(last), refused

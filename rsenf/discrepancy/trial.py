@@ -1,0 +1,153 @@
+"""One candidate fitted jointly with all there is, and judged by rows that nothing was fitted to."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.discrepancy.candidates import Candidate
+from rsenf.discrepancy.fit import Fit, fit
+from rsenf.discrepancy.gap import by_block
+from rsenf.discrepancy.knobs import knobs_of, series_of
+from rsenf.discrepancy.residue import residue_of
+from rsenf.discrepancy.series import all_as_told, halves, held, summed_up, with_series
+from rsenf.discrepancy.start import begun_anew
+from rsenf.discrepancy.theory import Theory, plan
+from rsenf.discrepancy.usual import Usual
+from rsenf.errors import UsageError
+from rsenf.messages.schema import FloatArray
+from rsenf.model import Effect
+from rsenf.model.effects import DeliveryEffect
+from rsenf.model.parameters import Fitting
+
+STEPS = 5  # in which a candidate is fitted, at first
+BANDS = 8  # of rows
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One candidate fitted.
+
+    Attributes
+    ----------
+    effect : Effect
+        As it was fitted.
+    fit : Fit
+    gain : float
+        By how much less is left of held-out rows, over the power of the flicker.
+    nats : float
+        Logarithm of the likelihood ratio of those rows, with it and without.
+    worst : float
+        Gain in the block of time, band of rows or strip that fares worst, in standard errors.
+    usual : float
+        What a codec alone may have it gain.
+    """
+
+    effect: Effect
+    fit: Fit
+    gain: float
+    nats: float
+    worst: float
+    usual: float = 0.0
+
+    @property
+    def beyond(self) -> float:
+        """Gain beyond what is usual."""
+        return self.gain - self.usual
+
+
+def tried(before: Fit, candidate: Candidate, usual: Usual) -> Trial | None:
+    """Fit a candidate jointly with all there is; None where no fit is found."""
+    try:
+        begun = _with_effect(before, candidate.effect)
+        after = fit(begun, before.data, most=STEPS, slopes=candidate.slopes)
+    except (UsageError, np.linalg.LinAlgError):  # steps have led to what can't be
+        return None
+    if not all_as_told(after.theory.model.effects):
+        return None
+    return judged(before, after, candidate.effect.name, usual)
+
+
+def judged(before: Fit, after: Fit, name: str, usual: Usual) -> Trial:
+    """Judge what an effect, by its name, has made better."""
+    data, others = before.data, ~before.data.training
+    was, now = before.residual[data.second], after.residual[data.second]
+    less, moved = was**2 - now**2, (was - now) ** 2
+    frames = (by_block(a.mean(axis=(1, 2), dtype=np.float64), data, others) for a in (less, moved))
+    (gain, count), (change, _) = frames
+    values = count * float(was[0].size)
+    held_out = less[others], moved[others]
+    worst = min(
+        float((gain / _noise(change, values, after)).min()),
+        *(_worst(*held_out, axis, after) for axis in (1, 2)),
+    )
+    power = float((before.flicker[others] ** 2).mean(dtype=np.float64))
+    nats = float((gain * values).sum() / (2.0 * after.noise_var))
+    mean = float((gain * values).sum() / values.sum())
+    effect = next(e for e in after.theory.model.effects if e.name == name)
+    return Trial(effect, after, mean / power, nats, worst, usual.of(name))
+
+
+def settled(before: Fit, trial: Trial, usual: Usual) -> Trial:
+    """Fit a trial on until it rests, unless that makes it worse, and sum its series up."""
+    best = trial
+    try:
+        on = fit(trial.fit.theory, trial.fit.data, slopes=trial.fit.slopes)
+        again = judged(before, on, trial.effect.name, usual)
+        best = again if again.nats >= trial.nats else trial
+    except (UsageError, np.linalg.LinAlgError):
+        pass  # as far as it was is as far as it goes
+    after, told = best.fit, []
+    for effect in after.theory.model.effects:
+        series = series_of(effect)
+        told.append(_in_numbers(after, effect, *series) if series else effect)
+    model = dataclasses.replace(after.theory.model, effects=tuple(told))
+    after = dataclasses.replace(after, theory=after.theory.with_model(model))
+    effect = next(e for e in told if e.name == trial.effect.name)
+    return dataclasses.replace(best, effect=effect, fit=after)
+
+
+def _in_numbers(after: Fit, effect: Effect, name: str, how: Fitting) -> Effect:
+    """Return an effect with the numbers that its series comes to."""
+    direction = after.slopes.series[effect.name]
+    moved = halves(direction, after.residual, after.slopes.lit, after.data, how)
+    values = np.array(getattr(effect, name))
+    if how.each == "frame":  # as they were delivered
+        values = values[plan(after.theory.model, after.data).number[after.data.slot]]
+    return summed_up(
+        effect, values + moved[0], values + moved[1], 1.0 / float(after.data.frame_rate)
+    )
+
+
+def _with_effect(before: Fit, effect: Effect) -> Theory:
+    """Return a fit's theory with an effect that does nothing yet."""
+    told, model = series_of(effect), before.theory.model.plus(effect)
+    if isinstance(effect, DeliveryEffect):
+        ahead_rad = residue_of(before).angle_rad
+        return before.theory.otherwise_delivered(model, before.data, ahead_rad)
+    if told is None and not knobs_of(effect, neutral=True):
+        # Without it nothing has fitted: what steps have made of the course is of no use.
+        return begun_anew(before.begun.with_model(model), before.data)
+    if told is None:
+        return before.theory.with_model(model)
+    values = held(before.theory, before.data, effect, *told)
+    return with_series(before.theory, effect, told[0], values)
+
+
+def _worst(less: np.ndarray, moved: np.ndarray, axis: int, after: Fit) -> float:
+    """Gain in the band of rows, or the strip, that fares worst, in standard errors."""
+    parts = min(BANDS, less.shape[axis])
+    out = []
+    for own, change in zip(
+        np.array_split(less, parts, axis), np.array_split(moved, parts, axis), strict=True
+    ):
+        mean, square = (a.mean(dtype=np.float64) for a in (own, change))
+        out.append(float(mean / _noise(square, own.size, after)))
+    return min(out)
+
+
+def _noise(change: FloatArray, values: FloatArray | int, after: Fit) -> FloatArray:
+    """Standard error of a mean gain, by the mean square of what has changed."""
+    return np.asarray(2.0 * np.sqrt(after.noise_var * change / values) + 1e-30)
