@@ -3,7 +3,8 @@
 A candidate enters when it leaves less of the held-out data: of the rows, in blocks of time, that
 nothing at all was fitted to. How much likelier it must make them counts how many were tried; it
 must take away more than chance makes of data without a discrepancy, and make no block of time, no
-band of rows and no strip worse, as what is only of a like shape would. A series must be what its effect says it is. Ones
+band of rows and no strip worse, as what is only of a like shape would. A series must be what its
+effect says it is. Ones
 that do it equally well are one class, of which none is named.
 """
 
