@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
+from rsenf.bench.discover.filmed import codec_of, filmed, sampled
 from rsenf.bench.discover.judge import judged, parameter_error
 from rsenf.bench.discover.outside import OUTSIDE, done_to
 from rsenf.bench.discover.plan import Case
@@ -35,15 +37,20 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
         The record: plain values.
     """
     made = drawn(case, grids)
-    blocks = _rows(case, made)
-    begun = time.process_time()
-    try:
-        told = discovery_json(discover(made.given, measured_of(blocks)), "")
-        refused = ""
-    except RsenfError as exc:
-        told = {"verdict": "refused", "effects": [], "gap": {}}
-        refused = str(exc)
-    seconds = time.process_time() - begun
+    refused = ""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "clip.mp4"
+        if case.video:
+            filmed(case, made, path)
+        rows = None if case.video else _rows(case, made)
+        begun = time.process_time()
+        try:
+            data, again = (measured_of(rows), None) if rows else sampled(path)
+            told = discovery_json(discover(made.given, data, recoded=again), "")
+        except RsenfError as exc:
+            told = {"verdict": "refused", "effects": [], "gap": {}}
+            refused = str(exc)
+        seconds = time.process_time() - begun
     shutter = made.truth.shutter
     errors = {name: parameter_error(name, made.hidden[name], told) for name in made.hidden}
     return {
@@ -53,6 +60,7 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
         "seed": case.seed,
         "times": case.times,
         "video": case.video,
+        "codec": codec_of(case),
         "outcome": judged(case.kind, case.hidden, told),
         "verdict": told["verdict"],
         "refused": refused,
