@@ -27,6 +27,7 @@ FALSE_ALARMS = 0.01  # of a whole search, by chance
 TRIED = 3  # of the likeliest are fitted
 HOPE = 0.3  # of the least gain that counts, from which on a candidate is worth a fit
 RIVAL = 0.1  # of what the best explains, by a linear step, from which on another is its rival
+NEAR = 0.8  # of the best's gain, from which on another is fitted to the end as well
 WORST = -4.0  # standard errors by which a block of time, of rows or a strip may fare worse
 MOST_STEPS = 6
 
@@ -134,8 +135,10 @@ def next_step(before: Fit, least: float, usual: Usual = NOTHING) -> Step:
             step = dataclasses.replace(step, trials=tuple(ordered))
     if step.chosen is None:
         return step
-    best = settled(before, step.chosen, usual)
-    return dataclasses.replace(step, trials=(best, *step.trials[1:]))
+    # What is nearly as good may be as good, once it rests.
+    near = NEAR * step.chosen.gain
+    trials = [settled(before, t, usual) if t.gain > near else t for t in step.trials]
+    return dataclasses.replace(step, trials=tuple(sorted(trials, key=lambda t: -t.beyond)))
 
 
 def _likeliest(

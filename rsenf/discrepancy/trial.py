@@ -23,6 +23,7 @@ from rsenf.model.effects import DeliveryEffect
 from rsenf.model.parameters import Fitting
 
 STEPS = 5  # in which a candidate is fitted, at first
+TO_REST = 24  # in which the best is: where a series follows a knob, it goes step by step
 BANDS = 8  # of rows
 
 
@@ -94,7 +95,7 @@ def settled(before: Fit, trial: Trial, usual: Usual) -> Trial:
     """Fit a trial on until it rests, unless that makes it worse, and sum its series up."""
     best = trial
     try:
-        on = fit(trial.fit.theory, trial.fit.data, slopes=trial.fit.slopes)
+        on = fit(trial.fit.theory, trial.fit.data, most=TO_REST, slopes=trial.fit.slopes)
         again = judged(before, on, trial.effect.name, usual)
         best = again if again.nats >= trial.nats else trial
     except (UsageError, np.linalg.LinAlgError):
