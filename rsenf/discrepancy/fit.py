@@ -122,11 +122,13 @@ def fit(theory: Theory, data: Measured, *, most: int = MOST, slopes: Slopes | No
 def noise_var(residual: Float32Array, data: Measured) -> float:
     """Variance of a row's noise: of what neighbours don't share, nor those one further on.
 
-    What goes up and down from row to row is no noise either.
+    What goes up and down from row to row is no noise either, nor what grows from one to the next.
     """
     moved = np.moveaxis(residual, data.apart, 0)
-    steps = (moved[n:] - moved[:-n] for n in (1, 2) if len(moved) > n)
-    return min(float(np.var(step, dtype=np.float64)) / 2.0 for step in steps)
+    apart = [(moved[n:] - moved[:-n], 2.0) for n in (1, 2) if len(moved) > n]
+    if len(moved) > 2:
+        apart.append((moved[2:] - 2.0 * moved[1:-1] + moved[:-2], 6.0))
+    return min(float(np.var(of, dtype=np.float64)) / times for of, times in apart)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 from rsenf.discrepancy.apart import LINES
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.gap import gap_of
-from rsenf.discrepancy.measured import Float32Array
+from rsenf.discrepancy.measured import Float32Array, Measured
 
 SETS = 20
 # How far over the floor, in standard deviations of the sets, a gap must be to be one.
@@ -81,7 +81,16 @@ def _noise(fit: Fit, rng: np.random.Generator) -> Float32Array:
     if data.apart == LINES:
         noise_std = np.float32(np.sqrt(fit.noise_var))
         return noise_std * rng.standard_normal(fit.residual.shape, dtype=np.float32)
-    first, second = data.halves(fit.residual)
-    own = (first - second) / np.float32(np.sqrt(2.0))
+    own = _unshared(fit.residual, data)
     drawn = [own[:, :, rng.integers(own.shape[2])] for _ in range(data.strips)]
     return np.stack([np.roll(a, rng.integers(data.frames), axis=0) for a in drawn], axis=2)
+
+
+def _unshared(residual: Float32Array, data: Measured) -> Float32Array:
+    """What strips neither share nor have more of from left to right, as noise of one strip."""
+    first, second = data.halves(residual)
+    between = (first - second) / np.float32(np.sqrt(2.0))
+    fours = between.shape[2] // 2 * 2
+    if not fours:
+        return between
+    return (between[:, :, :fours:2] - between[:, :, 1:fours:2]) / np.float32(np.sqrt(2.0))

@@ -65,12 +65,15 @@ class Step:
 
     @property
     def kin(self) -> tuple[str, ...]:
-        """Names of all effects that do as well as the chosen one, it among them."""
+        """Names of all effects that may do as well as the chosen one, it among them.
+
+        What a codec may have given to the one it needn't have given to the other.
+        """
         best = self.chosen
         if best is None:
             return ()
         return tuple(dict.fromkeys(
-            t.effect.name for t in self.trials if best.beyond - t.beyond <= self.least
+            t.effect.name for t in self.trials if best.beyond - t.gain <= self.least
         ))  # fmt: skip
 
 
