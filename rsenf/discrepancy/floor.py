@@ -89,8 +89,9 @@ def _noise(fit: Fit, rng: np.random.Generator) -> Float32Array:
 def _unshared(residual: Float32Array, data: Measured) -> Float32Array:
     """What strips neither share nor have more of from left to right, as noise of one strip."""
     first, second = data.halves(residual)
-    between = (first - second) / np.float32(np.sqrt(2.0))
+    half_std = np.float32(np.sqrt(0.5))
+    between: Float32Array = (first - second) * half_std
     fours = between.shape[2] // 2 * 2
-    if not fours:
-        return between
-    return (between[:, :, :fours:2] - between[:, :, 1:fours:2]) / np.float32(np.sqrt(2.0))
+    if fours:
+        between = (between[:, :, :fours:2] - between[:, :, 1:fours:2]) * half_std
+    return between
