@@ -10,6 +10,8 @@ simulate --model' takes as it is.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,9 +72,10 @@ def run(args: argparse.Namespace) -> int:
         load_effects(path)
     model = _model(args)
     blocks, recording, loss = _rows(args)
-    data = measured_of(blocks, args.nominal_hz)
+    with _named(args.input):
+        data = measured_of(blocks, args.nominal_hz)
     again = _recoded(args, data) if data.coded and recording.begins_with == "frames" else None
-    with stages() as progress:
+    with _named(args.input), stages() as progress:
         found = discover(model, data, progress, recoded=again)
         told = discovery_json(found, str(args.out / MODEL))
         progress("writing the report")
@@ -86,6 +89,17 @@ def run(args: argparse.Namespace) -> int:
     if loss:
         say(f"{args.input}: {loss}")
     return EXIT_LOSS if loss else EXIT_DONE
+
+
+@contextmanager
+def _named(path: str) -> Iterator[None]:
+    """Say of which recording it is that something is wrong."""
+    from rsenf.errors import InputError
+
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{path}: {error.message}", error.hint) from error
 
 
 def _check_out(folder: Path) -> None:

@@ -1,13 +1,13 @@
 """What an encoder makes of a recording that lacks nothing, which no effect may be named for.
 
-The first fit, put through the recording's own codec, is data without a discrepancy: its gap is
+What a fit says, put through the recording's own codec, is data without a discrepancy: its gap is
 part of the floor, and what effects seem to explain of it is what they must beat on the data.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from rsenf.discrepancy.candidates import seeming_gains
@@ -48,15 +48,18 @@ class Usual:
 NOTHING = Usual(0.0, {})
 
 
-def usual_of(first: Fit, level: Float32Array) -> Usual:
+def usual_of(fitted: Fit, recoded: Callable[[Float32Array], Float32Array] | None) -> Usual:
     """See what a codec does to data that a fit itself has made.
 
     Parameters
     ----------
-    first : Fit
+    fitted : Fit
         Of the recording.
-    level : ndarray of float32 (frames, lines, strips)
-        What the codec leaves of ``first.rows``.
+    recoded : callable or None
+        Returns what the codec leaves of rows, (frames, lines, strips); None where there is none.
     """
-    again = fit(first.theory, dataclasses.replace(first.data, level=level))
+    if recoded is None:
+        return NOTHING
+    data = dataclasses.replace(fitted.data, level=recoded(fitted.rows))
+    again = fit(fitted.theory, data)
     return Usual(abs(again.gap.value), seeming_gains(again))

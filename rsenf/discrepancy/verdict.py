@@ -15,7 +15,7 @@ from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.search import Step, needed, search
 from rsenf.discrepancy.stamps import Stamps, gap_of_stamps, off_s, stamps_of
 from rsenf.discrepancy.start import first_theory
-from rsenf.discrepancy.usual import NOTHING, Usual, usual_of
+from rsenf.discrepancy.usual import Usual, usual_of
 from rsenf.discrepancy.where import Share, where
 from rsenf.model import CaptureModel, Effect
 
@@ -112,10 +112,9 @@ def discover(
     first = fit(first_theory(model, data), data)
     stamps = stamps_of(first)
     last = stamps.fit if stamps else first
-    usual = NOTHING
     if recoded:
         progress("coding the fitted model as the recording was")
-        usual = usual_of(last, recoded(last.rows))
+    usual = usual_of(last, recoded)
     floor = floor_of(last)
     least = floor.limit - floor.median
     floor = floor.raised(usual.gap, usual.most)
@@ -130,7 +129,9 @@ def discover(
         last = step.chosen.fit
         progress(f"added {' or '.join(step.kin)}, looking for what else is missing")
     last, steps = needed(last, steps, usual)
-    floor = floor_of(last).raised(usual.gap, usual.most) if steps else floor
+    if steps:
+        usual = usual_of(last, recoded)
+        floor = floor_of(last).raised(usual.gap, usual.most)
     return Discovery(
         first, last, tuple(steps), stamps, floor, usual, where(first), where(last), refused
     )
