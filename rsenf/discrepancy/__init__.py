@@ -16,9 +16,36 @@ One idea a file, in the order of the work::
     search       what held-out data support
     floor        how small a gap can be
     verdict      all of it on one recording
+
+Beside a reference of the grid's frequency, on estimates of whatever source::
+
+    grid_start   where in the reference the clip is, and how the reference is to be read
+    grid_series  what was measured, and what a model filmed on the reference says of it
+    grid_noise   what the two would differ by, were the model true
+    grid_effects what may set them apart, weighed on held-out blocks
+    grid         all of it on one recording
+    grid_result  as plain values, and joined to what the rows told
 """
 
+from rsenf.discrepancy.grid import GridDiscovery, discover_grid
+from rsenf.discrepancy.grid_result import grid_json, grid_model, joined
+from rsenf.discrepancy.grid_series import Film
+from rsenf.discrepancy.grid_start import beside_of
 from rsenf.discrepancy.measured import Measured, measured_of
 from rsenf.discrepancy.verdict import Discovery, discover, discovery_json, model_of
 
-__all__ = ["Discovery", "Measured", "discover", "discovery_json", "measured_of", "model_of"]
+__all__ = [
+    "Discovery",
+    "Film",
+    "GridDiscovery",
+    "Measured",
+    "beside_of",
+    "discover",
+    "discover_grid",
+    "discovery_json",
+    "grid_json",
+    "grid_model",
+    "joined",
+    "measured_of",
+    "model_of",
+]

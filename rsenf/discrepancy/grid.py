@@ -6,7 +6,6 @@ is left; add what these support; see how far the gap goes down, and whether it i
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -92,7 +91,7 @@ class GridDiscovery:
         solve = np.linalg.pinv(columns[training])
         sets = self.chance.sets_hz
         left = sets[:, held] - (sets[:, training] @ solve.T) @ columns[held].T
-        gaps = ((left**2).mean(axis=1) - self.chance.var_hz2) / self.beside.power_hz2
+        gaps = ((left**2).mean(axis=1) - self.chance.told_hz2) / self.beside.power_hz2
         median = float(np.median(gaps))
         return Floor(median, median + BEYOND_STDS * float(gaps.std(ddof=1)))
 
@@ -230,8 +229,3 @@ def clock_ppm(model: CaptureModel) -> float:
 def skewed_by(model: CaptureModel, ppm: float) -> CaptureModel:
     """Return a model whose clock is faster by so much."""
     return model.with_effect(ClockSkew.name, clock_ppm=clock_ppm(model) + ppm)
-
-
-def with_provenance(model: CaptureModel, **known: object) -> CaptureModel:
-    """Return a model that tells more of where it comes from."""
-    return dataclasses.replace(model, provenance=model.provenance | known)

@@ -19,7 +19,8 @@ from rsenf.model import CaptureModel
 
 SETS = 60
 TRIED_RATIO, TRIED_HZ = 0.3, 1e-3  # noise over flicker, and of a reference, for the tracker to try
-TRIED_S = 240.0  # of film that shows what a tracker makes of a reference's noise
+TRIED_S = 100.0  # of film that shows what a tracker makes of a reference's noise
+SMOOTH = 6  # bins of a spectrum to either side
 OUTLIER = 6.0  # times the usual size
 
 
@@ -31,11 +32,14 @@ class Chance:
     ----------
     sets_hz : ndarray (sets, n)
         What estimates less reference would be, NaN where there is no estimate.
+    told_hz2 : ndarray (sets,)
+        Variance of a difference that each set by itself would make one believe in.
     estimate_std_hz, reference_std_hz : float
         Standard deviation of an estimate, as it is read, and of a sample of the reference.
     """
 
     sets_hz: FloatArray
+    told_hz2: FloatArray
     estimate_std_hz: float
     reference_std_hz: float
 
@@ -105,18 +109,20 @@ def chance_of(beside: Beside, tracked: Tracked, residual_hz: FloatArray) -> Chan
     unit = _alike(tracked.reference_ratio, size, rng)
     if beside.overlap:  # nothing as fast as noise has passed the windows
         reference_var = roughness(_while_clip(beside))
+        told_var = np.full(SETS, reference_var)
     else:
         own = float(np.mean([roughness(e) for e in estimates]))
         per_unit = float(np.mean([roughness(u) for u in unit]))
         reference_var = max(roughness(residual_hz) - own, 0.0) / per_unit
     sets = estimates + np.sqrt(reference_var) * unit
     sets[:, ~np.isfinite(residual_hz)] = np.nan
-    return Chance(sets, float(np.nanstd(estimates)), float(np.sqrt(reference_var)))
+    if not beside.overlap:
+        told_var = np.array([max(roughness(one) - own, 0.0) / per_unit for one in sets])
+    told_hz2 = np.nanvar(estimates) + told_var * unit.var()
+    return Chance(sets, told_hz2, float(np.nanstd(estimates)), float(np.sqrt(reference_var)))
 
 
-def _estimate_errors(
-    beside: Beside, tracked: Tracked, rng: np.random.Generator
-) -> FloatArray:
+def _estimate_errors(beside: Beside, tracked: Tracked, rng: np.random.Generator) -> FloatArray:
     """Errors of the tracker's estimates in each set, (sets, n)."""
     size = beside.track.enf_hz.size
     if not beside.overlap:
@@ -130,9 +136,12 @@ def _estimate_errors(
 
 def _alike(errors: FloatArray, size: int, rng: np.random.Generator) -> FloatArray:
     """Draw errors of the same spectrum, (sets, size)."""
-    spectrum = np.abs(np.fft.rfft(errors - errors.mean(), 2 * errors.size))
-    turns = rng.uniform(0.0, 2.0 * np.pi, (SETS, spectrum.size))
-    drawn = np.fft.irfft(spectrum * np.exp(1j * turns), 2 * errors.size, axis=1)
+    power = np.abs(np.fft.rfft(errors, 2 * errors.size)) ** 2
+    # One film is one draw: the spectrum that it is drawn from is smooth.
+    around = np.concatenate([power[SMOOTH:0:-1], power, power[-2 : -2 - SMOOTH : -1]])
+    smooth = np.convolve(around, np.ones(2 * SMOOTH + 1) / (2 * SMOOTH + 1), "valid")
+    turns = rng.uniform(0.0, 2.0 * np.pi, (SETS, smooth.size))
+    drawn = np.fft.irfft(np.sqrt(smooth) * np.exp(1j * turns), 2 * errors.size, axis=1)
     drawn *= errors.std() / drawn.std()
     return np.asarray(np.resize(drawn.T, (size, SETS)).T.copy())
 

@@ -182,7 +182,7 @@ class Beside:
         for length_s in lengths:
             weights = np.convolve(weights, window_kernel(length_s, hop_s))
         middle = weights.size // 2
-        inside = np.cumsum(np.concatenate([weights[middle : middle + 1], 2 * weights[middle + 1 :]]))
+        inside = np.cumsum(weights[middle:] + np.append(0.0, weights[middle + 1 :]))
         return float((np.searchsorted(inside, INSIDE) + 0.5) * hop_s)
 
     @cached_property
@@ -201,12 +201,12 @@ class Beside:
     @cached_property
     def training(self) -> Mask:
         """Values that are fitted to."""
-        return np.isfinite(self.enf_hz) & (self.block % 2 == 0)
+        return np.asarray(np.isfinite(self.enf_hz) & (self.block % 2 == 0))
 
     @cached_property
     def held_out(self) -> Mask:
         """Values that are scored on."""
-        return np.isfinite(self.enf_hz) & (self.block % 2 == 1)
+        return np.asarray(np.isfinite(self.enf_hz) & (self.block % 2 == 1))
 
     @property
     def blocks(self) -> int:
