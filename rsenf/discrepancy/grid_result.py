@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -159,7 +160,7 @@ def _by_frequency(found: GridDiscovery) -> list[Share]:
     hz = np.fft.rfftfreq(int(known.sum()), found.beside.track.hop_s)
     over = power[0] - power[1:].mean(axis=0)
     out = []
-    for low, high in zip(BANDS_HZ[:-1], BANDS_HZ[1:], strict=True):
+    for low, high in pairwise(BANDS_HZ):
         band = (hz >= low) & (hz < high)
         spread = float(power[1:, band].sum(axis=1).std(ddof=1))
         out.append(
