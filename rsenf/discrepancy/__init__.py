@@ -23,6 +23,7 @@ Beside a reference of the grid's frequency, on estimates of whatever source::
     grid_series  what was measured, and what a model filmed on the reference says of it
     grid_noise   what the two would differ by, were the model true
     grid_effects what may set them apart, weighed on held-out blocks
+    grid_fit     the lag and the clock, fitted by films
     grid         all of it on one recording
     grid_result  as plain values, and joined to what the rows told
 """

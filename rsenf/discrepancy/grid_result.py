@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.discrepancy.grid import GridDiscovery, clock_ppm
+from rsenf.discrepancy.grid import GridDiscovery
 from rsenf.discrepancy.grid_effects import DRIFTS, LEAPT, SKEWED, WANDERS
+from rsenf.discrepancy.grid_fit import clock_ppm
 from rsenf.discrepancy.where import Share
 from rsenf.model import CATALOGUE, CaptureModel
 
