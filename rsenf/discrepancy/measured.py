@@ -153,7 +153,7 @@ def measured_of(blocks: Sequence[RowBlock], nominal_hz: float | None = None) -> 
         )
     if blocks[0].read_out_axis == "frame":
         problem = "one mean for the whole frame: it is rows that are compared"
-        raise InputError(problem, "give the video, or an .npz with 'rows'")
+        raise InputError(problem, "give the video, an .npz with 'rows', or --reference")
     if level.shape[1] < FEWEST_LINES:
         raise InputError(f"{level.shape[1]} lines a frame", f"at least {FEWEST_LINES} are needed")
     stamp_s = (stamps - stamps[0]) / NS_PER_S
