@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.discrepancy import GridDiscovery, grid_json, grid_model, joined
+from rsenf.discrepancy.beside import BesideDiscovery, beside_json, beside_model, joined
 from rsenf.errors import InputError
 from rsenf.model import CaptureModel
 from tests.discrepancy.clock_cases import START_S, Filmed, filmed
@@ -17,12 +17,12 @@ def fast() -> Filmed:
 
 
 @pytest.fixture(scope="module")
-def found(fast: Filmed) -> GridDiscovery:
+def found(fast: Filmed) -> BesideDiscovery:
     return fast.discover(fast.grid_hz)
 
 
-def test_a_fast_clock_is_named_and_the_gap_shrinks(found: GridDiscovery) -> None:
-    told = grid_json(found, "model.yaml")
+def test_a_fast_clock_is_named_and_the_gap_shrinks(found: BesideDiscovery) -> None:
+    told = beside_json(found, "model.yaml")
     assert told["verdict"] == "explained"
     (step,) = told["effects"]
     assert step["name"] == "clock_skew"
@@ -36,8 +36,8 @@ def test_a_fast_clock_is_named_and_the_gap_shrinks(found: GridDiscovery) -> None
     assert told["reference"]["reference_noise_hz"] == pytest.approx(3e-4, rel=0.5)
 
 
-def test_the_model_given_back_lacks_nothing(fast: Filmed, found: GridDiscovery) -> None:
-    extended = CaptureModel.from_dict(grid_model(found, "a test").to_dict())
+def test_the_model_given_back_lacks_nothing(fast: Filmed, found: BesideDiscovery) -> None:
+    extended = CaptureModel.from_dict(beside_model(found, "a test").to_dict())
     assert [effect.name for effect in extended.effects] == ["clock_skew"]
     assert extended.provenance["stderr"]["clock_skew.clock_ppm"] < 3.0
     again = fast.discover(fast.grid_hz, extended)
@@ -47,7 +47,7 @@ def test_the_model_given_back_lacks_nothing(fast: Filmed, found: GridDiscovery) 
 
 def test_a_true_clock_stays_so() -> None:
     case = filmed(0.0, seed=32)
-    told = grid_json(case.discover(case.grid_hz), "")
+    told = beside_json(case.discover(case.grid_hz), "")
     assert (told["verdict"], told["effects"], told["unexplained"]) == ("no_discrepancy", [], None)
     assert told["gap"]["before"] == told["gap"]["after"] < told["gap"]["limit"]
 
@@ -55,12 +55,12 @@ def test_a_true_clock_stays_so() -> None:
 def test_what_moves_otherwise_is_not_explained_by_the_clock(fast: Filmed) -> None:
     """A reference that sways by itself: the clock is found, the swaying is left, and placed."""
     t_s = np.arange(fast.grid_hz.size)
-    told = grid_json(fast.discover(fast.grid_hz + 2e-3 * np.sin(2 * np.pi * t_s / 14.0)), "")
+    told = beside_json(fast.discover(fast.grid_hz + 2e-3 * np.sin(2 * np.pi * t_s / 14.0)), "")
     assert told["verdict"] == "unexplained"
     assert told["gap"]["after"] > told["gap"]["limit"]
     bands = [p for p in told["unexplained"]["places"] if p["axis"] == "wander_hz"]
     assert max(bands, key=lambda p: p["share"])["low"] == 0.05  # 1/14 Hz lies in 0.05 to 0.1
-    assert told["unexplained"]["told_apart_by"]
+    assert told["unexplained"]["would_tell"]
 
 
 @pytest.mark.parametrize(
@@ -84,18 +84,14 @@ def filmed_elsewhere(size: int) -> np.ndarray:
     return synthetic_grid(77, size + 10.0).freq_hz[:size]
 
 
-def test_rows_and_reference_are_told_together() -> None:
-    nothing = {"verdict": "no_discrepancy", "effects": [], "unexplained": None, "gap": {"after": 1}}
-    skew = {"name": "clock_skew"}
-    grid = {
-        "verdict": "explained", "effects": [skew], "unexplained": None, "gap": {"after": 2},
-        "reference": {"lag_s": 1.0},
-    }  # fmt: skip
-    both = joined(nothing, grid)
-    assert (both["verdict"], both["effects"]) == ("explained", [skew])
+def test_rows_and_reference_are_told_together(found: BesideDiscovery) -> None:
+    rows = {"verdict": "no_discrepancy", "effects": [], "unexplained": None, "gap": {"after": 1}}
+    beside = beside_json(found, "")
+    both = joined(rows, beside)
+    assert (both["verdict"], both["effects"]) == ("explained", beside["effects"])
     assert both["gap"] == {"after": 1}
-    assert both["reference"]["gap"] == {"after": 2}
-    left = {"places": [1], "gap": 3}
-    assert joined(nothing | {"verdict": "unexplained", "unexplained": left}, grid)[
-        "unexplained"
-    ] == {"places": [1], "gap": 3}
+    assert both["reference"]["gap"] == beside["gap"]
+    left = {"places": [1]}
+    both = joined(rows | {"verdict": "unexplained", "unexplained": left}, beside)
+    assert (both["verdict"], both["unexplained"]) == ("unexplained", left)
+    assert both["reference"]["verdict"] == "explained"

@@ -4,21 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from rsenf.discrepancy import Film, beside_of, discover_grid, grid_json
-from rsenf.match.series import Grid
-from rsenf.model import CaptureModel, Light
-from tests.discrepancy.clock_cases import track
+from rsenf.discrepancy.beside import beside_json
+from tests.discrepancy.clock_cases import gopro
 
 pytestmark = pytest.mark.measured
-
-PLAIN = CaptureModel(name="plain", light=Light(lamp="tone"))
-
-
-def read(times_s: np.ndarray, level: np.ndarray) -> list:
-    return track(times_s, level, axis="frame", method="frame_mean")
 
 
 # By the photodiode where nothing moved; what the moving clip says is nearer to half of that.
@@ -33,13 +24,7 @@ def read(times_s: np.ndarray, level: np.ndarray) -> list:
 def test_the_clock_of_a_real_camera_is_found(
     measured_data: Path, name: str, low_ppm: float, high_ppm: float, shrinks: float
 ) -> None:
-    with np.load(measured_data / "gopro_luminance" / f"{name}.npz") as held:
-        level, rate_hz = held["luminance"], float(held["frame_rate_hz"])
-        # Light flickers at twice the mains' frequency.
-        grid = Grid("photodiode", 50.0, 0, 1.0, held["photodiode_enf_combined_hz"] / 2)
-    estimates = read(np.arange(level.size) / rate_hz, level[:, None, None])
-    film = Film(read, level.size / rate_hz, frame_means=True)
-    told = grid_json(discover_grid(PLAIN, beside_of(film, PLAIN, estimates, grid)), "")
+    told = beside_json(gopro(measured_data, name, "photodiode"), "")
     (step,) = told["effects"]
     assert step["name"] == "clock_skew"
     assert low_ppm < step["parameters"]["clock_ppm"] < high_ppm

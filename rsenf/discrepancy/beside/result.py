@@ -9,25 +9,22 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.discrepancy.grid import GridDiscovery
-from rsenf.discrepancy.grid_effects import DRIFTS, LEAPT, SKEWED, WANDERS
-from rsenf.discrepancy.grid_fit import clock_ppm
+from rsenf.discrepancy.beside.fit import LagFit, clock_ppm
+from rsenf.discrepancy.beside.verdict import BesideDiscovery
+from rsenf.discrepancy.beside.ways import SKEWED
+from rsenf.discrepancy.hint import Hint, hint_json
 from rsenf.discrepancy.where import Share
+from rsenf.discrepancy.would_tell import TELLS
 from rsenf.model import CATALOGUE, CaptureModel
 
 # Further off is no crystal: more likely the frames come at another rate than is assumed.
 CRYSTAL_PPM = 200.0
 SURE = 3.0  # standard errors with which a place is one
 BANDS_HZ = (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)
-KINDS = {
-    DRIFTS: "a clock that drifts, the camera's or the reference's",
-    LEAPT: "a leap of time: many frames lost or repeated, or a cut",
-    WANDERS: "a frame rate that wanders, or a reference that does",
-}
-DECIDES = "a second reference of the same time: the camera's error is against both, theirs isn't"
+OTHER = "other_course"  # a kind of what is left that is none of those that are weighed
 
 
-def grid_json(found: GridDiscovery, model_out: str) -> dict[str, Any]:
+def beside_json(found: BesideDiscovery, model_out: str) -> dict[str, Any]:
     """Return the keys of a discovery, plain values all."""
     before, after, floor = found.gap(found.first), found.gap(found.last), found.floor
     return {
@@ -41,15 +38,17 @@ def grid_json(found: GridDiscovery, model_out: str) -> dict[str, Any]:
             "stderr": after.stderr,
             "floor": floor.median,
             "limit": floor.limit,
+            "codec": 0.0,  # it has no part in when the light flickers
             "shrinkage": None if math.isnan(found.shrinkage) else found.shrinkage,
         },
+        "where_before": [dataclasses.asdict(share) for share in where_beside(found, found.first)],
         "reference": reference_json(found),
         "unexplained": _left(found),
         "model_out": model_out,
     }
 
 
-def reference_json(found: GridDiscovery) -> dict[str, Any]:
+def reference_json(found: BesideDiscovery) -> dict[str, Any]:
     """Return how clip and reference were compared."""
     beside, (_, lag_s, stderr) = found.beside, found.final
     return {
@@ -64,22 +63,20 @@ def reference_json(found: GridDiscovery) -> dict[str, Any]:
     }
 
 
-def joined(rows: dict[str, Any], grid: dict[str, Any]) -> dict[str, Any]:
+def joined(rows: dict[str, Any], beside: dict[str, Any]) -> dict[str, Any]:
     """Join what the rows and a reference told of one recording: the gap stays that of the rows."""
-    verdicts = {rows["verdict"], grid["verdict"]}
+    verdicts = {rows["verdict"], beside["verdict"]}
     worst = ("unexplained", "explained", "no_discrepancy")
-    left = [told["unexplained"] for told in (grid, rows) if told["unexplained"]]
-    places = [place for told in left for place in told["places"]]
-    both = {key: value for told in left for key, value in told.items()} | {"places": places}
+    own = {name: beside[name] for name in ("verdict", "gap", "where_before", "unexplained")}
     return rows | {
         "verdict": next(verdict for verdict in worst if verdict in verdicts),
-        "effects": [*rows["effects"], *grid["effects"]],
-        "reference": grid["reference"] | {"gap": grid["gap"], "verdict": grid["verdict"]},
-        "unexplained": both if left else None,
+        "effects": [*rows["effects"], *beside["effects"]],
+        "reference": beside["reference"] | own,
+        "unexplained": rows["unexplained"] or beside["unexplained"],
     }
 
 
-def grid_model(found: GridDiscovery, made_from: str) -> CaptureModel:
+def beside_model(found: BesideDiscovery, made_from: str) -> CaptureModel:
     """Return the extended model, with where it comes from and how sure its clock is."""
     model, _, stderr = found.final
     known = dict(model.provenance)
@@ -95,7 +92,7 @@ def grid_model(found: GridDiscovery, made_from: str) -> CaptureModel:
     return dataclasses.replace(model, provenance=known)
 
 
-def _skew_json(found: GridDiscovery) -> dict[str, Any]:
+def _skew_json(found: BesideDiscovery) -> dict[str, Any]:
     skew, (model, _, stderr) = found.skew, found.final
     assert skew is not None
     ppm = clock_ppm(model)
@@ -117,46 +114,45 @@ def _skew_json(found: GridDiscovery) -> dict[str, Any]:
     }
 
 
-def _left(found: GridDiscovery) -> dict[str, Any] | None:
+def _left(found: BesideDiscovery) -> dict[str, Any] | None:
     if found.verdict != "unexplained":
         return None
-    places = [*_by_time(found), *_by_frequency(found)]
+    places = [place for place in where_beside(found, found.last) if place.sure > SURE]
+    kinds = [way.kind.name for way in found.rest] or [OTHER]
+    leaps = tuple(w.kind.at_s for w in found.rest if not math.isnan(w.kind.at_s))
+    would_tell = dict.fromkeys(text for kind in kinds for text in TELLS[kind])
     return {
         "gap": found.gap(found.last).value,
         "std_hz": math.sqrt(max(found.gap(found.last).value, 0.0) * found.beside.power_hz2),
-        "kind": [
-            {
-                "kind": KINDS[way.kind.name],
-                "at_s": None if math.isnan(way.kind.at_s) else way.kind.at_s,
-                "evidence": way.nats,
-            }
-            for way in found.rest
-            if way.kind.name in KINDS
-        ],
-        "told_apart_by": DECIDES,
-        "places": [dataclasses.asdict(place) for place in places if place.sure > SURE],
+        "places": [dataclasses.asdict(place) for place in places],
+        **hint_json(Hint(kinds[0], tuple(kinds[1:]), tuple(would_tell), at_s=leaps)),
     }
 
 
-def _by_time(found: GridDiscovery) -> list[Share]:
+def where_beside(found: BesideDiscovery, fit: LagFit) -> list[Share]:
+    """Take what a fit leaves apart, by time and by how fast it wanders."""
+    return [*_by_time(found, fit), *_by_frequency(found, fit)]
+
+
+def _by_time(found: BesideDiscovery, fit: LagFit) -> list[Share]:
     """Share of each held-out block in what is left of them beyond chance."""
     beside, chance = found.beside, found.chance
-    own = beside.held_out & np.isfinite(found.last.left_hz)
-    total = float((found.last.left_hz[own] ** 2 - chance.var_hz2).sum())
+    own = beside.held_out & np.isfinite(fit.left_hz)
+    total = float((fit.left_hz[own] ** 2 - chance.var_hz2).sum())
     out = []
     for number in np.unique(beside.block[own]):
         here = own & (beside.block == number)
-        over = float((found.last.left_hz[here] ** 2 - chance.var_hz2).sum())
+        over = float((fit.left_hz[here] ** 2 - chance.var_hz2).sum())
         spread = float((chance.sets_hz[:, here] ** 2).sum(axis=1).std(ddof=1))
         first_s = float(number) * beside.block_s
         out.append(_share("time_s", first_s, first_s + beside.block_s, over, total, spread))
     return out
 
 
-def _by_frequency(found: GridDiscovery) -> list[Share]:
+def _by_frequency(found: BesideDiscovery, fit: LagFit) -> list[Share]:
     """Share of each band of frequencies of the wander, all values together."""
-    known = np.isfinite(found.last.left_hz)
-    every = np.vstack([found.last.left_hz[known], found.chance.sets_hz[:, known]])
+    known = np.isfinite(fit.left_hz)
+    every = np.vstack([fit.left_hz[known], found.chance.sets_hz[:, known]])
     power = np.abs(np.fft.rfft(every, axis=1)) ** 2
     hz = np.fft.rfftfreq(int(known.sum()), found.beside.track.hop_s)
     over = power[0] - power[1:].mean(axis=0)

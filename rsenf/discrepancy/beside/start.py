@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsenf.discrepancy.grid_series import FEWEST_BLOCKS, Beside, Film
+from rsenf.discrepancy.beside.clip import Clip
+from rsenf.discrepancy.beside.laid import FEWEST_BLOCKS, Beside
 from rsenf.errors import InputError
 from rsenf.match import Match, MatchSettings
 from rsenf.match.clip_phase import AVERAGED_S
@@ -22,39 +23,27 @@ LEAST_LOG10_LR = 2.0  # against any other lag, for one to be tried
 LEAST_COVERED = 0.5  # of the estimates, by a reference
 
 
-def beside_of(
-    film: Film, model: CaptureModel, estimates: Sequence[EnfEstimate], grid: Grid
-) -> Beside:
-    """Lay a clip beside a reference.
-
-    Parameters
-    ----------
-    film : Film
-    model : CaptureModel
-        To begin with.
-    estimates : sequence of EnfEstimate
-        Of the film's tracker.
-    grid : Grid
+def beside_of(clip: Clip, grid: Grid) -> Beside:
+    """Find a clip in a reference, and lay it there.
 
     Raises
     ------
     InputError
         When there is no ENF to compare, the clip is nowhere in the reference, or is too short.
     """
-    usable = [e for e in estimates if e.usable]
+    usable = [e for e in clip.estimates if e.usable]
     if not usable:
-        why = estimates[0].reason if estimates else "shorter than one window"
+        why = clip.estimates[0].reason if clip.estimates else "shorter than one window"
         raise InputError(f"no ENF to compare with the reference: {why}", "see rsenf track")
     _check_grid(usable, grid)
     known = [e.snr_db for e in usable if np.isfinite(e.snr_db)]
     snr_db = float(np.median(known)) if known else float("nan")
-    lag_s, certain = _place(estimates, grid)
-    beside = Beside(film, track_of(estimates), snr_db, grid, lag_s, certain)
-    beside = _read_aright(beside, model)
+    lag_s, certain = _place(clip.estimates, grid)
+    beside = Beside(clip, track_of(clip.estimates), snr_db, grid, lag_s, certain)
     if beside.blocks < FEWEST_BLOCKS:
         needed_s = FEWEST_BLOCKS * beside.block_s + 2.0 * beside.reach_s
         raise InputError(
-            f"too short to be compared with this reference: {film.duration_s:.0f} s",
+            f"too short to be compared with this reference: {clip.duration_s:.0f} s",
             f"{needed_s:.0f} s are the least that is of use",
         )
     return beside
@@ -107,7 +96,7 @@ def _found(
     return result
 
 
-def _read_aright(beside: Beside, model: CaptureModel) -> Beside:
+def read_aright(beside: Beside, model: CaptureModel) -> Beside:
     """Take the reference for an average where that leaves less, all else being averaged alike.
 
     Raises

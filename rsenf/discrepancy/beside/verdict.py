@@ -13,25 +13,25 @@ from functools import cached_property
 
 import numpy as np
 
+from rsenf.discrepancy.beside.fit import LagFit, by_all_values, columns_of, settled
+from rsenf.discrepancy.beside.laid import Beside
+from rsenf.discrepancy.beside.noise import Chance, chance_of, tracked_noise
+from rsenf.discrepancy.beside.start import no_match, read_aright
+from rsenf.discrepancy.beside.ways import LEAPT, SKEWED, Weighed, kinds, weighed
 from rsenf.discrepancy.floor import BEYOND_STDS, Floor
 from rsenf.discrepancy.gap import Gap
-from rsenf.discrepancy.grid_effects import LEAPT, SKEWED, Weighed, kinds, weighed
-from rsenf.discrepancy.grid_fit import GridFit, by_all_values, columns_of, settled
-from rsenf.discrepancy.grid_noise import Chance, chance_of, tracked_noise
-from rsenf.discrepancy.grid_series import Beside
-from rsenf.discrepancy.grid_start import no_match
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel
 
 
 @dataclass(frozen=True, eq=False)
-class GridDiscovery:
+class BesideDiscovery:
     """What was found.
 
     Attributes
     ----------
     beside : Beside
-    first, last : GridFit
+    first, last : LagFit
         Before anything was added, and at last.
     skew : Weighed or None
         The clock's error, if it is supported.
@@ -44,20 +44,20 @@ class GridDiscovery:
     """
 
     beside: Beside
-    first: GridFit
-    last: GridFit
+    first: LagFit
+    last: LagFit
     skew: Weighed | None
     rest: list[Weighed]
     chance: Chance
     tried: int
 
-    def gap(self, fit: GridFit) -> Gap:
+    def gap(self, fit: LagFit) -> Gap:
         """Return what a fit leaves of held-out values beyond chance, over the reference's power."""
         own = self.beside.held_out & np.isfinite(fit.left_hz)
         over = (fit.left_hz[own] ** 2 - self.chance.var_hz2) / self.beside.power_hz2
         block = self.beside.block[own]
         means = np.array([over[block == number].mean() for number in np.unique(block)])
-        return Gap(float(over.mean()), float(means.std(ddof=1) / math.sqrt(means.size)))
+        return Gap(float(over.mean()), float(means.std(ddof=1) / math.sqrt(means.size)), math.nan)
 
     @cached_property
     def floor(self) -> Floor:
@@ -70,7 +70,8 @@ class GridDiscovery:
         left = sets[:, held] - (sets[:, training] @ solve.T) @ columns[held].T
         gaps = ((left**2).mean(axis=1) - self.chance.told_hz2) / self.beside.power_hz2
         median = float(np.median(gaps))
-        return Floor(median, median + BEYOND_STDS * float(gaps.std(ddof=1)))
+        limit = median + BEYOND_STDS * float(gaps.std(ddof=1))
+        return Floor(median, limit, limit)
 
     @cached_property
     def final(self) -> tuple[CaptureModel, float, FloatArray]:
@@ -93,9 +94,9 @@ class GridDiscovery:
         return 1.0 - (self.gap(self.last).value - self.floor.median) / above
 
 
-def discover_grid(
+def discover_beside(
     model: CaptureModel, beside: Beside, progress: Callable[[str], None] = lambda doing: None
-) -> GridDiscovery:
+) -> BesideDiscovery:
     """Find what a model lacks of a clip beside a reference.
 
     Parameters
@@ -109,8 +110,11 @@ def discover_grid(
     Raises
     ------
     InputError
-        When what the model films can't be tracked, or the clip turns out not to be there.
+        When what the model films can't be tracked, the reference covers too little of the clip, or
+        the clip turns out not to be there.
     """
+    progress("filming the reference")
+    beside = read_aright(beside, model)
     found = _discovered(model, beside, progress)
     if not beside.certain and found.verdict == "unexplained":
         # A rough likeness of the wrong time must not pass for a clock.
@@ -120,8 +124,7 @@ def discover_grid(
 
 def _discovered(
     model: CaptureModel, beside: Beside, progress: Callable[[str], None]
-) -> GridDiscovery:
-    progress("filming the reference")
+) -> BesideDiscovery:
     first = settled(beside, model, beside.lag_s, skewed=False)
     noise = tracked_noise(beside, model, first.lag_s, first.said_hz)
     chance = chance_of(beside, noise, first.left_hz)
@@ -130,15 +133,15 @@ def _discovered(
     # A leap of the lag looks like a clock error of the one half and not of the other.
     leapt = max((way.nats for way in ways if way.kind.name == LEAPT), default=0.0)
     if not skew.supported or leapt > skew.nats:
-        return GridDiscovery(beside, first, first, None, _supported(ways), chance, len(ways))
+        return BesideDiscovery(beside, first, first, None, _supported(ways), chance, len(ways))
     progress("added clock_skew")
     last = settled(beside, first.model, first.lag_s, skewed=True)
     chance = chance_of(beside, noise, last.left_hz)
     rest = [way for way in _weighed(beside, last, chance) if way.kind.name != SKEWED]
-    return GridDiscovery(beside, first, last, skew, _supported(rest), chance, len(ways))
+    return BesideDiscovery(beside, first, last, skew, _supported(rest), chance, len(ways))
 
 
-def _weighed(beside: Beside, fit: GridFit, chance: Chance) -> list[Weighed]:
+def _weighed(beside: Beside, fit: LagFit, chance: Chance) -> list[Weighed]:
     ways = list(kinds(beside, fit.said_hz))
     return [weighed(beside, way, fit.said_hz, fit.left_hz, chance, len(ways)) for way in ways]
 

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.grid_series import SEED, Beside
+from rsenf.discrepancy.beside.clip import SEED
+from rsenf.discrepancy.beside.laid import Beside
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel
 
@@ -80,15 +81,15 @@ def tracked_noise(
     """
     rng, path_hz = np.random.default_rng(SEED), beside.path_hz
     ratios = []
-    for _ in range(math.ceil(TRIED_S / beside.film.duration_s)):
+    for _ in range(math.ceil(TRIED_S / beside.clip.duration_s)):
         noisy_hz = path_hz + TRIED_HZ * rng.standard_normal(path_hz.size)
-        told = beside.film.estimates(model, beside.path(lag_s, noisy_hz))
+        told = beside.clip.film(model, beside.path(lag_s, noisy_hz))
         ratios.append((beside.on_axis(told) - said_hz) / TRIED_HZ)
     ratio = np.concatenate(ratios)
     ratio = ratio[np.isfinite(ratio)]
     if not beside.overlap:
         return Tracked(np.empty(0), ratio)
-    told = beside.film.estimates(model, beside.path(lag_s), TRIED_RATIO)
+    told = beside.clip.film(model, beside.path(lag_s), TRIED_RATIO)
     tried_db = float(np.median([e.snr_db for e in told if e.usable]))
     errors = (beside.on_axis(told) - said_hz) * 10.0 ** ((tried_db - beside.snr_db) / 20.0)
     return Tracked(errors[np.isfinite(errors)], ratio)
@@ -149,7 +150,7 @@ def _alike(errors: FloatArray, size: int, rng: np.random.Generator) -> FloatArra
 def _while_clip(beside: Beside) -> FloatArray:
     """Samples of the reference while the clip lasts."""
     first = int(beside.start_s(beside.lag_s) / beside.grid.step_s)
-    return beside.path_hz[first : first + int(beside.film.duration_s / beside.grid.step_s)]
+    return beside.path_hz[first : first + int(beside.clip.duration_s / beside.grid.step_s)]
 
 
 def roughness(values: FloatArray) -> float:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.grid_effects import memory
-from rsenf.discrepancy.grid_noise import Chance
-from rsenf.discrepancy.grid_series import Beside, slope_of
+from rsenf.discrepancy.beside.laid import Beside, slope_of
+from rsenf.discrepancy.beside.noise import Chance
+from rsenf.discrepancy.beside.ways import memory
 from rsenf.errors import InputError
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel
@@ -21,7 +21,7 @@ FARTHEST_S = 5.0  # that one step may move the lag
 
 
 @dataclass(frozen=True, eq=False)
-class GridFit:
+class LagFit:
     """A model at a lag in a reference.
 
     Attributes
@@ -38,7 +38,7 @@ class GridFit:
     left_hz: FloatArray
 
 
-def settled(beside: Beside, model: CaptureModel, lag_s: float, *, skewed: bool) -> GridFit:
+def settled(beside: Beside, model: CaptureModel, lag_s: float, *, skewed: bool) -> LagFit:
     """Fit the lag, and the clock where wanted, to training values; long steps are filmed anew."""
     for _ in range(MOST):
         said_hz = beside.said(model, lag_s)
@@ -56,11 +56,11 @@ def settled(beside: Beside, model: CaptureModel, lag_s: float, *, skewed: bool) 
             break
     else:
         said_hz = beside.said(model, lag_s)
-    return GridFit(model, lag_s, said_hz, beside.enf_hz - said_hz)
+    return LagFit(model, lag_s, said_hz, beside.enf_hz - said_hz)
 
 
 def by_all_values(
-    beside: Beside, fit: GridFit, chance: Chance, *, skewed: bool
+    beside: Beside, fit: LagFit, chance: Chance, *, skewed: bool
 ) -> tuple[CaptureModel, float, FloatArray]:
     """Fit lag and clock to all values, once held-out ones have been scored on.
 

@@ -7,65 +7,26 @@ was measured is averaged alike, so that both have passed the same two averages.
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from rsenf.discrepancy.measured import Float32Array, Mask
+from rsenf.discrepancy.beside.clip import Clip
+from rsenf.discrepancy.measured import Mask
 from rsenf.match.clip_phase import AVERAGED_S, LONGEST_WINDOW_RATIO
 from rsenf.match.kernel import average, window_kernel
 from rsenf.match.series import Grid, Track, track_of
 from rsenf.messages import EnfEstimate
 from rsenf.messages.schema import FloatArray
-from rsenf.model import CaptureModel, GridPath, simulate_rows
+from rsenf.model import CaptureModel, GridPath
 
-# From the stamps and row means (frames, lines, strips) of a film to estimates.
-Tracker = Callable[[FloatArray, Float32Array], Sequence[EnfEstimate]]
-
-SEED = 0
 MARGIN_S = 120.0  # by which a reference is lengthened with nothing, so that all of a clip is on it
 INSIDE = 0.99  # of the weights of an average, that must lie within a block of time
 BLOCK_REACHES, LEAST_BLOCK_S = 5.0, 5.0
 FEWEST_BLOCKS = 6
-
-
-@dataclass(frozen=True, eq=False)
-class Film:
-    """How theories are filmed.
-
-    Attributes
-    ----------
-    track : callable
-        The tracker that read the data.
-    duration_s : float
-        Of the clip, by the camera's clock, to the end of its last frame.
-    frame_means : bool
-        Whether there was one mean for each frame; then few lines do for a theory.
-    """
-
-    track: Tracker
-    duration_s: float
-    frame_means: bool
-
-    def estimates(
-        self, model: CaptureModel, grid: GridPath, noise_ratio: float = 0.0
-    ) -> list[EnfEstimate]:
-        """Film and track; with white noise in such a ratio to the flicker, where wanted."""
-        if self.frame_means:
-            model = dataclasses.replace(
-                model, shutter=dataclasses.replace(model.shutter, rows=16, columns=16)
-            )
-        made = simulate_rows(model, grid, self.duration_s, SEED, noise=False)
-        level = made.level
-        if self.frame_means:
-            level = level.mean(axis=1, keepdims=True)
-            noise = np.random.default_rng(SEED).standard_normal(level.shape)
-            level = level + (noise_ratio * level.std() * noise).astype(np.float32)
-        return list(self.track(made.frame_time_s, level))
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +35,9 @@ class Beside:
 
     Attributes
     ----------
-    film : Film
+    clip : Clip
     track : Track
-        The estimates.
+        Its estimates.
     snr_db : float
         Of most of them.
     grid : Grid
@@ -89,7 +50,7 @@ class Beside:
         Whether the reference is taken for an average over ``AVERAGED_S``.
     """
 
-    film: Film
+    clip: Clip
     track: Track
     snr_db: float
     grid: Grid
@@ -155,7 +116,7 @@ class Beside:
         NaN where the reference has a gap, or the tracker would find nothing.
         """
         missing = self.passed(np.isnan(self.path_hz).astype(np.float64), lag_s) > 1e-6
-        said_hz = self.on_axis(self.film.estimates(model, self.path(lag_s)))
+        said_hz = self.on_axis(self.clip.film(model, self.path(lag_s)))
         return np.where(missing, np.nan, said_hz)
 
     def passed(self, samples: FloatArray, lag_s: float) -> FloatArray:
@@ -217,7 +178,7 @@ class Beside:
     def power_hz2(self) -> float:
         """Variance of the reference while the clip lasts."""
         first = max(int(self.lag_s / self.grid.step_s), 0)
-        last = int((self.lag_s + self.film.duration_s) / self.grid.step_s) + 1
+        last = int((self.lag_s + self.clip.duration_s) / self.grid.step_s) + 1
         return float(np.nanvar(np.asarray(self.grid.freq_hz[first:last])))
 
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.grid_noise import Chance
-from rsenf.discrepancy.grid_series import Beside, slope_of
+from rsenf.discrepancy.beside.laid import Beside, slope_of
+from rsenf.discrepancy.beside.noise import Chance
 from rsenf.discrepancy.search import FALSE_ALARMS, WORST
 from rsenf.messages.schema import FloatArray
 
