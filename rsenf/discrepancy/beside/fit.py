@@ -38,10 +38,26 @@ class LagFit:
     left_hz: FloatArray
 
 
-def settled(beside: Beside, model: CaptureModel, lag_s: float, *, skewed: bool) -> LagFit:
-    """Fit the lag, and the clock where wanted, to training values; long steps are filmed anew."""
+def settled(
+    beside: Beside, model: CaptureModel, lag_s: float, said_hz: FloatArray, *, skewed: bool
+) -> LagFit:
+    """Fit the lag, and the clock where wanted, to training values.
+
+    Parameters
+    ----------
+    beside : Beside
+    model : CaptureModel
+    lag_s : float
+    said_hz : ndarray (n,)
+        What the model says there; after a long step it is filmed anew.
+    skewed : bool
+
+    Raises
+    ------
+    InputError
+        When nothing can be compared.
+    """
     for _ in range(MOST):
-        said_hz = beside.said(model, lag_s)
         left_hz = beside.enf_hz - said_hz
         training = beside.training & np.isfinite(left_hz)
         if training.sum() < 2 or not (beside.held_out & np.isfinite(left_hz)).any():
@@ -54,7 +70,6 @@ def settled(beside: Beside, model: CaptureModel, lag_s: float, *, skewed: bool) 
         if (np.abs(step) < REST[: step.size]).all():
             said_hz = said_hz + columns @ step
             break
-    else:
         said_hz = beside.said(model, lag_s)
     return LagFit(model, lag_s, said_hz, beside.enf_hz - said_hz)
 

@@ -15,7 +15,7 @@ from rsenf.match.clip_phase import AVERAGED_S
 from rsenf.match.kernel import average, window_kernel
 from rsenf.match.series import Grid, track_of
 from rsenf.messages import EnfEstimate, MatchResult
-from rsenf.model import CaptureModel
+from rsenf.messages.schema import FloatArray
 
 # Of clock errors that are no camera's: 29.97 frames per second taken for 30 are 1000 ppm.
 ANY_SPEED_PPM = 1000.0
@@ -96,15 +96,20 @@ def _found(
     return result
 
 
-def read_aright(beside: Beside, model: CaptureModel) -> Beside:
+def read_aright(beside: Beside, said_hz: FloatArray) -> Beside:
     """Take the reference for an average where that leaves less, all else being averaged alike.
+
+    Parameters
+    ----------
+    beside : Beside
+    said_hz : ndarray (n,)
+        What a model says there.
 
     Raises
     ------
     InputError
         When the reference covers too little of the clip.
     """
-    said_hz = beside.said(model, beside.lag_s)
     both = np.isfinite(said_hz) & np.isfinite(beside.enf_hz)
     if both.sum() < LEAST_COVERED * beside.track.usable:
         raise InputError(

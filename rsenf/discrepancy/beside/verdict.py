@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from rsenf.discrepancy.beside.fit import LagFit, by_all_values, columns_of, settled
+from rsenf.discrepancy.beside.fit import LagFit, by_all_values, clock_ppm, columns_of, settled
 from rsenf.discrepancy.beside.laid import Beside
 from rsenf.discrepancy.beside.noise import Chance, chance_of, tracked_noise
 from rsenf.discrepancy.beside.start import no_match, read_aright
@@ -79,6 +79,12 @@ class BesideDiscovery:
         return by_all_values(self.beside, self.last, self.chance, skewed=self.skew is not None)
 
     @property
+    def clock(self) -> tuple[float, float]:
+        """Error of the clock (ppm), where it was added, and its standard error."""
+        model, _, stderr = self.final
+        return clock_ppm(model), float(stderr[-1])
+
+    @property
     def verdict(self) -> str:
         """``no_discrepancy``, ``explained`` or ``unexplained``."""
         if self.gap(self.last).value > self.floor.limit or self.rest:
@@ -114,19 +120,19 @@ def discover_beside(
         the clip turns out not to be there.
     """
     progress("filming the reference")
-    beside = read_aright(beside, model)
-    found = _discovered(model, beside, progress)
+    said_hz = beside.said(model, beside.lag_s)
+    beside = read_aright(beside, said_hz)
+    found = _discovered(
+        beside, settled(beside, model, beside.lag_s, said_hz, skewed=False), progress
+    )
     if not beside.certain and found.verdict == "unexplained":
         # A rough likeness of the wrong time must not pass for a clock.
         raise no_match(beside.grid, "what seems to fit leaves more than noise")
     return found
 
 
-def _discovered(
-    model: CaptureModel, beside: Beside, progress: Callable[[str], None]
-) -> BesideDiscovery:
-    first = settled(beside, model, beside.lag_s, skewed=False)
-    noise = tracked_noise(beside, model, first.lag_s, first.said_hz)
+def _discovered(beside: Beside, first: LagFit, progress: Callable[[str], None]) -> BesideDiscovery:
+    noise = tracked_noise(beside, first.model, first.lag_s, first.said_hz)
     chance = chance_of(beside, noise, first.left_hz)
     ways = _weighed(beside, first, chance)
     skew = next(way for way in ways if way.kind.name == SKEWED)
@@ -134,8 +140,8 @@ def _discovered(
     leapt = max((way.nats for way in ways if way.kind.name == LEAPT), default=0.0)
     if not skew.supported or leapt > skew.nats:
         return BesideDiscovery(beside, first, first, None, _supported(ways), chance, len(ways))
-    progress("added clock_skew")
-    last = settled(beside, first.model, first.lag_s, skewed=True)
+    progress("added clock_skew, looking at what is left")
+    last = settled(beside, first.model, first.lag_s, first.said_hz, skewed=True)
     chance = chance_of(beside, noise, last.left_hz)
     rest = [way for way in _weighed(beside, last, chance) if way.kind.name != SKEWED]
     return BesideDiscovery(beside, first, last, skew, _supported(rest), chance, len(ways))
