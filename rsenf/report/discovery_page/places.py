@@ -36,7 +36,7 @@ def places_table(
     for axis, name in NAMES.items():
         old, new = ([s for s in shares if s.axis == axis] for shares in (before, after))
         pairs = _lines(old, new) if axis == "alias_hz" else list(zip(old, new, strict=True))
-        if len(pairs) < 2 and axis != "step":
+        if not pairs or (len(pairs) < 2 and axis != "step"):
             continue
         most = sorted(pairs, key=lambda pair: -max(abs(s.share) for s in pair if s))[:MOST]
         lines = [_line(*pair, smaller) for pair in pairs if pair in most]
