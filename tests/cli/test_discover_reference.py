@@ -1,4 +1,4 @@
-"""``rsenf discover --reference``: what it writes, of rows and of frame means, and what it refuses."""
+"""``rsenf discover --reference``: what it writes, of rows or frame means, and what it refuses."""
 
 from __future__ import annotations
 
