@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -96,17 +97,21 @@ def test_rows_have_the_clock_beside_what_they_tell(
     assert any("clock_skew" in effect for effect in effects)
 
 
-@pytest.mark.parametrize("kind", ["rows", "means"])
-def test_a_reference_of_another_time_is_refused(
-    kind: str, rsenf: Callable, request: pytest.FixtureRequest, tmp_path: Path
+# One of another day, and one that ends in the midst of the clip.
+@pytest.mark.parametrize(("kind", "seconds"), [("means", 0), ("means", 200), ("rows", 50)])
+def test_a_reference_that_does_not_cover_the_clip_is_refused(
+    kind: str, seconds: int, rsenf: Callable, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
-    clip, _ = request.getfixturevalue(kind)
-    other = write_grid(tmp_path / "other.csv", synthetic_grid(99, 200.0).freq_hz)
+    clip, grid = request.getfixturevalue(kind)
+    freq_hz = np.loadtxt(grid, skiprows=1)[:seconds]
+    if not seconds:
+        freq_hz = synthetic_grid(99, 400.0).freq_hz
+    other = write_grid(tmp_path / "other.csv", freq_hz)
     done = discover(rsenf, clip, other, tmp_path / "found")
     assert done.returncode == 1
     assert done.stdout == ""
     (line,) = [text for text in done.stderr.splitlines() if not text.startswith("note: ")]
-    assert "no match in the reference other" in line
+    assert re.search("no match in the reference other|the reference other covers only", line)
     assert [path.name for path in tmp_path.iterdir()] == ["other.csv"]
 
 

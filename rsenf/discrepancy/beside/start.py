@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rsenf.discrepancy.beside.clip import Clip
-from rsenf.discrepancy.beside.laid import FEWEST_BLOCKS, Beside
+from rsenf.discrepancy.beside.laid import FEWEST_BLOCKS, MARGIN_S, Beside
 from rsenf.errors import InputError
 from rsenf.match import Match, MatchSettings
 from rsenf.match.clip_phase import AVERAGED_S
@@ -21,6 +21,7 @@ from rsenf.messages.schema import FloatArray
 ANY_SPEED_PPM = 1000.0
 LEAST_LOG10_LR = 2.0  # against any other lag, for one to be tried
 LEAST_COVERED = 0.5  # of the estimates, by a reference
+MOST_BEYOND_S = MARGIN_S / 2.0  # of a clip: a lag may still move
 
 
 def beside_of(clip: Clip, grid: Grid) -> Beside:
@@ -39,6 +40,7 @@ def beside_of(clip: Clip, grid: Grid) -> Beside:
     known = [e.snr_db for e in usable if np.isfinite(e.snr_db)]
     snr_db = float(np.median(known)) if known else float("nan")
     lag_s, certain = _place(clip.estimates, grid)
+    _check_covered(clip, grid, lag_s)
     beside = Beside(clip, track_of(clip.estimates), snr_db, grid, lag_s, certain)
     if beside.blocks < FEWEST_BLOCKS:
         needed_s = FEWEST_BLOCKS * beside.block_s + 2.0 * beside.reach_s
@@ -59,6 +61,18 @@ def _check_grid(usable: Sequence[EnfEstimate], grid: Grid) -> None:
             f"the light follows a {usable[0].nominal_hz:.0f} Hz grid, {grid.name} is of a "
             f"{grid.nominal_hz:.0f} Hz one",
             "give a reference of the grid that fed the lamp",
+        )
+
+
+def _check_covered(clip: Clip, grid: Grid, lag_s: float) -> None:
+    """Refuse a reference that begins or ends in the midst of a clip."""
+    end_s = lag_s + clip.duration_s
+    covered_s = min(end_s, len(grid.freq_hz) * grid.step_s) - max(lag_s, 0.0)
+    if clip.duration_s - covered_s > min(MOST_BEYOND_S, LEAST_COVERED * clip.duration_s):
+        raise InputError(
+            f"the reference {grid.name} covers only {max(covered_s, 0.0):.0f} of "
+            f"{clip.duration_s:.0f} seconds of the clip",
+            "give one that covers all of it",
         )
 
 
