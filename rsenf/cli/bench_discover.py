@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rsenf.bench.discover.plan import Plan
+    from rsenf.bench.discover.plan import Case, Plan
     from rsenf.bench.results import Record
 
 _RECORDS = "discover.jsonl"
@@ -42,6 +42,7 @@ def plan_of(args: argparse.Namespace) -> Plan:
     UsageError
         For effects that it can't hide.
     """
+    from rsenf.bench.discover.beside import SKEW
     from rsenf.bench.discover.plan import Plan
     from rsenf.bench.discover.strengths import LISTED
     from rsenf.errors import UsageError
@@ -52,10 +53,11 @@ def plan_of(args: argparse.Namespace) -> Plan:
             first_seed=first, each=each or 1, none=1, outside=1, pairs=0, duration_s=27.0,
             effects=_QUICK_EFFECTS,
         )  # fmt: skip
-    effects = args.hide or tuple(LISTED)
-    unknown = set(effects) - set(LISTED)
+    can = (*LISTED, SKEW)
+    unknown = set(args.hide or ()) - set(can)
     if unknown:
-        raise UsageError(f"--hide {min(unknown)}: can't be hidden", f"one of {', '.join(LISTED)}")
+        raise UsageError(f"--hide {min(unknown)}: can't be hidden", f"one of {', '.join(can)}")
+    effects = tuple(name for name in args.hide or LISTED if name != SKEW)
     each = 20 if each is None else each
     others = {"none": 5 * each, "outside": 2 * each, "pairs": 2 * each}
     if args.hide or args.video:
@@ -71,8 +73,17 @@ def plan_of(args: argparse.Namespace) -> Plan:
     )
 
 
+def clock_cases_of(args: argparse.Namespace, plan: Plan) -> list[Case]:
+    """Return the cases that come with a reference, of seeds after those of the plan."""
+    from rsenf.bench.discover.beside import SKEW, clock_cases
+
+    if args.quick or args.video or (args.hide and SKEW not in args.hide):
+        return []
+    return clock_cases(plan.each, plan.first_seed + len(plan.cases()), plan.duration_s)
+
+
 def _records(args: argparse.Namespace, plan: Plan) -> list[Record]:
-    from rsenf.bench.discover.trial import tried
+    from rsenf.bench.discover.beside import tried
     from rsenf.bench.results import read_records
     from rsenf.bench.session import measure_missing
     from rsenf.cli.bench import grids_of
@@ -80,7 +91,7 @@ def _records(args: argparse.Namespace, plan: Plan) -> list[Record]:
 
     if args.table_only:
         return list(read_records(args.out / _RECORDS).values())
-    cases, grids = plan.cases(), grids_of(args)
+    cases, grids = plan.cases() + clock_cases_of(args, plan), grids_of(args)
     with tempfile.TemporaryDirectory() as temporary:
         out = (args.out or Path(temporary)) / _RECORDS
         with progress_bar("hiding and finding", float(len(cases))) as bar:

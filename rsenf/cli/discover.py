@@ -4,7 +4,8 @@ The model is fitted to some blocks of time and scored on the others. What is lef
 every effect of the catalogue; one that held-out data support is added, with its parameters and
 their errors, until nothing more is. The verdict is 'no_discrepancy', 'explained' or 'unexplained'
 (with where), and OUT gets a report to read (report.html) and the extended model, which 'rsenf
-simulate --model' takes as it is.
+simulate --model' takes as it is. With --reference the camera's clock is looked at too, and one mean
+for each frame is enough.
 """
 
 from __future__ import annotations
@@ -18,7 +19,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rsenf.discrepancy import Discovery, Measured
+    from numpy.typing import NDArray
+
+    from rsenf.cli.discover_reference import Result
+    from rsenf.discrepancy import Measured
+    from rsenf.match.series import Grid
     from rsenf.messages import RowBlock
     from rsenf.messages.schema import Float32Array
     from rsenf.model import CaptureModel
@@ -32,6 +37,7 @@ STRIPS = 4  # of a video's rows: two from left to right, each in two that a code
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
+    from rsenf.cli import discover_reference
     from rsenf.cli.console import add_row_arguments
 
     parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
@@ -48,6 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="adds your own effects to the catalogue; configs/model/my_effect.py is a template",
     )
     parser.add_argument("--json", action="store_true", help="the result as JSON")
+    discover_reference.add_arguments(parser)
     add_row_arguments(parser)
 
 
@@ -62,7 +69,8 @@ def run(args: argparse.Namespace) -> int:
         For a folder that holds anything else, a model or effects that can't be meant so.
     """
     from rsenf.cli.console import note, print_json, say, stages
-    from rsenf.discrepancy import discover, discovery_json, measured_of
+    from rsenf.cli.discover_reference import by_frame_means, reference_of
+    from rsenf.discrepancy.beside import holds_frame_means
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
     from rsenf.model import load_effects
     from rsenf.report.discovery import discovery_words
@@ -70,22 +78,21 @@ def run(args: argparse.Namespace) -> int:
     _check_out(args.out)
     for path in args.effects:
         load_effects(path)
-    model = _model(args)
+    model, grid = _model(args), reference_of(args)
     blocks, recording, loss = _rows(args)
-    with _named(args.input):
-        data = measured_of(blocks, args.nominal_hz)
-    again = _recoded(args, data) if data.coded and recording.begins_with == "frames" else None
     with _named(args.input), stages() as progress:
-        found = discover(model, data, progress, recoded=again)
-        told = discovery_json(found, str(args.out / MODEL))
+        if grid and holds_frame_means(blocks):
+            result = by_frame_means(args, model, blocks, grid, progress)
+        else:
+            result = _by_rows(args, model, blocks, recording, grid, progress)
         progress("writing the report")
-        _keep(args, found, told)
+        _keep(args, result)
     if args.json:
-        print_json(told)
+        print_json(result.told)
     else:
-        print(discovery_words(told))
-    if data.coded and not again:
-        note("a codec has tied rows together: what it did to them counts as a discrepancy")
+        print(discovery_words(result.told))
+    if result.note:
+        note(result.note)
     if loss:
         say(f"{args.input}: {loss}")
     return EXIT_LOSS if loss else EXIT_DONE
@@ -100,6 +107,49 @@ def _named(path: str) -> Iterator[None]:
         yield
     except InputError as error:
         raise InputError(f"{path}: {error.message}", error.hint) from error
+
+
+def _by_rows(
+    args: argparse.Namespace,
+    model: CaptureModel,
+    blocks: list[RowBlock],
+    recording: Input,
+    grid: Grid | None,
+    progress: Callable[[str], None],
+) -> Result:
+    """Discover by rows, and beside a reference where there is one."""
+    import numpy as np
+
+    from rsenf.cli.discover_reference import Result, residuals_of
+    from rsenf.discrepancy import discover, discovery_json, measured_of, model_of
+    from rsenf.discrepancy.beside import (
+        beside_json,
+        beside_model,
+        beside_of,
+        clip_of,
+        discover_beside,
+        joined,
+    )
+    from rsenf.report.discovery_page import discovery_page
+
+    data, name = measured_of(blocks, args.nominal_hz), Path(args.input).name
+    # A reference of another time is refused before anything long is done.
+    laid = beside_of(clip_of(data), grid) if grid else None
+    again = _recoded(args, data) if data.coded and recording.begins_with == "frames" else None
+    found = discover(model, data, progress, recoded=again)
+    told, extended = discovery_json(found, str(args.out / MODEL)), model_of(found, name)
+    residuals: dict[str, NDArray[Any]] = {
+        "frame_time_s": data.time_s,
+        "before": found.first.residual.astype(np.float16),
+        "after": found.last.residual.astype(np.float16),
+    }
+    beside = discover_beside(extended, laid, progress) if laid else None
+    extended = beside_model(beside, name) if beside else extended
+    page = discovery_page(found, told, name, extended, beside)
+    if beside:
+        told, residuals = joined(told, beside_json(beside, "")), residuals | residuals_of(beside)
+    codec = "a codec has tied rows together: what it did to them counts as a discrepancy"
+    return Result(told, extended, page, residuals, codec if data.coded and not again else "")
 
 
 def _check_out(folder: Path) -> None:
@@ -156,27 +206,18 @@ def _recoded(args: argparse.Namespace, data: Measured) -> Callable[[Float32Array
     return lambda level: recoded(Path(args.input), level, data.axis, _settings(args))
 
 
-def _keep(args: argparse.Namespace, found: Discovery, told: dict[str, Any]) -> None:
+def _keep(args: argparse.Namespace, result: Result) -> None:
     """Write what was found, all of it or nothing."""
     import json
 
     import numpy as np
     import yaml
 
-    from rsenf.discrepancy import model_of
-    from rsenf.report.discovery_page import discovery_page
     from rsenf.whole_file import whole_folder
 
     args.out.parent.mkdir(parents=True, exist_ok=True)
     with whole_folder(args.out) as folder:
-        name = Path(args.input).name
-        extended = model_of(found, name)
-        (folder / MODEL).write_text(yaml.safe_dump(extended.to_dict(), sort_keys=False))
-        (folder / RESULT).write_text(json.dumps(told, indent=2, allow_nan=False) + "\n")
-        (folder / PAGE).write_text(discovery_page(found, told, name, extended), encoding="utf-8")
-        np.savez_compressed(
-            folder / RESIDUALS,
-            frame_time_s=found.last.data.time_s,
-            before=found.first.residual.astype(np.float16),
-            after=found.last.residual.astype(np.float16),
-        )
+        (folder / MODEL).write_text(yaml.safe_dump(result.model.to_dict(), sort_keys=False))
+        (folder / RESULT).write_text(json.dumps(result.told, indent=2, allow_nan=False) + "\n")
+        (folder / PAGE).write_text(result.page, encoding="utf-8")
+        np.savez_compressed(folder / RESIDUALS, allow_pickle=False, **result.residuals)

@@ -29,6 +29,8 @@ and on a stream, window by window::
     seen         what was found in it
     news         what isn't as in the window before
     watch        the stage
+
+and, in ``beside``, what a reference of the grid's frequency tells beyond the rows.
 """
 
 from rsenf.discrepancy.measured import Measured, measured_of

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from rsenf.idle import IdleSettings, make_idle
-from rsenf.messages import EnfEstimate, Header
+from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.messages.schema import FloatArray
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
@@ -49,14 +50,25 @@ def estimate(
     nominal_hz : float or None
         50 or 60; None for whichever is seen.
     """
-    tracker = make_tracker(TrackSettings(nominal_hz=nominal_hz))
+    enf = enf_of(level, time_s, axis, TrackSettings(nominal_hz=nominal_hz))
     idle = make_idle(IdleSettings(nominal_hz=nominal_hz))
-    blocks = list(blocks_from_luminance(_thinned(level), time_s, Header(), read_out_axis=axis))
-    told = [e for block in blocks for e in tracker.update(block)] + tracker.flush()
-    enf = tuple(e for e in told if e.rank == 0)  # those that the tracker stands behind
-    found = [e for block in blocks for e in idle.update(block)] + idle.flush()
+    found = [e for block in _blocks(level, time_s, axis) for e in idle.update(block)] + idle.flush()
     seen = nominal_hz or next((e.nominal_hz for e in enf if e.usable), 50.0)
     return Estimates(enf, found[-1].idle_ratio if found else float("nan"), seen)
+
+
+def enf_of(
+    level: np.ndarray, time_s: FloatArray, axis: str, settings: TrackSettings
+) -> tuple[EnfEstimate, ...]:
+    """Track the ENF of row means (frames, lines, strips), or of one mean a frame."""
+    tracker = make_tracker(settings)
+    blocks = _blocks(level, time_s, axis)
+    told = [e for block in blocks for e in tracker.update(block)] + tracker.flush()
+    return tuple(e for e in told if e.rank == 0)  # those that the tracker stands behind
+
+
+def _blocks(level: np.ndarray, time_s: FloatArray, axis: str) -> Iterator[RowBlock]:
+    return blocks_from_luminance(_thinned(level), time_s, Header(), read_out_axis=axis)
 
 
 def _thinned(level: np.ndarray) -> np.ndarray:

@@ -143,20 +143,12 @@ def measured_of(blocks: Sequence[RowBlock], nominal_hz: float | None = None) -> 
     InputError
         When they are too short, have too few lines, or hold nothing that changes.
     """
-    if not blocks:
-        raise InputError("no frame can be read", "give a recording of mains light")
-    level = np.concatenate([block.level for block in blocks])
-    stamps = np.concatenate([block.frame_pts_ns for block in blocks])
-    if not np.isfinite(level).all():
-        raise InputError(
-            "luminance that isn't finite", "repair the recording, or cut that part out"
-        )
+    level, stamp_s = joined_rows(blocks)
     if blocks[0].read_out_axis == "frame":
         problem = "one mean for the whole frame: it is rows that are compared"
-        raise InputError(problem, "give the video, or an .npz with 'rows'")
+        raise InputError(problem, "give the video, an .npz with 'rows', or a --reference")
     if level.shape[1] < FEWEST_LINES:
         raise InputError(f"{level.shape[1]} lines a frame", f"at least {FEWEST_LINES} are needed")
-    stamp_s = (stamps - stamps[0]) / NS_PER_S
     if stamp_s[-1] < SHORTEST_S:
         raise InputError(
             f"{stamp_s[-1]:.1f} s are too short to fit a model and to score it",
@@ -170,6 +162,25 @@ def measured_of(blocks: Sequence[RowBlock], nominal_hz: float | None = None) -> 
     # Stamps that jitter would move the phase: frames count.
     seen = estimate(level, slot / float(rate), axis, nominal_hz)
     return Measured(level, stamp_s, slot, rate, seen, axis, apart_of(level))
+
+
+def joined_rows(blocks: Sequence[RowBlock]) -> tuple[Float32Array, FloatArray]:
+    """Return levels (frames, lines, strips) and stamps (s) from the first on.
+
+    Raises
+    ------
+    InputError
+        When there are none, or some aren't finite.
+    """
+    if not blocks:
+        raise InputError("no frame can be read", "give a recording of mains light")
+    level = np.concatenate([block.level for block in blocks])
+    stamps = np.concatenate([block.frame_pts_ns for block in blocks])
+    if not np.isfinite(level).all():
+        raise InputError(
+            "luminance that isn't finite", "repair the recording, or cut that part out"
+        )
+    return level, np.asarray((stamps - stamps[0]) / NS_PER_S)
 
 
 def frame_rate_of(stamp_s: FloatArray) -> Fraction:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+_ANOTHER = "a second reference of the same time: what is the camera's is there against both"
+
 TELLS: dict[str, tuple[str, ...]] = {
     "other_readout": (
         "a recording of one small, fast LED: in which order and when the camera reads its lines",
@@ -61,6 +63,16 @@ TELLS: dict[str, tuple[str, ...]] = {
     "strips": (
         "each lamp by itself, and the picture in more strips: which side has what",
         "the camera turned by a quarter: what depends on the side then depends on the row",
+    ),
+    "clock_drift": (
+        _ANOTHER,
+        "a recording begun once the camera is warm: a crystal drifts with its temperature",
+    ),
+    "lag_step": ("the frames and their time stamps about that time", _ANOTHER),
+    "wander": ("the sensor's own time stamp of each frame", _ANOTHER),
+    "other_course": (
+        _ANOTHER,
+        "a still, evenly lit wall: what moves in the picture pulls at the light's phase",
     ),
     "unknown": ("a longer recording of a still, evenly lit wall", "another frame rate"),
 }

@@ -18,22 +18,53 @@ VERDICTS = {
 
 
 def discovery_words(told: dict[str, Any]) -> str:
-    """Say to a person what :func:`rsenf.discrepancy.discovery_json` says."""
-    gap = told["gap"]
+    """Say to a person what was found, by rows or beside a reference.
+
+    Parameters
+    ----------
+    told : dict
+        Of :func:`rsenf.discrepancy.discovery_json`, joined to that of a reference or not, or of
+        :func:`rsenf.discrepancy.beside.beside_json`.
+    """
+    gap, reference = told["gap"], told.get("reference", {})
+    beside_rows = "gap" in reference  # of its own
+    power = "reference's variance" if reference and not beside_rows else "flicker's power"
     lines = [
         f"{told['verdict']}: {VERDICTS[told['verdict']]}",
-        f"  {'gap at first':15} {gap['before']:.2e} ± {gap['before_stderr']:.1e} of the flicker's "
-        "power, in blocks of time that nothing was fitted to",
+        f"  {'gap at first':15} {gap['before']:.2e} ± {gap['before_stderr']:.1e} of the {power}, "
+        "in blocks of time that nothing was fitted to",
     ]
     for effect in told["effects"]:
         lines.append(f"  {'added':15} {_name(effect)}: gap {effect['gap_after']:.2e}")
         lines += [f"  {'':15}   {line}" for line in _parameters(effect)]
         if effect["class"]:
             lines.append(f"  {'what decides':15} {effect['told_apart_by']}")
-    lines.append(
+    lines += _at_last(gap)
+    if told["unexplained"] and told["unexplained"] != reference.get("unexplained"):
+        lines += _left(told["unexplained"], told["where_before"])
+    if reference:
+        lines.append(
+            f"  {'reference':15} {reference['name']}, taken for {reference['read_as']}; the "
+            f"recording begins {reference['lag_s']:.2f} ± {reference['lag_stderr_s']:.2f} s into it"
+        )
+    if beside_rows:
+        own = reference["gap"]
+        lines.append(
+            f"  {'gap at first':15} {own['before']:.2e} ± {own['before_stderr']:.1e} of the "
+            "reference's variance"
+        )
+        lines += _at_last(own)
+        if reference["unexplained"]:
+            lines += _left(reference["unexplained"], reference["where_before"])
+    lines.append(f"  {'model':15} {told['model_out']}")
+    return "\n".join(lines)
+
+
+def _at_last(gap: dict[str, Any]) -> list[str]:
+    lines = [
         f"  {'gap at last':15} {gap['after']:.2e} ± {gap['stderr']:.1e}; data that the model "
         f"itself has made have {gap['floor']:.1e}, at most {gap['limit']:.1e}"
-    )
+    ]
     if gap["codec"]:
         lines.append(
             f"  {'its codec':15} the model's own rows, coded again as this recording was, have "
@@ -41,10 +72,7 @@ def discovery_words(told: dict[str, Any]) -> str:
         )
     if gap["shrinkage"] is not None:
         lines.append(f"  {'shrinkage':15} {100.0 * gap['shrinkage']:.1f} % of what was above that")
-    if told["unexplained"]:
-        lines += _left(told["unexplained"], told["where_before"])
-    lines.append(f"  {'model':15} {told['model_out']}")
-    return "\n".join(lines)
+    return lines
 
 
 def watch_json(told: DiscoveryVerdict) -> dict[str, Any]:

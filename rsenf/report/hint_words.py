@@ -20,6 +20,10 @@ KINDS = {
     "frame_by_frame": "whole frames at random: timing or gain",
     "rows": "some rows only",
     "strips": "not alike on all sides of the picture",
+    "clock_drift": "a clock that drifts, the camera's or the reference's",
+    "lag_step": "a leap of time: frames lost or repeated, or a cut",
+    "wander": "a frame rate that wanders, or a reference that does",
+    "other_course": "camera and reference move apart otherwise than by a clock's error",
     "unknown": "of no kind that is known here",
 }
 FEW = 4  # frequencies or times that are written out

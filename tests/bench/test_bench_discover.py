@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rsenf.bench.discover import beside
 from rsenf.bench.discover.judge import judged, parameter_error
 from rsenf.bench.discover.outside import OUTSIDE, done_to
 from rsenf.bench.discover.plan import Plan
@@ -103,3 +104,30 @@ def test_a_case_is_tried_and_counted() -> None:
     document = tabulated([record])
     assert document["rows"][0]["right"] + document["rows"][0]["rest"] == 1
     assert "harmonics" in text(document)
+
+
+def test_clocks_have_seeds_of_their_own_after_all_others() -> None:
+    cases = beside.clock_cases(2, first_seed=70, duration_s=60.0)
+    assert [case.seed for case in cases] == list(range(70, 78))
+    assert [case.times for case in cases] == [3.0, 3.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]
+    assert len({case.key for case in cases}) == len(cases)
+
+
+def test_a_clock_is_tried_and_counted() -> None:
+    case = beside.clock_cases(1, first_seed=80, duration_s=60.0)[0]
+    record = beside.tried(case, None)
+    assert abs(record["true_ppm"]) == 60.0
+    assert record["outcome"] in ("right", "right, and a rest")
+    assert abs(record["ppm"] - record["true_ppm"]) < 6.0
+    assert abs(record["lag_off_s"]) < 0.5
+    (row,) = tabulated([record])["rows"]
+    assert row["hidden"] == "clock_skew, 60 ppm"
+    wrong = record | {"hidden": [], "times": 0.0, "outcome": "wrong"}
+    assert [r["cases"] for r in tabulated([record, wrong])["rows"]] == [1, 1]
+
+
+def test_a_clock_of_the_wrong_sign_is_wrong() -> None:
+    case = beside.clock_cases(1, first_seed=0, duration_s=60.0)[0]
+    told = _told("explained", "clock_skew")
+    assert beside._outcome(case, told, 20.0, -20.0) == "wrong"
+    assert beside._outcome(case, told, 20.0, 20.0) == "right"

@@ -7,6 +7,7 @@ From a seed to a table, one idea a file::
     scene      camera, lamp, grid and effects of a case, drawn from its seed
     outside    effects that aren't in the catalogue, by plain array arithmetic
     trial      a case made, given to the workflow, and its truth opened
+    beside     cases of a clock that is off, or isn't, which come with a reference of the grid
     judge      what an answer is worth
     table      records to rates
     picture    what was hidden against what was named

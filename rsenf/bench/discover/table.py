@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from rsenf.bench.discover.beside import clock_rows
 from rsenf.bench.discover.judge import MISSED, REST, RIGHT, WRONG
 from rsenf.bench.discover.plan import KINDS
 from rsenf.bench.text import aligned, markdown
@@ -28,6 +29,7 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
                 whole = {"one": "all single effects", "none": "nothing hidden",
                          "outside": "all outside", "pair": "pairs"}[kind]  # fmt: skip
                 rows.append(_row(whole, of_kind))
+    rows += [_row(name, own) for name, own in clock_rows(records).items()]
     return {"cases": len(records), "rows": rows, "named": named(records)}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rsenf.report.discovery_page.beside import beside_page
 from rsenf.report.discovery_page.page import discovery_page
 
-__all__ = ["discovery_page"]
+__all__ = ["beside_page", "discovery_page"]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
-from rsenf.discrepancy import Discovery
 from rsenf.discrepancy.where import Share
 
 MOST = 10  # parts of an axis that are listed, those with most
-DIGITS = {"time_s": 1, "row": 0, "level": 1, "alias_hz": 2}
+DIGITS = {"time_s": 1, "row": 0, "level": 1, "alias_hz": 2, "wander_hz": 3}
 Pair = tuple[Share | None, Share | None]
 NAMES = {
     "time_s": "time (s)",
@@ -17,23 +17,26 @@ NAMES = {
     "strip": "strip",
     "step": "from one frame to the next",
     "alias_hz": "frequency (alias, Hz)",
+    "wander_hz": "how fast it wanders (Hz)",
 }
 
 
-def places_table(found: Discovery) -> list[dict[str, Any]]:
-    """Return a group of lines for each axis; nothing where there is no gap to take apart."""
-    if found.verdict == "no_discrepancy":
-        return []
-    smaller = found.last.gap.value / (found.first.gap.value or 1e-30)
+def places_table(
+    before: Sequence[Share], after: Sequence[Share], smaller: float
+) -> list[dict[str, Any]]:
+    """Return a group of lines for each axis.
+
+    Parameters
+    ----------
+    before, after : sequence of Share
+    smaller : float
+        Gap after, over that before.
+    """
     groups = []
     for axis, name in NAMES.items():
-        before, after = (
-            [s for s in shares if s.axis == axis] for shares in (found.before, found.after)
-        )
-        pairs = (
-            _lines(before, after) if axis == "alias_hz" else list(zip(before, after, strict=True))
-        )
-        if len(pairs) < 2 and axis != "step":
+        old, new = ([s for s in shares if s.axis == axis] for shares in (before, after))
+        pairs = _lines(old, new) if axis == "alias_hz" else list(zip(old, new, strict=True))
+        if not pairs or (len(pairs) < 2 and axis != "step"):
             continue
         most = sorted(pairs, key=lambda pair: -max(abs(s.share) for s in pair if s))[:MOST]
         lines = [_line(*pair, smaller) for pair in pairs if pair in most]

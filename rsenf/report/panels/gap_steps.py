@@ -13,7 +13,13 @@ from rsenf.report.panels import INK, MARK, SIGNAL
 FAR = 30.0  # below the limit, at most, is drawn
 
 
-def draw_gap_steps(axes: Any, names: Sequence[str], gaps: Sequence[Gap], floor: Floor) -> None:
+def draw_gap_steps(
+    axes: Any,
+    names: Sequence[str],
+    gaps: Sequence[Gap],
+    floor: Floor,
+    of: str = "the flicker's power",
+) -> None:
     """Draw the gap after each step, the first on top, beside what chance makes.
 
     Parameters
@@ -23,6 +29,8 @@ def draw_gap_steps(axes: Any, names: Sequence[str], gaps: Sequence[Gap], floor: 
         Of the steps, the first being none yet.
     gaps : sequence of Gap
     floor : Floor
+    of : str, optional
+        What the gap is a share of.
     """
     axes.set_title("The gap on held-out data, step by step")
     axes.set_xscale("log")
@@ -53,4 +61,4 @@ def draw_gap_steps(axes: Any, names: Sequence[str], gaps: Sequence[Gap], floor: 
     axes.set_ylim(len(names) - 0.5, -0.7)
     axes.set_xlim(lowest, 4.0 * max(floor.limit, *(abs(g.value) for g in gaps)))
     axes.tick_params(axis="y", length=0)
-    axes.set_xlabel("gap, as a share of the flicker's power")
+    axes.set_xlabel(f"gap, as a share of {of}")

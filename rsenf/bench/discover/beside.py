@@ -1,0 +1,151 @@
+"""Clocks that are off, or aren't, beside a reference of the grid.
+
+A camera's clock shows only against another record of the grid. So these cases come with one: the
+grid that was filmed, minutes of it to either side, with the noise that such records have.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsenf.bench.discover import trial
+from rsenf.bench.discover.judge import WRONG, judged
+from rsenf.bench.discover.plan import Case
+from rsenf.bench.discover.scene import Drawn, drawn
+from rsenf.bench.grids import grid_for
+from rsenf.discrepancy import Measured, discover, discovery_json, measured_of, model_of
+from rsenf.discrepancy.beside import beside_json, beside_of, clip_of, discover_beside, joined
+from rsenf.errors import RsenfError
+from rsenf.match.series import Grid
+from rsenf.messages import Header
+from rsenf.model import GridPath, simulate_rows
+from rsenf.model.seeds import generator
+from rsenf.rows.luminance import blocks_from_luminance
+
+CLOCK, SKEW = "clock", "clock_skew"
+WEAKEST_PPM = 20.0  # that is to be named, of a clip of 60 s
+TIMES = (3.0, 1.0)  # as strong
+REFERENCE_S = 300.0
+NOISE_HZ = (3e-4, 1e-3)  # of a sample of the reference, from and to
+
+
+def clock_cases(each: int, first_seed: int, duration_s: float) -> list[Case]:
+    """Return so many cases of each strength, and as many as both without an error.
+
+    Each has a seed of its own, from ``first_seed`` on.
+    """
+    hidden: list[tuple[tuple[str, ...], float]] = [((SKEW,), t) for t in TIMES for _ in range(each)]
+    hidden += [((), 0.0) for _ in range(len(TIMES) * each)]
+    return [
+        Case(CLOCK, names, first_seed + n, times, duration_s, video=False)
+        for n, (names, times) in enumerate(hidden)
+    ]
+
+
+def tried(case: Case, grids: Path | None) -> dict[str, Any]:
+    """Try a case of any kind; one with a reference as ``rsenf discover --reference`` would.
+
+    Parameters
+    ----------
+    case : Case
+    grids : Path or None
+        Folder of measured grids.
+
+    Returns
+    -------
+    dict
+        The record: plain values.
+    """
+    if case.kind != CLOCK:
+        return trial.tried(case, grids)
+    made, grid, lag_s, true_ppm = _drawn(case, grids)
+    rows = simulate_rows(made.truth, made.grid, case.duration_s, case.seed, strips=made.strips)
+    blocks = blocks_from_luminance(np.asarray(rows.level), rows.frame_time_s, Header())
+    begun = time.process_time()
+    try:
+        told, refused = _told(made, measured_of(list(blocks)), grid), ""
+    except RsenfError as exc:
+        told, refused = {"verdict": "refused", "effects": [], "gap": {}, "reference": {}}, str(exc)
+    seconds = time.process_time() - begun
+    clock = next((e for e in told["effects"] if e["name"] == SKEW), None)
+    ppm = clock["parameters"]["clock_ppm"] if clock else None
+    off = ppm - true_ppm if ppm is not None and case.hidden else None
+    reference = told["reference"]
+    return {
+        "key": case.key,
+        "kind": case.kind,
+        "hidden": list(case.hidden),
+        "seed": case.seed,
+        "times": case.times,
+        "video": False,
+        "outcome": _outcome(case, told, ppm, true_ppm),
+        "verdict": told["verdict"],
+        "refused": refused,
+        "named": [e["name"] or " or ".join(e["class"]) for e in told["effects"]],
+        "true_ppm": true_ppm,
+        "ppm": ppm,
+        "relative_error": {SKEW: off / abs(true_ppm) if off is not None else None},
+        "error_over_stderr": {
+            SKEW: off / clock["stderr"]["clock_ppm"] if clock and off is not None else None
+        },
+        "gap": reference.get("gap", {}),
+        "rows_gap": told["gap"],
+        "lag_off_s": reference["lag_s"] - lag_s if reference else None,
+        "reference_std_hz": reference.get("std_hz"),
+        "frame_rate": str(made.truth.shutter.frame_rate),
+        "nominal_hz": grid.nominal_hz,
+        "lines": made.truth.shutter.rows,
+        "strips": made.strips,
+        "lamp": made.truth.light.lamp,
+        "grid": grid.name,
+        "cpu_s": round(seconds, 2),
+    }
+
+
+def _outcome(case: Case, told: dict[str, Any], ppm: float | None, true_ppm: float) -> str:
+    """Say whether what was told is right; a clock that is fast isn't slow."""
+    if ppm is not None and ppm * true_ppm < 0.0:
+        return WRONG
+    return judged("one" if case.hidden else "none", case.hidden, told)
+
+
+def clock_rows(records: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Group records of clocks under what their row of the table is called."""
+    out: dict[str, list[dict[str, Any]]] = {}
+    for record in records:
+        if record["kind"] == CLOCK:
+            size = f"{SKEW}, {record['times'] * WEAKEST_PPM:.0f} ppm"
+            name = size if record["hidden"] else "a true clock, and a reference"
+            out.setdefault(name, []).append(record)
+    return dict(sorted(out.items(), key=lambda item: -item[1][0]["times"]))
+
+
+def _drawn(case: Case, grids: Path | None) -> tuple[Drawn, Grid, float, float]:
+    """Draw a case, its reference, where the clip is in that (s), and the clock's error (ppm)."""
+    made, rng = drawn(case, grids), generator(case.seed, "discover clock")
+    nominal_hz = made.grid.nominal_hz
+    path, name = grid_for(grids, nominal_hz, REFERENCE_S, rng)
+    first = int(path.start_s / path.step_s)
+    freq_hz = path.freq_hz[first : first + int(REFERENCE_S / path.step_s)]
+    noise_hz = 10.0 ** rng.uniform(*np.log10(NOISE_HZ))
+    heard_hz = freq_hz + noise_hz * rng.standard_normal(freq_hz.size)
+    lag_s = float(rng.uniform(20.0, REFERENCE_S - case.duration_s - 20.0))
+    path, truth = GridPath(freq_hz, path.step_s, lag_s, nominal_hz), made.truth
+    ppm = float(rng.choice([-1.0, 1.0])) * case.times * WEAKEST_PPM
+    if case.hidden:
+        truth = truth.with_effect(SKEW, clock_ppm=ppm)
+    made = dataclasses.replace(made, truth=truth, grid=path, grid_name=name)
+    return made, Grid(name, nominal_hz, 0, path.step_s, heard_hz), lag_s, ppm
+
+
+def _told(made: Drawn, data: Measured, grid: Grid) -> dict[str, Any]:
+    laid = beside_of(clip_of(data), grid)
+    found = discover(made.given, data)
+    beside = discover_beside(model_of(found, "a case"), laid)
+    return joined(discovery_json(found, ""), beside_json(beside, ""))

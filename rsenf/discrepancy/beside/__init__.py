@@ -1,0 +1,37 @@
+"""What a reference of the grid's frequency tells beyond the rows: the camera's clock.
+
+On the ENF of a clip, of rows or of one mean a frame; one idea a file, in the order of the work::
+
+    clip      its estimates, and how what a model says is filmed and tracked alike
+    start     where in the reference it is, and how the reference is to be read
+    laid      what was measured beside what a model filmed on the reference says
+    noise     what the two would differ by, were the model true
+    ways      what may set them apart, weighed on held-out blocks
+    fit       the lag and the clock, fitted by films
+    verdict   all of it on one recording
+    result    as plain values, and joined to what the rows told
+"""
+
+from rsenf.discrepancy.beside.clip import Clip, clip_of, clip_of_frame_means, holds_frame_means
+from rsenf.discrepancy.beside.fit import LagFit, clock_ppm
+from rsenf.discrepancy.beside.laid import Beside
+from rsenf.discrepancy.beside.result import beside_json, beside_model, joined, where_beside
+from rsenf.discrepancy.beside.start import beside_of
+from rsenf.discrepancy.beside.verdict import BesideDiscovery, discover_beside
+
+__all__ = [
+    "Beside",
+    "BesideDiscovery",
+    "Clip",
+    "LagFit",
+    "beside_json",
+    "beside_model",
+    "beside_of",
+    "clip_of",
+    "clip_of_frame_means",
+    "clock_ppm",
+    "discover_beside",
+    "holds_frame_means",
+    "joined",
+    "where_beside",
+]

@@ -1,0 +1,111 @@
+"""A model fitted to a clip beside a reference: the lag and, where wanted, the clock."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.discrepancy.beside.laid import Beside, slope_of
+from rsenf.discrepancy.beside.noise import Chance
+from rsenf.discrepancy.beside.ways import memory
+from rsenf.errors import InputError
+from rsenf.messages.schema import FloatArray
+from rsenf.model import CaptureModel
+from rsenf.model.effects.clock_skew import ClockSkew
+
+MOST = 5
+REST = np.array([0.1, 1.0])  # s and ppm: so small a step needn't be filmed, it is linear
+FARTHEST_S = 5.0  # that one step may move the lag
+
+
+@dataclass(frozen=True, eq=False)
+class LagFit:
+    """A model at a lag in a reference.
+
+    Attributes
+    ----------
+    model : CaptureModel
+    lag_s : float
+    said_hz, left_hz : ndarray (n,)
+        What it says, and what was measured less that.
+    """
+
+    model: CaptureModel
+    lag_s: float
+    said_hz: FloatArray
+    left_hz: FloatArray
+
+
+def settled(
+    beside: Beside, model: CaptureModel, lag_s: float, said_hz: FloatArray, *, skewed: bool
+) -> LagFit:
+    """Fit the lag, and the clock where wanted, to training values.
+
+    Parameters
+    ----------
+    beside : Beside
+    model : CaptureModel
+    lag_s : float
+    said_hz : ndarray (n,)
+        What the model says there; after a long step it is filmed anew.
+    skewed : bool
+
+    Raises
+    ------
+    InputError
+        When nothing can be compared.
+    """
+    for _ in range(MOST):
+        left_hz = beside.enf_hz - said_hz
+        training = beside.training & np.isfinite(left_hz)
+        if training.sum() < 2 or not (beside.held_out & np.isfinite(left_hz)).any():
+            raise InputError("nothing of what the model films can be tracked", "give another model")
+        columns = columns_of(beside, said_hz, skewed=skewed)
+        step = np.linalg.lstsq(columns[training], left_hz[training], rcond=None)[0]
+        step[0] = np.clip(step[0], -FARTHEST_S, FARTHEST_S)
+        lag_s += float(step[0])
+        model = skewed_by(model, float(step[1])) if skewed else model
+        if (np.abs(step) < REST[: step.size]).all():
+            said_hz = said_hz + columns @ step
+            break
+        said_hz = beside.said(model, lag_s)
+    return LagFit(model, lag_s, said_hz, beside.enf_hz - said_hz)
+
+
+def by_all_values(
+    beside: Beside, fit: LagFit, chance: Chance, *, skewed: bool
+) -> tuple[CaptureModel, float, FloatArray]:
+    """Fit lag and clock to all values, once held-out ones have been scored on.
+
+    Returns the model, the lag and the standard error of both: by chance, or more by what is left.
+    """
+    known = np.isfinite(fit.left_hz)
+    columns = columns_of(beside, fit.said_hz, skewed=skewed)
+    solve = np.linalg.pinv(columns[known])
+    step = solve @ fit.left_hz[known]
+    left_hz = fit.left_hz - columns @ step
+    likely = chance.var_hz2 * memory(chance.sets_hz)
+    more = max(float(np.nanvar(left_hz)) * memory(left_hz[None]) / likely, 1.0)
+    stderr = np.std(chance.sets_hz[:, known] @ solve.T, axis=0, ddof=1) * math.sqrt(more)
+    model = skewed_by(fit.model, float(step[1])) if skewed else fit.model
+    return model, fit.lag_s + float(step[0]), stderr
+
+
+def columns_of(beside: Beside, said_hz: FloatArray, *, skewed: bool) -> FloatArray:
+    """What a second of lag does and, where wanted, a ppm of clock: (n, parameters)."""
+    columns = [slope_of(said_hz, beside.track.hop_s)]
+    if skewed:
+        columns.append(-1e-6 * np.nan_to_num(said_hz))
+    return np.stack(columns, axis=1)
+
+
+def clock_ppm(model: CaptureModel) -> float:
+    """Clock error that a model has."""
+    return sum(e.clock_ppm for e in model.effects if isinstance(e, ClockSkew))
+
+
+def skewed_by(model: CaptureModel, ppm: float) -> CaptureModel:
+    """Return a model whose clock is faster by so much."""
+    return model.with_effect(ClockSkew.name, clock_ppm=clock_ppm(model) + ppm)

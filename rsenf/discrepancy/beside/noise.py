@@ -1,0 +1,164 @@
+"""Chance: what estimates and reference would differ by, were the model true.
+
+The estimates' noise is what white noise of the measured size becomes in the tracker; of estimates
+that stand for themselves it is what they claim. The reference's is white too, of the size that
+the differences from one sample to the next two show, and becomes what the tracker makes of a film
+of it: trackers know the habits of grids, and follow noise less than they follow a grid.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.discrepancy.beside.clip import SEED
+from rsenf.discrepancy.beside.laid import Beside
+from rsenf.messages.schema import FloatArray
+from rsenf.model import CaptureModel
+
+SETS = 60
+TRIED_RATIO, TRIED_HZ = 0.3, 1e-3  # noise over flicker, and of a reference, for the tracker to try
+TRIED_S = 100.0  # of film that shows what a tracker makes of a reference's noise
+SMOOTH = 6  # bins of a spectrum to either side
+OUTLIER = 6.0  # times the usual size
+
+
+@dataclass(frozen=True, eq=False)
+class Chance:
+    """Data sets without a discrepancy.
+
+    Attributes
+    ----------
+    sets_hz : ndarray (sets, n)
+        What estimates less reference would be, NaN where there is no estimate.
+    told_hz2 : ndarray (sets,)
+        Variance of a difference that each set by itself would make one believe in.
+    estimate_std_hz, reference_std_hz : float
+        Standard deviation of an estimate, as it is read, and of a sample of the reference.
+    """
+
+    sets_hz: FloatArray
+    told_hz2: FloatArray
+    estimate_std_hz: float
+    reference_std_hz: float
+
+    @property
+    def var_hz2(self) -> float:
+        """Variance of a difference."""
+        return float(np.nanmean(self.sets_hz**2))
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked:
+    """What the tracker makes of noise.
+
+    Attributes
+    ----------
+    estimate_hz : ndarray
+        Errors by the frames' noise; empty where each estimate tells its own.
+    reference_ratio : ndarray
+        Errors by a reference of unit white noise.
+    """
+
+    estimate_hz: FloatArray
+    reference_ratio: FloatArray
+
+
+def tracked_noise(
+    beside: Beside, model: CaptureModel, lag_s: float, said_hz: FloatArray
+) -> Tracked:
+    """Film noise.
+
+    Parameters
+    ----------
+    beside : Beside
+    model : CaptureModel
+    lag_s : float
+    said_hz : ndarray (n,)
+        What the tracker finds there without noise.
+    """
+    rng, path_hz = np.random.default_rng(SEED), beside.path_hz
+    ratios = []
+    for _ in range(math.ceil(TRIED_S / beside.clip.duration_s)):
+        noisy_hz = path_hz + TRIED_HZ * rng.standard_normal(path_hz.size)
+        told = beside.clip.film(model, beside.path(lag_s, noisy_hz))
+        ratios.append((beside.on_axis(told) - said_hz) / TRIED_HZ)
+    ratio = np.concatenate(ratios)
+    ratio = ratio[np.isfinite(ratio)]
+    if not beside.overlap:
+        return Tracked(np.empty(0), ratio)
+    told = beside.clip.film(model, beside.path(lag_s), TRIED_RATIO)
+    tried_db = float(np.median([e.snr_db for e in told if e.usable]))
+    errors = (beside.on_axis(told) - said_hz) * 10.0 ** ((tried_db - beside.snr_db) / 20.0)
+    return Tracked(errors[np.isfinite(errors)], ratio)
+
+
+def chance_of(beside: Beside, tracked: Tracked, residual_hz: FloatArray) -> Chance:
+    """Draw data sets that a model explains.
+
+    Parameters
+    ----------
+    beside : Beside
+    tracked : Tracked
+    residual_hz : ndarray (n,)
+        What the model leaves.
+    """
+    rng, size = np.random.default_rng(SEED), residual_hz.size
+    estimates = np.array([beside.read(e) for e in _estimate_errors(beside, tracked, rng)])
+    unit = _alike(tracked.reference_ratio, size, rng)
+    if beside.overlap:  # nothing as fast as noise has passed the windows
+        reference_var = roughness(_while_clip(beside))
+        told_var = np.full(SETS, reference_var)
+    else:
+        own = float(np.mean([roughness(e) for e in estimates]))
+        per_unit = float(np.mean([roughness(u) for u in unit]))
+        reference_var = max(roughness(residual_hz) - own, 0.0) / per_unit
+    sets = estimates + np.sqrt(reference_var) * unit
+    sets[:, ~np.isfinite(residual_hz)] = np.nan
+    if not beside.overlap:
+        told_var = np.array([max(roughness(one) - own, 0.0) / per_unit for one in sets])
+    told_hz2 = np.nanvar(estimates) + told_var * unit.var()
+    return Chance(sets, told_hz2, float(np.nanstd(estimates)), float(np.sqrt(reference_var)))
+
+
+def _estimate_errors(beside: Beside, tracked: Tracked, rng: np.random.Generator) -> FloatArray:
+    """Errors of the tracker's estimates in each set, (sets, n)."""
+    size = beside.track.enf_hz.size
+    if not beside.overlap:
+        std_hz = np.sqrt(beside.track.var_hz2)
+        errors = std_hz * rng.standard_normal((SETS, size))
+    else:
+        errors = _alike(tracked.estimate_hz, size, rng)
+    errors[:, ~np.isfinite(beside.track.enf_hz)] = np.nan
+    return errors
+
+
+def _alike(errors: FloatArray, size: int, rng: np.random.Generator) -> FloatArray:
+    """Draw errors of the same spectrum, (sets, size)."""
+    power = np.abs(np.fft.rfft(errors, 2 * errors.size)) ** 2
+    # One film is one draw: the spectrum that it is drawn from is smooth.
+    around = np.concatenate([power[SMOOTH:0:-1], power, power[-2 : -2 - SMOOTH : -1]])
+    smooth = np.convolve(around, np.ones(2 * SMOOTH + 1) / (2 * SMOOTH + 1), "valid")
+    turns = rng.uniform(0.0, 2.0 * np.pi, (SETS, smooth.size))
+    drawn = np.fft.irfft(np.sqrt(smooth) * np.exp(1j * turns), 2 * errors.size, axis=1)
+    drawn *= errors.std() / drawn.std()
+    return np.asarray(np.resize(drawn.T, (size, SETS)).T.copy())
+
+
+def _while_clip(beside: Beside) -> FloatArray:
+    """Samples of the reference while the clip lasts."""
+    first = int(beside.start_s(beside.lag_s) / beside.grid.step_s)
+    return beside.path_hz[first : first + int(beside.clip.duration_s / beside.grid.step_s)]
+
+
+def roughness(values: FloatArray) -> float:
+    """Variance of white noise that has as large second differences; 0 with hardly any."""
+    bend = np.diff(values, 2)
+    bend = bend[np.isfinite(bend)]
+    if bend.size < 3:
+        return 0.0
+    # A few leaps aren't noise.
+    usual = 1.4826 * float(np.median(np.abs(bend)))
+    return float((bend[np.abs(bend) <= OUTLIER * usual] ** 2).mean() / 6.0)

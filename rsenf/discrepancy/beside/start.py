@@ -1,0 +1,140 @@
+"""Where in a reference a clip is, and how the reference is to be read."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from rsenf.discrepancy.beside.clip import Clip
+from rsenf.discrepancy.beside.laid import FEWEST_BLOCKS, MARGIN_S, Beside
+from rsenf.errors import InputError
+from rsenf.match import Match, MatchSettings
+from rsenf.match.clip_phase import AVERAGED_S
+from rsenf.match.kernel import average, window_kernel
+from rsenf.match.series import Grid, track_of
+from rsenf.messages import EnfEstimate, MatchResult
+from rsenf.messages.schema import FloatArray
+
+# Of clock errors that are no camera's: 29.97 frames per second taken for 30 are 1000 ppm.
+ANY_SPEED_PPM = 1000.0
+LEAST_LOG10_LR = 2.0  # against any other lag, for one to be tried
+LEAST_COVERED = 0.5  # of the estimates, by a reference
+MOST_BEYOND_S = MARGIN_S / 2.0  # of a clip: a lag may still move
+
+
+def beside_of(clip: Clip, grid: Grid) -> Beside:
+    """Find a clip in a reference, and lay it there.
+
+    Raises
+    ------
+    InputError
+        When there is no ENF to compare, the clip is nowhere in the reference, or is too short.
+    """
+    usable = [e for e in clip.estimates if e.usable]
+    if not usable:
+        why = clip.estimates[0].reason if clip.estimates else "shorter than one window"
+        raise InputError(f"no ENF to compare with the reference: {why}", "see rsenf track")
+    _check_grid(usable, grid)
+    known = [e.snr_db for e in usable if np.isfinite(e.snr_db)]
+    snr_db = float(np.median(known)) if known else float("nan")
+    lag_s, certain = _place(clip.estimates, grid)
+    _check_covered(clip, grid, lag_s)
+    beside = Beside(clip, track_of(clip.estimates), snr_db, grid, lag_s, certain)
+    if beside.blocks < FEWEST_BLOCKS:
+        needed_s = FEWEST_BLOCKS * beside.block_s + 2.0 * beside.reach_s
+        raise InputError(
+            f"too short to be compared with this reference: {clip.duration_s:.0f} s",
+            f"{needed_s:.0f} s are the least that is of use",
+        )
+    return beside
+
+
+def _check_grid(usable: Sequence[EnfEstimate], grid: Grid) -> None:
+    """Refuse what is no reference of the light's grid."""
+    freq_hz = np.asarray(grid.freq_hz)
+    if not np.isfinite(freq_hz).any() or float(np.nanstd(freq_hz)) == 0.0:
+        raise InputError(f"the reference {grid.name} doesn't move", "give one that was measured")
+    if round(usable[0].nominal_hz) != round(grid.nominal_hz):
+        raise InputError(
+            f"the light follows a {usable[0].nominal_hz:.0f} Hz grid, {grid.name} is of a "
+            f"{grid.nominal_hz:.0f} Hz one",
+            "give a reference of the grid that fed the lamp",
+        )
+
+
+def _check_covered(clip: Clip, grid: Grid, lag_s: float) -> None:
+    """Refuse a reference that begins or ends in the midst of a clip."""
+    end_s = lag_s + clip.duration_s
+    covered_s = min(end_s, len(grid.freq_hz) * grid.step_s) - max(lag_s, 0.0)
+    if clip.duration_s - covered_s > min(MOST_BEYOND_S, LEAST_COVERED * clip.duration_s):
+        raise InputError(
+            f"the reference {grid.name} covers only {max(covered_s, 0.0):.0f} of "
+            f"{clip.duration_s:.0f} seconds of the clip",
+            "give one that covers all of it",
+        )
+
+
+def _place(estimates: Sequence[EnfEstimate], grid: Grid) -> tuple[float, bool]:
+    """Find the clip in the reference: the lag, and whether it is certain before anything is fitted.
+
+    By phase with a camera's clock, or one of any speed; failing that by the frequency, which fares
+    better with a rough reference, but doesn't tell this time from one outside the reference.
+    """
+    for settings in (MatchSettings(), MatchSettings(clock_scale_ppm=ANY_SPEED_PPM)):
+        by_phase = _found(estimates, grid, "phase", settings)
+        if by_phase.decision == "match":
+            return by_phase.lag_s, True
+    by_frequency = _found(estimates, grid, "ncc", MatchSettings())
+    if by_frequency.log10_lr >= LEAST_LOG10_LR:
+        return by_frequency.lag_s, by_frequency.decision == "match"
+    raise no_match(grid, by_phase.reason)
+
+
+def no_match(grid: Grid, reason: str) -> InputError:
+    """Return the error that says that a clip is nowhere in a reference."""
+    return InputError(
+        f"no match in the reference {grid.name}: {reason}",
+        "give the grid's log of the time of the recording; rsenf verify tells more",
+    )
+
+
+def _found(
+    estimates: Sequence[EnfEstimate], grid: Grid, method: str, settings: MatchSettings
+) -> MatchResult:
+    match = Match(method=method, grids=[grid], settings=settings)
+    for estimate in estimates:
+        match.update(estimate)
+    result: MatchResult = match.flush()[0]
+    return result
+
+
+def read_aright(beside: Beside, said_hz: FloatArray) -> Beside:
+    """Take the reference for an average where that leaves less, all else being averaged alike.
+
+    Parameters
+    ----------
+    beside : Beside
+    said_hz : ndarray (n,)
+        What a model says there.
+
+    Raises
+    ------
+    InputError
+        When the reference covers too little of the clip.
+    """
+    both = np.isfinite(said_hz) & np.isfinite(beside.enf_hz)
+    if both.sum() < LEAST_COVERED * beside.track.usable:
+        raise InputError(
+            f"the reference {beside.grid.name} covers only {both.sum()} of "
+            f"{beside.track.usable} seconds of the clip",
+            "give one that covers all of it",
+        )
+    other = dataclasses.replace(beside, averaged=True)
+    if other.blocks < FEWEST_BLOCKS:
+        return beside
+    weights = window_kernel(AVERAGED_S, beside.track.hop_s)
+    once, twice = other.enf_hz - said_hz, other.enf_hz - average(said_hz, weights)
+    known = np.isfinite(once + twice)
+    return other if once[known].var() < twice[known].var() else beside

@@ -1,0 +1,161 @@
+"""What the grid's own frequency, measured elsewhere, tells beyond the rows: the camera's clock.
+
+The same steps as for rows: fit to blocks of time, here the lag alone; see on the other blocks what
+is left; add what these support; see how far the gap goes down, and whether it is chance's by then.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from rsenf.discrepancy.beside.fit import LagFit, by_all_values, clock_ppm, columns_of, settled
+from rsenf.discrepancy.beside.laid import Beside
+from rsenf.discrepancy.beside.noise import Chance, chance_of, tracked_noise
+from rsenf.discrepancy.beside.start import no_match, read_aright
+from rsenf.discrepancy.beside.ways import LEAPT, SKEWED, Weighed, kinds, weighed
+from rsenf.discrepancy.floor import BEYOND_STDS, Floor
+from rsenf.discrepancy.gap import Gap
+from rsenf.messages.schema import FloatArray
+from rsenf.model import CaptureModel
+
+
+@dataclass(frozen=True, eq=False)
+class BesideDiscovery:
+    """What was found.
+
+    Attributes
+    ----------
+    beside : Beside
+    first, last : LagFit
+        Before anything was added, and at last.
+    skew : Weighed or None
+        The clock's error, if it is supported.
+    rest : list of Weighed
+        Of what kind held-out values say that what is left is, the surest first.
+    chance : Chance
+        Data that the last model explains.
+    tried : int
+        How many ways were weighed.
+    """
+
+    beside: Beside
+    first: LagFit
+    last: LagFit
+    skew: Weighed | None
+    rest: list[Weighed]
+    chance: Chance
+    tried: int
+
+    def gap(self, fit: LagFit) -> Gap:
+        """Return what a fit leaves of held-out values beyond chance, over the reference's power."""
+        own = self.beside.held_out & np.isfinite(fit.left_hz)
+        over = (fit.left_hz[own] ** 2 - self.chance.var_hz2) / self.beside.power_hz2
+        block = self.beside.block[own]
+        means = np.array([over[block == number].mean() for number in np.unique(block)])
+        return Gap(float(over.mean()), float(means.std(ddof=1) / math.sqrt(means.size)), math.nan)
+
+    @cached_property
+    def floor(self) -> Floor:
+        """Gaps of data that the last model explains, lag and clock fitted to each."""
+        known = np.isfinite(self.last.left_hz)
+        training, held = self.beside.training & known, self.beside.held_out & known
+        columns = columns_of(self.beside, self.last.said_hz, skewed=self.skew is not None)
+        solve = np.linalg.pinv(columns[training])
+        sets = self.chance.sets_hz
+        left = sets[:, held] - (sets[:, training] @ solve.T) @ columns[held].T
+        gaps = ((left**2).mean(axis=1) - self.chance.told_hz2) / self.beside.power_hz2
+        median = float(np.median(gaps))
+        limit = median + BEYOND_STDS * float(gaps.std(ddof=1))
+        return Floor(median, limit, limit)
+
+    @cached_property
+    def final(self) -> tuple[CaptureModel, float, FloatArray]:
+        """Model, lag (s), and the standard errors of lag and clock, by all values."""
+        return by_all_values(self.beside, self.last, self.chance, skewed=self.skew is not None)
+
+    @property
+    def clock(self) -> tuple[float, float]:
+        """Error of the clock (ppm), where it was added, and its standard error."""
+        model, _, stderr = self.final
+        return clock_ppm(model), float(stderr[-1])
+
+    @property
+    def verdict(self) -> str:
+        """``no_discrepancy``, ``explained`` or ``unexplained``."""
+        if self.gap(self.last).value > self.floor.limit or self.rest:
+            return "unexplained"
+        return "explained" if self.skew else "no_discrepancy"
+
+    @property
+    def shrinkage(self) -> float:
+        """Share of the gap above the floor that is gone; NaN where there was none."""
+        above = self.gap(self.first).value - self.floor.median
+        if above <= self.floor.limit - self.floor.median:
+            return math.nan
+        return 1.0 - (self.gap(self.last).value - self.floor.median) / above
+
+
+def discover_beside(
+    model: CaptureModel, beside: Beside, progress: Callable[[str], None] = lambda doing: None
+) -> BesideDiscovery:
+    """Find what a model lacks of a clip beside a reference.
+
+    Parameters
+    ----------
+    model : CaptureModel
+        To begin with.
+    beside : Beside
+    progress : callable, optional
+        Told what is being done.
+
+    Raises
+    ------
+    InputError
+        When what the model films can't be tracked, the reference covers too little of the clip, or
+        the clip turns out not to be there.
+    """
+    progress("filming the reference")
+    said_hz = beside.said(model, beside.lag_s)
+    beside = read_aright(beside, said_hz)
+    found = _discovered(
+        beside, settled(beside, model, beside.lag_s, said_hz, skewed=False), progress
+    )
+    if not beside.certain and found.verdict == "unexplained":
+        # A rough likeness of the wrong time must not pass for a clock.
+        raise no_match(beside.grid, "what seems to fit leaves more than noise")
+    return found
+
+
+def _discovered(beside: Beside, first: LagFit, progress: Callable[[str], None]) -> BesideDiscovery:
+    noise = tracked_noise(beside, first.model, first.lag_s, first.said_hz)
+    chance = chance_of(beside, noise, first.left_hz)
+    ways = _weighed(beside, first, chance)
+    skew = next(way for way in ways if way.kind.name == SKEWED)
+    # A leap of the lag looks like a clock error of the one half and not of the other.
+    leapt = max((way.nats for way in ways if way.kind.name == LEAPT), default=0.0)
+    if not skew.supported or leapt > skew.nats:
+        return BesideDiscovery(beside, first, first, None, _supported(ways), chance, len(ways))
+    progress("added clock_skew, looking at what is left")
+    last = settled(beside, first.model, first.lag_s, first.said_hz, skewed=True)
+    chance = chance_of(beside, noise, last.left_hz)
+    rest = [way for way in _weighed(beside, last, chance) if way.kind.name != SKEWED]
+    return BesideDiscovery(beside, first, last, skew, _supported(rest), chance, len(ways))
+
+
+def _weighed(beside: Beside, fit: LagFit, chance: Chance) -> list[Weighed]:
+    ways = list(kinds(beside, fit.said_hz))
+    return [weighed(beside, way, fit.said_hz, fit.left_hz, chance, len(ways)) for way in ways]
+
+
+def _supported(ways: list[Weighed]) -> list[Weighed]:
+    """Those that held-out values support, of each kind the surest."""
+    best: dict[str, Weighed] = {}
+    for way in sorted(ways, key=lambda w: -w.nats):
+        if way.supported:
+            best.setdefault(way.kind.name, way)
+    return list(best.values())

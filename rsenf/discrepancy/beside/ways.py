@@ -1,0 +1,156 @@
+"""What may set a clip's ENF apart from the reference's, and whether held-out data support it.
+
+Only a constant share is an effect of the camera that this data can name: ``clock_skew``. What
+moves with time as well, a drift, a leap of the lag, a wandering rate, might as well be the
+reference's; it says of what kind the rest is, and explains nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.discrepancy.beside.laid import Beside, slope_of
+from rsenf.discrepancy.beside.noise import Chance
+from rsenf.discrepancy.search import FALSE_ALARMS, WORST
+from rsenf.messages.schema import FloatArray
+
+PLACES = 12  # of a leap, that are tried
+SURE_STDS = 4.0  # of chance's own gains
+LEAPT, DRIFTS, WANDERS, SKEWED = "lag_step", "clock_drift", "wander", "clock_skew"
+
+
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """A way in which the two may differ.
+
+    Attributes
+    ----------
+    name : str
+        ``clock_skew``, ``clock_drift``, ``lag_step`` or ``wander``.
+    columns : ndarray (n, parameters)
+        What a unit of each parameter does, Hz.
+    at_s : float
+        When, of a leap; else NaN.
+    """
+
+    name: str
+    columns: FloatArray
+    at_s: float = math.nan
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """A way weighed on held-out values.
+
+    Attributes
+    ----------
+    kind : Kind
+    values : ndarray (parameters,)
+    stderr : ndarray (parameters,)
+    gain_hz2 : float
+        By how much less is left of the mean square of held-out values.
+    nats : float
+        Logarithm of their likelihood ratio.
+    worst : float
+        Gain in the block that fares worst, in standard errors.
+    least_hz2 : float
+        Gain that chance hardly makes.
+    tried : int
+        How many ways were.
+    """
+
+    kind: Kind
+    values: FloatArray
+    stderr: FloatArray
+    gain_hz2: float
+    nats: float
+    worst: float
+    least_hz2: float
+    tried: int
+
+    @property
+    def supported(self) -> bool:
+        """Whether held-out values support it, all that were tried counted."""
+        enough = self.nats > math.log(self.tried / FALSE_ALARMS)
+        return enough and self.gain_hz2 > self.least_hz2 and self.worst > WORST
+
+
+def kinds(beside: Beside, said_hz: FloatArray) -> Iterator[Kind]:
+    """Yield the ways, given what the model says."""
+    share = -1e-6 * np.nan_to_num(said_hz)
+    yield Kind(SKEWED, share[:, None])
+    middle_s = float(beside.t_s.mean())
+    yield Kind(DRIFTS, np.stack([share, share * (beside.t_s - middle_s) / 60.0], axis=1))
+    slope = slope_of(said_hz, beside.track.hop_s)
+    places = np.linspace(beside.t_s[0], beside.t_s[-1], PLACES + 2)[1:-1]
+    for at_s in places:
+        yield Kind(LEAPT, (slope * (beside.t_s > at_s))[:, None], float(at_s))
+    yield Kind(WANDERS, share[:, None] * _between(beside))
+
+
+def weighed(
+    beside: Beside, kind: Kind, said_hz: FloatArray, left_hz: FloatArray, chance: Chance, tried: int
+) -> Weighed:
+    """Fit a way, and the lag with it, to training values; weigh it on the others."""
+    slope = slope_of(said_hz, beside.track.hop_s)[:, None]
+    known = np.isfinite(left_hz)
+    training, held = beside.training & known, beside.held_out & known
+    both = np.concatenate([slope, kind.columns], axis=1)
+    solve, solve_lag = np.linalg.pinv(both[training]), np.linalg.pinv(slope[training])
+
+    def told(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        fitted = solve @ values[training]
+        after = values[held] - both[held] @ fitted
+        return fitted, values[held] - slope[held] @ (solve_lag @ values[training]), after
+
+    fitted, before, after = told(left_hz)
+    sets = [told(values) for values in chance.sets_hz]
+    gains = np.array([(b**2).mean() - (a**2).mean() for _, b, a in sets])
+    whole = left_hz - both @ fitted
+    # What chance doesn't know of counts too: nothing is surer than what is left allows.
+    var = max(chance.var_hz2, float((after**2).mean()))
+    together = max(memory(chance.sets_hz), memory(whole[None]))
+    gain = before**2 - after**2
+    stderr = np.std([f for f, _, _ in sets], axis=0, ddof=1) * math.sqrt(var / chance.var_hz2)
+    return Weighed(
+        kind,
+        fitted[1:],
+        stderr[1:],
+        float(gain.mean()),
+        float(gain.sum()) / (2.0 * var * together),
+        _worst(gain, before - after, beside.block[held], var * together),
+        float(gains.mean() + SURE_STDS * gains.std(ddof=1)),
+        tried,
+    )
+
+
+def memory(sets_hz: FloatArray) -> float:
+    """How many neighbours' worth one value is: the sum of the correlations, up to none."""
+    values = np.nan_to_num(sets_hz - np.nanmean(sets_hz))
+    spectrum = np.abs(np.fft.rfft(values, 2 * values.shape[1], axis=1)) ** 2
+    there = np.abs(np.fft.rfft(np.isfinite(sets_hz) * 1.0, 2 * values.shape[1], axis=1)) ** 2
+    pairs = np.fft.irfft(there.mean(axis=0))[: values.shape[1]]
+    shared = np.fft.irfft(spectrum.mean(axis=0))[: values.shape[1]] / np.maximum(pairs, 1.0)
+    alike = shared / shared[0]
+    end = int(np.argmax(alike <= 0.0)) or alike.size
+    return float(1.0 + 2.0 * alike[1:end].sum())
+
+
+def _between(beside: Beside) -> FloatArray:
+    """Lines from the middle of each training block to the next, (n, training blocks)."""
+    numbers = np.unique(beside.block[beside.training])
+    middle_s = (numbers + 0.5) * beside.block_s
+    return np.stack([np.interp(beside.t_s, middle_s, unit) for unit in np.eye(numbers.size)], 1)
+
+
+def _worst(gain: FloatArray, change: FloatArray, block: FloatArray, var: float) -> float:
+    """Gain of the block that fares worst, in standard errors of its noise."""
+    out = []
+    for number in np.unique(block):
+        own = block == number
+        out.append(gain[own].sum() / (2.0 * math.sqrt(var * (change[own] ** 2).sum()) + 1e-30))
+    return float(min(out))
