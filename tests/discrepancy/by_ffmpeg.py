@@ -79,7 +79,7 @@ CASES = {
     "transposed": _filter("transpose=0"),
     "half the rate": _filter("framestep=2", idle_ratio=(1 + IDLE) / 2),
     "clock 1.001": Case(f'-vf "{_FINE},setpts=PTS*1.001" {_STAMPED}'),
-    "hole in stamps": _filter(_DROPPED),
+    "hole in stamps": Case(f'-vf "{_DROPPED}" -fps_mode passthrough {LOSSLESS}'),
     # Of the catalogue.
     "vflip": _filter("vflip", NAMED, ("reverse_readout",)),
     "turned clockwise": _filter("transpose=1", NAMED, ("reverse_readout",)),
@@ -90,8 +90,8 @@ CASES = {
         "setpts=(N+gte(N\\,300))/(30000/1001)/TB,fps=30000/1001",
         NAMED, ("frame_duplicate",), {"at_frames": [299]},
     ),
-    "a copy instead of the next": _filter(
-        "select='not(eq(n,300))',fps=30000/1001", NAMED, ("frame_duplicate",)
+    "copies hide the next": _filter(
+        f"{_DROPPED},fps=30000/1001", NAMED, ("frame_duplicate",), {"at_frames": [199, 599]}
     ),
     "fps 29.97 to 30": _filter("fps=30", NAMED, ("frame_duplicate",)),
     "fps 30 to 29.97": _filter("fps=30000/1001", NAMED, ("frame_drop",), rate=WHOLE),
@@ -100,7 +100,8 @@ CASES = {
     "interlace, lines averaged": _filter("interlace", NAMED, ("interlace",)),
     "gamma 1.3": _filter("eq=gamma=1.3", NAMED, ("gamma",)),
     "gamma 0.8": _filter("eq=gamma=0.8", NAMED, ("gamma",)),
-    "gamma 1.3 of noise": _filter("noise=alls=30:allf=t,eq=gamma=1.3", NAMED, ("gamma",)),
+    "gamma 0.4": _filter("eq=gamma=0.4", NAMED, ("gamma",)),
+    "gamma 2.5": _filter("eq=gamma=2.5", NAMED, ("gamma",)),
     "stamps in error": Case(
         f'-vf "{_FINE},setpts=PTS+0.002*(random(0)-0.5)/TB" {_STAMPED}',
         NAMED, ("timestamp_jitter",),
