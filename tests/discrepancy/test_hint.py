@@ -23,7 +23,7 @@ RATE_HZ = 30000 / 1001
 
 def fitted(case: Hidden) -> Fit:
     """Fit the plain model, as one whose catalogue had no effect at all would stay."""
-    return fit(first_theory(PLAIN, case.data, case.data.estimates), case.data)
+    return fit(first_theory(PLAIN, case.data), case.data)
 
 
 def guessed(case: Hidden) -> dict[str, Any]:
