@@ -179,7 +179,7 @@ def grade(case: Case, told: dict[str, Any]) -> str:
 
 
 def main(seed: int, names: Sequence[str]) -> None:
-    print("case                        grade          verdict         gap before -> after    limit")
+    print(f"{'case':26s} {'grade':16s} {'verdict':15s} gap before -> after, limit; idle; effects")
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         clean = {rate: film(folder / f"{float(rate)}.mp4", seed, rate) for rate in (NTSC, WHOLE)}
@@ -187,18 +187,18 @@ def main(seed: int, names: Sequence[str]) -> None:
             case = CASES[name]
             clip = made(clean[case.rate], folder / f"{name}.mp4", case)
             told = discovered(clip, folder / name)
-            print(f"{name:27s} {grade(case, told):14s} {_line(told)}", flush=True)
+            print(f"{name:26s} {grade(case, told):16s} {_line(case, told)}", flush=True)
 
 
-def _line(told: dict[str, Any]) -> str:
+def _line(case: Case, told: dict[str, Any]) -> str:
     if told["verdict"] == REFUSED:
         return told["reason"]  # type: ignore[no-any-return]
     gap = told["gap"]
-    effects = "; ".join("/".join(names) for names in names_of(told))
-    size = f"{gap['before']:9.2g} -> {gap['after']:9.2g} {gap['limit']:9.2g}"
-    shrinkage = gap["shrinkage"]
-    gone = "" if shrinkage is None else f" {100 * shrinkage:.1f} % gone"
-    return f"{told['verdict']:15s} {size}{gone} {effects}"
+    size = f"{gap['before']:8.2g} -> {gap['after']:8.2g}, {gap['limit']:8.2g}"
+    gone = "" if gap["shrinkage"] is None else f"; {100 * gap['shrinkage']:.1f} % gone"
+    idle = f"idle {told['idle_ratio']:.4f} of {case.idle_ratio:.4f}"
+    effects = "".join(f"; {'/'.join(names)}" for names in names_of(told))
+    return f"{told['verdict']:15s} {size}{gone}; {idle}{effects}"
 
 
 if __name__ == "__main__":
