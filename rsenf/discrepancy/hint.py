@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit
+from rsenf.discrepancy.gap import NOTHING_FITS
 from rsenf.discrepancy.signs import Signs, signs_of
 from rsenf.discrepancy.tone import HARMONICS, Tone, flicker_hz, is_at, tone_of
 from rsenf.discrepancy.where import BANDS, Share
 from rsenf.discrepancy.would_tell import TELLS
 
-NOTHING = 0.3  # gap from which on hardly anything of the flicker is explained
 MOST = 0.5  # of what is left, from which on a sign is what it is about
 CURVE = 0.4  # likewise of a curve by level, of which the wall takes a part
 LASTING = 0.8
@@ -72,7 +72,7 @@ def hint_of(last: Fit, after: Sequence[Share]) -> Hint:
     after : sequence of Share
         Where it is left, of :func:`rsenf.discrepancy.where.where`.
     """
-    if abs(last.gap.value) > NOTHING:
+    if abs(last.gap.value) > NOTHING_FITS:
         return _hint(["other_readout"])
     if last.gap.value < 0.0:
         return _hint(["single_lines"])

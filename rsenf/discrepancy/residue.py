@@ -12,7 +12,6 @@ from rsenf.model.effects.residue import Residue
 
 STANDS_OUT = 25.0  # power of a line over the median of the others
 ALIASES = 1  # to either side of the likeliest
-BESIDE = 1.0  # gap up to which what is left is beside the flicker, and not the flicker itself
 
 
 def residue_of(fit: Fit) -> Residue:
@@ -37,11 +36,8 @@ def tones_hz(fit: Fit) -> tuple[float, ...]:
 
     Lines are looked for frame by frame and row by row at once: the one transform tells the alias,
     the other, by how fast the phase runs down the rows, which of its aliases it is. What stands out
-    less is for the next round. Where more is left than the flicker that was fitted, lines are of
-    the flicker itself, at other times than was thought.
+    less is for the next round.
     """
-    if fit.gap.value > BESIDE:
-        return ()
     data, every = fit.data, fit.data.every(LINES)
     first = fit.residual[data.first].mean(axis=2)
     second = fit.residual[data.second].mean(axis=2)

@@ -9,6 +9,7 @@ from typing import Any
 
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.floor import Floor, floor_of
+from rsenf.discrepancy.gap import NOTHING_FITS
 from rsenf.discrepancy.hint import hint_json, hint_of
 from rsenf.discrepancy.knobs import series_of
 from rsenf.discrepancy.measured import Float32Array, Measured
@@ -111,7 +112,7 @@ def discover(
     progress("fitting the model")
     first = fit(first_theory(model, data), data)
     stamps = stamps_of(first)
-    last = stamps.fit if stamps else first
+    begun = last = stamps.fit if stamps else first
     if recoded:
         progress("coding the fitted model as the recording was")
     usual = usual_of(last, recoded)
@@ -130,8 +131,11 @@ def discover(
         progress(f"added {' or '.join(step.kin)}, looking for what else is missing")
     last, steps = needed(last, steps, usual)
     if steps:
-        usual = usual_of(last, recoded)
-        floor = floor_of(last).raised(usual.gap, usual.most)
+        own = usual_of(last, recoded)
+        if last.gap.most > NOTHING_FITS + own.most:  # then nothing that was added explains it
+            last, steps = begun, []
+        else:
+            usual, floor = own, floor_of(last).raised(own.gap, own.most)
     return Discovery(
         first, last, tuple(steps), stamps, floor, usual, where(first), where(last), refused
     )

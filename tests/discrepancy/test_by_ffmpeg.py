@@ -21,16 +21,12 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return film(tmp_path_factory.mktemp("clean") / "clean.mp4", 77, seconds=SECONDS)
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["hflip", "noise", "crop rows", "vflip", "duplicate", "interlace", "gamma 1.3", "fade in"],
-)
+@pytest.mark.parametrize("name", ["hflip", "crop rows", "duplicate", "interlace", "fade in"])
 def test_it_is_found_as_it_should(name: str, clean: Path, tmp_path: Path) -> None:
     case = CASES[name]
     told = discovered(made(clean, tmp_path / "clip.mp4", case), tmp_path / "found")
-    # A table rounds levels, and fields are a line apart: beside the effect something is left.
-    in_part = name in ("gamma 1.3", "interlace")
-    assert grade(case, told) == ("right, in part" if in_part else "right")
+    # FFmpeg's fields are a line apart, which a camera's aren't: beside the effect that is left.
+    assert grade(case, told) == ("right, in part" if name == "interlace" else "right")
     if told["verdict"] == "explained":
         assert told["gap"]["shrinkage"] > 0.9
     if not told["effects"]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.discrepancy import discovery_json, model_of
+from rsenf.discrepancy import PLAIN, discover, discovery_json, measured_of, model_of
 from rsenf.errors import InputError
+from rsenf.messages import Header
 from rsenf.model import CaptureModel, GridPath, simulate_rows
+from rsenf.rows.luminance import blocks_from_luminance
 from tests.discrepancy.hidden_effects import LINES, SECONDS, hidden
 
 
@@ -42,6 +44,11 @@ def test_nothing_is_found_where_nothing_is_hidden() -> None:
         ("row_banding", {"banding_ratio": 0.009}, {}),
         ("frame_drop", {"at_frames": (200, 600)}, {"at_frames": [200, 600]}),
         ("frame_duplicate", {"at_frames": (300, 650)}, {"at_frames": [300, 650]}),
+        (
+            "frame_duplicate",
+            {"at_frames": (300, 650), "retimed": False},
+            {"at_frames": [300, 650], "retimed": False},
+        ),
     ],
 )
 def test_a_hidden_effect_is_named_and_explained(
@@ -102,6 +109,17 @@ def test_something_else_is_not_explained_away() -> None:
     assert any(p["low"] - 0.1 < 3.7 < p["high"] + 0.1 for p in aliases)
 
 
+def test_where_nothing_fits_no_effect_is_named() -> None:
+    """One frame in six left out, and the others spread evenly: no effect of the catalogue."""
+    case = hidden(seed=17, lines=48)
+    level = case.made.level[np.arange(case.made.level.shape[0]) % 6 < 5]
+    stamp_s = np.arange(level.shape[0]) / 25.0
+    data = measured_of(list(blocks_from_luminance(level, stamp_s, Header())))
+    told = discovery_json(discover(PLAIN, data), "")
+    assert told["verdict"] == "unexplained"
+    assert told["effects"] == []
+
+
 def test_too_short_a_recording_is_refused_with_the_shortest_that_is_of_use() -> None:
     case = hidden(seed=16)
     with pytest.raises(InputError, match=r"too short.*24 s"):
@@ -109,10 +127,6 @@ def test_too_short_a_recording_is_refused_with_the_shortest_that_is_of_use() -> 
 
 
 def _cut(case: object, seconds: float) -> None:
-    from rsenf.discrepancy import measured_of
-    from rsenf.messages import Header
-    from rsenf.rows.luminance import blocks_from_luminance
-
     frames = int(seconds * 29.97)
     level = case.made.level[:frames]  # type: ignore[attr-defined]
     stamps = case.made.frame_time_s[:frames]  # type: ignore[attr-defined]

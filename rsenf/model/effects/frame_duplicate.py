@@ -53,7 +53,13 @@ class FrameDuplicate(DeliveryEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try the frames before which the flicker falls back by a frame period's turns."""
-        found = leaps(residue, -residue.turns_per_frame)
-        twice = tuple(int(n) - 1 - k for k, n in enumerate(found))
-        return [{"at_frames": twice}] if twice else []
+        """Try the frames before which the flicker falls back by a frame period's turns.
+
+        Where it has made up for that one frame later, the copy has hidden a frame.
+        """
+        back = leaps(residue, -residue.turns_per_frame)
+        hides = np.isin(back + 1, leaps(residue, residue.turns_per_frame))
+        moved = tuple(int(n) - 1 - k for k, n in enumerate(back[~hides]))
+        hiding = tuple(int(n) - 1 for n in back[hides])
+        told = [{"at_frames": moved, "retimed": True}, {"at_frames": hiding, "retimed": False}]
+        return [values for values in told if values["at_frames"]]
