@@ -41,9 +41,11 @@ class Beside:
     snr_db : float
         Of most of them.
     grid : Grid
-        The reference.
+        The reference, as far as it is about the clip.
     lag_s : float
-        Of the clip's first frame behind the reference's first sample, roughly.
+        Of the clip's first frame behind the first sample of that, roughly.
+    begins_s : float
+        Where in all of the reference that is.
     certain : bool
         Whether the clip is known to be there; else what is left must show it.
     averaged : bool
@@ -55,6 +57,7 @@ class Beside:
     snr_db: float
     grid: Grid
     lag_s: float
+    begins_s: float = 0.0
     certain: bool = True
     averaged: bool = False
 

@@ -53,7 +53,7 @@ def reference_json(found: BesideDiscovery) -> dict[str, Any]:
     beside, (_, lag_s, stderr) = found.beside, found.final
     return {
         "name": beside.grid.name,
-        "lag_s": lag_s,
+        "lag_s": beside.begins_s + lag_s,
         "lag_stderr_s": float(stderr[0]),
         "read_as": "an average over 20 s" if beside.averaged else "the grid's frequency",
         "std_hz": math.sqrt(beside.power_hz2),

@@ -21,6 +21,8 @@ from rsenf.messages.schema import FloatArray
 ANY_SPEED_PPM = 1000.0
 LEAST_LOG10_LR = 2.0  # against any other lag, for one to be tried
 LEAST_COVERED = 0.5  # of the estimates, by a reference
+AROUND_S = 600.0  # of a reference that is kept on either side of a clip
+PIECE = 1 << 20  # samples looked at together
 MOST_BEYOND_S = MARGIN_S / 2.0  # of a clip: a lag may still move
 
 
@@ -41,7 +43,9 @@ def beside_of(clip: Clip, grid: Grid) -> Beside:
     snr_db = float(np.median(known)) if known else float("nan")
     lag_s, certain = _place(clip.estimates, grid)
     _check_covered(clip, grid, lag_s)
-    beside = Beside(clip, track_of(clip.estimates), snr_db, grid, lag_s, certain)
+    grid, begins_s = _about(clip, grid, lag_s)
+    track, lag_s = track_of(clip.estimates), lag_s - begins_s
+    beside = Beside(clip, track, snr_db, grid, lag_s, begins_s, certain)
     if beside.blocks < FEWEST_BLOCKS:
         needed_s = FEWEST_BLOCKS * beside.block_s + 2.0 * beside.reach_s
         raise InputError(
@@ -53,8 +57,8 @@ def beside_of(clip: Clip, grid: Grid) -> Beside:
 
 def _check_grid(usable: Sequence[EnfEstimate], grid: Grid) -> None:
     """Refuse what is no reference of the light's grid."""
-    freq_hz = np.asarray(grid.freq_hz)
-    if not np.isfinite(freq_hz).any() or float(np.nanstd(freq_hz)) == 0.0:
+    starts = range(0, len(grid.freq_hz), PIECE)
+    if not any(_moves(np.asarray(grid.freq_hz[start : start + PIECE])) for start in starts):
         raise InputError(f"the reference {grid.name} doesn't move", "give one that was measured")
     if round(usable[0].nominal_hz) != round(grid.nominal_hz):
         raise InputError(
@@ -62,6 +66,19 @@ def _check_grid(usable: Sequence[EnfEstimate], grid: Grid) -> None:
             f"{grid.nominal_hz:.0f} Hz one",
             "give a reference of the grid that fed the lamp",
         )
+
+
+def _moves(freq_hz: FloatArray) -> bool:
+    return bool(np.isfinite(freq_hz).any() and np.nanstd(freq_hz) > 0.0)
+
+
+def _about(clip: Clip, grid: Grid, lag_s: float) -> tuple[Grid, float]:
+    """Return what of a reference, which may be years long, is about a clip, and where it begins."""
+    first = max(int((lag_s - AROUND_S) / grid.step_s), 0)
+    last = int((lag_s + clip.duration_s + AROUND_S) / grid.step_s)
+    begins_s = first * grid.step_s
+    near = dataclasses.replace(grid, freq_hz=np.asarray(grid.freq_hz[first:last]))
+    return near, begins_s
 
 
 def _check_covered(clip: Clip, grid: Grid, lag_s: float) -> None:

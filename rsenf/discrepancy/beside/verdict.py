@@ -134,22 +134,30 @@ def discover_beside(
 def _discovered(beside: Beside, first: LagFit, progress: Callable[[str], None]) -> BesideDiscovery:
     noise = tracked_noise(beside, first.model, first.lag_s, first.said_hz)
     chance = chance_of(beside, noise, first.left_hz)
-    ways = _weighed(beside, first, chance)
-    skew = next(way for way in ways if way.kind.name == SKEWED)
+    progress("weighing the clock")
+    last = settled(beside, first.model, first.lag_s, first.said_hz, skewed=True)
+    ways, tried = _others(beside, first, chance)
+    clock = next(way for way in kinds(beside, last.said_hz) if way.name == SKEWED)
+    # Noise is what the better fit leaves: a lag that is off makes more of it.
+    after = chance_of(beside, noise, last.left_hz)
+    skew = weighed(beside, clock, last.said_hz, first.left_hz, after, tried, last.left_hz)
     # A leap of the lag looks like a clock error of the one half and not of the other.
     leapt = max((way.nats for way in ways if way.kind.name == LEAPT), default=0.0)
     if not skew.supported or leapt > skew.nats:
-        return BesideDiscovery(beside, first, first, None, _supported(ways), chance, len(ways))
+        return BesideDiscovery(beside, first, first, None, _supported(ways), chance, tried)
     progress("added clock_skew, looking at what is left")
-    last = settled(beside, first.model, first.lag_s, first.said_hz, skewed=True)
-    chance = chance_of(beside, noise, last.left_hz)
-    rest = [way for way in _weighed(beside, last, chance) if way.kind.name != SKEWED]
-    return BesideDiscovery(beside, first, last, skew, _supported(rest), chance, len(ways))
+    rest, _ = _others(beside, last, after)
+    return BesideDiscovery(beside, first, last, skew, _supported(rest), after, tried)
 
 
-def _weighed(beside: Beside, fit: LagFit, chance: Chance) -> list[Weighed]:
+def _others(beside: Beside, fit: LagFit, chance: Chance) -> tuple[list[Weighed], int]:
+    """Weigh all ways but the clock; how many there are with it."""
     ways = list(kinds(beside, fit.said_hz))
-    return [weighed(beside, way, fit.said_hz, fit.left_hz, chance, len(ways)) for way in ways]
+    return [
+        weighed(beside, way, fit.said_hz, fit.left_hz, chance, len(ways))
+        for way in ways
+        if way.name != SKEWED
+    ], len(ways)
 
 
 def _supported(ways: list[Weighed]) -> list[Weighed]:

@@ -49,8 +49,6 @@ class Weighed:
     Attributes
     ----------
     kind : Kind
-    values : ndarray (parameters,)
-    stderr : ndarray (parameters,)
     gain_hz2 : float
         By how much less is left of the mean square of held-out values.
     nats : float
@@ -64,8 +62,6 @@ class Weighed:
     """
 
     kind: Kind
-    values: FloatArray
-    stderr: FloatArray
     gain_hz2: float
     nats: float
     worst: float
@@ -93,33 +89,52 @@ def kinds(beside: Beside, said_hz: FloatArray) -> Iterator[Kind]:
 
 
 def weighed(
-    beside: Beside, kind: Kind, said_hz: FloatArray, left_hz: FloatArray, chance: Chance, tried: int
+    beside: Beside,
+    kind: Kind,
+    said_hz: FloatArray,
+    left_hz: FloatArray,
+    chance: Chance,
+    tried: int,
+    filmed_hz: FloatArray | None = None,
 ) -> Weighed:
-    """Fit a way, and the lag with it, to training values; weigh it on the others."""
+    """Fit a way, and the lag with it, to training values; weigh it on the others.
+
+    Parameters
+    ----------
+    beside : Beside
+    kind : Kind
+    said_hz, left_hz : ndarray (n,)
+        What the model without it says, and what that leaves.
+    chance : Chance
+    tried : int
+        How many ways are.
+    filmed_hz : ndarray (n,), optional
+        What a model with it leaves, where one has been fitted by films: a lag that has taken the
+        place of a clock's error may be too far off for one linear step.
+    """
     slope = slope_of(said_hz, beside.track.hop_s)[:, None]
-    known = np.isfinite(left_hz)
+    known = np.isfinite(left_hz) & (True if filmed_hz is None else np.isfinite(filmed_hz))
     training, held = beside.training & known, beside.held_out & known
     both = np.concatenate([slope, kind.columns], axis=1)
     solve, solve_lag = np.linalg.pinv(both[training]), np.linalg.pinv(slope[training])
 
-    def told(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        fitted = solve @ values[training]
-        after = values[held] - both[held] @ fitted
-        return fitted, values[held] - slope[held] @ (solve_lag @ values[training]), after
+    def left_of(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What is left without and with it."""
+        before = values - slope @ (solve_lag @ values[training])
+        return before[held], values - both @ (solve @ values[training])
 
-    fitted, before, after = told(left_hz)
-    sets = [told(values) for values in chance.sets_hz]
-    gains = np.array([(b**2).mean() - (a**2).mean() for _, b, a in sets])
-    whole = left_hz - both @ fitted
+    before, whole = left_of(left_hz)
+    if filmed_hz is not None:
+        before, whole = left_hz[held], filmed_hz
+    sets = [left_of(values) for values in chance.sets_hz]
+    gains = np.array([(b**2).mean() - (a[held] ** 2).mean() for b, a in sets])
+    after = whole[held]
     # What chance doesn't know of counts too: nothing is surer than what is left allows.
     var = max(chance.var_hz2, float((after**2).mean()))
     together = max(memory(chance.sets_hz), memory(whole[None]))
     gain = before**2 - after**2
-    stderr = np.std([f for f, _, _ in sets], axis=0, ddof=1) * math.sqrt(var / chance.var_hz2)
     return Weighed(
         kind,
-        fitted[1:],
-        stderr[1:],
         float(gain.mean()),
         float(gain.sum()) / (2.0 * var * together),
         _worst(gain, before - after, beside.block[held], var * together),

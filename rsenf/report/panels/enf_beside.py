@@ -41,7 +41,12 @@ def draw_enf_beside(
         below.set_xlabel("time in the recording (s)")
     drawn[0, 0].set_ylabel("ENF (Hz)")
     drawn[1, 0].set_ylabel("difference (mHz)")
-    drawn[0, 0].legend(loc="best", frameon=False, fontsize="small")
+    low_hz, high_hz = drawn[0, 0].get_ylim()
+    drawn[0, 0].set_ylim(low_hz, high_hz + 0.15 * (high_hz - low_hz))  # room for the legend
+    drawn[0, 0].legend(
+        loc="upper center", frameon=False, ncols=2, fontsize="small", handlelength=1.2,
+        columnspacing=1.0,
+    )  # fmt: skip
 
 
 def _held_out(beside: Beside) -> list[tuple[float, float]]:
