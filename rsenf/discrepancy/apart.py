@@ -31,10 +31,16 @@ def apart_of(level: NDArray[np.float32]) -> int:
     relative = level / np.maximum(level.mean(axis=0), 1e-6)
     pairs = level.shape[STRIPS] // 2
     own = relative[:, :, 0 : 2 * pairs : 2] - relative[:, :, 1 : 2 * pairs : 2]
+    # Fields that differ, one line and the next, aren't noise: a codec's is in every second line too.
+    return STRIPS if _is_shared(own) and _is_shared(own[:, ::2]) else LINES
+
+
+def _is_shared(own: NDArray[np.float32]) -> bool:
+    """Whether neighbouring rows have noise in common, or the opposite."""
     steps = np.diff(own, TIMES, axis=LINES)
     steps -= steps.mean(axis=0)
     power = float((steps * steps).mean(dtype=np.float64))
     if power == 0.0:
-        return LINES
+        return False
     shared = float((steps[:, 1:] * steps[:, :-1]).mean(dtype=np.float64)) / power - WHITE
-    return STRIPS if abs(shared) * steps.size**0.5 > STDS else LINES
+    return bool(abs(shared) * steps.size**0.5 > STDS)

@@ -24,6 +24,7 @@ def residue_of(fit: Fit) -> Residue:
     across = _dot(seen, turn) / np.maximum(_dot(turn, turn), 1e-12)
     return Residue(
         gap=fit.gap.value,
+        comb=fit.gap.comb,
         turns_per_frame=2.0 * data.nominal_hz / float(data.frame_rate),
         angle_rad=np.arctan2(across, along),
         size_ratio=np.hypot(along, across),

@@ -19,6 +19,7 @@ import numpy as np
 
 from rsenf.discrepancy.candidates import Candidate, candidates, per_power
 from rsenf.discrepancy.fit import Fit, fit
+from rsenf.discrepancy.floor import Floor, floor_of
 from rsenf.discrepancy.trial import Trial, judged, settled, tried
 from rsenf.discrepancy.usual import NOTHING, Usual
 from rsenf.errors import UsageError
@@ -45,15 +46,20 @@ class Step:
         How many candidates were looked at.
     limit : float
         Nats that it must bring.
-    least : float
-        What a gain must be.
+    floor : Floor
+        Of data that the model before it explains.
     """
 
     before: Fit
     trials: tuple[Trial, ...]
     tried: int
     limit: float
-    least: float
+    floor: Floor
+
+    @property
+    def least(self) -> float:
+        """What a gain must be: more than chance makes of it."""
+        return self.floor.limit - self.floor.median
 
     @property
     def chosen(self) -> Trial | None:
@@ -77,16 +83,14 @@ class Step:
         ))  # fmt: skip
 
 
-def search(first: Fit, least: float, usual: Usual) -> Iterator[Step]:
+def search(first: Fit, usual: Usual) -> Iterator[Step]:
     """Take step after step from a first fit, until nothing more is supported.
 
     Parameters
     ----------
     first : Fit
-    least : float
-        What an effect must take away of held-out rows, over the power of the flicker.
     usual : Usual
-        Beyond what a codec alone may have it take away.
+        What a codec alone may have effects take away of held-out rows.
 
     Yields
     ------
@@ -95,7 +99,7 @@ def search(first: Fit, least: float, usual: Usual) -> Iterator[Step]:
     """
     now = first
     for _ in range(MOST_STEPS):
-        step = next_step(now, least, usual)
+        step = next_step(now, usual)
         yield step
         if step.chosen is None:
             return
@@ -123,12 +127,12 @@ def needed(last: Fit, steps: Sequence[Step], usual: Usual = NOTHING) -> tuple[Fi
     return last, kept
 
 
-def next_step(before: Fit, least: float, usual: Usual = NOTHING) -> Step:
+def next_step(before: Fit, usual: Usual = NOTHING) -> Step:
     """Look at all candidates, and fit the likeliest."""
     found, scale = candidates(before), per_power(before)
     limit = math.log(max(len(found), 1) / FALSE_ALARMS)
-    step = Step(before, (), len(found), limit, least)
-    for candidate in _likeliest(found, HOPE * least, scale, usual):
+    step = Step(before, (), len(found), limit, floor_of(before))
+    for candidate in _likeliest(found, HOPE * step.least, scale, usual):
         best = step.chosen
         if best is not None and candidate.explains * scale < RIVAL * best.gain:
             break  # it, and all after it, are far from as good

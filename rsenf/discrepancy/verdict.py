@@ -116,13 +116,10 @@ def discover(
     if recoded:
         progress("coding the fitted model as the recording was")
     usual = usual_of(last, recoded)
-    floor = floor_of(last)
-    least = floor.limit - floor.median
-    floor = floor.raised(usual.gap, usual.most)
     steps: list[Step] = []
     refused = None
     progress("looking for what is missing")
-    for step in search(last, least, usual):
+    for step in search(last, usual):
         if step.chosen is None:
             refused = step
             break
@@ -135,7 +132,9 @@ def discover(
         if last.gap.most > NOTHING_FITS + own.most:  # then nothing that was added explains it
             last, steps = begun, []
         else:
-            usual, floor = own, floor_of(last).raised(own.gap, own.most)
+            usual = own
+    floor = refused.floor if refused and refused.before is last else floor_of(last)
+    floor = floor.raised(usual.gap, usual.most)
     return Discovery(
         first, last, tuple(steps), stamps, floor, usual, where(first), where(last), refused
     )

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.special import gammaincinv, ndtr
 
 from rsenf.discrepancy.beside.fit import LagFit, by_all_values, clock_ppm, columns_of, settled
 from rsenf.discrepancy.beside.laid import Beside
@@ -68,10 +69,14 @@ class BesideDiscovery:
         solve = np.linalg.pinv(columns[training])
         sets = self.chance.sets_hz
         left = sets[:, held] - (sets[:, training] @ solve.T) @ columns[held].T
-        gaps = ((left**2).mean(axis=1) - self.chance.told_hz2) / self.beside.power_hz2
-        median = float(np.median(gaps))
-        limit = median + BEYOND_STDS * float(gaps.std(ddof=1))
-        return Floor(median, limit, limit)
+        squares = (left**2).mean(axis=1)
+        over = squares - self.chance.told_hz2
+        # Squares of few values: their mean is a gamma variable, and goes farther up than down.
+        mean, var = float(squares.mean()), float(over.var(ddof=1))
+        most = var / mean * float(gammaincinv(mean**2 / var, ndtr(BEYOND_STDS)))
+        median, power = float(np.median(over)), self.beside.power_hz2
+        limit = (median + most - mean) / power
+        return Floor(median / power, limit, limit)
 
     @cached_property
     def final(self) -> tuple[CaptureModel, float, FloatArray]:

@@ -12,7 +12,7 @@ from rsenf.model.effects.residue import GROSS, Residue
 from rsenf.model.parameters import parameter
 from rsenf.model.readout import ReadOut
 
-COMB = 1e-5  # gap below zero from which on neighbouring rows are wrong in opposite ways
+COMB = 1e-5  # by which the gap of rows two apart is above that of neighbours: wrong by turns
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,5 +40,5 @@ class Interlace(ReadOutEffect):
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
         """Try either field as the first, where hardly anything fits or rows are wrong by turns."""
-        seen = residue.gap > GROSS or residue.gap < -COMB
+        seen = residue.gap > GROSS or residue.comb - residue.gap > COMB
         return [{"bottom_first": b} for b in (False, True)] if seen else []

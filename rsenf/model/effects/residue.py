@@ -21,6 +21,8 @@ class Residue:
     gap : float
         Systematic part of what is left, over the flicker's power; about 1 or more where nothing
         fits, and below zero where neighbouring rows are wrong in opposite ways.
+    comb : float
+        The same of rows two apart: more than the gap where rows are wrong by turns.
     turns_per_frame : float
         Turns of the light in a frame period.
     angle_rad : ndarray (frames,)
@@ -33,6 +35,7 @@ class Residue:
     """
 
     gap: float
+    comb: float
     turns_per_frame: float
     angle_rad: FloatArray
     size_ratio: FloatArray
