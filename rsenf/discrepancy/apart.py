@@ -31,7 +31,7 @@ def apart_of(level: NDArray[np.float32]) -> int:
     relative = level / np.maximum(level.mean(axis=0), 1e-6)
     pairs = level.shape[STRIPS] // 2
     own = relative[:, :, 0 : 2 * pairs : 2] - relative[:, :, 1 : 2 * pairs : 2]
-    # Fields that differ, one line and the next, aren't noise: a codec's is in every second line too.
+    # Fields that differ aren't noise: a codec's is in every second line too.
     return STRIPS if _is_shared(own) and _is_shared(own[:, ::2]) else LINES
 
 

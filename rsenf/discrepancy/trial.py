@@ -11,6 +11,7 @@ from rsenf.discrepancy.candidates import Candidate
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.gap import by_block
 from rsenf.discrepancy.knobs import knobs_of, series_of
+from rsenf.discrepancy.measured import Float32Array, Part
 from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.series import all_as_told, halves, held, summed_up, with_series
 from rsenf.discrepancy.start import begun_anew
@@ -74,15 +75,17 @@ def tried(before: Fit, candidate: Candidate, usual: Usual) -> Trial | None:
 def judged(before: Fit, after: Fit, name: str, usual: Usual) -> Trial:
     """Judge what an effect, by its name, has made better."""
     data, others = before.data, ~before.data.training
-    was, now = before.residual[data.second], after.residual[data.second]
-    less, moved = was**2 - now**2, (was - now) ** 2
+    less, moved = _less(before, after, data.second)
+    paid, by = _less(before, after, data.first)
     frames = (by_block(a.mean(axis=(1, 2), dtype=np.float64), data, others) for a in (less, moved))
     (gain, count), (change, _) = frames
-    values = count * float(was[0].size)
+    values = count * float(less[0].size)
     held_out = less[others], moved[others]
     worst = min(
         float((gain / _noise(change, values, after)).min()),
         *(_worst(*held_out, axis, after) for axis in (1, 2)),
+        # Nor may those pay for it that the course of the phase was found from.
+        _gain(paid[others], by[others], after),
     )
     power = float((before.flicker[others] ** 2).mean(dtype=np.float64))
     nats = float((gain * values).sum() / (2.0 * after.noise_var))
@@ -137,16 +140,23 @@ def _with_effect(before: Fit, effect: Effect) -> Theory:
     return with_series(before.theory, effect, told[0], values)
 
 
+def _less(before: Fit, after: Fit, part: Part) -> tuple[Float32Array, Float32Array]:
+    """By how much less is left of some rows, squared, and the square of what has changed."""
+    was, now = before.residual[part], after.residual[part]
+    return was**2 - now**2, (was - now) ** 2
+
+
 def _worst(less: np.ndarray, moved: np.ndarray, axis: int, after: Fit) -> float:
     """Gain in the band of rows, or the strip, that fares worst, in standard errors."""
     parts = min(BANDS, less.shape[axis])
-    out = []
-    for own, change in zip(
-        np.array_split(less, parts, axis), np.array_split(moved, parts, axis), strict=True
-    ):
-        mean, square = (a.mean(dtype=np.float64) for a in (own, change))
-        out.append(float(mean / _noise(square, own.size, after)))
-    return min(out)
+    split = (np.array_split(a, parts, axis) for a in (less, moved))
+    return min(_gain(own, change, after) for own, change in zip(*split, strict=True))
+
+
+def _gain(less: np.ndarray, moved: np.ndarray, after: Fit) -> float:
+    """Mean gain, in standard errors."""
+    mean, square = (a.mean(dtype=np.float64) for a in (less, moved))
+    return float(mean / _noise(square, less.size, after))
 
 
 def _noise(change: FloatArray, values: FloatArray | int, after: Fit) -> FloatArray:
