@@ -10,7 +10,9 @@ import numpy as np
 from rsenf.discrepancy.apart import LINES
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.gap import gap_of
+from rsenf.discrepancy.knobs import series_of
 from rsenf.discrepancy.measured import Float32Array, Measured
+from rsenf.discrepancy.series import followed
 
 SETS = 20
 # How far over the floor, in standard deviations of the sets, a gap must be to be one.
@@ -42,8 +44,8 @@ class Floor:
 def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> Floor:
     """Simulate data sets from a fit, and take the gap of each.
 
-    The theory is what it is; what a fit would follow of each set's noise, the course, the wall and
-    the knobs, is followed by one linear step, which is all that there is to do so near the truth.
+    The theory is what it is; what a fit would follow of each set's noise, the course, the wall, the
+    knobs and series, is followed by one linear step, which is all there is to do so near the truth.
 
     Parameters
     ----------
@@ -65,10 +67,16 @@ def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> Floor:
             left -= size * direction
         course = about.course.normal(left).over(fit.noise_var).with_prior(prior).solve()
         left -= (about.basis @ course).astype(np.float32)[:, None, None] * about.turn
+        for effect in fit.theory.model.effects:
+            told = series_of(effect)
+            if told:
+                direction = about.series[effect.name]
+                _, left = followed(direction, left, about.lit, data, told[1])
         left -= about.brighter(left).astype(np.float32) * about.lit
         gaps.append(gap_of(left, fit.flicker, data, others))
-    values, most = [gap.value for gap in gaps], [gap.most for gap in gaps]
-    return Floor(float(np.median(values)), _limit(values), _limit(most))
+    values, combs = [gap.value for gap in gaps], [gap.comb for gap in gaps]
+    limit = _limit(values)
+    return Floor(float(np.median(values)), limit, max(limit, _limit(combs)))
 
 
 def _limit(values: Sequence[float]) -> float:

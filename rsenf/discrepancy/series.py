@@ -89,17 +89,23 @@ def improved(
         if told is None:
             continue
         name, how = told
-        direction = responses[effect.name]
-        found, _ = halves(direction, left, lit, data, how)
+        found, left = followed(responses[effect.name], left, lit, data, how)
         values = held(theory, data, effect, name, how)
         # A frame that came twice has one value: the last of its two, which are as good.
         taken = plan(theory.model, data).number[data.slot]
         values[taken if how.each == "frame" else slice(None)] += found
         theory = with_series(theory, effect, name, values)
-        along = (slice(None), None, None) if how.each == "frame" else (None, slice(None), None)
-        left = left - found.astype(np.float32)[along] * direction
         farthest = max(farthest, float(np.abs(found).max() / how.step))
     return theory, left, farthest
+
+
+def followed(
+    direction: Float32Array, left: Float32Array, lit: Float32Array, data: Measured, how: Fitting
+) -> tuple[FloatArray, Float32Array]:
+    """Values that a series takes by one half of what is left, and what is left then."""
+    found, _ = halves(direction, left, lit, data, how)
+    along = (slice(None), None, None) if how.each == "frame" else (None, slice(None), None)
+    return found, left - found.astype(np.float32)[along] * direction
 
 
 def summed_up(effect: Effect, first: FloatArray, second: FloatArray, step_s: float) -> Effect:
