@@ -28,6 +28,7 @@ FALSE_ALARMS = 0.01  # of a whole search, by chance
 TRIED = 3  # of the likeliest are fitted
 HOPE = 0.3  # of the least gain that counts, from which on a candidate is worth a fit
 RIVAL = 0.1  # of what the best explains, by a linear step, from which on another is its rival
+CONFUSED = 0.02  # the same of an effect that is known to be confused with the best
 NEAR = 0.8  # of the best's gain, from which on another is fitted to the end as well
 WORST = -4.0  # standard errors by which a block of time, of rows or a strip may fare worse
 MOST_STEPS = 6
@@ -136,16 +137,34 @@ def next_step(before: Fit, usual: Usual = NOTHING) -> Step:
         best = step.chosen
         if best is not None and candidate.explains * scale < RIVAL * best.gain:
             break  # it, and all after it, are far from as good
-        trial = tried(before, candidate, usual)
-        if trial is not None:
-            ordered = sorted((*step.trials, trial), key=lambda t: -t.beyond)
-            step = dataclasses.replace(step, trials=tuple(ordered))
+        step = _with_trial(step, candidate, usual)
+    for candidate in _confusable(found, step, scale):
+        step = _with_trial(step, candidate, usual)
     if step.chosen is None:
         return step
     # What is nearly as good may be as good, once it rests.
     near = NEAR * step.chosen.gain
     trials = [settled(before, t, usual) if t.gain > near else t for t in step.trials]
     return dataclasses.replace(step, trials=tuple(sorted(trials, key=lambda t: -t.beyond)))
+
+
+def _with_trial(step: Step, candidate: Candidate, usual: Usual) -> Step:
+    trial = tried(step.before, candidate, usual)
+    trials = (*step.trials, trial) if trial else step.trials
+    return dataclasses.replace(step, trials=tuple(sorted(trials, key=lambda t: -t.beyond)))
+
+
+def _confusable(found: Sequence[Candidate], step: Step, scale: float) -> list[Candidate]:
+    """What the best is known to be confused with, though one linear step tells little for it."""
+    best = step.chosen
+    if best is None:
+        return []
+    known = {trial.effect.name for trial in step.trials}
+    out: dict[str, Candidate] = {}
+    for c in found:
+        if c.effect.name in best.effect.confused_with and c.effect.name not in known:
+            out.setdefault(c.effect.name, c)
+    return [c for c in out.values() if c.explains * scale > CONFUSED * best.gain]
 
 
 def _likeliest(
