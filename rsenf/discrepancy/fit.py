@@ -15,6 +15,7 @@ import numpy as np
 
 from rsenf.discrepancy.gap import Gap, gap_of
 from rsenf.discrepancy.knobs import FLICKER, IDLE, Knob, knobs_of, turned
+from rsenf.discrepancy.lean import leaned, leans
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.series import improved
 from rsenf.discrepancy.slopes import Slopes, slopes_of
@@ -109,7 +110,7 @@ def fit(theory: Theory, data: Measured, *, most: int = MOST, slopes: Slopes | No
             slopes = slopes_of(theory, rows, data, knobs)
         step = _stepped(theory, rows, slopes)
         theory, rows = step.theory, step.rows
-        complete = len(slopes.knobs) == len(knobs)
+        complete = len(slopes.knobs) == len(knobs) and (slopes.lean is not None) == leans(theory)
         if step.rested and complete:
             break
         if step.far or not complete:
@@ -177,6 +178,8 @@ def _stepped(theory: Theory, rows: Float32Array, slopes: Slopes) -> _Step:
     model = turned(theory.model, knobs, step.tolist())
     theory = dataclasses.replace(theory, model=model, course=theory.course.moved(course))
     theory, left, moved_steps = improved(theory, left, slopes.lit, slopes.series, data)
+    if slopes.lean is not None:
+        theory, left = leaned(theory, left, slopes.lean, data, variance)
     wall = np.clip(theory.wall * (1.0 + slopes.brighter(left)), DARKEST, 255.0)
     theory = dataclasses.replace(theory, wall=wall)
     turned_steps = float((np.abs(step) / steps).max())

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from rsenf.discrepancy.knobs import Knob, series_of
+from rsenf.discrepancy.lean import by_lean, leans
 from rsenf.discrepancy.linear import TINY, System
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.series import response
@@ -37,6 +38,8 @@ class Slopes:
         By each knob.
     series : dict of str to ndarray of float32
         By the values of each effect that has a series, all of them at once.
+    lean : ndarray of float32 or None
+        By the wall's lean, where there is light to which it matters.
     """
 
     data: Measured
@@ -46,6 +49,7 @@ class Slopes:
     knobs: tuple[Knob, ...]
     own: tuple[Float32Array, ...]
     series: dict[str, Float32Array]
+    lean: Float32Array | None = None
 
     @cached_property
     def training(self) -> System:
@@ -100,6 +104,7 @@ def slopes_of(
         knobs=tuple(knobs),
         own=tuple(by_knob(theory, rows, data, knob) for knob in knobs),
         series=series,
+        lean=by_lean(theory, rows, data) if leans(theory) else None,
     )
 
 

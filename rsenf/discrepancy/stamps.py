@@ -7,6 +7,7 @@ the phase of the flicker tells.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -100,10 +101,8 @@ def _late_frames(theory: Theory, late_s: FloatArray, data: Measured) -> Fit:
     course = theory.course
     at_nodes = np.interp(course.node_s, step_s * np.arange(late_s.size), late_s)
     turned_rad = 4.0 * math.pi * data.nominal_hz * at_nodes
-    moved = Theory(
-        theory.model.plus(effect), course.through(course.psi_rad - turned_rad), theory.wall
-    )
-    return fit(moved, data)
+    course = course.through(course.psi_rad - turned_rad)
+    return fit(dataclasses.replace(theory, model=theory.model.plus(effect), course=course), data)
 
 
 def _white(late_s: FloatArray) -> bool:

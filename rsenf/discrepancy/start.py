@@ -41,14 +41,14 @@ def first_theory(model: CaptureModel, data: Measured) -> Theory:
         model.shutter,
         frame_rate=data.frame_rate,
         rows=data.lines,
-        # The scene's columns are all of one strip: as few as there may be.
-        columns=max(16, data.strips),
+        # The columns of half a strip are all alike: as few as there may be.
+        columns=max(16, 8 * data.strips),
         idle_ratio=min(max(idle_ratio, 0.0), 0.98) if known else model.shutter.idle_ratio,
     )
     light = dataclasses.replace(model.light, flicker_ratio=FIRST_SIZE)
     wall = np.asarray(data.level.mean(axis=0, dtype=np.float64))
     begun = dataclasses.replace(model, light=light, shutter=shutter)
-    return sized(Theory(begun, _course(data), wall), data)
+    return sized(Theory(begun, _course(data), wall, np.zeros_like(wall)), data)
 
 
 def _course(data: Measured) -> Course:
@@ -90,7 +90,8 @@ def sized(theory: Theory, data: Measured) -> Theory:
     ratio = (light.flicker_ratio or FIRST_SIZE) * size
     light = dataclasses.replace(light, flicker_ratio=min(max(ratio, 1e-4), 0.9))
     course = theory.course.through(theory.course.psi_rad + turned)
-    return Theory(dataclasses.replace(theory.model, light=light), course, theory.wall)
+    model = dataclasses.replace(theory.model, light=light)
+    return dataclasses.replace(theory, model=model, course=course)
 
 
 def begun_anew(theory: Theory, data: Measured) -> Theory:

@@ -18,6 +18,7 @@ from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel, GridPath, Scene, simulate_rows
 from rsenf.model.chain import Chain
 from rsenf.model.clip import Clip
+from rsenf.model.sensor import WHITE
 
 BEFORE, AFTER = 4, 8  # nodes beyond the clip's ends
 SEED = 0  # of what an effect draws and a fit doesn't know
@@ -90,11 +91,15 @@ class Theory:
     course : Course
     wall : ndarray (lines, strips)
         Levels under the mean light.
+    lean : ndarray (lines, strips)
+        By how much of that the second half of each strip is brighter, and the first darker: where
+        in a strip its light comes from. It matters to light that changes along the lines.
     """
 
     model: CaptureModel
     course: Course
     wall: FloatArray
+    lean: FloatArray
 
     def with_model(self, model: CaptureModel) -> Theory:
         """Return it with another model."""
@@ -119,7 +124,7 @@ class Theory:
         psi_rad = np.interp(data.time_s, self.course.node_s, self.course.psi_rad) + ahead_rad
         psi_rad = np.unwrap(psi_rad - 4.0 * math.pi * self.course.nominal_hz * late_s)
         course = self.course.through(np.interp(self.course.node_s, taken_s, psi_rad))
-        return Theory(model, course, self.wall)
+        return dataclasses.replace(self, model=model, course=course)
 
     def whole(self, turned_rad: float = 0.0) -> CaptureModel:
         """Return its model with the wall and the phase that the light has at the first line.
@@ -133,7 +138,9 @@ class Theory:
         light = dataclasses.replace(
             self.model.light, phase_rad=math.remainder(psi_rad, 2.0 * math.pi)
         )
-        scene = Scene(profile=tuple(map(tuple, self.wall.tolist())))
+        halves = np.stack([self.wall * (1.0 - self.lean), self.wall * (1.0 + self.lean)], axis=2)
+        profile = halves.reshape(len(halves), -1) if self.lean.any() else self.wall
+        scene = Scene(profile=tuple(map(tuple, np.minimum(profile, WHITE).tolist())))
         return dataclasses.replace(self.model, light=light, scene=scene)
 
     def rows(self, data: Measured, *, turned_rad: float = 0.0, lit: float = 1.0) -> Float32Array:

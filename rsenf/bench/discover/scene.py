@@ -17,8 +17,8 @@ from rsenf.model.seeds import generator
 NTSC, FILM = Fraction(30000, 1001), Fraction(24)
 # Frame rates with their grids: where each frame sees the light at another phase.
 CAMERAS = ((NTSC, 50.0), (Fraction(30), 50.0), (FILM, 50.0), (Fraction(25), 60.0))
-# At 25 fps and 50 Hz the flicker all but stands still in the picture. Where a frame is lost or comes
-# twice nothing shows then, and where an encoder dims it again and again its course can't be followed.
+# At 25 fps and 50 Hz the flicker all but stands still in the picture. Where a frame is lost or
+# comes twice nothing shows then, and where key frames dim it its course can't be followed.
 STILL = (Fraction(25), 50.0)
 BLIND_THERE = ("frame_drop", "frame_duplicate", "gop_attenuation")
 LINES = (240, 360, 480)

@@ -113,12 +113,15 @@ class Effect(ABC):
         Effects (or fitted parameters) whose data can look the same.
     told_apart_by : str
         Which data or further measurement decides between them.
+    along_lines : bool
+        Whether its light changes from one end of a line to the other.
     """
 
     name: ClassVar[str]
     source: ClassVar[str]
     confused_with: ClassVar[tuple[str, ...]]
     told_apart_by: ClassVar[str]
+    along_lines: ClassVar[bool] = False
 
     def check(self, shutter: Shutter) -> None:  # noqa: B027 # most effects fit every shutter
         """Check what no single range can.

@@ -27,6 +27,7 @@ class SecondLamp(LightEffect):
     source = "three-phase supply: light phases 2π/3 apart at the illumination frequency"
     confused_with = ("light phase", "flicker_ratio")
     told_apart_by = "strips from left to right; in row means alone it can't be seen"
+    along_lines = True
 
     weight: float = parameter(
         0.1, "its mean share of the light", low=0, high=1,

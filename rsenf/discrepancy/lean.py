@@ -1,0 +1,60 @@
+"""Where in each strip its light comes from: what a lamp beside the camera makes of a textured wall.
+
+Light that changes along the lines acts on a strip as it is at the strip's centre of brightness,
+which is not its middle. So each half of a strip has a level of its own, found from training frames.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from rsenf.discrepancy.measured import Float32Array, Measured
+from rsenf.discrepancy.theory import Theory
+
+USUAL, MOST = 0.1, 0.5  # lean of a wall
+STEP = 0.1
+
+
+def leans(theory: Theory) -> bool:
+    """Whether there is light to which it matters."""
+    strips = theory.wall.shape[1]
+    return strips > 1 and any(effect.along_lines for effect in theory.model.effects)
+
+
+def by_lean(theory: Theory, rows: Float32Array, data: Measured) -> Float32Array:
+    """What the rows do, per unit, when every strip leans more."""
+    moved = dataclasses.replace(theory, lean=theory.lean + STEP).rows(data)
+    return np.asarray((moved - rows) / np.float32(STEP))
+
+
+def leaned(
+    theory: Theory, left: Float32Array, direction: Float32Array, data: Measured, noise_var: float
+) -> tuple[Theory, Float32Array]:
+    """Let a theory lean as the training frames have it, and walls usually do.
+
+    Parameters
+    ----------
+    theory : Theory
+    left : ndarray of float32 (frames, lines, strips)
+        What it leaves of the data.
+    direction : ndarray of float32 (frames, lines, strips)
+        Of :func:`by_lean`.
+    data : Measured
+    noise_var : float
+        Variance of a row's noise.
+
+    Returns
+    -------
+    theory : Theory
+    left : ndarray of float32 (frames, lines, strips)
+        What is left then.
+    """
+    own, seen = direction[data.training], left[data.training]
+    own = own - own.mean(axis=0)  # all else the wall itself could do
+    power = (own * own).sum(axis=0, dtype=np.float64) + noise_var / USUAL**2
+    told = (own * seen).sum(axis=0, dtype=np.float64) - theory.lean * noise_var / USUAL**2
+    lean = np.clip(theory.lean + told / power, -MOST, MOST)
+    by = (lean - theory.lean).astype(np.float32)
+    return dataclasses.replace(theory, lean=lean), left - by * direction
