@@ -21,6 +21,8 @@ from rsenf.discrepancy.slopes import Slopes, by_knob
 from rsenf.model import CATALOGUE, Effect
 from rsenf.model.parameters import Fitting
 
+KEPT = 8  # candidates that keep their slopes
+
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
@@ -45,15 +47,18 @@ def candidates(fit: Fit) -> list[Candidate]:
     """Return every effect of the catalogue that isn't in a fit's model yet, the likeliest first."""
     residue = residue_of(fit)
     there = {effect.name for effect in fit.theory.model.effects}
-    out = []
+    out: list[Candidate] = []
     for name, kind in CATALOGUE.items():
         if name in there:
             continue
         for values in kind.guesses(residue):
             made = weighed(fit, neutral(kind(**values)))
-            if made is not None:
-                out.append(made)
-    return sorted(out, key=lambda c: -c.explains)
+            if made is None:
+                continue
+            out = sorted([*out, made], key=lambda c: -c.explains)
+            # Slopes are large: only those likely to be fitted keep theirs.
+            out[KEPT:] = [dataclasses.replace(c, slopes=None) for c in out[KEPT:]]
+    return out
 
 
 def seeming_gains(fit: Fit) -> dict[str, float]:

@@ -10,6 +10,7 @@ from rsenf.messages import DiscoveryVerdict
 from rsenf.report.hint_words import kind_words, tone_words
 
 LINE, UNEVEN = 0.1, 1.5  # share of a line, and of a part over its even share, to be named
+LISTED = 8  # frames
 VERDICTS = {
     "no_discrepancy": "the model explains this recording",
     "explained": "what was missing is found",
@@ -130,11 +131,15 @@ def _name(effect: dict[str, Any]) -> str:
 
 
 def _parameters(effect: dict[str, Any]) -> list[str]:
-    out = []
+    out, errors = [], effect["stderr"]
+    frames = effect["parameters"].get("at_frames")
+    if frames:  # each by itself: how often is only what they come to
+        return [f"at frames {', '.join(map(str, frames[:LISTED]))}{' …' * (len(frames) > LISTED)}"]
     for name, value in effect["parameters"].items():
-        error = effect["stderr"].get(name)
-        if error is not None:
-            out.append(f"{name} {value:.6g} ± {error:.2g}")
+        if errors.get(name) is not None:
+            out.append(f"{name} {value:.6g} ± {errors[name]:.2g}")
+        elif isinstance(value, float) and not errors:
+            out.append(f"{name} {value:.3g}")
     return out
 
 
