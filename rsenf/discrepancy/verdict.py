@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.floor import Floor, floor_of
 from rsenf.discrepancy.gap import NOTHING_FITS
@@ -19,8 +21,10 @@ from rsenf.discrepancy.start import first_theory
 from rsenf.discrepancy.usual import Usual, usual_of
 from rsenf.discrepancy.where import Share, where
 from rsenf.model import CaptureModel, Effect
+from rsenf.model.sensor import QUANTISATION_VAR
 
 MOST_EVENTS = 100  # that are listed
+FEWEST_PIXELS, MOST_PIXELS = 16, 8192  # of a line
 SURE = 3.0  # standard errors with which a place is one
 
 
@@ -182,7 +186,20 @@ def model_of(found: Discovery, made_from: str) -> CaptureModel:
         "gap": {"before": found.gap_before, "after": found.gap_after},
         "wander": "the light's course is the recording's own and isn't part of the model",
     }
-    return dataclasses.replace(theory.whole(), provenance=provenance)
+    extended = theory.whole()
+    shutter = dataclasses.replace(extended.shutter, columns=_columns(found.last))
+    return dataclasses.replace(extended, shutter=shutter, provenance=provenance)
+
+
+def _columns(last: Fit) -> int:
+    """How many pixels a line needs for its means to have as much noise as was measured.
+
+    Whole halves of strips of them, as the wall is described.
+    """
+    wall, unit = last.theory.wall.astype(np.float32), 2 * last.data.strips
+    pixel_var = float(last.theory.model.sensor.variance(wall).mean()) + QUANTISATION_VAR
+    wanted = pixel_var / last.noise_var * last.data.strips
+    return unit * min(max(round(wanted / unit), -(-FEWEST_PIXELS // unit)), MOST_PIXELS // unit)
 
 
 def _stamps_json(found: Discovery) -> dict[str, Any]:

@@ -99,10 +99,12 @@ def test_a_case_is_tried_and_counted() -> None:
         first_seed=60, each=1, none=0, outside=0, pairs=0, duration_s=27.0, effects=("harmonics",)
     ).cases()
     record = tried(cases[0], None)
-    assert record["outcome"] in ("right", "right, and a rest")
+    assert record["outcome"] == "right"
     assert record["gap"]["after"] < record["gap"]["before"]
+    assert record["given_back"] == "no_discrepancy"
     document = tabulated([record])
-    assert document["rows"][0]["right"] + document["rows"][0]["rest"] == 1
+    assert document["rows"][0]["right"] == 1
+    assert document["rows"][0]["given_back_lack_nothing"] == 1
     assert "harmonics" in text(document)
 
 

@@ -8,7 +8,7 @@ import pytest
 from rsenf.discrepancy import PLAIN, discover, discovery_json, measured_of, model_of
 from rsenf.errors import InputError
 from rsenf.messages import Header
-from rsenf.model import CaptureModel, GridPath, simulate_rows
+from rsenf.model import CaptureModel, GridPath, Shutter, simulate_rows
 from rsenf.rows.luminance import blocks_from_luminance
 from tests.discrepancy.hidden_effects import LINES, SECONDS, hidden
 
@@ -85,6 +85,8 @@ def test_the_model_that_is_written_explains_the_data_it_was_fitted_to() -> None:
     extended = CaptureModel.from_dict(model_of(found, "a test").to_dict())
     assert [effect.name for effect in extended.effects] == ["interharmonic"]
     assert extended.provenance["stderr"]["interharmonic.flicker_hz"] < 1e-3
+    # As many pixels as make the noise that was measured.
+    assert extended.shutter.columns == pytest.approx(Shutter().columns, rel=0.02)
     again = case.discover(extended)
     assert again.verdict == "no_discrepancy"
     path = found.last.theory.course.grid()

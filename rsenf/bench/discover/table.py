@@ -72,6 +72,8 @@ def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
         "within_two": sum(e <= 2.0 for e in sure) / len(sure) if sure else None,
         "shrinkage_median": _of(statistics.median, shrinkage),
         "shrinkage_least": _of(min, shrinkage),
+        "given_back": sum(bool(r.get("given_back")) for r in records),
+        "given_back_lack_nothing": sum(r.get("given_back") == "no_discrepancy" for r in records),
         "cpu_median_s": statistics.median(r["cpu_s"] for r in records),
     }
 
@@ -92,6 +94,10 @@ _COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
     ("within 2 std", lambda r: _percent(r["within_two"])),
     ("gap closed, median", lambda r: _percent(r["shrinkage_median"], 2)),
     ("least", lambda r: _percent(r["shrinkage_least"], 1)),
+    (
+        "model lacks nothing",
+        lambda r: f"{r['given_back_lack_nothing']}/{r['given_back']}" if r["given_back"] else "–",
+    ),
     ("CPU", lambda r: f"{r['cpu_median_s']:.1f} s"),
 )
 

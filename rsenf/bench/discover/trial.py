@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.bench.discover.filmed import codec_of, filmed, sampled
+from rsenf.bench.discover.given_back import given_back
 from rsenf.bench.discover.judge import judged, parameter_error
 from rsenf.bench.discover.outside import OUTSIDE, done_to
 from rsenf.bench.discover.plan import Case
@@ -20,6 +21,8 @@ from rsenf.messages import Header, RowBlock
 from rsenf.model import simulate_rows
 from rsenf.model.seeds import generator
 from rsenf.rows.luminance import blocks_from_luminance
+
+GIVEN_BACK = 4  # of so many models one
 
 
 def tried(case: Case, grids: Path | None) -> dict[str, Any]:
@@ -46,11 +49,15 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
         begun = time.process_time()
         try:
             data, again = (measured_of(rows), None) if rows else sampled(path)
-            told = discovery_json(discover(made.given, data, recoded=again), "")
+            found = discover(made.given, data, recoded=again)
+            told = discovery_json(found, "")
         except RsenfError as exc:
             told = {"verdict": "refused", "effects": [], "gap": {}}
             refused = str(exc)
         seconds = time.process_time() - begun
+        back = ""
+        if told["verdict"] == "explained" and case.seed % GIVEN_BACK == 0:
+            back = given_back(found, made.grid, case.duration_s, case.seed, Path(folder))
     shutter = made.truth.shutter
     errors = {name: parameter_error(name, made.hidden[name], told) for name in made.hidden}
     return {
@@ -70,6 +77,7 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
         "relative_error": {k: v[0] for k, v in errors.items()},
         "error_over_stderr": {k: v[1] for k, v in errors.items()},
         "gap": told["gap"],
+        "given_back": back,
         "frame_rate": str(shutter.frame_rate),
         "nominal_hz": made.grid.nominal_hz,
         "lines": shutter.rows,
