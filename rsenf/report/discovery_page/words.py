@@ -30,7 +30,8 @@ def headline(found: Discovery, told: dict[str, Any]) -> str:
     if found.verdict == "no_discrepancy":
         return f"The model explains this recording: what it leaves is {_CHANCE}."
     if found.verdict == "explained":
-        return f"The model lacked {added}: with it {shrinks}what is left is {_CHANCE}."
+        it = "it" if len(names_of(found)) == 1 else "them"
+        return f"The model lacked {added}: with {it} {shrinks}what is left is {_CHANCE}."
     kind = kind_words(told["unexplained"])
     first = f"With {added} {shrinks}still s" if added else "S"
     return (
