@@ -3,12 +3,17 @@
 One idea a file, in the order of the work::
 
     measured     row means in blocks of time: some to fit to, the others to score on
+    apart        along which axis of them neighbours' noise is their own
+    estimates    what the estimators of rsenf see in them
     theory       a capture model and a course of the light's phase, simulated at will
     knobs        what can be turned on a model
+    slopes       what the rows do when one is
     linear       the small linear problem of one step
     series       effects that have a value of their own for each frame or line
+    lean         where in a strip its light comes from
     fit          Gauss-Newton steps, every derivative made by the capture model
     start        where the first fit begins
+    stamps       what the frames' stamps tell, before any row is looked at
     gap          the systematic part of what is left, and its error
     where        the gap taken apart: by time, row, level, strip, step and frequency
     residue      what is left, summed up for effects to guess from
@@ -16,11 +21,13 @@ One idea a file, in the order of the work::
     trial        one of them fitted, and judged by held-out data
     search       what held-out data support
     floor        how small a gap can be
+    usual        and what a codec makes of it
     signs        what is left, measured in ways that tell causes apart
     tone         a line among it, and of which frequencies it may be an alias
     hint         a guess of its kind
     would_tell   which further measurement would tell, for each kind
     verdict      all of it on one recording
+    result       as plain values, and as a model
 
 and on a stream, window by window::
 
@@ -34,9 +41,10 @@ and, in ``beside``, what a reference of the grid's frequency tells beyond the ro
 """
 
 from rsenf.discrepancy.measured import Measured, measured_of
+from rsenf.discrepancy.result import discovery_json, model_of
 from rsenf.discrepancy.settings import WatchSettings
 from rsenf.discrepancy.start import PLAIN
-from rsenf.discrepancy.verdict import Discovery, discover, discovery_json, model_of
+from rsenf.discrepancy.verdict import Discovery, discover
 from rsenf.discrepancy.watch import WatchStage
 from rsenf.discrepancy.window import Look
 

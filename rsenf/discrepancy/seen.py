@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from rsenf.discrepancy.knobs import series_of
-from rsenf.discrepancy.verdict import SURE, Discovery
+from rsenf.discrepancy.result import SURE
+from rsenf.discrepancy.verdict import Discovery
 from rsenf.messages import FoundEffect
 from rsenf.model import CaptureModel, Effect
 from rsenf.model.parameters import fittings
