@@ -132,12 +132,13 @@ def summed_up(effect: Effect, first: FloatArray, second: FloatArray, step_s: flo
     return dataclasses.replace(effect, **values)
 
 
-def all_as_told(effects: Sequence[Effect]) -> bool:
+def all_as_told(effects: Sequence[Effect], directions: int) -> bool:
     """Whether every series is of the kind that its effect says: a free one would explain anything.
 
     Kicks, what each value brings beyond what the one before lets expect, must be white: no tone
     among them, none far out. One value a line must not go on down the frame, as what a tone curve
-    or a codec makes of the wall does.
+    or a codec makes of the wall does. ``directions`` is how many the course of the phase has, which
+    takes what is slow out of a series of frames: neighbours are less alike than by chance then.
     """
     for effect in effects:
         told = series_of(effect)
@@ -147,7 +148,9 @@ def all_as_told(effects: Sequence[Effect]) -> bool:
         values = values - values.mean()
         before, after = values[:-1], values[1:]
         stays = float(before @ after) / max(float(before @ before), 1e-30)
-        if not told[1].wanders and abs(stays) > WHITE_STDS / np.sqrt(values.size):
+        taken = directions / values.size if told[1].each == "frame" else 0.0
+        chance = WHITE_STDS / np.sqrt(values.size)
+        if not told[1].wanders and not -chance - taken < stays < chance:
             return False
         if told[1].each == "line":
             continue

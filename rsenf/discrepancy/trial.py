@@ -67,7 +67,7 @@ def tried(before: Fit, candidate: Candidate, usual: Usual) -> Trial | None:
         after = fit(begun, before.data, most=STEPS, slopes=candidate.slopes)
     except (UsageError, np.linalg.LinAlgError):  # steps have led to what can't be
         return None
-    if not all_as_told(after.theory.model.effects):
+    if not all_as_told(after.theory.model.effects, after.theory.course.weights.size):
         return None
     return judged(before, after, candidate.effect.name, usual)
 
