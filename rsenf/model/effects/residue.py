@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-GROSS = 0.05  # gap of a model that has lines at the wrong times
+GROSS = 3e-3  # gap of lines at the wrong times: so small where the flicker stands still
 
 FloatArray = NDArray[np.float64]
 
