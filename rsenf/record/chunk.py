@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import zlib
 from typing import Any, NamedTuple
 
@@ -39,6 +40,16 @@ def extents_of(times: Times) -> dict[int, Extent]:
     return {
         n: Extent(len(entries), min(entries)[0], max(entries)[0]) for n, entries in times.items()
     }
+
+
+def timed(chunk: Any, times: Times) -> Any:
+    """Return a chunk record that says the log times of its messages, which no checksum covers."""
+    extents = extents_of(times).values()
+    return dataclasses.replace(
+        chunk,
+        message_start_time=min((extent.first_ns for extent in extents), default=0),
+        message_end_time=max((extent.last_ns for extent in extents), default=0),
+    )
 
 
 def index_chunk(chunk: Any, start: int, length: int, times: Times) -> tuple[Any, bytes]:
