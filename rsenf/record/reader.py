@@ -58,7 +58,7 @@ class Recording:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        with _open(self.path) as stream:
+        with open_file(self.path) as stream:
             check_magic(self.path, stream)
             size = os.fstat(stream.fileno()).st_size
             contents = read_contents(stream, size)
@@ -117,7 +117,7 @@ class Recording:
     def _read(self, decoder: Decoder, tolerant: bool) -> Iterator[tuple[str, Any, int]]:
         self.loss.damaged, self.loss.rejected = self._known_damages, 0
         self._damages = 0
-        with _open(self.path) as stream:
+        with open_file(self.path) as stream:
             for found in sound_records(stream, self._limit):
                 if isinstance(found, Damage):
                     if self.complete or not found.breaks_off:
@@ -163,7 +163,8 @@ def open_recording(path: str | Path) -> Recording:
     return Recording(path)
 
 
-def _open(path: Path) -> BinaryIO:
+def open_file(path: Path) -> BinaryIO:
+    """Open a file for reading; raises as :func:`open_recording`."""
     try:
         return open(path, "rb")
     except FileNotFoundError as exc:
