@@ -10,6 +10,7 @@ from typing import NamedTuple
 from mcap.opcode import Opcode
 
 from rsenf.errors import SchemaMismatch
+from rsenf.record.channels import COMPANION, VERSION
 from rsenf.record.container import DamagedError, check_magic
 from rsenf.record.decoder import Decoder
 from rsenf.record.gaps import Gap, TopicNumbers
@@ -29,6 +30,8 @@ class TopicState(NamedTuple):
     Attributes
     ----------
     topic : Topic
+    version : str
+        Of its schema; empty for those of others.
     gaps : list of Gap
     duplicates : int
         Messages that are there more than once.
@@ -36,13 +39,17 @@ class TopicState(NamedTuple):
         Number of its latest message; None where the messages aren't rsenf's, or none can be read.
     lost_at_end : int or None
         Messages lost after that one; None where the file doesn't tell.
+    cut : bool
+        Whether the file breaks off after it.
     """
 
     topic: Topic
+    version: str
     gaps: list[Gap]
     duplicates: int
     last_seq: int | None
     lost_at_end: int | None
+    cut: bool
 
 
 @dataclass
@@ -160,11 +167,22 @@ def _state(contents: Contents, topic: Topic, reading: _Reading) -> TopicState:
     lost = sum(gap.messages for gap in gaps if gap.damaged)
     return TopicState(
         topic,
+        _version(contents, topic),
         gaps,
         numbers.duplicates,
         numbers.last.seq if numbers.last else None,
         None if recorded is None else max(recorded - topic.messages - lost, 0),
+        not contents.complete,
     )
+
+
+def _version(contents: Contents, topic: Topic) -> str:
+    versions = {
+        channel.metadata.get(VERSION, "")
+        for channel in contents.index.channels.values()
+        if channel.topic in (topic.name, topic.name + COMPANION)
+    }
+    return ", ".join(sorted(versions - {""}))
 
 
 def _count(text: str | None) -> int | None:

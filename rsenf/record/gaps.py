@@ -40,6 +40,10 @@ class _Stream:
     damages: int = 0  # of the file, before it
     hit: list[tuple[int, int]] = field(default_factory=list)  # numbers around damage
 
+    @property
+    def begins_with_damage(self) -> bool:
+        return bool(self.hit) and self.hit[0][0] < 0
+
 
 @dataclass
 class TopicNumbers:
@@ -75,12 +79,14 @@ class TopicNumbers:
         ----------
         joined_at : int, optional
             First number that the recording had of its first stream; what came before it isn't
-            missing. Where it isn't known, it is the first that is left.
+            missing. Where it isn't known, it is the first that is left, but 0 after damage.
         """
         found = []
         for place, ((run_id, epoch), stream) in enumerate(self._streams.items()):
-            start = 0 if place else joined_at
-            for hole in stream.numbers.holes(stream.numbers.first if start is None else start):
+            start = 0 if place or stream.begins_with_damage else stream.numbers.first
+            if place == 0 and joined_at is not None:
+                start = joined_at
+            for hole in stream.numbers.holes(start):
                 damaged = any(a < hole.stop and hole.start <= b for a, b in stream.hit)
                 found.append(Gap(run_id, epoch, hole.start, hole.stop - 1, damaged))
         return found

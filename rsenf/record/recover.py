@@ -183,7 +183,7 @@ def _notes(found: Examination) -> dict[str, str]:
         words = [f"{gap.first}-{gap.last} of epoch {gap.epoch}" for gap in lost[:_NAMED_GAPS]]
         if lost[_NAMED_GAPS:]:
             words.append(f"{sum(gap.messages for gap in lost[_NAMED_GAPS:])} more")
-        if state.lost_at_end != 0:
+        if state.lost_at_end or (state.lost_at_end is None and state.cut):
             words.append(f"what came after {state.last_seq}")
         if words:
             notes[f"lost {state.topic.name}"] = ", ".join(words)
