@@ -152,12 +152,17 @@ def trial(seed: int, samples: list[Sample], folder: Path) -> tuple[str, str]:
     rng = np.random.default_rng(seed)
     kind = list(CORRUPTIONS)[seed % len(CORRUPTIONS)]
     sample = samples[rng.integers(len(samples))]
+    return kind, outcome(CORRUPTIONS[kind](rng, sample), sample, folder)
+
+
+def outcome(content: bytes, sample: Sample, folder: Path) -> str:
+    """Read, examine and recover damaged content; return what came of it. Raises as `trial`."""
     path, out = folder / "damaged.mcap", folder / "recovered.mcap"
-    path.write_bytes(CORRUPTIONS[kind](rng, sample))
+    path.write_bytes(content)
     try:
         read = read_tolerantly(path, sample)
     except RsenfError:
-        return kind, "refused"
+        return "refused"
     read_strictly(path, sample)
     found = examine(path)
     if found.whole and list(read) != list(sample.messages):
@@ -167,19 +172,18 @@ def trial(seed: int, samples: list[Sample], folder: Path) -> tuple[str, str]:
         with contextlib.suppress(RsenfError):
             recover(path, out, overwrite=True)
             raise Wrong("recovered out of nothing")
-        return kind, "nothing left"
+        return "nothing left"
     recover(path, out, overwrite=True)
     check_recovered(out, set(read), sample)
-    if rng.random() < 0.2:
-        close_truncated(path)
-        closed = open_recording(path).messages(tolerant=True)
-        if [_checked(topic, message, sample) for topic, message, _ in closed] != list(read):
-            raise Wrong("closing in place changes what can be read")
+    close_truncated(path)
+    closed = open_recording(path).messages(tolerant=True)
+    if [_checked(topic, message, sample) for topic, message, _ in closed] != list(read):
+        raise Wrong("closing in place changes what can be read")
     if found.whole:
-        return kind, "whole"
-    return kind, "unnamed loss" if unnamed else "lost" if len(read) < len(
-        sample.messages
-    ) else "all"
+        return "whole"
+    if unnamed:
+        return "unnamed loss"
+    return "lost" if len(read) < len(sample.messages) else "all"
 
 
 def read_tolerantly(path: Path, sample: Sample) -> dict[Key, None]:
