@@ -12,6 +12,7 @@ from rsenf.errors import InputError, SchemaMismatch, UsageError
 from rsenf.record.container import DamagedError, Record, check_magic
 from rsenf.record.decoder import Decoder
 from rsenf.record.growing import ABOUT
+from rsenf.record.index import Index
 from rsenf.record.sound import Damage, sound_records
 from rsenf.record.summary import read_contents
 from rsenf.record.topics import topics_of
@@ -62,11 +63,13 @@ class Recording:
             check_magic(self.path, stream)
             size = os.fstat(stream.fileno()).st_size
             contents = read_contents(stream, size)
-        self._limit, self._definitions = contents.limit, contents.index
+        index = contents.index
+        self._limit = contents.limit
+        self._definitions = Index(schemas=index.schemas, channels=index.channels)
         self._known_damages = len(contents.damages)
         self.complete = contents.complete
         self.metadata = contents.metadata
-        self.topics = topics_of(contents.index)
+        self.topics = topics_of(index)
         self.loss = Loss(
             cut_bytes=0 if contents.complete else size - contents.end, damaged=len(contents.damages)
         )

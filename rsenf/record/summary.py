@@ -13,7 +13,7 @@ from mcap.records import ChunkIndex, Footer, MessageIndex, Metadata, MetadataInd
 
 from rsenf.record.chunk import Extent, Times, extents_of
 from rsenf.record.container import HEAD, MAGIC, DamagedError, Record, unpack, walk
-from rsenf.record.index import Index
+from rsenf.record.index import DATA_END, Index
 from rsenf.record.scan import Contents, Watch, define, scan
 from rsenf.record.sound import OURS
 
@@ -45,10 +45,9 @@ def read_contents(stream: BinaryIO, size: int, watch: Watch | None = None) -> Co
     summary, why = Summary(), ""
     try:
         summary = _summary(stream, size, footer)
-        if summary.chunks or summary.messages == 0:
-            contents = _followed(stream, footer.summary_start, summary)
-            if watch is None:
-                return contents
+        followed = _followed(stream, footer.summary_start, summary)
+        if followed is not None and watch is None:
+            return followed
     except DamagedError as exc:
         why = str(exc)
     contents = scan(stream, size - len(MAGIC) - FOOTER_BYTES, watch)
@@ -64,8 +63,9 @@ def read_contents(stream: BinaryIO, size: int, watch: Watch | None = None) -> Co
 
 def _fault(footer: Any, summary: Summary, contents: Contents) -> str:
     """What is wrong with a summary that can be followed, or isn't there."""
-    if not footer.summary_start:
-        return ""  # it needn't be
+    if not footer.summary_start:  # it needn't be there
+        at_once = contents.limit - contents.end == len(DATA_END)
+        return "" if at_once else "a footer that points to no summary"
     if not footer.summary_crc:
         return "a summary without a checksum" if contents.library.startswith(OURS) else ""
     there = [packed[HEAD.size :] for packed in contents.index.chunks]
@@ -114,8 +114,11 @@ def _summary(stream: BinaryIO, size: int, footer: Any) -> Summary:
     return summary
 
 
-def _followed(stream: BinaryIO, limit: int, summary: Summary) -> Contents:
-    """Return the contents that a summary, which begins at ``limit``, points to."""
+def _followed(stream: BinaryIO, limit: int, summary: Summary) -> Contents | None:
+    """Return the contents that a summary, which begins at ``limit``, points to.
+
+    None when it doesn't point to all messages, as it needn't.
+    """
     contents = Contents(complete=True, end=limit, limit=limit)
     contents.add_definitions(summary.defined)
     for body in summary.chunks:
@@ -127,9 +130,7 @@ def _followed(stream: BinaryIO, limit: int, summary: Summary) -> Contents:
             if found.name != entry.name:
                 raise DamagedError("a summary that names other metadata")
             contents.add_metadata(found, record.start, record.end)
-    if summary.messages != contents.index.messages:
-        raise DamagedError("a summary that doesn't index all messages")
-    return contents
+    return contents if contents.index.messages == summary.messages else None
 
 
 def _records_at(stream: BinaryIO, limit: int, start: int, length: int) -> Iterator[Record]:
