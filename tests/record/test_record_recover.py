@@ -113,7 +113,7 @@ def test_a_power_cut_costs_what_came_after_the_last_flush(tmp_path, monkeypatch)
     monkeypatch.setattr(output.os, "fsync", fsync)
     recorder = Recorder(path, run_info={}, clock_ns=clock)
     for seq in range(100):
-        for topic, message in ((VIDEO, packet(seq, size=60_000)), (ROWS, rows(seq))):
+        for topic, message in ((VIDEO, packet(seq, size=150_000)), (ROWS, rows(seq))):
             recorder.write(topic, message)
         size, at_ns = synced[-1]
         assert clock.now_ns - at_ns < 0.54e9  # by default, and with nothing else said
