@@ -31,6 +31,8 @@ VERBS = {
     "run": "start the processes of a graph, show their state, stop them cleanly",
     "validate": "check a graph file, and name every problem with its line",
     "record": "write what is on a bus to an MCAP file",
+    "doctor": "what is in a recording, is it whole, and if not: what was lost, what to do",
+    "recover": "save all that is whole in a damaged recording",
     "explain": "explain a message, an error or an exit code; write the schemas",
 }
 DEBUG = "--debug"

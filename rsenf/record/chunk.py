@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import zlib
 from typing import Any, NamedTuple
 
@@ -39,6 +40,16 @@ def extents_of(times: Times) -> dict[int, Extent]:
     return {
         n: Extent(len(entries), min(entries)[0], max(entries)[0]) for n, entries in times.items()
     }
+
+
+def timed(chunk: Any, times: Times) -> Any:
+    """Return a chunk record that says the log times of its messages, which no checksum covers."""
+    extents = extents_of(times).values()
+    return dataclasses.replace(
+        chunk,
+        message_start_time=min((extent.first_ns for extent in extents), default=0),
+        message_end_time=max((extent.last_ns for extent in extents), default=0),
+    )
 
 
 def index_chunk(chunk: Any, start: int, length: int, times: Times) -> tuple[Any, bytes]:
@@ -114,18 +125,22 @@ class ChunkBuilder:
         entries.append((message.log_time_ns, self.size))
         self.add(pack_message(message))
 
-    def pack(self, start: int) -> PackedChunk:
-        """Pack what was collected, which has messages, into the chunk at a file offset."""
+    def packed(self) -> tuple[Any, Times]:
+        """Return what was collected as a chunk record, and the times and places in it."""
         data, times = b"".join(self._parts), self._times
-        extents = extents_of(times)
         chunk = Chunk(
             compression="zstd" if self._compressor else "",
             data=self._compressor.compress(data) if self._compressor else data,
-            message_start_time=min(extent.first_ns for extent in extents.values()),
-            message_end_time=max(extent.last_ns for extent in extents.values()),
+            message_start_time=0,
+            message_end_time=0,
             uncompressed_crc=zlib.crc32(data),
             uncompressed_size=len(data),
         )
+        return timed(chunk, times), times
+
+    def pack(self, start: int) -> PackedChunk:
+        """Pack what was collected, which has messages, into the chunk at a file offset."""
+        chunk, times = self.packed()
         record = pack(chunk)
         entry, message_indexes = index_chunk(chunk, start, len(record), times)
-        return PackedChunk(record + message_indexes, entry, extents)
+        return PackedChunk(record + message_indexes, entry, extents_of(times))

@@ -8,6 +8,7 @@ https://mcap.dev/spec.
 from __future__ import annotations
 
 import struct
+import zlib
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
@@ -15,10 +16,8 @@ from typing import Any, BinaryIO, NamedTuple
 
 import zstandard
 from mcap.data_stream import ReadDataStream, RecordBuilder
-from mcap.exceptions import EndOfFile, McapError
+from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
-from mcap.records import Chunk
-from mcap.stream_reader import get_chunk_data_stream
 
 from rsenf.errors import InputError
 
@@ -26,6 +25,7 @@ MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")
 MESSAGE = struct.Struct("<HIQQ")
 LARGEST_CHUNK_BYTES = 1 << 28  # unpacked; writers make them of a few MB
+LARGEST_RECORD_BYTES = 1 << 29  # of those that are read into memory
 
 _READ = {int(code) for code in Opcode} - {int(Opcode.ATTACHMENT)}
 
@@ -77,6 +77,8 @@ def walk(stream: BinaryIO, start: int, end: int) -> Iterator[Record]:
         if opcode == 0 or stop > end:  # 0 is no kind: zeros that a power cut left behind
             return
         if opcode in _READ:
+            if length > LARGEST_RECORD_BYTES:
+                return
             body = stream.read(length)
             if len(body) < length:
                 return
@@ -111,12 +113,16 @@ def unpack(kind: Any, body: bytes) -> Any:
     Raises
     ------
     DamagedError
-        When it can't be parsed.
+        When it can't be parsed, or a wrong length makes it swallow what follows.
     """
+    stream = ReadDataStream(BytesIO(body))
     try:
-        return kind.read(ReadDataStream(BytesIO(body)))
+        record = kind.read(stream)
     except (struct.error, EndOfFile, UnicodeDecodeError, OverflowError) as exc:
         raise DamagedError(f"a {kind.__name__} record that can't be parsed") from exc
+    if stream.count != len(body):
+        raise DamagedError(f"a {kind.__name__} record of a wrong length")
+    return record
 
 
 def unpack_message(body: bytes) -> StoredMessage:
@@ -132,37 +138,45 @@ def unpack_message(body: bytes) -> StoredMessage:
     return StoredMessage._make((*MESSAGE.unpack_from(body), body[MESSAGE.size :]))
 
 
-def unpack_chunk(body: bytes) -> bytes:
+def unpack_chunk(chunk: Any, *, checked: bool = True) -> bytes:
     """Return the records inside a chunk, decompressed and checked against their checksum.
+
+    Parameters
+    ----------
+    chunk : mcap.records.Chunk
+        The chunk.
+    checked : bool
+        Whether one without a checksum, which the format allows, is damaged.
 
     Raises
     ------
     DamagedError
         When the chunk isn't what was written, or says it is implausibly large.
     """
-    chunk = unpack(Chunk, body)
     size = chunk.uncompressed_size
-    if size > LARGEST_CHUNK_BYTES or _claimed_size(chunk) not in (size, None):
+    if size > LARGEST_CHUNK_BYTES:
         raise DamagedError(f"a chunk that claims {size} bytes")
     try:
-        stream, length = get_chunk_data_stream(chunk, validate_crc=True)
-    except (zstandard.ZstdError, ValueError, RuntimeError, MemoryError, McapError) as exc:
-        raise DamagedError("a chunk that can't be decompressed, or fails its checksum") from exc
-    if length != size:
-        raise DamagedError(f"a chunk of {length} bytes that claims {size}")
-    return bytes(stream.read(length))
-
-
-def _claimed_size(chunk: Any) -> int | None:
-    """Size that the compressed data itself announces, before anything is allocated for it."""
-    if chunk.compression == "":
-        return len(chunk.data)
-    if chunk.compression == "lz4":
-        return None  # announces none
-    if chunk.compression != "zstd":
-        raise DamagedError(f"a chunk compressed by {chunk.compression!r}, which isn't known")
-    try:
-        claimed = zstandard.frame_content_size(chunk.data)
-    except zstandard.ZstdError as exc:
+        data = _decompressed(chunk.compression, chunk.data, size)
+    except (zstandard.ZstdError, ValueError, RuntimeError, MemoryError) as exc:
         raise DamagedError("a chunk that can't be decompressed") from exc
-    return None if claimed < 0 else claimed
+    if len(data) != size:
+        raise DamagedError(f"a chunk of {len(data)} bytes that claims {size}")
+    if (checked or chunk.uncompressed_crc) and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise DamagedError("a chunk that fails its checksum")
+    return data
+
+
+def _decompressed(compression: str, data: bytes, size: int) -> bytes:
+    """Decompress, allocating no more than was claimed."""
+    if compression == "":
+        return data
+    if compression == "zstd":
+        if zstandard.frame_content_size(data) not in (size, -1):
+            raise ValueError("announces another size")
+        return zstandard.decompress(data, size)
+    if compression == "lz4":
+        from lz4.frame import LZ4FrameDecompressor
+
+        return bytes(LZ4FrameDecompressor().decompress(data, max_length=size))
+    raise DamagedError(f"a chunk compressed by {compression!r}, which isn't known")

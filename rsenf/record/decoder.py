@@ -12,7 +12,8 @@ from rsenf.errors import SchemaMismatch
 from rsenf.messages import VideoPacket, class_for, decode
 from rsenf.messages.codec import MEDIA_TYPE
 from rsenf.record import foxglove
-from rsenf.record.container import Record, StoredMessage, unpack, unpack_message
+from rsenf.record.container import DamagedError, Record, StoredMessage, unpack, unpack_message
+from rsenf.record.index import Index
 from rsenf.record.topics import Route, route_of
 
 
@@ -23,13 +24,20 @@ class Decoder:
     ----------
     topics : frozenset of str, optional
         Those wanted; all when not given.
+    known : Index, optional
+        Schemas and channels known beforehand: the chunk that defined them may be damaged.
     """
 
-    def __init__(self, topics: frozenset[str] | None) -> None:
+    def __init__(self, topics: frozenset[str] | None, known: Index | None = None) -> None:
         self._topics = topics
         self._schemas: dict[int, str] = {}
         self._routes: dict[int, Route] = {}
+        self._others: set[int] = set()
         self._pictures: dict[str, tuple[str, StoredMessage]] = {}
+        for schema in known.schemas.values() if known else ():
+            self._schemas[schema.id] = schema.name
+        for channel in known.channels.values() if known else ():
+            self._open(channel)
 
     def take(self, record: Record) -> tuple[str, Any, int] | None:
         """Take a record; return topic, message and log time in ns when it completes a message.
@@ -47,18 +55,24 @@ class Decoder:
             schema = unpack(Schema, record.body)
             self._schemas[schema.id] = schema.name
         elif record.opcode == Opcode.CHANNEL:
-            channel = unpack(Channel, record.body)
-            route = route_of(channel, self._schemas.get(channel.schema_id, ""))
-            wanted = self._topics is None or route.topic in self._topics
-            if wanted and (route.is_ours or route.is_picture):
-                self._routes[channel.id] = route
+            self._open(unpack(Channel, record.body))
         return None
 
+    def _open(self, channel: Any) -> None:
+        route = route_of(channel, self._schemas.get(channel.schema_id, ""))
+        wanted = self._topics is None or route.topic in self._topics
+        if wanted and (route.is_ours or route.is_picture):
+            self._routes[channel.id] = route
+        else:
+            self._others.add(channel.id)
+
     def _message(self, body: bytes) -> tuple[str, Any, int] | None:
-        route = self._routes.get(int.from_bytes(body[:2], "little"))
-        if route is None:
-            return None
         stored = unpack_message(body)
+        if stored.channel_id in self._others:
+            return None
+        route = self._routes.get(stored.channel_id)
+        if route is None:
+            raise DamagedError("a message of a topic whose definition is lost")
         if route.is_picture:
             self._pictures[route.topic] = (route.schema, stored)
             return None

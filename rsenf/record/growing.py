@@ -67,6 +67,8 @@ class GrowingFile:
         self._path = path
         self._closing_notes = closing_notes
         self._fsync = fsync
+        self._defined = 0  # channels, and how many chunks ago there was a new one
+        self._chunks_since = 0
         self._closed = False
         self._failure: RecordingError | None = None
         begin = MAGIC + pack(FileHeader(profile="", library=f"rsenf {__version__}"))
@@ -121,6 +123,20 @@ class GrowingFile:
             self.chunk.clear()
             self.index.add_chunk(chunk.entry)
             self.index.add_extents(chunk.extents)
+            self._define_again()
+
+    def _define_again(self) -> None:
+        """Begin the next chunk with all schemas and channels, lest they be lost with their chunk.
+
+        After 1, 2, 4, 8 … chunks without a new one: however many are lost at the beginning of a
+        file that has no end, no more than as many again can't be read without them.
+        """
+        known = len(self.index.channels)
+        self._chunks_since = self._chunks_since + 1 if known == self._defined else 1
+        self._defined = known
+        if self._chunks_since.bit_count() == 1:
+            for record in (*self.index.schemas.values(), *self.index.channels.values()):
+                self.chunk.add(pack(record))
 
     def _append(self, block: bytes) -> None:
         try:

@@ -5,23 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from mcap.opcode import Opcode
-
 from rsenf.errors import InputError, SchemaMismatch, UsageError
-from rsenf.record.container import (
-    MAGIC,
-    DamagedError,
-    Record,
-    check_magic,
-    unpack_chunk,
-    walk,
-)
+from rsenf.record.container import DamagedError, Record, check_magic
 from rsenf.record.decoder import Decoder
 from rsenf.record.growing import ABOUT
+from rsenf.record.index import Index
+from rsenf.record.sound import Damage, sound_records
 from rsenf.record.summary import read_contents
 from rsenf.record.topics import topics_of
 
@@ -67,15 +59,19 @@ class Recording:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        with _open(self.path) as stream:
+        with open_file(self.path) as stream:
             check_magic(self.path, stream)
             size = os.fstat(stream.fileno()).st_size
             contents = read_contents(stream, size)
+        index = contents.index
+        self._limit = contents.limit
+        self._definitions = Index(schemas=index.schemas, channels=index.channels)
+        self._known_damages = len(contents.damages)
         self.complete = contents.complete
         self.metadata = contents.metadata
-        self.topics = topics_of(contents.index)
+        self.topics = topics_of(index)
         self.loss = Loss(
-            cut_bytes=0 if contents.complete else size - contents.end, damaged=contents.damaged
+            cut_bytes=0 if contents.complete else size - contents.end, damaged=len(contents.damages)
         )
 
     def messages(
@@ -110,7 +106,7 @@ class Recording:
             When a chunk is damaged.
         """
         wanted = None if topics is None else frozenset(map(self._known, topics))
-        return self._read(Decoder(wanted), tolerant)
+        return self._read(Decoder(wanted, self._definitions), tolerant)
 
     def _known(self, topic: str) -> str:
         found = self.topics.get(topic)
@@ -122,25 +118,18 @@ class Recording:
         return topic
 
     def _read(self, decoder: Decoder, tolerant: bool) -> Iterator[tuple[str, Any, int]]:
-        self.loss.damaged = self.loss.rejected = 0
-        with _open(self.path) as stream:
-            for record in walk(stream, len(MAGIC), os.fstat(stream.fileno()).st_size):
-                if record.opcode in (Opcode.DATA_END, Opcode.FOOTER):
-                    return
-                for part in self._parts(record, tolerant):
+        self.loss.damaged, self.loss.rejected = self._known_damages, 0
+        self._damages = 0
+        with open_file(self.path) as stream:
+            for found in sound_records(stream, self._limit):
+                if isinstance(found, Damage):
+                    if self.complete or not found.breaks_off:
+                        self._refuse_damaged(found.why, tolerant)
+                    continue
+                for part in found.parts or (found.record,):
                     message = self._decoded(decoder, part, tolerant)
                     if message is not None:
                         yield message
-
-    def _parts(self, record: Record, tolerant: bool) -> Iterator[Record]:
-        if record.opcode != Opcode.CHUNK:
-            return iter((record,))
-        try:
-            data = unpack_chunk(record.body)
-        except DamagedError as exc:
-            self._refuse_damaged(exc, tolerant)
-            return iter(())
-        return walk(BytesIO(data), 0, len(data))
 
     def _decoded(
         self, decoder: Decoder, record: Record, tolerant: bool
@@ -148,7 +137,7 @@ class Recording:
         try:
             return decoder.take(record)
         except DamagedError as exc:
-            self._refuse_damaged(exc, tolerant)
+            self._refuse_damaged(str(exc), tolerant)
         except SchemaMismatch as exc:
             if not tolerant:
                 made_by = self.metadata.get(ABOUT, {}).get("rsenf", "unknown")
@@ -157,10 +146,11 @@ class Recording:
             self.loss.rejected += 1
         return None
 
-    def _refuse_damaged(self, exc: DamagedError, tolerant: bool) -> None:
+    def _refuse_damaged(self, why: str, tolerant: bool) -> None:
         if not tolerant:
-            raise InputError(f"{self.path}: damaged, {exc}") from exc
-        self.loss.damaged += 1
+            raise InputError(f"{self.path}: damaged, {why}", "'rsenf recover' saves what is whole")
+        self._damages += 1
+        self.loss.damaged = max(self._damages, self._known_damages)
 
 
 def open_recording(path: str | Path) -> Recording:
@@ -176,7 +166,8 @@ def open_recording(path: str | Path) -> Recording:
     return Recording(path)
 
 
-def _open(path: Path) -> BinaryIO:
+def open_file(path: Path) -> BinaryIO:
+    """Open a file for reading; raises as :func:`open_recording`."""
     try:
         return open(path, "rb")
     except FileNotFoundError as exc:

@@ -1,25 +1,20 @@
-"""What is in a file, found by reading all of it, as far as it goes."""
+"""What is in a file, found by reading all of it; damage costs what it hit."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from io import BytesIO
 from typing import Any, BinaryIO
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, MessageIndex, Metadata, Schema
+from mcap.records import Channel, Schema
 
-from rsenf.record.chunk import Extent, Times, extents_of, index_chunk
-from rsenf.record.container import (
-    MAGIC,
-    DamagedError,
-    Record,
-    unpack,
-    unpack_chunk,
-    unpack_message,
-    walk,
-)
+from rsenf.record.chunk import Extent, Times, extents_of, index_chunk, timed
+from rsenf.record.container import MAGIC, Record, unpack, unpack_message
 from rsenf.record.index import Index
+from rsenf.record.sound import Damage, Sound, sound_records
+
+Watch = Callable[[Sound | Damage], None]
 
 
 @dataclass
@@ -30,15 +25,26 @@ class Contents:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     complete: bool = False  # whether the file has its end
     end: int = len(MAGIC)  # end of the last sound record of the data section
-    damaged: int = 0  # records that are whole but not what they should be
+    limit: int = len(MAGIC)  # where the data section ends at the latest
+    damages: list[Damage] = field(default_factory=list)
+    library: str = ""  # that made the file
+    chunks_said: list[bytes] = field(default_factory=list)  # by the summary, in their order
     missing_indexes: bytes = b""  # message indexes to write at `end`, the last chunk's own
     last_chunk_start: int = len(MAGIC)
 
-    def add_metadata(self, body: bytes, start: int, end: int) -> None:
+    def add_metadata(self, found: Any, start: int, end: int) -> None:
         """Take a metadata record; a later one of the same name adds to the earlier."""
-        found = unpack(Metadata, body)
         self.metadata.setdefault(found.name, {}).update(found.metadata)
         self.index.add_metadata(found.name, start, end - start)
+
+    def add_definitions(self, defined: Index) -> None:
+        """Take schemas and channels that the chunks left don't define."""
+        self.index.schemas = {**defined.schemas, **self.index.schemas}
+        self.index.channels = {**defined.channels, **self.index.channels}
+
+    def add_damage(self, start: int, end: int, why: str) -> None:
+        """Note what is wrong with some of the bytes."""
+        self.damages.append(Damage(start, end, why, breaks_off=False))
 
 
 def define(index: Index, record: Record) -> None:
@@ -51,18 +57,26 @@ def define(index: Index, record: Record) -> None:
         index.channels[channel.id] = channel
 
 
-def scan(stream: BinaryIO, size: int) -> Contents:
-    """Read all records of a file, as far as it goes."""
-    scanner = _Scanner()
-    for record in walk(stream, len(MAGIC), size):
-        if record.opcode in (Opcode.DATA_END, Opcode.FOOTER):
-            break
-        try:
-            scanner.take(record)
-        except DamagedError:
-            scanner.contents.damaged += 1
-        else:
-            scanner.contents.end = record.end
+def times_of(parts: list[Record]) -> Times:
+    """Log time and place of each message in a chunk's records, by channel."""
+    times: Times = {}
+    for part in parts:
+        if part.opcode == Opcode.MESSAGE:
+            message = unpack_message(part.body)
+            times.setdefault(message.channel_id, []).append((message.log_time_ns, part.start))
+    return times
+
+
+def scan(stream: BinaryIO, size: int, watch: Watch | None = None) -> Contents:
+    """Read all records of a file's first ``size`` bytes; ``watch`` is shown each, and damage."""
+    scanner = _Scanner(size)
+    for found in sound_records(stream, size):
+        if watch is not None:
+            watch(found)
+        if isinstance(found, Damage):
+            scanner.contents.damages.append(found)
+        elif found.record.opcode != Opcode.DATA_END:
+            scanner.take(found)
     scanner.settle(last=True)
     return scanner.contents
 
@@ -70,41 +84,50 @@ def scan(stream: BinaryIO, size: int) -> Contents:
 class _Scanner:
     """Takes the records of a data section one by one."""
 
-    def __init__(self) -> None:
-        self.contents = Contents()
+    def __init__(self, size: int) -> None:
+        self.contents = Contents(limit=size)
         self._chunk: tuple[Any, int, int, Times] | None = None
         self._offsets: dict[int, int] = {}
         self._indexes_end = 0
 
-    def take(self, record: Record) -> None:
-        index = self.contents.index
-        if record.opcode == Opcode.MESSAGE_INDEX and self._chunk is not None:
-            self._offsets[unpack(MessageIndex, record.body).channel_id] = record.start
-            self._indexes_end = record.end
+    def take(self, found: Sound) -> None:
+        record, content = found.record, found.content
+        self.contents.end = record.end
+        if record.opcode == Opcode.MESSAGE_INDEX:
+            self._take_index(record, content)
             return
         self.settle()
         if record.opcode == Opcode.CHUNK:
-            self._begin(record)
+            self._begin(found)
         elif record.opcode == Opcode.MESSAGE:
-            message = unpack_message(record.body)
-            time = message.log_time_ns
-            index.add_extents({message.channel_id: Extent(1, time, time)})
+            time = content.log_time_ns
+            self.contents.index.add_extents({content.channel_id: Extent(1, time, time)})
         elif record.opcode == Opcode.METADATA:
-            self.contents.add_metadata(record.body, record.start, record.end)
+            self.contents.add_metadata(content, record.start, record.end)
+        elif record.opcode == Opcode.HEADER:
+            self.contents.library = content.library
         else:
-            define(index, record)
+            define(self.contents.index, record)
 
-    def _begin(self, record: Record) -> None:
-        data = unpack_chunk(record.body)
-        times: Times = {}
-        for inner in walk(BytesIO(data), 0, len(data)):
-            if inner.opcode == Opcode.MESSAGE:
-                message = unpack_message(inner.body)
-                times.setdefault(message.channel_id, []).append((message.log_time_ns, inner.start))
-            else:
-                define(self.contents.index, inner)
+    def _take_index(self, record: Record, found: Any) -> None:
+        times = self._chunk[3] if self._chunk else {}
+        if sorted(found.records) == sorted(times.get(found.channel_id, [])):
+            self._offsets[found.channel_id] = record.start
+            self._indexes_end = record.end
+        else:
+            why = "an index that doesn't fit its chunk"
+            self.contents.add_damage(record.start, record.end, why)
+
+    def _begin(self, found: Sound) -> None:
+        record, times = found.record, times_of(found.parts)
+        chunk = timed(found.content, times)
+        if chunk != found.content:
+            why = "a chunk that says other times than its messages"
+            self.contents.add_damage(record.start, record.end, why)
+        for part in found.parts:
+            define(self.contents.index, part)
         self.contents.index.add_extents(extents_of(times))
-        self._chunk = (unpack(Chunk, record.body), record.start, record.end, times)
+        self._chunk = (chunk, record.start, record.end, times)
         self._offsets, self._indexes_end = {}, record.end
         self.contents.last_chunk_start = record.start
 

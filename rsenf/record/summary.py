@@ -3,30 +3,79 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from io import BytesIO
 from typing import Any, BinaryIO
 
 from mcap.opcode import Opcode
-from mcap.records import ChunkIndex, Footer, MessageIndex, MetadataIndex, Statistics
+from mcap.records import ChunkIndex, Footer, MessageIndex, Metadata, MetadataIndex, Statistics
 
 from rsenf.record.chunk import Extent, Times, extents_of
 from rsenf.record.container import HEAD, MAGIC, DamagedError, Record, unpack, walk
-from rsenf.record.scan import Contents, define, scan
+from rsenf.record.index import DATA_END, Index
+from rsenf.record.scan import Contents, Watch, define, scan
+from rsenf.record.sound import OURS
 
 FOOTER_BYTES = HEAD.size + 20
 
 
-def read_contents(stream: BinaryIO, size: int) -> Contents:
-    """Find out what a file of ``size`` bytes holds."""
+@dataclass
+class Summary:
+    """What a summary says that passes its checksum; one without a checksum says nothing."""
+
+    defined: Index = field(default_factory=Index)  # schemas and channels
+    chunks: list[bytes] = field(default_factory=list)  # contents of chunk index records
+    metadata: list[Any] = field(default_factory=list)
+    messages: int = -1
+
+
+def read_contents(stream: BinaryIO, size: int, watch: Watch | None = None) -> Contents:
+    """Find out what a file of ``size`` bytes holds.
+
+    With ``watch``, all of the file is read, whatever its summary says, and ``watch`` is shown each
+    sound record and all damage of its data section.
+    """
     footer = _footer(stream, size)
-    if footer is not None and footer.summary_start:
-        try:
-            return _from_summary(stream, size, footer)
-        except DamagedError:
-            pass  # reading it all finds what the summary should have said
-    contents = scan(stream, size)
-    contents.complete = footer is not None
+    if footer is None:
+        contents = scan(stream, size, watch)
+        # That it isn't complete says as much.
+        contents.damages = [damage for damage in contents.damages if not damage.breaks_off]
+        return contents
+    summary, why = Summary(), ""
+    try:
+        summary = _summary(stream, size, footer)
+        followed = _followed(stream, footer.summary_start, summary)
+        if followed is not None and watch is None:
+            return followed
+    except DamagedError as exc:
+        why = str(exc)
+    contents = scan(stream, size - len(MAGIC) - FOOTER_BYTES, watch)
+    contents.complete = True
+    why = why or _fault(footer, summary, contents)
+    # Where chunks are damaged it is no wonder that the summary says otherwise.
+    if why and not contents.damages:
+        contents.add_damage(contents.end, size, why)
+    contents.add_definitions(summary.defined)
+    contents.chunks_said = summary.chunks
     return contents
+
+
+def _fault(footer: Any, summary: Summary, contents: Contents) -> str:
+    """What is wrong with a summary that can be followed, or isn't there."""
+    if not footer.summary_start:  # it needn't be there
+        at_once = contents.limit - contents.end == len(DATA_END)
+        return "" if at_once else "a footer that points to no summary"
+    if not footer.summary_crc:
+        return "a summary without a checksum" if contents.library.startswith(OURS) else ""
+    there = [packed[HEAD.size :] for packed in contents.index.chunks]
+    same = sorted(map(_place, summary.chunks)) == sorted(map(_place, there))
+    return "" if same else "a summary that doesn't fit the chunks"
+
+
+def _place(chunk_index: bytes) -> tuple[int, int]:
+    entry = unpack(ChunkIndex, chunk_index)
+    return entry.chunk_start_offset, entry.chunk_length
 
 
 def _footer(stream: BinaryIO, size: int) -> Any:
@@ -42,45 +91,64 @@ def _footer(stream: BinaryIO, size: int) -> Any:
     return unpack(Footer, record.body)
 
 
-def _from_summary(stream: BinaryIO, size: int, footer: Any) -> Contents:
+def _summary(stream: BinaryIO, size: int, footer: Any) -> Summary:
     start, end = footer.summary_start, size - len(MAGIC) - FOOTER_BYTES
+    summary = Summary()
+    if not start or not footer.summary_crc:
+        return summary
     if not len(MAGIC) <= start <= end:
         raise DamagedError("a summary that lies elsewhere")
     stream.seek(start)
-    summary = stream.read(end + FOOTER_BYTES - 4 - start)
-    if footer.summary_crc and zlib.crc32(summary) != footer.summary_crc:
+    content = stream.read(end + FOOTER_BYTES - 4 - start)
+    if zlib.crc32(content) != footer.summary_crc:
         raise DamagedError("a summary that fails its checksum")
-    contents = Contents(complete=True, end=size)
-    counted = -1
-    for record in walk(BytesIO(summary), 0, end - start):
+    for record in walk(BytesIO(content), 0, end - start):
         if record.opcode == Opcode.CHUNK_INDEX:
-            contents.index.add_extents(
-                _chunk_extents(stream, size, unpack(ChunkIndex, record.body))
-            )
+            summary.chunks.append(record.body)
         elif record.opcode == Opcode.METADATA_INDEX:
-            found = unpack(MetadataIndex, record.body)
-            for metadata in _records_at(stream, size, found.offset, found.length):
-                contents.add_metadata(metadata.body, metadata.start, metadata.end)
+            summary.metadata.append(unpack(MetadataIndex, record.body))
         elif record.opcode == Opcode.STATISTICS:
-            counted = unpack(Statistics, record.body).message_count
+            summary.messages = unpack(Statistics, record.body).message_count
         else:
-            define(contents.index, record)
-    if counted != contents.index.messages:
-        raise DamagedError("a summary that doesn't index all messages")
-    return contents
+            define(summary.defined, record)
+    return summary
 
 
-def _records_at(stream: BinaryIO, size: int, start: int, length: int) -> list[Record]:
-    if start + length > size:
-        raise DamagedError("an index that points outside the file")
-    return list(walk(stream, start, start + length))
+def _followed(stream: BinaryIO, limit: int, summary: Summary) -> Contents | None:
+    """Return the contents that a summary, which begins at ``limit``, points to.
+
+    None when it doesn't point to all messages, as it needn't.
+    """
+    contents = Contents(complete=True, end=limit, limit=limit)
+    contents.add_definitions(summary.defined)
+    for body in summary.chunks:
+        entry = unpack(ChunkIndex, body)
+        contents.index.add_extents(_chunk_extents(stream, limit, entry))
+    for entry in summary.metadata:
+        for record in _records_at(stream, limit, entry.offset, entry.length):
+            found = unpack(Metadata, record.body)
+            if found.name != entry.name:
+                raise DamagedError("a summary that names other metadata")
+            contents.add_metadata(found, record.start, record.end)
+    return contents if contents.index.messages == summary.messages else None
 
 
-def _chunk_extents(stream: BinaryIO, size: int, entry: Any) -> dict[int, Extent]:
+def _records_at(stream: BinaryIO, limit: int, start: int, length: int) -> Iterator[Record]:
+    if start + length > limit:
+        raise DamagedError("an index that points outside the data")
+    return walk(stream, start, start + length)
+
+
+def _chunk_extents(stream: BinaryIO, limit: int, entry: Any) -> dict[int, Extent]:
     start = entry.chunk_start_offset + entry.chunk_length
     times: Times = {}
-    for record in _records_at(stream, size, start, entry.message_index_length):
+    for record in _records_at(stream, limit, start, entry.message_index_length):
         found = unpack(MessageIndex, record.body)
         if found.records:
             times[found.channel_id] = found.records
-    return extents_of(times)
+    extents = extents_of(times)
+    first_ns = min((extent.first_ns for extent in extents.values()), default=0)
+    last_ns = max((extent.last_ns for extent in extents.values()), default=0)
+    if extents and (first_ns, last_ns) != (entry.message_start_time, entry.message_end_time):
+        raise DamagedError("an index of other times than the summary's")
+    return extents

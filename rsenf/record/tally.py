@@ -57,6 +57,11 @@ class Numbers:
         held = sum(stop - begin for begin, stop in zip(self._starts, self._stops, strict=True))
         return self._stops[-1] - min(start, self.first) - held + self._forgotten
 
+    def holes(self, start: int) -> list[range]:
+        """Numbers from ``start`` to the largest that aren't in the set, as far as remembered."""
+        ends = [min(start, self.first), *self._stops[:-1]]
+        return [range(*hole) for hole in zip(ends, self._starts, strict=True) if hole[0] < hole[1]]
+
 
 @dataclass
 class TopicTally:

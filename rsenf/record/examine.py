@@ -1,0 +1,195 @@
+"""What is in a recording, what is missing of it, and what is wrong with the file."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from mcap.opcode import Opcode
+
+from rsenf.errors import SchemaMismatch
+from rsenf.record.channels import COMPANION, VERSION
+from rsenf.record.container import DamagedError, check_magic
+from rsenf.record.decoder import Decoder
+from rsenf.record.gaps import Gap, TopicNumbers
+from rsenf.record.growing import ABOUT, CLOSING
+from rsenf.record.reader import open_file
+from rsenf.record.scan import Contents
+from rsenf.record.sound import Damage, Sound
+from rsenf.record.summary import read_contents
+from rsenf.record.topics import Topic, topics_of
+
+RECOVERED = "rsenf.recovered"
+
+
+class TopicState(NamedTuple):
+    """One topic of a recording.
+
+    Attributes
+    ----------
+    topic : Topic
+    version : str
+        Of its schema; empty for those of others.
+    gaps : list of Gap
+    duplicates : int
+        Messages that are there more than once.
+    last_seq : int or None
+        Number of its latest message; None where the messages aren't rsenf's, or none can be read.
+    lost_at_end : int or None
+        Messages lost after that one; None where the file doesn't tell.
+    cut : bool
+        Whether the file breaks off after it.
+    """
+
+    topic: Topic
+    version: str
+    gaps: list[Gap]
+    duplicates: int
+    last_seq: int | None
+    lost_at_end: int | None
+    cut: bool
+
+
+@dataclass
+class Examination:
+    """What was found in a file that was read from end to end.
+
+    Attributes
+    ----------
+    path : Path
+    size_bytes : int
+    contents : Contents
+    topics : list of TopicState
+    unreadable : dict of str to int
+        Messages that can't be read, though the file is sound there, by the reason.
+    """
+
+    path: Path
+    size_bytes: int
+    contents: Contents
+    topics: list[TopicState]
+    unreadable: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def messages(self) -> int:
+        """Messages of all topics; a picture and its packet are one."""
+        return sum(state.topic.messages for state in self.topics)
+
+    @property
+    def cut_bytes(self) -> int:
+        """Bytes after the last sound record of a file without an end."""
+        return 0 if self.contents.complete else self.size_bytes - self.contents.end
+
+    @property
+    def whole(self) -> bool:
+        """Whether the file is what was written, to its end."""
+        doubled = any(state.duplicates for state in self.topics)
+        return self.contents.complete and not (
+            self.contents.damages or self.unreadable or doubled or self.short
+        )
+
+    @property
+    def short(self) -> bool:
+        """Whether the file says that it had more messages than it has."""
+        return any(state.lost_at_end for state in self.topics)
+
+    @property
+    def lost(self) -> bool:
+        """Whether messages that were recorded are gone."""
+        return self.short or any(gap.damaged for state in self.topics for gap in state.gaps)
+
+
+def examine(path: str | Path) -> Examination:
+    """Read a recording from end to end, and find what is in it and what is wrong with it.
+
+    Raises
+    ------
+    UsageError
+        When there is no such file.
+    InputError
+        When it can't be read, or isn't an MCAP file.
+    """
+    path = Path(path)
+    with open_file(path) as stream:
+        check_magic(path, stream)
+        size = os.fstat(stream.fileno()).st_size
+        reading = _Reading(read_contents(stream, size))
+        contents = read_contents(stream, size, reading.take)
+    states = [_state(contents, topic, reading) for topic in _topics(contents)]
+    return Examination(path, size, contents, states, reading.unreadable)
+
+
+class _Reading:
+    """Takes what a file holds piece by piece, and counts messages."""
+
+    def __init__(self, contents: Contents) -> None:
+        self._decoder = Decoder(None, contents.index)
+        self._damages = 0
+        self.numbers: dict[str, TopicNumbers] = {}
+        self.unreadable: dict[str, int] = {}
+
+    def take(self, found: Sound | Damage) -> None:
+        if isinstance(found, Damage):
+            self._damages += 1
+            return
+        for part in found.parts or (found.record,):
+            try:
+                decoded = self._decoder.take(part)
+            except (DamagedError, SchemaMismatch) as exc:
+                why = str(exc)
+                self.unreadable[why] = self.unreadable.get(why, 0) + 1
+                continue
+            if decoded is not None and part.opcode == Opcode.MESSAGE:
+                topic, message, _ = decoded
+                numbers = self.numbers.setdefault(topic, TopicNumbers())
+                numbers.take(message.header, self._damages)
+
+
+def _topics(contents: Contents) -> list[Topic]:
+    """Topics that there are messages of, and those that the file's end says there were."""
+    found = topics_of(contents.index)
+    for note, count in contents.metadata.get(CLOSING, {}).items():
+        name = note.removeprefix("messages ")
+        if name != note and count != "0" and RECOVERED not in contents.metadata:
+            found.setdefault(name, Topic(name, "", 0, 0, 0))
+    return list(found.values())
+
+
+def _state(contents: Contents, topic: Topic, reading: _Reading) -> TopicState:
+    numbers = reading.numbers.get(topic.name, TopicNumbers())
+    closing = contents.metadata.get(CLOSING, {})
+    gaps = numbers.gaps(_count(closing.get(f"joined_at {topic.name}")))
+    recorded = _count(closing.get(f"messages {topic.name}"))
+    if RECOVERED in contents.metadata:
+        recorded = topic.messages  # what its last part says of it was true before
+    lost = sum(gap.messages for gap in gaps if gap.damaged)
+    return TopicState(
+        topic,
+        _version(contents, topic),
+        gaps,
+        numbers.duplicates,
+        numbers.last.seq if numbers.last else None,
+        None if recorded is None else max(recorded - topic.messages - lost, 0),
+        not contents.complete,
+    )
+
+
+def _version(contents: Contents, topic: Topic) -> str:
+    versions = {
+        channel.metadata.get(VERSION, "")
+        for channel in contents.index.channels.values()
+        if channel.topic in (topic.name, topic.name + COMPANION)
+    }
+    return ", ".join(sorted(versions - {""}))
+
+
+def _count(text: str | None) -> int | None:
+    return int(text) if text is not None and text.lstrip("-").isdecimal() else None
+
+
+def made_by(contents: Contents) -> str:
+    """Program that made the file."""
+    about = contents.metadata.get(ABOUT, {}).get("rsenf")
+    return f"rsenf {about}" if about else contents.library or "unknown"

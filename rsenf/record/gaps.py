@@ -1,0 +1,92 @@
+"""What a topic lacks, by the numbers that its messages carry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from rsenf.messages import Header
+from rsenf.record.tally import Numbers
+
+
+class Gap(NamedTuple):
+    """Numbers that a stream lacks, the last included.
+
+    Attributes
+    ----------
+    run_id : str
+    epoch : int
+    first, last : int
+    damaged : bool
+        Whether the file is damaged there. Else the messages never came to be recorded.
+    """
+
+    run_id: str
+    epoch: int
+    first: int
+    last: int
+    damaged: bool
+
+    @property
+    def messages(self) -> int:
+        """How many numbers."""
+        return self.last - self.first + 1
+
+
+@dataclass
+class _Stream:
+    numbers: Numbers = field(default_factory=Numbers)
+    last: int = -1  # highest number so far
+    damages: int = 0  # of the file, before it
+    hit: list[tuple[int, int]] = field(default_factory=list)  # numbers around damage
+
+    @property
+    def begins_with_damage(self) -> bool:
+        return bool(self.hit) and self.hit[0][0] < 0
+
+
+@dataclass
+class TopicNumbers:
+    """Takes a topic's messages in the order of the file.
+
+    Attributes
+    ----------
+    messages, duplicates : int
+    last : Header or None
+        Of the latest message.
+    """
+
+    messages: int = 0
+    duplicates: int = 0
+    last: Header | None = None
+    _streams: dict[tuple[str, int], _Stream] = field(default_factory=dict)
+
+    def take(self, header: Header, damages: int) -> None:
+        """Take a message that comes after so many damaged places of the file."""
+        stream = self._streams.setdefault((header.run_id, header.epoch), _Stream())
+        self.messages += 1
+        self.duplicates += not stream.numbers.add(header.seq)
+        if damages > stream.damages:
+            stream.hit.append((stream.last, header.seq))
+        stream.damages = damages
+        stream.last = max(stream.last, header.seq)
+        self.last = header
+
+    def gaps(self, joined_at: int | None) -> list[Gap]:
+        """Return what is missing between the first and the last number of each stream.
+
+        Parameters
+        ----------
+        joined_at : int, optional
+            First number that the recording had of its first stream; what came before it isn't
+            missing. Where it isn't known, it is the first that is left, but 0 after damage.
+        """
+        found = []
+        for place, ((run_id, epoch), stream) in enumerate(self._streams.items()):
+            start = 0 if place or stream.begins_with_damage else stream.numbers.first
+            if place == 0 and joined_at is not None:
+                start = joined_at
+            for hole in stream.numbers.holes(start):
+                damaged = any(a < hole.stop and hole.start <= b for a, b in stream.hit)
+                found.append(Gap(run_id, epoch, hole.start, hole.stop - 1, damaged))
+        return found

@@ -1,0 +1,190 @@
+"""A new file of all that is sound in a damaged one, with a note of what was lost."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from mcap.opcode import Opcode
+from mcap.records import ChunkIndex
+from mcap.records import Header as FileHeader
+
+from rsenf import __version__
+from rsenf.errors import InputError, RecordingError, UsageError
+from rsenf.record.chunk import ChunkBuilder, Times, extents_of, index_chunk, timed
+from rsenf.record.container import HEAD, MAGIC, pack, unpack, unpack_message
+from rsenf.record.examine import RECOVERED, Examination, examine
+from rsenf.record.finish import end_of_file
+from rsenf.record.index import Index
+from rsenf.record.output import write_all
+from rsenf.record.reader import open_file
+from rsenf.record.scan import Contents, times_of
+from rsenf.record.sound import OURS, Sound, sound_records
+from rsenf.whole_file import whole_file
+
+BACKUP = ".damaged"
+_NAMED_GAPS = 100  # of each topic; the rest is only counted
+
+
+def recover(path: str | Path, out: str | Path, *, overwrite: bool = False) -> Examination:
+    """Write all that is sound in a recording to a new file, which appears whole or not at all.
+
+    Chunks that the file's end says were elsewhere go back to where they were, ones that are there
+    twice come once, and all indexes are made anew. The new file is read back from end to end.
+
+    Parameters
+    ----------
+    path, out : path
+        The recording, and the new file.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Returns
+    -------
+    Examination
+        Of the damaged file.
+
+    Raises
+    ------
+    UsageError
+        When there is no such file, or the new one exists.
+    InputError
+        When nothing in it can be saved, or another program made it.
+    RecordingError
+        When the new file can't be written.
+    """
+    path, out = Path(path), Path(out)
+    if out.exists() and (not overwrite or out.samefile(path)):
+        raise UsageError(f"{out}: the file exists already", "choose another name")
+    found = _examined(path)
+    with whole_file(out) as part:
+        _write(found, part)
+    return found
+
+
+def recover_in_place(path: str | Path) -> tuple[Examination, Path]:
+    """Put the recovered file in the place of the damaged one, which is kept under another name.
+
+    Returns
+    -------
+    found : Examination
+        Of the damaged file.
+    backup : Path
+        Where it is now.
+
+    Raises
+    ------
+    UsageError, InputError, RecordingError
+        As :func:`recover`; also when there is a backup already.
+    """
+    path = Path(path)
+    backup = path.with_name(path.name + BACKUP)
+    if backup.exists():
+        raise UsageError(f"{backup}: there is a backup already", "move it away first")
+    found = _examined(path)
+    with whole_file(path) as part:
+        _write(found, part)
+        os.link(path, backup)  # both names, until the new file takes the first
+    return found, backup
+
+
+def _examined(path: Path) -> Examination:
+    found = examine(path)
+    library = found.contents.library
+    if library and not library.startswith(OURS):
+        raise InputError(f"{path}: made by {library}", "'mcap recover' is for files of others")
+    if not found.messages:
+        raise InputError(f"{path}: there is no whole message in it", "nothing can be saved")
+    return found
+
+
+def _write(found: Examination, out: Path) -> None:
+    with open_file(found.path) as stream, open(out, "xb", buffering=0) as file:
+        index = Index()
+        for block in _blocks(stream, found, index):
+            write_all(file, block)
+        write_all(file, end_of_file(index, file.tell(), RECOVERED, _notes(found)))
+        os.fsync(file.fileno())
+    written = examine(out)
+    if written.contents.damages or not written.contents.complete:
+        raise RecordingError(f"{out}: what was written can't be read back", "check the disk")
+
+
+def _blocks(stream: BinaryIO, found: Examination, index: Index) -> Iterator[bytes]:
+    """Yield what the new file begins with, up to its end, and note it in the index."""
+    contents = found.contents
+    begin = [MAGIC, pack(FileHeader(profile="", library=f"{OURS}{__version__}"))]
+    index.schemas, index.channels = contents.index.schemas, contents.index.channels
+    # Before all chunks, since the one that defined them may be lost.
+    begin += map(pack, (*index.schemas.values(), *index.channels.values()))
+    yield b"".join(begin)
+    at = sum(map(len, begin))
+    for place in contents.index.metadata:
+        record = pack(_sound_at(stream, place.offset, place.length).content)
+        index.add_metadata(place.name, at, len(record))
+        yield record
+        at += len(record)
+    seen = set()
+    for start, length in _chunk_places(contents):
+        chunk, times = _chunk(_sound_at(stream, start, length), index)
+        identity = (chunk.uncompressed_crc, chunk.uncompressed_size, chunk.message_start_time)
+        if times and identity not in seen:
+            seen.add(identity)
+            record = pack(chunk)
+            entry, message_indexes = index_chunk(chunk, at, len(record), times)
+            index.add_chunk(entry)
+            index.add_extents(extents_of(times))
+            yield record + message_indexes
+            at += len(record) + len(message_indexes)
+
+
+def _sound_at(stream: BinaryIO, start: int, length: int) -> Sound:
+    sound = next(sound_records(stream, start + length, start), None)
+    if not isinstance(sound, Sound):
+        raise InputError("the file changes while it is read", "is it still being recorded?")
+    return sound
+
+
+def _chunk_places(contents: Contents) -> list[tuple[int, int]]:
+    """Where the chunks lie, in the order that the file's end says they had."""
+    chunks = [unpack(ChunkIndex, packed[HEAD.size :]) for packed in contents.index.chunks]
+    said = [_likeness(unpack(ChunkIndex, body)) for body in contents.chunks_said]
+    ranks = {likeness: rank for rank, likeness in enumerate(said)}
+    if all(_likeness(chunk) in ranks for chunk in chunks):
+        chunks.sort(key=lambda chunk: ranks[_likeness(chunk)])
+    return [(chunk.chunk_start_offset, chunk.chunk_length) for chunk in chunks]
+
+
+def _likeness(chunk: Any) -> tuple[int, ...]:
+    times = chunk.message_start_time, chunk.message_end_time
+    return *times, chunk.uncompressed_size, chunk.compressed_size
+
+
+def _chunk(sound: Sound, index: Index) -> tuple[Any, Times]:
+    """Return the chunk, without messages whose channel nothing defines any more."""
+    times = times_of(sound.parts)
+    if index.channels.keys() >= times.keys():
+        return timed(sound.content, times), times
+    builder = ChunkBuilder(compress=True)
+    for part in sound.parts:
+        if part.opcode == Opcode.MESSAGE:
+            message = unpack_message(part.body)
+            if message.channel_id in index.channels:
+                builder.add_message(message)
+    return builder.packed()
+
+
+def _notes(found: Examination) -> dict[str, str]:
+    notes = {"from": found.path.name, "from_bytes": str(found.size_bytes), "by": __version__}
+    for state in found.topics:
+        lost = [gap for gap in state.gaps if gap.damaged]
+        words = [f"{gap.first}-{gap.last} of epoch {gap.epoch}" for gap in lost[:_NAMED_GAPS]]
+        if lost[_NAMED_GAPS:]:
+            words.append(f"{sum(gap.messages for gap in lost[_NAMED_GAPS:])} more")
+        if state.lost_at_end or (state.lost_at_end is None and state.cut):
+            words.append(f"what came after {state.last_seq}")
+        if words:
+            notes[f"lost {state.topic.name}"] = ", ".join(words)
+    return notes
