@@ -30,7 +30,8 @@ VERBS = {
     "bench": "measure every estimator on the same simulated clips",
     "run": "start the processes of a graph, show their state, stop them cleanly",
     "validate": "check a graph file, and name every problem with its line",
-    "record": "write what is on a bus to an MCAP file",
+    "record": "write what is on a bus to an MCAP file, or to an archive of them",
+    "archive": "tell what an archive of recordings has, and where the gaps are",
     "explain": "explain a message, an error or an exit code; write the schemas",
 }
 DEBUG = "--debug"
