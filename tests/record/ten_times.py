@@ -1,8 +1,8 @@
-"""Writing one 1080p30 feed, video passed through, faster than it comes: what is lost, what it takes.
+"""Writing one 1080p30 feed, video passed through, faster than it comes: what is lost, and memory.
 
-Not a test by itself: ``python -m tests.record.ten_times 600 10 7 /tmp/out`` writes 600 s of a feed of
-4 Mb/s at ten times real time into an archive, with the numbers drawn from seed 7, and prints what
-came back and the memory over time. Rate 0 is as fast as it goes.
+Not a test by itself: ``python -m tests.record.ten_times 600 10 7 /tmp/out`` writes 600 s of a feed
+of 4 Mb/s at ten times real time into an archive, with the numbers drawn from seed 7, and prints
+what came back and the memory over time. Rate 0 is as fast as it goes.
 """
 
 from __future__ import annotations
