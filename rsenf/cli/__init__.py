@@ -33,6 +33,8 @@ VERBS = {
     "record": "write what is on a bus to an MCAP file",
     "doctor": "what is in a recording, is it whole, and if not: what was lost, what to do",
     "recover": "save all that is whole in a damaged recording",
+    "record": "write what is on a bus to an MCAP file, or to an archive of them",
+    "archive": "tell what an archive of recordings has, and where the gaps are",
     "explain": "explain a message, an error or an exit code; write the schemas",
 }
 DEBUG = "--debug"

@@ -10,6 +10,7 @@ from rsenf.bus.keys import NAME_PATTERN, NAME_RULE, REFERENCE, is_name
 from rsenf.discrepancy.settings import WatchSettings
 from rsenf.idle.settings import IdleSettings
 from rsenf.match.settings import MatchSettings
+from rsenf.record.settings import AlarmSettings, DiskLimits, Retention, Rotation
 from rsenf.rows.settings import RowsSettings
 from rsenf.track.settings import TrackSettings
 
@@ -155,14 +156,19 @@ class MatchNode(Strict):
 
 
 class RecordNode(Strict):
-    """Writes topics to an MCAP file."""
+    """Writes topics to an MCAP file, or to an archive of such files."""
 
     kind: Literal["record"]
-    out: str
+    out: str | None = Field(None, description="file; or 'archive'")
+    archive: str | None = Field(None, description="folder of files by site, camera and day")
     topics: tuple[str, ...] = Field(("**",), description="key expressions below the site")
     overwrite: bool = False
     flush_every_s: float = Field(0.5, gt=0, le=60)
     compress: bool = True
+    rotation: Rotation = Field(Rotation(), description="when an archive's next file begins")
+    retention: Retention = Field(Retention(), description="what of an archive is deleted")
+    alarms: AlarmSettings = Field(AlarmSettings(), description="what an archive keeps about them")
+    disk: DiskLimits = Field(DiskLimits(), description="how little of it may be left")
 
 
 Node = Annotated[

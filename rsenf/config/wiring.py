@@ -62,11 +62,21 @@ def _of_node(node: Node) -> Iterator[Problem]:
     if isinstance(node, MatchNode) and node.method not in MATCH_METHODS:
         yield ("method",), _no_method(node.method, MATCH_METHODS)
     if isinstance(node, RecordNode):
-        for key_expr in node.topics:
-            try:
-                matches(key_expr, "any")
-            except UsageError as exc:
-                yield ("topics",), str(exc)
+        yield from _of_record(node)
+
+
+def _of_record(node: RecordNode) -> Iterator[Problem]:
+    named = [("topics", key_expr) for key_expr in node.topics]
+    for where, key_expr in [*named, ("alarms", node.alarms.trigger)]:
+        try:
+            matches(key_expr, "any")
+        except UsageError as exc:
+            yield (where,), str(exc)
+    if (node.out is None) == (node.archive is None):
+        yield (), "name a file with 'out', or a folder with 'archive': one of the two"
+    for key in ("rotation", "retention", "alarms"):
+        if node.out is not None and key in node.model_fields_set:
+            yield (key,), f"{key} is of an archive; name a folder with 'archive', not a file"
 
 
 def _no_method(read: str, known: Iterable[str]) -> str:
@@ -90,7 +100,7 @@ def _twice(graph: Graph, name: str, node: Node) -> Iterator[tuple[str, str]]:
             yield where, f"node {first!r} sends the {topic} of {of!r} already"
         elif outputs(node).count((topic, of)) > 1:
             yield where, f"{of!r} stands here twice"
-    if isinstance(node, RecordNode):
+    if isinstance(node, RecordNode) and node.out is not None:
         writers = [n for n, other in graph.nodes.items() if getattr(other, "out", "") == node.out]
         if writers[0] != name:
             yield "out", f"node {writers[0]!r} writes {node.out} already"

@@ -76,6 +76,11 @@ class GrowingFile:
         self._output = _open(path, begin + record, overwrite)
         self.index.add_metadata(ABOUT, len(begin), len(record))
 
+    @property
+    def size_bytes(self) -> int:
+        """Size of the file, with the chunk in the making before it is compressed."""
+        return self._output.size + self.chunk.size
+
     def check_open(self) -> None:
         """Raise RecordingError when nothing more can be written."""
         if self._failure is not None:

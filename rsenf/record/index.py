@@ -12,6 +12,7 @@ from mcap.records import DataEnd, Footer, MetadataIndex, Statistics, SummaryOffs
 
 from rsenf.record.chunk import Extent
 from rsenf.record.container import MAGIC, pack
+from rsenf.record.stretches import Stretch, Stretches
 
 DATA_END = pack(DataEnd(0))
 # A valid end without a summary, for when there is room for nothing else.
@@ -25,6 +26,8 @@ class Index:
     schemas: dict[int, Any] = field(default_factory=dict)
     channels: dict[int, Any] = field(default_factory=dict)
     extents: dict[int, Extent] = field(default_factory=dict)
+    # When each channel had messages, as finely as it was cut into chunks.
+    stretches: dict[int, Stretches] = field(default_factory=dict)
     # Chunk index records, serialised to save memory: a day has 170,000 of them.
     chunks: list[bytes] = field(default_factory=list)
     chunks_bytes: int = 0
@@ -36,9 +39,11 @@ class Index:
         return sum(extent.messages for extent in self.extents.values())
 
     def add_extents(self, extents: dict[int, Extent]) -> None:
-        """Count messages."""
+        """Count the messages of a chunk, or one that is in none."""
         for channel, extent in extents.items():
             self.extents[channel] = extent.joined(self.extents.get(channel))
+            stretches = self.stretches.setdefault(channel, Stretches())
+            stretches.add(Stretch(extent.first_ns, extent.last_ns))
 
     def add_chunk(self, entry: Any) -> None:
         """Note a chunk that is in the file."""

@@ -7,6 +7,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from rsenf.record.held import hold
+
 RESERVE_STEP_BYTES = 1 << 20
 
 
@@ -33,7 +35,7 @@ def write_all(file: Any, data: bytes) -> None:
 
 
 class Output:
-    """A new file that grows by whole blocks.
+    """A new file that grows by whole blocks, and is known to be in use until it is closed.
 
     Beside it lies a nameless one that holds disk space back for the end of this one.
 
@@ -54,6 +56,7 @@ class Output:
         self._reserved = 0
         self._reserve: Any = None
         try:
+            hold(self._file.fileno())
             self._reserve = open_nameless(path.parent)
             self.keep_back(RESERVE_STEP_BYTES)
             self.append(begin)

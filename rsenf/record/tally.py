@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bisect
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from rsenf.messages import Header
 
@@ -63,9 +64,37 @@ class Numbers:
         return [range(*hole) for hole in zip(ends, self._starts, strict=True) if hole[0] < hole[1]]
 
 
+class Place(NamedTuple):
+    """A message's place among all of its topic."""
+
+    run_id: str
+    epoch: int
+    seq: int
+
+    @classmethod
+    def of(cls, header: Header) -> Place:
+        """Place of the message with this header."""
+        return cls(header.run_id, header.epoch, header.seq)
+
+    @classmethod
+    def read(cls, text: str) -> Place:
+        """Read what ``str`` has made.
+
+        Raises
+        ------
+        ValueError
+            When the text is none.
+        """
+        seq, epoch, run_id = text.split(" ", 2)
+        return cls(run_id, int(epoch), int(seq))
+
+    def __str__(self) -> str:
+        return f"{self.seq} {self.epoch} {self.run_id}"
+
+
 @dataclass
 class TopicTally:
-    """What came of one topic.
+    """What came of one topic, for one file.
 
     Attributes
     ----------
@@ -75,15 +104,36 @@ class TopicTally:
         Messages that had come before.
     joined_at : int
         First number of the stream that was running when the recording began. What came before it
-        isn't missed: nobody was listening.
+        isn't missed: nobody was listening. In a file that goes on where another ended, the number
+        that follows.
+    first, last : Place or None
+        Where the file begins and ends: the lowest number of the stream that came first, and the
+        highest of the one that came last.
     """
 
     messages: int = 0
     duplicates: int = 0
     joined_at: int = 0
+    first: Place | None = None
+    last: Place | None = None
     _settled: int = 0  # missed in streams that are no longer kept
     _streams: dict[tuple[str, int], Numbers] = field(default_factory=dict)
     _joined: tuple[str, int] | None = None
+    _goes_on: bool = False
+
+    def next_file(self) -> TopicTally:
+        """Return the tally of a file that goes on from here.
+
+        It knows which numbers have come. One that was missed here and comes there after all lowers
+        ``missed`` there, so that the sum over all files is right.
+        """
+        return TopicTally(
+            joined_at=self.last.seq + 1 if self.last else self.joined_at,
+            _settled=self._settled - self.missed,
+            _streams=self._streams,
+            _joined=self._joined,
+            _goes_on=True,
+        )
 
     def take(self, header: Header) -> bool:
         """Count a message; return whether it is new."""
@@ -92,14 +142,22 @@ class TopicTally:
             self._joined = stream
         numbers = self._streams.setdefault(stream, Numbers())
         new = numbers.add(header.seq)
-        if stream == self._joined:
+        if stream == self._joined and not self._goes_on:
             self.joined_at = numbers.first
+        if new:
+            self._extend(Place.of(header))
         self.messages += new
         self.duplicates += not new
         if len(self._streams) > KEPT_STREAMS:
             oldest = next(iter(self._streams))
             self._settled += self._missed_in(oldest, self._streams.pop(oldest))
         return new
+
+    def _extend(self, place: Place) -> None:
+        if self.first is None or (place[:2] == self.first[:2] and place < self.first):
+            self.first = place
+        if self.last is None or place[:2] != self.last[:2] or place > self.last:
+            self.last = place
 
     @property
     def missed(self) -> int:

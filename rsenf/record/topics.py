@@ -11,6 +11,7 @@ from rsenf.record import foxglove
 from rsenf.record.channels import COMPANION, VERSION
 from rsenf.record.chunk import Extent
 from rsenf.record.index import Index
+from rsenf.record.stretches import Stretch
 
 PACKETS = schema_name(VideoPacket)
 
@@ -41,13 +42,20 @@ def route_of(channel: Any, schema: str) -> Route:
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of a recording."""
+    """One topic of a recording.
+
+    Attributes
+    ----------
+    stretches : tuple of Stretch
+        When there were messages; between them is a hole, longer than half a second.
+    """
 
     name: str
     schema: str
     messages: int
     first_ns: int
     last_ns: int
+    stretches: tuple[Stretch, ...] = ()
 
     @property
     def is_ours(self) -> bool:
@@ -61,13 +69,18 @@ def topics_of(index: Index) -> dict[str, Topic]:
     routes = {n: route_of(c, names.get(c.schema_id, "")) for n, c in index.channels.items()}
     videos = {route.topic for route in routes.values() if route.schema == PACKETS}
     found: dict[str, tuple[str, Extent]] = {}
+    stretches: dict[str, list[Stretch]] = {}
     for number, route in routes.items():
         extent = index.extents.get(number)
         if extent is None or (route.is_picture and route.topic in videos):
             continue
         _, others = found.get(route.topic, ("", None))
         found[route.topic] = (route.schema, extent.joined(others))
-    return {topic: Topic(topic, schema, *extent) for topic, (schema, extent) in found.items()}
+        stretches.setdefault(route.topic, []).extend(index.stretches[number].all())
+    return {
+        topic: Topic(topic, schema, *extent, tuple(stretches[topic]))
+        for topic, (schema, extent) in found.items()
+    }
 
 
 def _is_ours(schema: str) -> bool:

@@ -13,13 +13,12 @@ from rsenf.errors import SchemaMismatch
 from rsenf.messages import Frame, Header, Mark, VideoPacket, decode, encode
 from rsenf.record.channels import Channels
 from rsenf.record.container import StoredMessage
+from rsenf.record.continuity import Continuity
 from rsenf.record.foxglove import to_foxglove
 from rsenf.record.growing import GrowingFile
 from rsenf.record.header import header_of
 from rsenf.record.index import Index
 from rsenf.record.provenance import program_facts
-from rsenf.record.tally import TopicTally
-from rsenf.record.timeline import Timeline
 from rsenf.record.topics import topics_of
 from rsenf.timebase import NS_PER_S, nanoseconds
 
@@ -50,6 +49,8 @@ class Recorder:
         Whether to compress with Zstandard.
     overwrite : bool
         Whether an existing file may be replaced.
+    continuity : Continuity, optional
+        What goes on from the file before.
 
     Attributes
     ----------
@@ -74,12 +75,13 @@ class Recorder:
         fsync: bool = True,
         compress: bool = True,
         overwrite: bool = False,
+        continuity: Continuity | None = None,
     ) -> None:
         self.path = Path(path)
-        self.tallies: dict[str, TopicTally] = {}
+        self._continuity = continuity or Continuity.beginning(clock_ns)
+        self.tallies, self._timeline = self._continuity.tallies, self._continuity.timeline
         self._clock_ns = clock_ns
         self._flush_every_ns = nanoseconds(flush_every_s)
-        self._timeline = Timeline(clock_ns)
         now_ns = self._flushed_ns = clock_ns()
         created = datetime.fromtimestamp(now_ns // NS_PER_S, UTC).isoformat()
         self._file = GrowingFile(
@@ -102,6 +104,11 @@ class Recorder:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of the file so far, with what isn't flushed yet before it is compressed."""
+        return self._file.size_bytes
 
     def write(self, topic: str, message: Any) -> bool:
         """Record a message, unless its number says that it came before.
@@ -170,7 +177,7 @@ class Recorder:
         if header is None:
             raise SchemaMismatch(f"{topic}: a {cls.__name__} without a header")
         self._channels.check(topic, cls)
-        return self.tallies.setdefault(topic, TopicTally()).take(header)
+        return self._continuity.tally(topic).take(header)
 
     def _put_message(self, topic: str, cls: type[Any], payload: bytes, header: Header) -> None:
         log_time_ns = self._timeline.log_time_ns(cls, header)
@@ -209,6 +216,8 @@ class Recorder:
             notes[f"missed {name}"] = str(tally.missed)
             notes[f"duplicates {name}"] = str(tally.duplicates)
             notes[f"joined_at {name}"] = str(tally.joined_at)
+            if tally.first and tally.last:
+                notes[f"first {name}"], notes[f"last {name}"] = str(tally.first), str(tally.last)
         return notes
 
 

@@ -13,9 +13,11 @@ from rsenf.bus.delivery import Delivery
 from rsenf.bus.inbox import Inbox, Received
 from rsenf.bus.keys import camera_key, matches, reference_key
 from rsenf.config import shown
-from rsenf.config.graph import Graph, outputs
+from rsenf.config.graph import Graph, RecordNode, outputs
 from rsenf.errors import InputError
 from rsenf.messages import Header
+from rsenf.record.archive import ArchiveRecorder
+from rsenf.record.disk import DiskGuard
 from rsenf.record.provenance import input_facts
 from rsenf.record.writer import Recorder
 from rsenf.run.node import NodeProcess
@@ -117,30 +119,73 @@ class Ending:
         return not self._open and not self._endless and node.inbox.depth == 0
 
 
+def open_sink(config: RecordNode, info: dict[str, str]) -> Recorder | ArchiveRecorder:
+    """Open what a node records to: a file, or an archive.
+
+    Raises
+    ------
+    UsageError, RecordingError
+        When it can't be.
+    """
+    if config.archive is None:
+        return Recorder(
+            str(config.out),
+            run_info=info,
+            clock_ns=time.time_ns,
+            flush_every_s=config.flush_every_s,
+            compress=config.compress,
+            overwrite=config.overwrite,
+        )
+    return ArchiveRecorder(
+        config.archive,
+        run_info=info,
+        clock_ns=time.time_ns,
+        rotation=config.rotation,
+        retention=config.retention,
+        alarms=config.alarms,
+        flush_every_s=config.flush_every_s,
+        compress=config.compress,
+    )
+
+
+def disk_guard(config: RecordNode, warn: Callable[[str], None]) -> DiskGuard:
+    """Look after the disk that an open sink is on."""
+    folder = Path(config.archive) if config.archive else Path(str(config.out)).absolute().parent
+    return DiskGuard(folder, config.disk, warn)
+
+
 def record_until(
-    recorder: Recorder,
+    sink: Recorder | ArchiveRecorder,
     inbox: Inbox,
     ended: Callable[[], bool],
+    guard: DiskGuard,
     on_message: Callable[[Received], None] = lambda received: None,
 ) -> None:
     """Write what an inbox receives until ``ended()`` says so.
 
     Parameters
     ----------
-    recorder : Recorder
+    sink : Recorder or ArchiveRecorder
         The open recording.
     inbox : Inbox
         Where messages arrive.
     ended : callable
         Asked between messages.
+    guard : DiskGuard
+        Looks after the disk.
     on_message : callable, optional
         Called after each message was written.
+
+    Raises
+    ------
+    RecordingError
+        When the recording can't be written, or the disk is nearly full.
     """
     while not ended():
         received = inbox.receive(0.1)
-        if received is None:
-            recorder.tick()
-            continue
-        header = received.message.header
-        recorder.write_encoded(received.key, type(received.message), received.payload, header)
-        on_message(received)
+        if received is not None:
+            header = received.message.header
+            sink.write_encoded(received.key, type(received.message), received.payload, header)
+            on_message(received)
+        guard.check()
+        sink.tick()

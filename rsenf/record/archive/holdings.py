@@ -1,0 +1,166 @@
+"""What an archive has of a camera in some stretch of time, and where the gaps are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from rsenf.record.archive.index import Entry
+from rsenf.record.archive.layout import Camera
+from rsenf.record.archive.summary import TopicSummary
+from rsenf.record.stretches import Stretch, joined
+from rsenf.record.tally import Place
+from rsenf.timebase import NS_PER_S
+
+# A pause this many times as long as is usual between two messages is a gap, if it isn't short.
+UNUSUAL, SHORTEST_GAP_NS = 5, 2 * NS_PER_S
+# Messages that come when something happens, or too few of them, leave no gaps.
+EVENTS, TOO_FEW = ("alarm", "match"), 10
+
+
+class Gap(NamedTuple):
+    """A stretch of time without messages, or with fewer than were sent.
+
+    Attributes
+    ----------
+    missing : int or None
+        Messages that were sent and aren't there, by their numbers; None where that isn't known.
+    """
+
+    first_ns: int
+    last_ns: int
+    missing: int | None
+
+
+@dataclass(frozen=True)
+class TopicHolding:
+    """What there is of a topic.
+
+    Attributes
+    ----------
+    messages : int
+        In all files that reach into the time asked for.
+    missed : int
+        Of these files, by their own count: never came while they were written.
+    stretches : list of Stretch
+        When there are messages, within that time.
+    gaps : list of Gap or None
+        None for a topic of events, which has none to speak of.
+    """
+
+    messages: int
+    missed: int
+    stretches: list[Stretch]
+    gaps: list[Gap] | None
+
+    @property
+    def covered_ns(self) -> int:
+        """Time that isn't in a gap."""
+        return sum(s.last_ns - s.first_ns for s in self.stretches)
+
+
+@dataclass(frozen=True)
+class Holding:
+    """What there is of a camera between two moments."""
+
+    camera: Camera
+    asked: Stretch
+    files: list[Entry]
+    topics: dict[str, TopicHolding]
+
+
+def holding(entries: Iterable[Entry], camera: Camera, asked: Stretch) -> Holding:
+    """Find what there is of a camera.
+
+    Parameters
+    ----------
+    entries : iterable of Entry
+        Of the archive.
+    camera : Camera
+    asked : Stretch
+        From when to when, on the time line of the recordings.
+    """
+    own = [entry for entry in entries if entry.file.camera == camera]
+    files = [entry for entry in own if _reaches_into(entry, asked)]
+    names = dict.fromkeys(name for entry in files for name in entry.summary.topics)
+    found = {
+        name: _topic(
+            name, [e.summary.topics[name] for e in files if name in e.summary.topics], asked
+        )
+        for name in names
+    }
+    return Holding(camera, asked, files, found)
+
+
+def extent_of(entries: Iterable[Entry], camera: Camera) -> Stretch | None:
+    """From the first message of a camera to its last; None when it has none."""
+    extents = [e.summary.extent for e in entries if e.file.camera == camera]
+    there = [extent for extent in extents if extent is not None]
+    if not there:
+        return None
+    return Stretch(min(e.first_ns for e in there), max(e.last_ns for e in there))
+
+
+def _reaches_into(entry: Entry, asked: Stretch) -> bool:
+    """Whether a file has something of that time; one that can't be read goes by its name."""
+    extent = entry.summary.extent or Stretch(entry.file.start_ns, entry.file.start_ns)
+    return extent.first_ns <= asked.last_ns and asked.first_ns <= extent.last_ns
+
+
+def _topic(name: str, parts: Sequence[TopicSummary], asked: Stretch) -> TopicHolding:
+    """Put the parts of a topic in several files together."""
+    messages = sum(part.messages for part in parts)
+    every = [stretch for part in parts for stretch in part.stretches]
+    eventful = name.rsplit("/", 1)[-1] in EVENTS or messages < TOO_FEW
+    usual_ns = sum(s.last_ns - s.first_ns for s in every) // max(messages, 1)
+    pause_ns = max(SHORTEST_GAP_NS, UNUSUAL * usual_ns)
+    there = joined(every, pause_ns)
+    gaps = None if eventful else _gaps(there, _missing(parts), asked, pause_ns)
+    missed = sum(part.missed or 0 for part in parts)
+    return TopicHolding(messages, missed, _within(there, asked), gaps)
+
+
+def _within(stretches: Iterable[Stretch], asked: Stretch) -> list[Stretch]:
+    cut = (
+        Stretch(max(s.first_ns, asked.first_ns), min(s.last_ns, asked.last_ns)) for s in stretches
+    )
+    return [s for s in cut if s.first_ns <= s.last_ns]
+
+
+def _missing(parts: Sequence[TopicSummary]) -> dict[Stretch, int]:
+    """How many numbers are missing between a file and what came before, where that is known."""
+    found: dict[Stretch, int] = {}
+    reached: tuple[Place, int] | None = None  # how far the files so far go
+    for part in sorted((p for p in parts if p.stretches), key=lambda p: p.stretches[0]):
+        if not part.first:  # broke off: what it has isn't known, so nor is what comes next
+            reached = None
+            continue
+        first, last = Place.read(part.first), Place.read(part.last)
+        if reached and reached[0][:2] == first[:2]:
+            end, end_ns = reached
+            count = first.seq - end.seq - 1
+            if count >= 0:
+                found[Stretch(end_ns, part.stretches[0].first_ns)] = count
+            if last < end:  # all of it was in a file before, as the minutes about an alarm are
+                continue
+        reached = (last, part.stretches[-1].last_ns)
+    return found
+
+
+def _gaps(
+    there: Sequence[Stretch], missing: dict[Stretch, int], asked: Stretch, pause_ns: int
+) -> list[Gap]:
+    """List where time or numbers are missing; time before the first message and after the last."""
+    edges = [asked.first_ns, *(t for s in _within(there, asked) for t in s), asked.last_ns]
+    pauses = [
+        Stretch(first_ns, last_ns)
+        for first_ns, last_ns in zip(edges[::2], edges[1::2], strict=True)
+        if last_ns - first_ns > pause_ns
+    ]
+    gaps = [Gap(*pause, missing.get(pause)) for pause in pauses]
+    for between, count in missing.items():
+        inside = asked.first_ns <= between.first_ns and between.last_ns <= asked.last_ns
+        if count and inside and between not in pauses:
+            gaps.append(Gap(*between, count))
+    return sorted(gaps)

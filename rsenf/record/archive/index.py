@@ -1,0 +1,75 @@
+"""What all files of an archive hold: summaries, kept in a file so that each is made only once."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+from rsenf.errors import RecordingError, UsageError
+from rsenf.record.archive.layout import ArchivedFile, archived_files
+from rsenf.record.archive.summary import FileSummary, summarise
+from rsenf.whole_file import whole_file
+
+VERSION = 1
+NAME = "index.json"
+
+
+class Entry(NamedTuple):
+    """A file and what is in it."""
+
+    file: ArchivedFile
+    summary: FileSummary
+
+
+def read_archive(root: Path) -> list[Entry]:
+    """Find out what an archive holds, the oldest file first.
+
+    Summaries come from ``index.json`` in the archive where their file hasn't changed since, and
+    are written there. An archive that can't be written to is read all the same.
+
+    Raises
+    ------
+    UsageError
+        When there is no such folder.
+    """
+    if not root.is_dir():
+        raise UsageError(f"{root}: no such folder", "name the folder of an archive")
+    known, entries = _known(root), []
+    for file in archived_files(root):
+        with contextlib.suppress(FileNotFoundError):  # deleted a moment ago
+            entries.append(Entry(file, _summary(file.path, known.get(_name(root, file)))))
+    found = {_name(root, entry.file): entry.summary for entry in entries}
+    if found != known:
+        with contextlib.suppress(RecordingError):
+            _write(root, found)
+    return entries
+
+
+def _summary(path: Path, known: FileSummary | None) -> FileSummary:
+    found = path.stat()
+    if known and (known.size_bytes, known.changed_ns) == (found.st_size, found.st_mtime_ns):
+        return known
+    return summarise(path)
+
+
+def _name(root: Path, file: ArchivedFile) -> str:
+    return file.path.relative_to(root).as_posix()
+
+
+def _known(root: Path) -> dict[str, FileSummary]:
+    """What the index says; nothing when it is of another version, or not as it should be."""
+    try:
+        index = json.loads((root / NAME).read_bytes())
+        if index["version"] != VERSION:
+            return {}
+        return {name: FileSummary.from_json(entry) for name, entry in index["files"].items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return {}
+
+
+def _write(root: Path, found: dict[str, FileSummary]) -> None:
+    files = {name: summary.to_json() for name, summary in found.items()}
+    with whole_file(root / NAME) as part:
+        part.write_text(json.dumps({"version": VERSION, "files": files}), encoding="utf-8")

@@ -1,0 +1,200 @@
+"""Writes messages to an archive: each camera's to files of its own, the old ones deleted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from rsenf.errors import RecordingError, UsageError
+from rsenf.messages import Header
+from rsenf.record.archive.alarm_files import AlarmFiles
+from rsenf.record.archive.alarms import AlarmSpan, add_alarm
+from rsenf.record.archive.camera_files import CameraFiles
+from rsenf.record.archive.layout import Camera, camera_of, new_path
+from rsenf.record.archive.retention import Keeper
+from rsenf.record.continuity import Continuity
+from rsenf.record.settings import AlarmSettings, Retention, Rotation
+from rsenf.record.writer import Recorder
+from rsenf.timebase import nanoseconds
+
+KEEP_EVERY_NS = 60 * 10**9
+
+
+class ArchiveRecorder:
+    """A recording spread over files by site, camera and day. To be used from one thread.
+
+    Parameters
+    ----------
+    root : path
+        Folder of the archive; made when it isn't there.
+    run_info : mapping
+        As for :class:`rsenf.record.Recorder`; each file has it.
+    clock_ns : callable
+        Wall clock, UTC since 1970, in ns.
+    rotation, retention, alarms
+        When a new file begins, what is deleted, what belongs to an alarm.
+    flush_every_s, fsync, compress
+        As for :class:`rsenf.record.Recorder`.
+
+    Raises
+    ------
+    UsageError
+        When there is something else under that name.
+    RecordingError
+        When nothing can be written there.
+    """
+
+    def __init__(
+        self,
+        root: str | Path,
+        *,
+        run_info: Mapping[str, Any],
+        clock_ns: Callable[[], int],
+        rotation: Rotation,
+        retention: Retention,
+        alarms: AlarmSettings,
+        flush_every_s: float = 0.5,
+        fsync: bool = True,
+        compress: bool = True,
+    ) -> None:
+        self.path = Path(root)
+        self._run_info, self._clock_ns = dict(run_info), clock_ns
+        self._rotation, self._alarms = rotation, alarms
+        self._file_options = {"flush_every_s": flush_every_s, "fsync": fsync, "compress": compress}
+        self._keeper = Keeper(self.path, retention, clock_ns)
+        self._kept_ns = clock_ns()
+        self._cameras: dict[Camera, CameraFiles | AlarmFiles] = {}
+        self._noted: dict[tuple[Camera, str], AlarmSpan] = {}
+        self._make_folder()
+        self._keep()
+
+    def __enter__(self) -> ArchiveRecorder:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def write_encoded(self, topic: str, cls: type[Any], payload: bytes, header: Header) -> bool:
+        """Record a message, as :meth:`rsenf.record.Recorder.write_encoded`.
+
+        Returns
+        -------
+        bool
+            Whether it was recorded: it is new, and doesn't wait for an alarm.
+        """
+        camera = camera_of(topic)
+        files = self._cameras.get(camera)
+        if files is None:
+            files = self._cameras[camera] = self._files_of(camera)
+        return files.write_encoded(topic, cls, payload, header)
+
+    def add_metadata(self, name: str, values: Mapping[str, Any]) -> None:
+        """Add a metadata record to the files in the making, and to those that follow."""
+        self._run_info.update({f"{name}.{key}": value for key, value in values.items()})
+        for files in self._cameras.values():
+            if files.recorder is not None:
+                files.recorder.add_metadata(name, values)
+
+    def alarm(self, topic: str | None, why: str) -> None:
+        """Keep what lies about this moment, whatever its age.
+
+        Parameters
+        ----------
+        topic : str, optional
+            Where the alarm came; it is one of that topic's camera. Of all cameras, when not given
+            or of a topic that no camera has.
+        why : str
+            In words.
+
+        Raises
+        ------
+        RecordingError
+            When it can't be written down.
+        """
+        own = camera_of(topic) if topic else None
+        for camera, files in self._cameras.items():
+            if own is None or own.name.startswith(_NO_CAMERA) or camera == own:
+                self._note(camera, why)
+                if isinstance(files, AlarmFiles):
+                    files.alarm()
+
+    def _note(self, camera: Camera, why: str) -> None:
+        """Write an alarm down for longer than it asks for: one that lasts needn't fill the disk."""
+        now_ns, alarms = self._clock_ns(), self._alarms
+        from_ns, after_ns = now_ns - nanoseconds(alarms.before_s), nanoseconds(alarms.after_s)
+        noted = self._noted.get((camera, why))
+        if noted is not None and noted.from_ns <= from_ns and now_ns + after_ns <= noted.to_ns:
+            return
+        span = self._noted[camera, why] = AlarmSpan(from_ns, now_ns + 2 * after_ns, why)
+        try:
+            add_alarm(self.path, camera, span)
+        except OSError as exc:
+            raise _cannot(self.path, exc) from exc
+
+    def tick(self) -> None:
+        """Flush, end files and delete old ones, each when it is time to. To be called often."""
+        for files in self._cameras.values():
+            files.tick()
+        if not 0 <= self._clock_ns() - self._kept_ns < KEEP_EVERY_NS:
+            self._keep()
+
+    def close(self) -> None:
+        """Close all files, each whatever becomes of the others."""
+        with ExitStack() as closing:
+            for files in self._cameras.values():
+                closing.callback(files.end_file)
+        self._cameras.clear()
+
+    def _files_of(self, camera: Camera) -> CameraFiles | AlarmFiles:
+        def begin(continuity: Continuity) -> Recorder:
+            try:
+                now_ns = self._clock_ns()
+                path = new_path(self.path, camera, now_ns, of_alarm=self._alarms.only)
+            except OSError as exc:
+                raise _cannot(self.path, exc) from exc
+            return Recorder(
+                path,
+                run_info=self._run_info,
+                clock_ns=self._clock_ns,
+                continuity=continuity,
+                **self._file_options,  # type: ignore[arg-type]  # as named above
+            )
+
+        if self._alarms.only:
+            return AlarmFiles(begin, self._rotation, self._clock_ns, self._alarms)
+        first = Continuity.beginning(self._clock_ns)
+        return CameraFiles(begin, self._rotation, self._clock_ns, first)
+
+    def _make_folder(self) -> None:
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except FileExistsError as exc:
+            raise UsageError(f"{self.path}: this is no folder", "name a folder") from exc
+        except OSError as exc:
+            raise _cannot(self.path, exc) from exc
+
+    def _keep(self) -> None:
+        self._kept_ns = self._clock_ns()
+        try:
+            self._keeper.apply()
+        except OSError as exc:
+            raise _cannot(self.path, exc) from exc
+
+
+# Topics of the grids and of the nodes go by these names in place of a camera's.
+_NO_CAMERA = ("reference", "@")
+
+
+def _cannot(root: Path, exc: OSError) -> RecordingError:
+    reason = (exc.strerror or str(exc)).lower()
+    return RecordingError(
+        f"{exc.filename or root}: recording stopped, {reason}", "check the folder, rights and space"
+    )

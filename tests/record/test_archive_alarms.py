@@ -1,0 +1,184 @@
+"""The minutes about an alarm: from memory when nothing else is written, and never deleted."""
+
+from __future__ import annotations
+
+import json
+
+from archive_samples import CAM1, CAM2, archive, at, files, film, numbers, put, written_at
+from record_samples import NOW_NS, SECOND_NS, Clock, packet, rows
+
+from rsenf.messages import encode
+from rsenf.record import open_recording
+from rsenf.record.archive.alarms import AlarmSpan, add_alarm, alarms_of
+from rsenf.record.archive.layout import Camera, archived_files
+from rsenf.record.archive.retention import Keeper
+from rsenf.record.archive.ring import Kept, Ring
+from rsenf.record.disk import Usage
+from rsenf.record.settings import AlarmSettings, Retention, Rotation
+
+VIDEO, ROWS, ALARM = f"{CAM1}/video", f"{CAM1}/rows", f"{CAM1}/alarm"
+ONLY = AlarmSettings(before_s=2.0, after_s=1.0, only=True)
+DAY_NS = 86_400 * SECOND_NS
+LAB = Camera("lab", "cam1")
+
+
+def test_the_ring_is_written_when_an_alarm_comes(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock, alarms=ONLY) as recorder:
+        film(recorder, clock, range(205), (CAM1, CAM2))
+        assert files(tmp_path) == []
+        recorder.alarm(ALARM, "test")
+        film(recorder, clock, range(205, 300), (CAM1, CAM2))
+        (path,) = files(tmp_path)
+        assert open_recording(path).complete  # already closed, a second after the alarm
+    assert path.parent.parent.name == "cam1"
+    assert path.name.endswith("Z.alarm.mcap")
+    # Two seconds before are 50 frames, from the key frame on; one second after is 25.
+    for topic in (VIDEO, ROWS):
+        assert numbers(path, topic) == list(range(150, 231))
+    messages = list(open_recording(path).messages([VIDEO]))
+    assert messages[0][1].keyframe
+    assert [t - NOW_NS for _, _, t in messages] == [at(k)["pts_ns"] for k in range(150, 231)]
+    (file,) = archived_files(tmp_path)
+    assert file.of_alarm
+
+
+def test_alarms_that_go_on_are_one_file_until_it_is_full(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock, alarms=ONLY, rotation=Rotation(every_s=4.0)) as recorder:
+        for begin in range(0, 250, 10):
+            film(recorder, clock, range(begin, begin + 10))
+            if begin >= 100:
+                recorder.alarm(ALARM, "again")
+        film(recorder, clock, range(250, 400))
+        recorder.alarm(None, "a new one")
+    of_files = [numbers(path, VIDEO) for path in files(tmp_path)]
+    assert of_files[0] == list(range(50, 210))
+    assert of_files[1] == list(range(210, 276))
+    assert of_files[2][-1] == 399
+    assert of_files[2][0] % 10 == 0
+    closing = open_recording(files(tmp_path)[2]).metadata["rsenf.closing"]
+    assert closing[f"missed {VIDEO}"] == "0"  # what wasn't to be recorded isn't missed
+
+
+def test_memory_is_bounded_and_what_that_costs_is_said(tmp_path):
+    clock = Clock()
+    little = AlarmSettings(before_s=60.0, after_s=1.0, only=True, memory_mb=0.5)
+    with archive(tmp_path, clock, alarms=little) as recorder:
+        film(recorder, clock, range(200), size=10_000)
+        recorder.alarm(None, "SIGUSR1")
+    (path,) = files(tmp_path)
+    recording = open_recording(path)
+    kept = numbers(path, VIDEO)
+    assert kept[0] % 10 == 0
+    assert 25 < len(kept) <= 45
+    assert recording.metadata["rsenf.forgotten"]["messages"] == str(2 * kept[0])
+
+
+def test_a_ring_without_key_frames_is_bounded_too():
+    ring = Ring(10**12, 100_000)
+    for seq in range(1, 200):
+        message = packet(10 * seq + 1, 5000)
+        ring.add(Kept(seq, VIDEO, type(message), encode(message), message.header))
+        assert sum(len(kept.payload) for kept in ring) <= 100_000
+    assert ring.forgotten > 150
+
+
+def filled(root, clock, camera=CAM1, files_wanted=5):
+    """Five files of a second each; when each was last written is as the clock has it."""
+    with archive(root, clock, rotation=Rotation(every_s=1.0)) as recorder:
+        for seq in range(files_wanted):
+            put(recorder, f"{camera}/rows", rows(seq))
+            clock.advance(1.0)
+            recorder.tick()
+    for file in archived_files(root):
+        written_at(file.path, file.start_ns + SECOND_NS)
+
+
+def keep(root, clock, disk_bytes=10**12, **rules):
+    return Keeper(
+        root, Retention(**rules), clock, lambda folder: Usage(disk_bytes, disk_bytes)
+    ).apply()
+
+
+def test_old_files_go(tmp_path):
+    clock = Clock()
+    filled(tmp_path, clock)
+    before = files(tmp_path)
+    clock.now_ns = NOW_NS + 3 * DAY_NS + round(2.5 * SECOND_NS)
+    assert keep(tmp_path, clock) == []
+    assert keep(tmp_path, clock, days=3) == before[:2]
+    assert files(tmp_path) == before[2:]
+    clock.advance(1e6)
+    (tmp_path / "lab/cam1/2026-09-21/notes.mcap").write_text("not ours")
+    assert keep(tmp_path, clock, days=3) == before[2:]
+    assert [p.name for p in files(tmp_path)] == ["notes.mcap"]
+
+
+def test_the_oldest_go_when_the_archive_takes_too_much(tmp_path):
+    clock = Clock()
+    filled(tmp_path, clock)
+    filled(tmp_path, clock, CAM2)
+    before = sorted(files(tmp_path), key=lambda path: path.name)
+    size = sum(path.stat().st_size for path in before)
+    assert keep(tmp_path, clock, 2 * size, disk_share=0.5) == []
+    assert keep(tmp_path, clock, 2 * size - 4, disk_share=0.5) == before[:1]
+    assert keep(tmp_path, clock, round(0.9 * size), disk_share=0.5) == before[1:6]
+    assert not (tmp_path / "lab/cam1/2026-09-21").exists()
+
+
+def test_a_file_being_written_stays(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock) as recorder:
+        put(recorder, ROWS, rows(0))
+        (path,) = files(tmp_path)
+        clock.advance(1e7)
+        assert keep(tmp_path, clock, 1, days=1, disk_share=0.1) == []
+    assert numbers(path, ROWS) == [0]
+    assert keep(tmp_path, clock, 1, days=1, disk_share=0.1) == [path]
+
+
+def test_what_an_alarm_refers_to_stays(tmp_path):
+    clock = Clock()
+    alarms = AlarmSettings(before_s=1.5, after_s=0.2)
+    with archive(tmp_path, clock, rotation=Rotation(every_s=1.0), alarms=alarms) as recorder:
+        for seq in range(6):
+            put(recorder, ROWS, rows(seq))
+            put(recorder, f"{CAM2}/rows", rows(seq))
+            clock.advance(0.5)
+            if seq == 3:
+                recorder.alarm(ALARM, "test")
+            clock.advance(0.5)
+            recorder.tick()
+    for file in archived_files(tmp_path):
+        written_at(file.path, file.start_ns + SECOND_NS)
+    clock.advance(1e9)
+    mine = [p for p in files(tmp_path) if "cam1" in p.parts]
+    keep(tmp_path, clock, days=1)
+    # Between 2.0 and 3.9 s (kept for twice the time after): files that begin at 1, 2 and 3 s.
+    assert files(tmp_path) == mine[1:4]
+
+
+def test_an_alarm_that_lasts_takes_few_lines(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock, alarms=AlarmSettings(before_s=2, after_s=10)) as recorder:
+        put(recorder, ROWS, rows(0))
+        begun_ns = clock.now_ns
+        for _ in range(300):
+            recorder.alarm(ALARM, "lasts")
+            clock.advance(0.1)
+    spans = alarms_of(tmp_path, LAB)
+    assert len(spans) == 3
+    for tenth in range(300):
+        now_ns = begun_ns + tenth * SECOND_NS // 10
+        for wanted_ns in (now_ns - 2 * SECOND_NS, now_ns + 10 * SECOND_NS):
+            assert any(span.covers(wanted_ns, wanted_ns) for span in spans)
+
+
+def test_a_line_that_broke_off_costs_no_other(tmp_path):
+    add_alarm(tmp_path, LAB, AlarmSpan(1, 2, "one"))
+    path = tmp_path / "lab/cam1/alarms.jsonl"
+    with open(path, "a") as file:
+        file.write(json.dumps({"version": 1, "from_ns": "3"})[:-4])
+    add_alarm(tmp_path, LAB, AlarmSpan(5, 6, "two"))
+    assert alarms_of(tmp_path, LAB) == [AlarmSpan(1, 2, "one"), AlarmSpan(5, 6, "two")]

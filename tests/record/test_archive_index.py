@@ -1,0 +1,233 @@
+"""What an archive says that it has, against what was put into it."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from archive_samples import CAM1, archive, at, files, film, put
+from hypothesis import given
+from hypothesis import strategies as st
+from record_samples import NOW_NS, SECOND_NS, Clock, rows
+
+from rsenf.cli import main
+from rsenf.record.archive import index as index_module
+from rsenf.record.archive.holdings import Gap, extent_of, holding
+from rsenf.record.archive.index import read_archive
+from rsenf.record.archive.layout import Camera
+from rsenf.record.settings import AlarmSettings, Rotation
+from rsenf.record.stretches import Stretch, Stretches, joined
+from rsenf.timebase import utc_text
+
+VIDEO, ROWS = f"{CAM1}/video", f"{CAM1}/rows"
+LAB = Camera("lab", "cam1")
+TWO_S = Rotation(every_s=2.0)
+
+
+def frame_ns(seq):
+    return NOW_NS + at(seq)["pts_ns"]
+
+
+def pause(recorder, clock, seconds):
+    for _ in range(round(seconds / 0.1)):
+        clock.advance(0.1)
+        recorder.tick()
+
+
+def gaps_of(root, topic=VIDEO, first=None, last=None):
+    entries = read_archive(root)
+    asked = extent_of(entries, LAB)
+    asked = Stretch(
+        asked.first_ns if first is None else frame_ns(first),
+        asked.last_ns if last is None else frame_ns(last),
+    )
+    return holding(entries, LAB, asked).topics[topic].gaps
+
+
+def test_files_that_follow_each_other_leave_no_gap(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock, rotation=TWO_S) as recorder:
+        film(recorder, clock, range(200))
+    assert len(files(tmp_path)) == 4
+    assert gaps_of(tmp_path) == gaps_of(tmp_path, ROWS) == []
+    assert gaps_of(tmp_path, first=-100, last=300) == [
+        Gap(frame_ns(-100), frame_ns(0), None),
+        Gap(frame_ns(199), frame_ns(300), None),
+    ]
+
+
+def test_a_gap_within_a_file_and_one_between_two(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock, rotation=Rotation(every_s=20.0)) as recorder:
+        film(recorder, clock, range(100))
+        pause(recorder, clock, 4.0)
+        film(recorder, clock, range(200, 300))  # a hundred were lost
+    clock.advance(6.0)
+    with archive(tmp_path, clock) as recorder:
+        film(recorder, clock, range(450, 600))
+    assert len(files(tmp_path)) == 2
+    gaps = [Gap(frame_ns(99), frame_ns(200), None), Gap(frame_ns(299), frame_ns(450), 150)]
+    assert gaps_of(tmp_path) == gaps_of(tmp_path, ROWS) == gaps
+    found = holding(read_archive(tmp_path), LAB, Stretch(frame_ns(0), frame_ns(170)))
+    assert found.topics[VIDEO].gaps == [Gap(frame_ns(99), frame_ns(170), None)]
+    assert found.topics[VIDEO].missed == 100
+    assert len(found.files) == 1
+
+
+def test_a_pause_in_which_nothing_was_sent(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock, rotation=TWO_S) as recorder:
+        for seq in range(50):
+            put(recorder, ROWS, rows(seq, **at(seq)))
+            recorder.tick()
+            clock.advance(0.04)
+        clock.advance(10)
+        recorder.tick()
+        for seq in range(50, 80):
+            put(recorder, ROWS, rows(seq, **at(seq + 250)))
+    assert gaps_of(tmp_path, ROWS) == [Gap(frame_ns(49), frame_ns(300), 0)]
+
+
+def test_few_numbers_missing_between_files_show_though_the_pause_is_short(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock) as recorder:
+        film(recorder, clock, range(100))
+    with archive(tmp_path, clock) as recorder:
+        film(recorder, clock, range(110, 200))
+    assert gaps_of(tmp_path) == [Gap(frame_ns(99), frame_ns(110), 10)]
+
+
+def test_an_alarm_file_beside_the_others_makes_no_gap(tmp_path):
+    clock, before, again = Clock(), Clock(), Clock()
+    with archive(tmp_path, clock, rotation=TWO_S) as recorder:
+        film(recorder, clock, range(200))
+    only = AlarmSettings(before_s=1, after_s=1, only=True)
+    with archive(tmp_path, again, alarms=only) as recorder:
+        film(recorder, again, range(75))
+        recorder.alarm(VIDEO, "test")
+        film(recorder, again, range(75, 120))
+    assert before.now_ns == NOW_NS
+    assert len(files(tmp_path)) == 5
+    assert gaps_of(tmp_path) == []
+
+
+def test_a_truncated_file_is_listed_with_what_is_left(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock, rotation=Rotation(every_s=6.0)) as recorder:
+        film(recorder, clock, range(450))
+    paths = files(tmp_path)
+    whole = paths[1].stat().st_size
+    with open(paths[1], "r+b") as file:
+        file.truncate(whole // 2)
+    entries = read_archive(tmp_path)
+    states = [e.summary.state for e in entries]
+    assert states == ["complete", "truncated", "complete"]
+    left = entries[1].summary.topics[VIDEO]
+    assert 0 < left.messages < 150
+    assert entries[1].summary.cut_bytes > 0
+    (gap,) = gaps_of(tmp_path)
+    assert frame_ns(150) < gap.first_ns < gap.last_ns == frame_ns(300)
+    assert gap.missing is None
+    paths[2].write_bytes(b"no recording")
+    assert read_archive(tmp_path)[2].summary.state == "unreadable"
+
+
+def test_the_index_is_made_once_and_again_for_what_has_changed(tmp_path, monkeypatch):
+    clock = Clock()
+    with archive(tmp_path, clock, rotation=TWO_S) as recorder:
+        film(recorder, clock, range(200))
+    first, read = read_archive(tmp_path), []
+    real = index_module.summarise
+    monkeypatch.setattr(index_module, "summarise", lambda path: read.append(path) or real(path))
+    assert read_archive(tmp_path) == first
+    assert read == []
+    paths = files(tmp_path)
+    with open(paths[1], "r+b") as file:
+        file.truncate(5000)
+    paths[2].unlink()
+    assert len(read_archive(tmp_path)) == 3
+    assert read == [paths[1]]
+    for broken in ('{"version": 0, "files": {}}', "{", '{"version": 1, "files": {"a": {}}}', "[]"):
+        (tmp_path / "index.json").write_text(broken)
+        read.clear()
+        assert len(read_archive(tmp_path)) == len(read) == 3
+
+
+@given(st.lists(st.tuples(st.integers(0, 400), st.integers(0, 5)), max_size=30))
+def test_stretches_as_by_counting(pairs):
+    half_s = SECOND_NS // 2
+    found, there = Stretches(), set()
+    for begin, length in pairs:
+        found.add(Stretch(begin * half_s, (begin + length) * half_s))
+        there |= set(range(begin, begin + length + 1))
+    out = []
+    for tick in sorted(there):
+        if out and tick - out[-1][1] <= 1:
+            out[-1][1] = tick
+        else:
+            out.append([tick, tick])
+    assert [[a // half_s, b // half_s] for a, b in found.all()] == out
+
+
+def test_of_too_many_stretches_the_closest_become_one():
+    found = Stretches()
+    for hour in range(20_000):
+        found.add(Stretch(hour * 3 * SECOND_NS, hour * 3 * SECOND_NS + 1))
+    found.add(Stretch(10**15, 10**15 + 1))
+    assert found.all() == [Stretch(0, 19_999 * 3 * SECOND_NS + 1), Stretch(10**15, 10**15 + 1)]
+    assert joined([Stretch(0, 9), Stretch(2, 3), Stretch(15, 16)], 5) == [
+        Stretch(0, 9),
+        Stretch(15, 16),
+    ]
+
+
+@pytest.fixture
+def gappy(tmp_path):
+    """Cameras at 14:13:20, with a gap of four seconds from 14:13:24 on; an alarm; a broken file."""
+    clock, root = Clock(), tmp_path / "archive"
+    with archive(root, clock, rotation=TWO_S) as recorder:
+        film(recorder, clock, range(100))
+        recorder.alarm(f"{CAM1}/alarm", "the light changed")
+        pause(recorder, clock, 4.0)
+        film(recorder, clock, range(200, 300))
+    return root
+
+
+def test_the_command_answers(gappy, capsys):
+    words = ["archive", str(gappy), "--camera", "cam1", "--from", "14:13:22", "--to", "14:13:30"]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("lab/cam1  2026-09-21T14:13:22.000Z to 2026-09-21T14:13:30.000Z\n")
+    assert "  video      49.5 % of the time, 1 gap, 100 missed\n" in out
+    assert "    gap      14:13:23.960Z to 14:13:28.000Z  4.0 s, 100 messages missing\n" in out
+    assert "the light changed" in out
+    assert main([*words, "--json"]) == 0
+    (camera,) = json.loads(capsys.readouterr().out)["cameras"]
+    video = next(t for t in camera["topics"] if t["topic"] == VIDEO)
+    assert [(g["from_ns"], g["missing"]) for g in video["gaps"]] == [(str(frame_ns(99)), 100)]
+    assert video["covered_s"] == pytest.approx(3.96)
+    assert {f["state"] for f in camera["files"]} == {"complete"}
+    assert camera["from_utc"] == utc_text(NOW_NS + 2 * SECOND_NS)
+
+
+def test_the_command_refuses(gappy, capsys):
+    for words, text in (
+        (["--camera", "cam9"], "nothing of 'cam9' (its cameras: lab/cam1)"),
+        (["--from", "25:00"], "--from '2026-09-21T25:00' is not a time"),
+        (["--from", "11:00", "--to", "10:00"], "nothing lies between --from and --to"),
+    ):
+        assert main(["archive", str(gappy), *words]) == 2
+        assert text in capsys.readouterr().err
+    assert main(["archive", str(gappy / "nowhere")]) == 2
+    assert "no such folder" in capsys.readouterr().err
+    (gappy / "empty").mkdir()
+    assert main(["archive", str(gappy / "empty")]) == 0
+    assert "holds no recordings" in capsys.readouterr().err
+
+
+def test_a_file_being_written_is_called_so(tmp_path, capsys):
+    clock = Clock()
+    with archive(tmp_path, clock) as recorder:
+        film(recorder, clock, range(50))
+        assert main(["archive", str(tmp_path)]) == 0
+        assert "MB  writing\n" in capsys.readouterr().out

@@ -1,0 +1,154 @@
+"""Each file of an archive is complete in itself, and nothing is missing between two."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+from archive_samples import CAM1, CAM2, archive, at, files, film, numbers, put
+from mcap.reader import make_reader
+from record_samples import NOW_NS, SECOND_NS, Clock, packet, rows
+
+from rsenf.errors import RecordingError, UsageError
+from rsenf.messages import Mark, VideoPacket
+from rsenf.record import open_recording
+from rsenf.record.settings import Rotation
+from rsenf.record.tally import Place
+
+VIDEO, ROWS = f"{CAM1}/video", f"{CAM1}/rows"
+
+
+def assert_whole(paths):
+    """Every file stands alone, and numbers and times go on from each to the next."""
+    for path in paths:
+        recording = open_recording(path)
+        assert recording.complete
+        assert recording.metadata["rsenf"]["run_id"] == "run"
+        first = next(m for t, m, _ in recording.messages([VIDEO]))
+        assert first.keyframe
+        assert first.data
+        with open(path, "rb") as stream:
+            schemas = {s.name for s in make_reader(stream).get_summary().schemas.values()}
+        assert schemas == {"foxglove.CompressedVideo", "rsenf.VideoPacket", "rsenf.RowBlock"}
+    for topic in (VIDEO, ROWS):
+        of_files = [numbers(path, topic) for path in paths]
+        assert list(itertools.chain(*of_files)) == list(range(sum(map(len, of_files))))
+        closing = [open_recording(path).metadata["rsenf.closing"] for path in paths]
+        for notes, seqs in zip(closing, of_files, strict=True):
+            assert (Place.read(notes[f"first {topic}"]).seq, int(notes[f"joined_at {topic}"])) == (
+                seqs[0],
+                seqs[0],
+            )
+            assert Place.read(notes[f"last {topic}"]).seq == seqs[-1]
+            assert notes[f"missed {topic}"] == "0"
+        times = [t for p in paths for _, _, t in open_recording(p).messages([topic])]
+        assert [t - NOW_NS for t in times] == [at(k)["pts_ns"] for k in range(len(times))]
+
+
+def test_by_time_at_the_next_key_frame(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock, rotation=Rotation(every_s=1.0)) as recorder:
+        film(recorder, clock, range(100))
+    paths = files(tmp_path)
+    assert_whole(paths)
+    # 25 frames are a second; the next key frame is the thirtieth.
+    assert [numbers(p, VIDEO)[0] for p in paths] == [0, 30, 60, 90]
+    day = paths[0].parent
+    assert (day.parent.name, day.name, paths[0].name) == (
+        "cam1",
+        "2026-09-21",
+        "141320.000000Z.mcap",
+    )
+
+
+def test_by_size(tmp_path):
+    clock = Clock()
+    rotation = Rotation(size_mb=0.5)
+    with archive(tmp_path, clock, rotation=rotation) as recorder:
+        film(recorder, clock, range(200), size=10_000)
+    paths = files(tmp_path)
+    assert_whole(paths)
+    assert len(paths) == 4
+    assert all(450_000 < path.stat().st_size < 700_000 for path in paths[:-1])
+
+
+def test_at_midnight(tmp_path):
+    clock = Clock(NOW_NS - NOW_NS % (86_400 * SECOND_NS) + 86_398 * SECOND_NS)
+    with archive(tmp_path, clock) as recorder:
+        film(recorder, clock, range(100))
+    assert [path.parent.name for path in files(tmp_path)] == ["2026-09-21", "2026-09-22"]
+
+
+def test_video_without_key_frames_goes_on_at_twice_the_limit(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock, rotation=Rotation(every_s=1.0)) as recorder:
+        for seq in range(1, 100):
+            message = packet(seq, **at(seq))
+            put(recorder, VIDEO, VideoPacket(header=message.header, codec="h264", data=b"x"))
+            recorder.tick()
+            clock.advance(0.04)
+    assert [numbers(p, VIDEO)[0] for p in files(tmp_path)] == [1, 52]
+
+
+def test_video_that_has_ended_holds_up_nothing(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock, rotation=Rotation(every_s=1.0)) as recorder:
+        film(recorder, clock, range(10))
+        end = packet(10).header.numbered(10, Mark.END)
+        put(recorder, VIDEO, VideoPacket(header=end, codec="h264"))
+        for seq in range(10, 40):
+            put(recorder, ROWS, rows(seq, **at(seq)))
+            clock.advance(0.04)
+    _, second = files(tmp_path)
+    assert numbers(second, ROWS) == list(range(25, 40))
+
+
+def test_a_file_that_is_due_ends_though_nothing_comes(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock, rotation=Rotation(every_s=1.0)) as recorder:
+        put(recorder, ROWS, rows(0))
+        clock.advance(1.5)
+        recorder.tick()
+        (path,) = files(tmp_path)
+        assert open_recording(path).complete
+        clock.advance(5)
+        recorder.tick()
+        assert files(tmp_path) == [path]
+
+
+def test_losses_are_counted_in_the_file_they_fall_in(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock, rotation=Rotation(every_s=1.0)) as recorder:
+        for seq in [*range(20), *range(23, 33), *range(35, 45), 36]:
+            put(recorder, ROWS, rows(seq))
+            clock.advance(0.04)
+    missed = [
+        (notes[f"missed {ROWS}"], notes[f"duplicates {ROWS}"])
+        for notes in (open_recording(p).metadata["rsenf.closing"] for p in files(tmp_path))
+    ]
+    assert missed == [("3", "0"), ("2", "1")]
+
+
+def test_each_camera_has_files_of_its_own(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock) as recorder:
+        film(recorder, clock, range(10), (CAM1, CAM2))
+        put(recorder, "rsenf/lab/reference/ce", rows(0))
+        put(recorder, "rsenf/lab/@nodes/decode/health", rows(0))
+    of = {p.parent.parent.name: set(open_recording(p).topics) for p in files(tmp_path)}
+    assert of == {
+        "cam1": {VIDEO, ROWS},
+        "cam2": {f"{CAM2}/video", f"{CAM2}/rows"},
+        "reference": {"rsenf/lab/reference/ce"},
+        "@nodes": {"rsenf/lab/@nodes/decode/health"},
+    }
+
+
+def test_what_is_under_the_name_already(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="this is no folder"):
+        archive(tmp_path / "file", Clock())
+    with archive(tmp_path, Clock()) as recorder:
+        (tmp_path / "lab").write_text("")
+        with pytest.raises(RecordingError, match=r"lab.*: recording stopped, not a directory"):
+            put(recorder, ROWS, rows(0))
