@@ -85,12 +85,28 @@ def positive(text: str) -> float:
     return value
 
 
+def at_least_0(text: str) -> float:
+    """Argument type: a finite number, zero or above."""
+    value = float(text)
+    if not (math.isfinite(value) and value >= 0):
+        raise argparse.ArgumentTypeError(f"{text} is not a finite number, 0 or above")
+    return value
+
+
 def count(text: str) -> int:
     """Argument type: 0, 1, 2 …"""
     value = int(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"{text} is below 0")
     return value
+
+
+def named(text: str) -> tuple[str, str]:
+    """Argument type: ``NAME=VALUE``."""
+    name, equals, value = text.partition("=")
+    if not (name and equals and value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=VALUE")
+    return name, value
 
 
 def add_row_arguments(parser: argparse.ArgumentParser) -> None:
