@@ -20,6 +20,7 @@ from rsenf.reference import read_reference, reference_blocks
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import analyse
 from rsenf.run.inputs import Input
+from rsenf.run.replay.control import Control
 from rsenf.run.replay.player import Player, Playing
 from rsenf.track import TrackSettings
 
@@ -99,13 +100,14 @@ def hashes(streams: Streams) -> dict[str, str]:
     }
 
 
-def played(path: Path, control: Any = None, **playing: Any) -> list[tuple[str, Any]]:
+def player(path: Path, control: Control | None, **playing: Any) -> Player:
+    """A player, as a node would make it."""
+    return Player(path, Playing(**playing), run_id="new", clock_ns=lambda: 10**18, control=control)
+
+
+def played(path: Path, **playing: Any) -> list[tuple[str, Any]]:
     """All that a player yields."""
-    clock = iter(range(10**18, 2 * 10**18))
-    player = Player(
-        path, Playing(**playing), run_id="new", clock_ns=lambda: next(clock), control=control
-    )
-    return list(player)
+    return list(player(path, None, **playing))
 
 
 def data(items: Iterable[tuple[str, Any]]) -> Streams:

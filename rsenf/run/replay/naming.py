@@ -6,7 +6,17 @@ import dataclasses
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from rsenf.bus.keys import REFERENCE, ROOT, TOPICS, matches, renamed, source_of, topic_of
+from rsenf.bus.keys import (
+    NAME_RULE,
+    REFERENCE,
+    ROOT,
+    TOPICS,
+    is_name,
+    matches,
+    renamed,
+    source_of,
+    topic_of,
+)
 from rsenf.errors import UsageError
 from rsenf.messages import ReferenceBlock
 from rsenf.record.reader import Recording
@@ -101,6 +111,8 @@ def _check(recording: Recording, names: Mapping[str, str], rename: Mapping[str, 
         if not any(_below(key) == old or _below(key).split("/")[0] == old for key in names):
             raise UsageError(f"{recording.path}: {old!r} isn't played, so it can't be renamed")
     for key, name in names.items():
+        if not all(map(is_name, name.split("/"))):
+            raise UsageError(f"{name!r} is no name for a topic", NAME_RULE)
         if TOPICS.get(topic_of(name)) is not TOPICS[topic_of(key)]:
             raise UsageError(
                 f"{_below(key)!r} can't be played as {_below(name)!r}: another message"
