@@ -109,6 +109,14 @@ def named(text: str) -> tuple[str, str]:
     return name, value
 
 
+def add_begin_argument(parser: argparse.ArgumentParser, *topics: str) -> None:
+    """Argument of every verb that may begin with another of a recording's topics than the rows."""
+    parser.add_argument(
+        "--from", dest="begin", choices=topics, default="rows",
+        help="what to take of an MCAP recording; frames: its video, decoded again (rows)",
+    )  # fmt: skip
+
+
 def add_row_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of every verb that samples rows."""
     group = parser.add_argument_group("rows")

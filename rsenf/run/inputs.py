@@ -60,12 +60,13 @@ def open_input_file(
     source : str, optional
         What its messages say they come from; ``file/<name>`` unless given.
     begin : str
-        What to take of an MCAP recording: 'frames' decodes its video again, 'track' has estimates.
+        What to take of an MCAP recording: 'rows', 'track' for its estimates, or 'frames', which
+        decodes its video again.
 
     Raises
     ------
     UsageError
-        When there is no such file.
+        When there is no such file, or it can't begin so.
     InputError
         When it holds nothing that can be analysed.
     """
@@ -83,6 +84,8 @@ def open_input_file(
         from rsenf.run.replay.input import Replayed
 
         return Replayed(path, camera, begin)
+    if begin == "track" or (begin == "frames" and kind == ".npz"):
+        raise UsageError(f"{path} is no recording of {begin}", "give an .mcap recording")
     if kind == ".npz":
         from rsenf.run.npz import Luminance
 
