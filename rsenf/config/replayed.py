@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 from rsenf.bus.keys import REFERENCE
-from rsenf.config.graph import Graph, ReplayNode, outputs
+from rsenf.config.graph import Graph, RecordNode, ReplayNode, outputs
 from rsenf.errors import UsageError
 
 
@@ -23,7 +24,7 @@ def with_replayed(graph: Graph, recordings: Mapping[str, str]) -> Graph:
     Raises
     ------
     UsageError
-        When there is no such node, or it sends nothing.
+        When there is no such node, it sends nothing, or the graph would write to the recording.
     """
     nodes = dict(graph.nodes)
     for name, path in recordings.items():
@@ -42,4 +43,15 @@ def with_replayed(graph: Graph, recordings: Mapping[str, str]) -> Graph:
             topics=topics,
             frames="tcp" if frames == "tcp" else "ring",
         )
-    return graph.model_copy(update={"nodes": nodes})
+    graph = graph.model_copy(update={"nodes": nodes})
+    for name, node in overwriting(graph):
+        raise UsageError(f"node {name!r} would write to {node.out}, which is played", "rename one")
+    return graph
+
+
+def overwriting(graph: Graph) -> Iterator[tuple[str, RecordNode]]:
+    """Yield the nodes that would record over what the graph plays, and their names."""
+    played = {Path(node.input).resolve() for node in graph.of(ReplayNode)}
+    for name, node in graph.nodes.items():
+        if isinstance(node, RecordNode) and Path(node.out).resolve() in played:
+            yield name, node

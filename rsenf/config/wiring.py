@@ -22,6 +22,7 @@ from rsenf.config.graph import (
     reader_of_frames,
     sender_of,
 )
+from rsenf.config.replayed import overwriting
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS as IDLE_METHODS
 from rsenf.match import METHODS as MATCH_METHODS
@@ -36,6 +37,8 @@ _READS = {"rows": "frames", "track": "rows", "idle": "rows", "discover": "rows",
 def problems(graph: Graph) -> list[Problem]:
     """What doesn't fit together: where in the file, and what."""
     found = list(_of_bus(graph.bus))
+    for name, recorder in overwriting(graph):
+        found.append((("nodes", name, "out"), f"{recorder.out} is played by this graph"))
     for name, node in graph.nodes.items():
         at = ("nodes", name)
         found += [((*at, *below), text) for below, text in _of_node(node)]

@@ -103,6 +103,8 @@ def test_what_cant_be_replaced(short_film: Film, graphs: Graphs) -> None:
     assert "'rows'" in refused.value.hint
     with pytest.raises(UsageError, match="'record' sends nothing"):
         load_graph(path, {"record": "x.mcap"})
+    with pytest.raises(UsageError, match=r"'record' would write to .*out.mcap, which is played"):
+        load_graph(path, {"rows": str(graphs.out)})
 
 
 @pytest.mark.parametrize(
@@ -112,6 +114,7 @@ def test_what_cant_be_replaced(short_film: Film, graphs: Graphs) -> None:
         ("topics: [cam/health]", "no topic"),
         ("topics: [cam/rows], rate: -1", "rate"),
         ("topics: [cam/rows], start_s: 5, end_s: 4", "isn't after start_s"),
+        ("topics: [cam/rows]}\n  rec: {kind: record, out: ./x.mcap", "x.mcap is played by this"),
         ("topics: [cam/rows, door/rows], rename: {door: cam}", "stands here twice"),
     ],
 )

@@ -62,7 +62,7 @@ class Tape:
 
         A video begins with the key frame that its first picture needs.
         """
-        self._readers = []
+        self._readers = [self._worst]
         streams = [
             self._stream(recorded, key, from_ns, to_ns)
             for recorded, key in self.names.items()
@@ -73,8 +73,12 @@ class Tape:
     @property
     def loss(self) -> str:
         """What can't be read, in one line; empty for nothing."""
-        worst = max(self._readers, key=lambda r: (r.loss.damaged, r.loss.rejected))
-        return loss_in_words(worst)
+        return loss_in_words(self._worst)
+
+    @property
+    def _worst(self) -> Recording:
+        """Return what was read with the most damage: each topic's reader meets the same chunks."""
+        return max(self._readers, key=lambda r: (r.loss.damaged, r.loss.rejected))
 
     def _stream(self, recorded: str, key: str, from_ns: int, to_ns: int) -> Iterator[Played]:
         topic = topic_of(recorded)
