@@ -11,7 +11,7 @@ from threading import Event, Thread
 
 from rsenf.bus.delivery import ROWS
 from rsenf.bus.keys import camera_key
-from rsenf.config.graph import DecodeNode, DiscoverNode, Graph
+from rsenf.config.graph import DecodeNode, DiscoverNode, Graph, ReplayNode, outputs
 from rsenf.config.model_file import load_model
 from rsenf.decode.spec import kind_of
 from rsenf.discrepancy import PLAIN, Look, WatchStage
@@ -57,7 +57,9 @@ def body(node: NodeProcess) -> None:
 
 
 def _waits(graph: Graph, camera: str) -> bool:
-    """Whether a camera is a file, or the simulator, that comes as fast as it is taken."""
+    """Whether a camera is a recording, or the simulator, that comes as fast as it is taken."""
+    if any((t, camera) in outputs(n) for n in graph.of(ReplayNode) for t in ("frames", "rows")):
+        return True  # at any rate: a replay is exact
     for node in graph.of(DecodeNode):
         if node.camera == camera:
             url = node.input if isinstance(node.input, str) else ""

@@ -52,6 +52,11 @@ class Publisher(ABC):
         with self._lock:
             return list(self._kept)
 
+    @property
+    @abstractmethod
+    def is_heard(self) -> bool:
+        """Whether anybody has subscribed to the key."""
+
     @abstractmethod
     def _put(self, item: Envelope) -> None:
         """Hand an envelope to the transport."""

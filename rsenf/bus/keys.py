@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import Any
 
 from rsenf.errors import UsageError
@@ -82,6 +83,12 @@ def topic_of(key: str) -> str:
 def source_of(key: str) -> str:
     """What the messages of a topic say they come from: ``<site>/<camera>``."""
     return "/".join(key.split("/")[1:3])
+
+
+def renamed(below: str, names: Mapping[str, str]) -> str:
+    """Return ``<camera>/<topic>`` under new names, of that topic or of the whole camera."""
+    camera, _, topic = below.partition("/")
+    return names.get(below, f"{names.get(camera, camera)}/{topic}")
 
 
 def matches(key_expr: str, key: str) -> bool:

@@ -31,6 +31,12 @@ class _LoopbackPublisher(Publisher):
         super().__init__(key, delivery, sender)
         self._network = network
 
+    @property
+    def is_heard(self) -> bool:
+        """Whether anybody has subscribed to the key."""
+        with self._network.lock:
+            return any(matches(expr, self.key) for expr, _ in self._network.subscriptions)
+
     def _put(self, item: Envelope) -> None:
         with self._network.lock:
             takers = [s for expr, s in self._network.subscriptions if matches(expr, item.key)]

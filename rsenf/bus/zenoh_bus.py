@@ -102,6 +102,11 @@ class _ZenohPublisher(Publisher):
         )
         self._queryable = session.declare_queryable(key, self._answer) if delivery.history else None
 
+    @property
+    def is_heard(self) -> bool:
+        """Whether anybody has subscribed to the key."""
+        return bool(self._publisher.matching_status.matching)
+
     def _put(self, item: Envelope) -> None:
         self._publisher.put(item.payload, encoding=item.encoding, attachment=item.sender)
 

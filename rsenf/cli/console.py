@@ -85,12 +85,36 @@ def positive(text: str) -> float:
     return value
 
 
+def at_least_0(text: str) -> float:
+    """Argument type: a finite number, zero or above."""
+    value = float(text)
+    if not (math.isfinite(value) and value >= 0):
+        raise argparse.ArgumentTypeError(f"{text} is not a finite number, 0 or above")
+    return value
+
+
 def count(text: str) -> int:
     """Argument type: 0, 1, 2 …"""
     value = int(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"{text} is below 0")
     return value
+
+
+def named(text: str) -> tuple[str, str]:
+    """Argument type: ``NAME=VALUE``."""
+    name, equals, value = text.partition("=")
+    if not (name and equals and value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=VALUE")
+    return name, value
+
+
+def add_begin_argument(parser: argparse.ArgumentParser, *topics: str) -> None:
+    """Argument of every verb that may begin with another of a recording's topics than the rows."""
+    parser.add_argument(
+        "--from", dest="begin", choices=topics, default="rows",
+        help="what to take of an MCAP recording; frames: its video, decoded again (rows)",
+    )  # fmt: skip
 
 
 def add_row_arguments(parser: argparse.ArgumentParser) -> None:

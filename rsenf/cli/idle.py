@@ -20,12 +20,13 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import add_row_arguments
+    from rsenf.cli.console import add_begin_argument, add_row_arguments
 
     parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
     parser.add_argument("other", nargs="?", metavar="OTHER", help="another, to compare it with")
     parser.add_argument("--method", metavar="NAME", help="estimator (coherent)")
     parser.add_argument("--json", action="store_true", help="the estimate as JSON")
+    add_begin_argument(parser, "frames", "rows")
     add_row_arguments(parser)
 
 
@@ -66,7 +67,7 @@ def _analyse(args: argparse.Namespace, path: str) -> Analysis:
     if method not in METHODS:
         raise UsageError(f"no idle method {method!r}", f"one of {', '.join(METHODS)}")
     settings = IdleSettings(method=method, nominal_hz=args.nominal_hz)
-    recording = open_input_file(path, camera=args.camera)
+    recording = open_input_file(path, camera=args.camera, begin=args.begin)
     with progress_bar("estimating", recording.duration_s) as progress:
         return analyse(recording, rows=row_settings(args), idle=settings, progress=progress)
 

@@ -16,7 +16,11 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
+    from rsenf.cli.console import named
+
     parser.add_argument("graph", type=Path, metavar="GRAPH.yaml")
+    parser.add_argument("--replay", action="append", default=[], type=named, metavar="NODE=FILE",
+                        help="play a node's recorded output in its place")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="end state and results as JSON")
     parser.add_argument("--quiet", action="store_true", help="say only what goes wrong")
 
@@ -32,11 +36,12 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.run.supervisor import check_ended, start_graph
     from rsenf.run.view import view_of
 
-    graph = load_graph(args.graph)
+    replayed = dict(args.replay)
+    graph = load_graph(args.graph, replayed)
     failure: NodeFailed | None = None
     with (
         view_of(graph, quiet=args.quiet) as view,
-        start_graph(graph, args.graph, view.update) as running,
+        start_graph(graph, args.graph, view.update, replayed) as running,
         interruptible(running.kill) as stop,
     ):
         view.started(running)

@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import add_row_arguments, add_track_arguments
+    from rsenf.cli.console import add_begin_argument, add_row_arguments, add_track_arguments
 
     parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
     parser.add_argument("--json", action="store_true", help="JSON Lines")
+    add_begin_argument(parser, "frames", "rows", "track")
     add_row_arguments(parser)
     add_track_arguments(parser, "--method", "--enf-method")
 
@@ -45,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.run.inputs import open_input_file
 
     rows, track = row_settings(args), track_settings(args, None)
-    recording = open_input_file(args.input, camera=args.camera)
+    recording = open_input_file(args.input, camera=args.camera, begin=args.begin)
     with progress_bar("tracking", recording.duration_s) as progress:
         analysis = analyse(recording, rows=rows, track=track, progress=progress)
     if args.json:

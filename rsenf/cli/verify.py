@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     from rsenf.cli.console import (
+        add_begin_argument,
         add_reference_arguments,
         add_row_arguments,
         add_track_arguments,
@@ -51,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="the verdict as JSON")
     parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     add_reference_arguments(parser)
+    add_begin_argument(parser, "frames", "rows", "track")
     add_row_arguments(parser)
     add_track_arguments(parser, "--enf-method")
 
@@ -70,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
 
         return verify_against.run(args)
     claimed_ns = utc_ns(args.start, "--start") if args.start else 0
-    _check_picture(args.picture)
+    _check_pictures(args)
     made_utc = begin_report(args.report) if args.report else ""
     references = open_references(args)
     analysis, spectra = _analyse(args, references, claimed_ns)
@@ -111,7 +113,7 @@ def _analyse(
     from rsenf.run.inline import analyse
     from rsenf.run.inputs import open_input_file
 
-    recording = open_input_file(args.input, camera=args.camera)
+    recording = open_input_file(args.input, camera=args.camera, begin=args.begin)
     _check_lengths(args, recording.duration_s or 0.0, references)
     grids = grids_of(references)
     settings = MatchSettings(tolerance_s=args.tolerance_s)
@@ -159,10 +161,13 @@ def _draw(
     note(f"picture: {path}")
 
 
-def _check_picture(path: Path | None) -> None:
+def _check_pictures(args: argparse.Namespace) -> None:
     """Refuse early what would fail at the end."""
     from rsenf.errors import UsageError
 
+    path: Path | None = args.picture
+    if args.begin == "track" and (path or args.report):
+        raise UsageError("estimates hold no rows to draw", "leave --from track out")
     if path is not None and not path.absolute().parent.is_dir():
         raise UsageError(f"--picture {path}: no such folder", "make it first")
 

@@ -50,7 +50,7 @@ def _analysed(args: argparse.Namespace, path: str) -> Analysis:
     from rsenf.run.inline import analyse
     from rsenf.run.inputs import open_input_file
 
-    recording = open_input_file(path, camera=args.camera)
+    recording = open_input_file(path, camera=args.camera, begin=args.begin)
     with progress_bar(f"tracking {path}", recording.duration_s) as progress:
         return analyse(
             recording, rows=row_settings(args), track=track_settings(args, None), progress=progress

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
 
-from rsenf.bus.keys import NAME_PATTERN, NAME_RULE, REFERENCE, is_name
+from rsenf.bus.keys import NAME_PATTERN, NAME_RULE, REFERENCE, TOPICS, is_name, renamed
 from rsenf.discrepancy.settings import WatchSettings
 from rsenf.idle.settings import IdleSettings
 from rsenf.match.settings import MatchSettings
@@ -29,6 +29,15 @@ def _not_reserved(text: str) -> str:
     return text
 
 
+def _topic(text: str) -> str:
+    first, _, last = text.partition("/")
+    camera_topics = [t for t in TOPICS if t not in (REFERENCE, "health")]
+    if not (is_name(first) and is_name(last) and (first == REFERENCE or last in camera_topics)):
+        known = ", ".join(camera_topics)
+        raise ValueError(f"no topic: CAMERA/TOPIC with one of {known}; or {REFERENCE}/GRID")
+    return text
+
+
 # Part of a key on the bus.
 Name = Annotated[
     str,
@@ -36,6 +45,8 @@ Name = Annotated[
     Field(max_length=64, json_schema_extra={"pattern": f"^{NAME_PATTERN}$"}),
 ]
 Camera = Annotated[Name, AfterValidator(_not_reserved)]
+# What follows the site in a key.
+Topic = Annotated[str, AfterValidator(_topic)]
 
 
 class Strict(BaseModel):
@@ -95,6 +106,23 @@ class DecodeNode(Strict):
     open_timeout_s: float = Field(10.0, gt=0)
     read_timeout_s: float = Field(10.0, gt=0)
     max_reconnects: int | None = Field(None, ge=0, description="live sources; none: keep trying")
+
+
+class ReplayNode(Strict):
+    """Puts topics of a recording back on the bus."""
+
+    kind: Literal["replay"]
+    input: str = Field(description="MCAP recording")
+    topics: tuple[Topic, ...] = Field(
+        min_length=1, description="as recorded: cam1/rows; cam1/frames decodes the video again"
+    )
+    rename: dict[str, str] = Field({}, description="new names by old: of cameras, or of topics")
+    rate: float = Field(0.0, ge=0, description="of its speed; 0: as fast as the others take it")
+    start_s: float = Field(0.0, ge=0)
+    end_s: float | None = Field(None, gt=0)
+    loop: int = Field(1, ge=0, description="times to play it; 0: until stopped")
+    frames: Literal["ring", "tcp"] = Field("ring", description="shared memory, or over the bus")
+    ring_slots: int = Field(8, ge=2, le=256)
 
 
 class RowsNode(Strict):
@@ -173,6 +201,7 @@ class RecordNode(Strict):
 
 Node = Annotated[
     DecodeNode
+    | ReplayNode
     | RowsNode
     | TrackNode
     | IdleNode
@@ -203,7 +232,10 @@ def outputs(node: Any) -> list[tuple[str, str]]:
         topics = ["rows"] if node.frames == "fused" else ["frames"]
         return [(t, node.camera) for t in [*topics, *(["video"] if node.record_video else [])]]
     if isinstance(node, ReferenceNode):
-        return [("reference", node.grid)]
+        return [(REFERENCE, node.grid)]
+    if isinstance(node, ReplayNode):
+        sent = [renamed(topic, node.rename).split("/") for topic in node.topics]
+        return [(REFERENCE, b) if a == REFERENCE else (b, a) for a, b in sent]
     if isinstance(node, RowsNode | TrackNode | IdleNode | DiscoverNode | MatchNode):
         return [(node.kind, camera) for camera in node.cameras]
     return []
@@ -212,3 +244,15 @@ def outputs(node: Any) -> list[tuple[str, str]]:
 def sender_of(graph: Graph, topic: str, name: str) -> str:
     """Node that sends a camera's topic or a grid's reference; '' when none of this graph does."""
     return next((n for n, node in graph.nodes.items() if (topic, name) in outputs(node)), "")
+
+
+def reader_of_frames(graph: Graph, camera: str) -> str:
+    """Node that samples a camera's frames; '' when none of this graph does."""
+    return next(
+        (
+            n
+            for n, node in graph.nodes.items()
+            if isinstance(node, RowsNode) and camera in node.cameras
+        ),
+        "",
+    )

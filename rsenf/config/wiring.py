@@ -15,11 +15,14 @@ from rsenf.config.graph import (
     MatchNode,
     Node,
     RecordNode,
+    ReplayNode,
     RowsNode,
     TrackNode,
     outputs,
+    reader_of_frames,
     sender_of,
 )
+from rsenf.config.replayed import overwriting
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS as IDLE_METHODS
 from rsenf.match import METHODS as MATCH_METHODS
@@ -34,6 +37,8 @@ _READS = {"rows": "frames", "track": "rows", "idle": "rows", "discover": "rows",
 def problems(graph: Graph) -> list[Problem]:
     """What doesn't fit together: where in the file, and what."""
     found = list(_of_bus(graph.bus))
+    for name, recorder in overwriting(graph):
+        found.append((("nodes", name, "out"), f"{recorder.out} is played by this graph"))
     for name, node in graph.nodes.items():
         at = ("nodes", name)
         found += [((*at, *below), text) for below, text in _of_node(node)]
@@ -61,6 +66,8 @@ def _of_node(node: Node) -> Iterator[Problem]:
         yield ("idle", "method"), _no_method(node.idle.method, IDLE_METHODS)
     if isinstance(node, MatchNode) and node.method not in MATCH_METHODS:
         yield ("method",), _no_method(node.method, MATCH_METHODS)
+    if isinstance(node, ReplayNode) and node.end_s is not None and node.end_s <= node.start_s:
+        yield ("end_s",), f"{node.end_s:g} s isn't after start_s, {node.start_s:g} s"
     if isinstance(node, RecordNode):
         yield from _of_record(node)
 
@@ -85,17 +92,18 @@ def _no_method(read: str, known: Iterable[str]) -> str:
 
 def _unread(graph: Graph, node: Node) -> Iterator[tuple[str, str]]:
     """Yield a ring that nobody of this graph reads: its writer would wait for ever."""
-    if isinstance(node, DecodeNode) and node.frames == "ring" and graph.bus.is_elsewhere:
-        reader = sender_of(graph, "rows", node.camera)
-        if not reader:
-            yield "frames", f"no node here reads the ring of {node.camera!r}; use 'tcp' or 'fused'"
+    if not isinstance(node, DecodeNode | ReplayNode) or not graph.bus.is_elsewhere:
+        return
+    for topic, camera in outputs(node) if node.frames == "ring" else ():
+        if topic == "frames" and not reader_of_frames(graph, camera):
+            yield "frames", f"no node here reads the ring of {camera!r}; use 'tcp' or 'fused'"
 
 
 def _twice(graph: Graph, name: str, node: Node) -> Iterator[tuple[str, str]]:
     """Yield what another node, or this one, does already."""
     for topic, of in dict.fromkeys(outputs(node)):
         first = sender_of(graph, topic, of)
-        where = "grid" if topic == "reference" else "cameras" if node.kind != "decode" else "camera"
+        where = _named_in(node)
         if first != name:
             yield where, f"node {first!r} sends the {topic} of {of!r} already"
         elif outputs(node).count((topic, of)) > 1:
@@ -104,6 +112,12 @@ def _twice(graph: Graph, name: str, node: Node) -> Iterator[tuple[str, str]]:
         writers = [n for n, other in graph.nodes.items() if getattr(other, "out", "") == node.out]
         if writers[0] != name:
             yield "out", f"node {writers[0]!r} writes {node.out} already"
+
+
+def _named_in(node: Node) -> str:
+    """Return the key of a node that says what it sends."""
+    kinds = {"reference": "grid", "decode": "camera", "replay": "topics"}
+    return kinds.get(node.kind, "cameras")
 
 
 def _unfit(graph: Graph, node: Node) -> Iterator[tuple[str, str]]:

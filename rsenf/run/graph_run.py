@@ -15,7 +15,7 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import camera_key, health_key, node_of, source_of
 from rsenf.bus.ring import ring_directory
 from rsenf.config import Graph
-from rsenf.config.graph import DecodeNode, DiscoverNode, IdleNode, MatchNode, ReferenceNode
+from rsenf.config.graph import DecodeNode, ReferenceNode, ReplayNode, outputs
 from rsenf.errors import EXIT_USAGE, NodeFailed
 from rsenf.messages import DiscoveryVerdict, Health, IdleEstimate, MatchResult
 from rsenf.run.peers import LAST_WORDS
@@ -25,6 +25,8 @@ from rsenf.run.peers import LAST_WORDS
 SOURCES_FIRST_S = 0.7
 KILL_AFTER_S = 1.7
 POLL_S = 0.05
+# Topics whose latest message a run tells at its end.
+RESULTS = ("match", "idle", "discover")
 
 
 @dataclass
@@ -142,7 +144,7 @@ class GraphRun:
             ring.unlink(missing_ok=True)
 
     def _is_source(self, node: NodeState) -> bool:
-        return isinstance(self.graph.nodes[node.name], DecodeNode | ReferenceNode)
+        return isinstance(self.graph.nodes[node.name], DecodeNode | ReferenceNode | ReplayNode)
 
     def _tell(self, nodes: Iterable[NodeState]) -> None:
         """Ask to stop, once: a second time means at once."""
@@ -193,14 +195,10 @@ class GraphRun:
         """Subscribe to the health of the nodes, and to what a run says at its end."""
         site = self.graph.site
         bus.subscribe(self._words, health_key(site, "*"), LOOKING)
-        nodes: list[MatchNode | IdleNode | DiscoverNode] = [
-            *self.graph.of(MatchNode),
-            *self.graph.of(IdleNode),
-            *self.graph.of(DiscoverNode),
-        ]
-        for node in nodes:
-            for camera in node.cameras:
-                bus.subscribe(self._words, camera_key(site, camera, node.kind), LOOKING)
+        for node in self.graph.nodes.values():
+            for topic, camera in outputs(node):
+                if topic in RESULTS:
+                    bus.subscribe(self._words, camera_key(site, camera, topic), LOOKING)
 
 
 def _end_of(node: NodeState, code: int) -> tuple[str, str]:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from rsenf.bus.keys import TOPICS
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import (
     EnfEstimate,
@@ -24,6 +25,8 @@ from rsenf.run.row_sampling import make_rows
 from rsenf.run.runner import Chain, Runner
 from rsenf.stage import Stage
 from rsenf.track import TrackSettings, make_tracker
+
+Message = Frame | RowBlock | EnfEstimate
 
 
 @dataclass
@@ -97,9 +100,10 @@ def analyse(
     Parameters
     ----------
     recording : Input
-        Frames or row blocks.
+        Frames, row blocks or estimates.
     rows, track, idle : RowsSettings, TrackSettings, IdleSettings
-        Settings of the stages; track and idle only if given.
+        Settings of the stages; track and idle only if given. Estimates need no tracker, and tell
+        nothing of the idle period.
     make_match : callable, optional
         Builds the match stage, after track; none to stop at the estimates.
     reference : sequence of ReferenceBlock
@@ -129,25 +133,28 @@ def analyse(
         if isinstance(message, MatchResult):
             out.results.append(message)
 
+    tracked = recording.begins_with == "track"
     sampler = Chain(_row_runners(recording, rows))
-    branches = [Chain(_track_runners(track, make_match, reference), listen)] if track else []
-    if idle:
+    to_track = _track_runners(track) if track and not tracked else []
+    to_match = _match_runners(make_match, reference) if track or tracked else []
+    branches = [Chain([*to_track, *to_match], listen)]
+    if idle and not tracked:
         branches.append(Chain([Runner("idle", lambda: make_idle(idle))], listen))
 
-    def feed(message: Frame | RowBlock) -> None:
+    def feed(message: Message) -> None:
         for block in sampler.feed(message):
-            listen("rows", block)
+            listen("track" if tracked else "rows", block)
             for branch in branches:
                 branch.feed(block)
 
-    last: Frame | RowBlock | None = None
+    last: Message | None = None
     for message in recording.messages():
         feed(message)
         if last is None or message.header.epoch != last.header.epoch:
-            first_ns = message.header.pts_ns
+            first_ns, _ = _span_ns(message)
             out.stretches_s.append(0.0)
         last = message
-        out.stretches_s[-1] = (_end_ns(message) - first_ns) / 1e9
+        out.stretches_s[-1] = (_span_ns(message)[1] - first_ns) / 1e9
         progress(out.seconds)
     feed(_end_after(last, recording))
     out.loss, out.warnings = recording.loss, list(recording.warnings)
@@ -162,31 +169,36 @@ def _row_runners(recording: Input, rows: RowsSettings) -> list[Runner]:
     return [Runner("rows", lambda: make_rows(rows))] if needed else []
 
 
-def _track_runners(
-    track: TrackSettings,
-    make_match: Callable[[], Stage] | None,
-    reference: Sequence[ReferenceBlock],
+def _track_runners(track: TrackSettings) -> list[Runner]:
+    """Return the tracker."""
+    return [Runner("track", lambda: make_tracker(track))]
+
+
+def _match_runners(
+    make_match: Callable[[], Stage] | None, reference: Sequence[ReferenceBlock]
 ) -> list[Runner]:
-    """Return the tracker and, if asked for, the match stage with its reference."""
-    runners = [Runner("track", lambda: make_tracker(track))]
-    if make_match:
-        match = Runner("match", make_match, inputs=2)
-        for block in reference:
-            match.feed(block)
-        match.end(Header())
-        runners.append(match)
-    return runners
+    """Return the match stage with its reference, if asked for."""
+    if not make_match:
+        return []
+    match = Runner("match", make_match, inputs=2)
+    for block in reference:
+        match.feed(block)
+    match.end(Header())
+    return [match]
 
 
-def _end_after(last: Frame | RowBlock | None, recording: Input) -> Frame | RowBlock:
+def _end_after(last: Message | None, recording: Input) -> Message:
     """Return the mark that ends the stream."""
     if last is None:
-        kind = Frame if recording.begins_with == "frames" else RowBlock
+        kind: type[Message] = TOPICS[recording.begins_with]
         return kind(header=Header(mark=Mark.END))
     return type(last)(header=last.header.numbered(last.header.seq + 1, Mark.END))
 
 
-def _end_ns(message: Frame | RowBlock) -> int:
+def _span_ns(message: Message) -> tuple[int, int]:
+    """Stream time at the start and at the end of what a message covers."""
     if isinstance(message, RowBlock):
-        return int(message.frame_pts_ns[-1])
-    return message.header.pts_ns
+        return message.header.pts_ns, int(message.frame_pts_ns[-1])
+    if isinstance(message, EnfEstimate):
+        return message.start_pts_ns, message.end_pts_ns
+    return message.header.pts_ns, message.header.pts_ns

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from rsenf.errors import InputError, UsageError
-from rsenf.messages import Frame, Header, Mark, RowBlock
+from rsenf.errors import UsageError
+from rsenf.messages import Frame
 
 MCAP_MAGIC = b"\x89MCAP"
 
@@ -24,7 +24,7 @@ class Input(ABC):
     duration_s : float or None
         How long it is, as far as it says so itself.
     begins_with : str
-        'frames' or 'rows': which stage its messages are for.
+        'frames', 'rows' or 'track': which topic its messages are of.
     """
 
     name: str
@@ -33,7 +33,7 @@ class Input(ABC):
 
     @abstractmethod
     def messages(self) -> Iterator[Any]:
-        """Yield frames or row blocks, without an END mark."""
+        """Yield frames, row blocks or estimates, without an END mark."""
 
     @property
     def loss(self) -> str:
@@ -46,7 +46,9 @@ class Input(ABC):
         return []
 
 
-def open_input_file(path: str | Path, *, camera: str = "", source: str = "") -> Input:
+def open_input_file(
+    path: str | Path, *, camera: str = "", source: str = "", begin: str = "rows"
+) -> Input:
     """Open a recording by what it is, not by what it is called.
 
     Parameters
@@ -57,11 +59,14 @@ def open_input_file(path: str | Path, *, camera: str = "", source: str = "") -> 
         Which camera of an MCAP recording with several.
     source : str, optional
         What its messages say they come from; ``file/<name>`` unless given.
+    begin : str
+        What to take of an MCAP recording: 'rows', 'track' for its estimates, or 'frames', which
+        decodes its video again.
 
     Raises
     ------
     UsageError
-        When there is no such file.
+        When there is no such file, or it can't begin so.
     InputError
         When it holds nothing that can be analysed.
     """
@@ -76,7 +81,11 @@ def open_input_file(path: str | Path, *, camera: str = "", source: str = "") -> 
         raise UsageError(f"{path}: no such file", "look for a misspelling")
     kind = path.suffix.lower()
     if kind == ".mcap" or _start_of(path).startswith(MCAP_MAGIC):
-        return RecordedRows(path, camera)
+        from rsenf.run.replay.input import Replayed
+
+        return Replayed(path, camera, begin)
+    if begin == "track" or (begin == "frames" and kind == ".npz"):
+        raise UsageError(f"{path} is no recording of {begin}", "give an .mcap recording")
     if kind == ".npz":
         from rsenf.run.npz import Luminance
 
@@ -126,60 +135,3 @@ class Video(Input):
     def warnings(self) -> list[str]:
         """What the container left open."""
         return self._source.warnings
-
-
-class RecordedRows(Input):
-    """Row blocks of one camera of an MCAP recording."""
-
-    def __init__(self, path: Path, camera: str) -> None:
-        from rsenf.record.reader import open_recording
-
-        self.name, self._path = path.name, path
-        try:
-            self._recording = open_recording(path)
-        except InputError as exc:
-            raise InputError(exc.message, exc.hint or "give the video itself") from exc
-        topics = {t.split("/")[-2]: t for t in self._recording.topics if t.endswith("/rows")}
-        if not topics:
-            cut = "" if self._recording.complete else "is cut short and "
-            raise InputError(
-                f"{path} {cut}holds no row blocks", "record 'rows', or give the video itself"
-            )
-        names = ", ".join(topics)
-        if not camera and len(topics) > 1:
-            raise UsageError(f"{path} has several cameras: {names}", "choose one with --camera")
-        if camera and camera not in topics:
-            raise UsageError(f"{path} has no row blocks of camera {camera!r}", f"only of: {names}")
-        self._topic = topics[camera or names]
-        self._missing = 0
-
-    def messages(self) -> Iterator[RowBlock]:
-        """Yield its row blocks, as many as can be read."""
-        epoch, due = 0, 0
-        for _, message, _ in self._recording.messages([self._topic], tolerant=True):
-            header: Header = message.header
-            if header.epoch != epoch:
-                epoch, due = header.epoch, 0
-            self._missing += max(header.seq - due, 0)
-            due = header.seq + 1
-            if header.mark == Mark.DATA:
-                yield message
-        if not due and self._recording.loss:
-            raise InputError(f"{self._path}: none of its row blocks can be read", self.loss)
-
-    @property
-    def loss(self) -> str:
-        """What the file lacks."""
-        loss, lost = self._recording.loss, []
-        if not self._recording.complete:
-            lost.append(f"the recording is cut short: its last {loss.cut_bytes} bytes are no use")
-        if loss.damaged:
-            lost.append(f"damaged parts, left out: {loss.damaged}")
-        if loss.rejected:
-            lost.append(f"messages that can't be read: {loss.rejected}")
-        return "; ".join(lost)
-
-    @property
-    def warnings(self) -> list[str]:
-        """Row blocks that never reached the recording."""
-        return [f"row blocks that were not recorded: {self._missing}"] if self._missing else []

@@ -169,11 +169,12 @@ def run_node(body: Callable[[NodeProcess], None]) -> int:
     parser.add_argument("--connect", action="append", default=[], help="endpoint of the bus")
     # A source that is started again begins another stream: it must not go by the same identity.
     parser.add_argument("--run-id", default=secrets.token_hex(4), help="never the same twice")
+    parser.add_argument("--replay", action="append", default=[], metavar="NODE=FILE")
     parser.add_argument("--supervisor", type=int, default=0, help="process to end with")
     args = parser.parse_args()
     node: NodeProcess | None = None
     try:
-        graph = load_graph(args.graph)
+        graph = load_graph(args.graph, dict(r.split("=", 1) for r in args.replay))
         if args.node not in graph.nodes:
             raise UsageError(f"no node {args.node!r} in {args.graph}")
         with open_bus(bus_settings(graph, tuple(args.connect))) as bus:

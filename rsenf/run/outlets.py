@@ -7,7 +7,7 @@ from typing import Protocol
 
 from rsenf.bus.bus import Publisher
 from rsenf.bus.frames import FrameSender
-from rsenf.config.graph import DecodeNode
+from rsenf.config.graph import DecodeNode, ReplayNode, reader_of_frames
 from rsenf.messages import Frame, Header, Mark
 from rsenf.run.node import NodeProcess
 from rsenf.run.row_sampling import make_rows
@@ -31,11 +31,18 @@ def open_outlet(node: NodeProcess, config: DecodeNode, *, live: bool) -> Outlet:
     """Open what the configuration asks for."""
     if config.frames == "fused":
         return _Fused(config, node.publisher(config.camera, "rows"))
-    frames = node.publisher(config.camera, "frames", live=live)
-    reader = node.sender_of("rows", config.camera)
+    return open_frames(node, config, config.camera, live=live)
+
+
+def open_frames(
+    node: NodeProcess, config: DecodeNode | ReplayNode, camera: str, *, live: bool = False
+) -> Outlet:
+    """Open the way of a camera's frames to the node that samples them."""
+    frames = node.publisher(camera, "frames", live=live)
+    reader = reader_of_frames(node.graph, camera)
     if config.frames == "ring" and not reader:
         return _Unread(frames)
-    name = f"rsenf-{node.run_id}-{config.camera}" if config.frames == "ring" else ""
+    name = f"rsenf-{node.run_id}-{camera}" if config.frames == "ring" else ""
     return FrameSender(frames, name, config.ring_slots, lambda: node.peers.gone_for_s(reader) > 0)
 
 

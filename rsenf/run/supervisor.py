@@ -8,7 +8,7 @@ import secrets
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -32,7 +32,10 @@ _END_TIMEOUT_S = 5.0
 
 @contextmanager
 def start_graph(
-    graph: Graph, path: Path, on_change: Callable[[NodeState], None] = lambda node: None
+    graph: Graph,
+    path: Path,
+    on_change: Callable[[NodeState], None] = lambda node: None,
+    replayed: Mapping[str, str] | None = None,
 ) -> Iterator[GraphRun]:
     """Start every node of a graph as a process, for the duration of a ``with`` block.
 
@@ -44,6 +47,8 @@ def start_graph(
         Its file, which every node reads again.
     on_change : callable, optional
         Told of every change of a node's state.
+    replayed : mapping, optional
+        What was given to :func:`rsenf.config.load_graph` beside the file.
 
     Raises
     ------
@@ -62,7 +67,7 @@ def start_graph(
         run.listen_to(bus)
         try:
             for node in nodes.values():
-                node.process = _spawn(node, path, run_id, own_router[:1])
+                node.process = _spawn(node, path, run_id, own_router[:1], replayed or {})
             yield run
             run.stop()
         finally:
@@ -81,11 +86,17 @@ def free_endpoint() -> str:
 
 
 def _spawn(
-    node: NodeState, path: Path, run_id: str, router: tuple[str, ...]
+    node: NodeState,
+    path: Path,
+    run_id: str,
+    router: tuple[str, ...],
+    replayed: Mapping[str, str],
 ) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", f"rsenf_nodes.{node.kind}"]
     command += ["--graph", str(path), "--node", node.name]
     command += ["--run-id", run_id, "--supervisor", str(os.getpid())]
+    for name, recording in replayed.items():
+        command += ["--replay", f"{name}={recording}"]
     for endpoint in router:
         command += ["--connect", endpoint]
     try:

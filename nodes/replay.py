@@ -1,0 +1,66 @@
+"""Replay: a recording in, any of its topics out."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+
+from rsenf.bus.bus import Publisher
+from rsenf.bus.keys import REFERENCE, topic_of
+from rsenf.config.graph import ReplayNode
+from rsenf.errors import EXIT_LOSS
+from rsenf.run.node import NodeProcess, run_node
+from rsenf.run.outlets import Outlet, open_frames
+from rsenf.run.replay.control import Control
+from rsenf.run.replay.naming import FRAMES
+from rsenf.run.replay.player import Player, Playing
+
+
+def body(node: NodeProcess) -> None:
+    """Play to the end, or until told to stop."""
+    config: ReplayNode = node.config
+    player = Player(
+        config.input,
+        Playing(
+            topics=config.topics,
+            rename=config.rename,
+            site=node.graph.site,
+            rate=config.rate,
+            start_s=config.start_s,
+            end_s=config.end_s,
+            loop=config.loop,
+        ),
+        run_id=node.run_id,
+        clock_ns=time.time_ns,
+        control=Control(node.stop),
+    )
+    with contextlib.ExitStack() as stack:
+        frames: dict[str, Outlet] = {}
+        publishers: dict[str, Publisher] = {}
+        for key in player.keys:
+            _, _, camera, topic = key.split("/")
+            if topic_of(key) == FRAMES:
+                frames[key] = open_frames(node, config, camera)
+                stack.callback(frames[key].close)
+            elif topic_of(key) == REFERENCE:
+                publishers[key] = node.reference_publisher(topic)
+            else:
+                publishers[key] = node.publisher(camera, topic)
+        node.ready()
+        node.wait_for_peers()
+        for key, message in player:
+            node.note_input(message.header)
+            if key in publishers:
+                publishers[key].send(message)
+            elif message.header.is_end:
+                frames[key].finish(message.header.numbered(message.header.seq - 1))
+            else:
+                frames[key].send(message)
+    if player.loss:
+        node.exit_code = EXIT_LOSS
+    node.say("running", player.loss)
+
+
+if __name__ == "__main__":
+    sys.exit(run_node(body))

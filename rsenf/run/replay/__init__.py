@@ -1,0 +1,1 @@
+"""Replay: any topic of a recording again, at any speed, from any moment, with equal results."""

@@ -1,0 +1,104 @@
+"""A recording as the input of the one-process commands: played into the stages."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from rsenf.bus.keys import topic_of
+from rsenf.errors import InputError, UsageError
+from rsenf.messages import Header
+from rsenf.record.reader import Recording, open_recording
+from rsenf.run.inputs import Input
+from rsenf.run.replay.naming import FRAMES, VIDEO
+from rsenf.run.replay.player import Player, Playing
+from rsenf.run.replay.tape import loss_in_words
+
+WORDS = {"frames": "video", "rows": "row blocks", "track": "estimates"}
+
+
+class Replayed(Input):
+    """One topic of one camera of a recording.
+
+    Parameters
+    ----------
+    path : Path
+        The recording.
+    camera : str
+        Which one, where it has several.
+    begin : str
+        'frames', 'rows' or 'track'.
+    rate : float
+        Recorded seconds in a second; 0 for as fast as it goes.
+
+    Raises
+    ------
+    UsageError
+        When there is no such camera, or the choice is open.
+    InputError
+        When it isn't a recording, or holds nothing of the kind.
+    """
+
+    def __init__(
+        self, path: Path, camera: str = "", begin: str = "rows", *, rate: float = 0.0
+    ) -> None:
+        self.name, self.begins_with = path.name, begin
+        try:
+            recording = open_recording(path)
+        except InputError as exc:
+            raise InputError(exc.message, exc.hint or "give the video itself") from exc
+        self._path, self._missing, self._taken = path, 0, 0
+        self._loss = loss_in_words(recording)
+        topic = f"{_camera(recording, camera, begin)}/{begin}"
+        self._player = Player(
+            path, Playing(topics=(topic,), rate=rate), run_id="", clock_ns=time.time_ns
+        )
+
+    def messages(self) -> Iterator[Any]:
+        """Yield its messages, as many as can be read."""
+        epoch, due = 0, 0
+        for _, message in self._player:
+            header: Header = message.header
+            if header.is_end:
+                break
+            if header.epoch != epoch:
+                epoch, due = header.epoch, 0
+            self._missing += max(header.seq - due, 0)
+            due = header.seq + 1
+            self._taken += 1
+            yield message
+        self._loss = self._player.loss
+        if not self._taken and self._loss:
+            what = WORDS[self.begins_with]
+            raise InputError(f"{self._path}: none of its {what} can be read", self._loss)
+
+    @property
+    def loss(self) -> str:
+        """What the file lacks."""
+        return self._loss
+
+    @property
+    def warnings(self) -> list[str]:
+        """What never reached the recording."""
+        what = WORDS[self.begins_with]
+        return [f"{what} that were not recorded: {self._missing}"] if self._missing else []
+
+
+def _camera(recording: Recording, camera: str, begin: str) -> str:
+    """Return the camera to take, by name or because it is the only one."""
+    path, what = recording.path, WORDS[begin]
+    topic = VIDEO if begin == FRAMES else begin
+    cameras = [key.split("/")[-2] for key in recording.topics if topic_of(key) == topic]
+    if not cameras:
+        cut = "" if recording.complete else "is cut short and "
+        raise InputError(
+            f"{path} {cut}holds no {what}", f"record {topic!r}, or give the video itself"
+        )
+    names = ", ".join(cameras)
+    if not camera and len(cameras) > 1:
+        raise UsageError(f"{path} has several cameras: {names}", "choose one with --camera")
+    if camera and camera not in cameras:
+        raise UsageError(f"{path} has no {what} of camera {camera!r}", f"only of: {names}")
+    return camera or names

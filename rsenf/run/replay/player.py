@@ -1,0 +1,160 @@
+"""Plays a recording: the right part of it, at the right speed, as often as asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rsenf.errors import UsageError
+from rsenf.record.reader import open_recording
+from rsenf.run.replay.control import Control, Pace
+from rsenf.run.replay.naming import chosen
+from rsenf.run.replay.stamps import Stamps
+from rsenf.run.replay.tape import Tape
+from rsenf.timebase import NS_PER_S, nanoseconds
+
+
+@dataclass(frozen=True)
+class Playing:
+    """What to play, and how.
+
+    Parameters
+    ----------
+    topics, rename, site
+        As for :func:`rsenf.run.replay.naming.chosen`.
+    rate : float
+        Recorded seconds in a second; 0 for as fast as whoever listens takes it.
+    start_s, end_s : float
+        Part to play, counted from the first message of the recording's streams.
+    loop : int
+        How often; 0 for until stopped.
+    """
+
+    topics: tuple[str, ...] = ()
+    rename: Mapping[str, str] = field(default_factory=dict)
+    site: str = ""
+    rate: float = 0.0
+    start_s: float = 0.0
+    end_s: float | None = None
+    loop: int = 1
+
+
+class Player:
+    """Yields keys and messages, each when it is due; END marks at last, stopped or not.
+
+    Speed decides when a message comes, never which or in which order. Whoever takes them makes
+    the player wait by not asking for the next one.
+
+    Parameters
+    ----------
+    path : path
+        The recording.
+    playing : Playing
+        What of it, and how.
+    run_id : str
+        For the headers.
+    clock_ns : callable
+        Wall clock, UTC since 1970, in ns.
+    control : Control, optional
+        To pause, step, seek and stop it by.
+
+    Attributes
+    ----------
+    keys : tuple of str
+        All that it plays.
+    position_s : float
+        How far it is.
+    passes : int
+        How often it has come to the end.
+
+    Raises
+    ------
+    UsageError
+        When there is no such file, topic or part.
+    InputError
+        When it isn't a recording.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        playing: Playing,
+        *,
+        run_id: str,
+        clock_ns: Callable[[], int],
+        control: Control | None = None,
+    ) -> None:
+        recording = open_recording(path)
+        names = chosen(recording, playing.topics, playing.rename, playing.site)
+        self._tape = Tape(recording, names)
+        self.keys = tuple(names.values())
+        self.position_s, self.passes, self._played = playing.start_s, 0, 0
+        self._control = control or Control()
+        self._pace = Pace(playing.rate)
+        self._stamps = Stamps(run_id, clock_ns, self.keys)
+        self._loop = playing.loop
+        self._start_ns, self._end_ns = self._part(playing)
+
+    def _part(self, playing: Playing) -> tuple[int, int]:
+        tape = self._tape
+        start_ns, end_ns = tape.first_ns + nanoseconds(playing.start_s), tape.last_ns + 1
+        if start_ns >= end_ns:
+            raise UsageError(
+                f"{tape.path} ends before {playing.start_s:g} s",
+                f"it is {(tape.last_ns - tape.first_ns) / NS_PER_S:.1f} s long",
+            )
+        if playing.end_s is not None:
+            if playing.end_s <= playing.start_s:
+                raise UsageError(
+                    f"nothing lies between {playing.start_s:g} s and {playing.end_s:g} s",
+                    "the end must come after the start",
+                )
+            end_ns = min(end_ns, tape.first_ns + nanoseconds(playing.end_s))
+        return start_ns, end_ns
+
+    @property
+    def loss(self) -> str:
+        """What of the recording can't be read, in one line; empty when all can."""
+        loss = self._tape.loss
+        return f"{loss}; played up to {self.position_s:.1f} s" if loss else ""
+
+    def __iter__(self) -> Iterator[tuple[str, Any]]:
+        at_ns, references = self._start_ns, True
+        while not self._control.stop.is_set():
+            self._stamps.jump()
+            self._pace.restart()
+            played = self._played
+            whole = yield from self._pass(at_ns, references)
+            nothing = self._played == played and at_ns == self._start_ns
+            references, at_ns = False, self._start_ns
+            if not whole:
+                at_ns = self._sought_ns()
+                continue
+            self.passes += 1
+            if self.passes == self._loop or nothing:  # an empty part would loop on the spot
+                break
+        yield from self._stamps.ends()
+
+    def _pass(self, at_ns: int, references: bool) -> Generator[tuple[str, Any], None, bool]:
+        """Play to the end; returns whether it was reached."""
+        for time_ns, key, message in self._tape.play(at_ns, self._end_ns, references=references):
+            if not self._admitted(time_ns):
+                return False
+            self.position_s = (time_ns - self._tape.first_ns) / NS_PER_S
+            self._played += 1
+            yield key, self._stamps.stamp(key, message)
+        return True
+
+    def _admitted(self, time_ns: int) -> bool:
+        paused = self._control.paused
+        admitted = self._control.admit(lambda: self._pace.left_s(time_ns))
+        if paused or self._control.paused:
+            self._pace.restart()
+        return admitted
+
+    def _sought_ns(self) -> int:
+        by_s = self._control.sought_s() or 0.0
+        place_ns = self._tape.first_ns + nanoseconds(self.position_s + by_s)
+        return min(max(place_ns, self._start_ns), self._end_ns)

@@ -1,0 +1,129 @@
+"""A recording as something to be played: its topics side by side, in the order of their times."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator, Mapping
+from operator import itemgetter
+from typing import Any, NamedTuple
+
+from rsenf.bus.keys import REFERENCE, topic_of
+from rsenf.messages import Frame, Mark
+from rsenf.record.reader import Recording, open_recording
+from rsenf.run.replay.naming import FRAMES, HEALTH, VIDEO, with_topic
+from rsenf.timebase import NS_PER_S
+
+# Within a topic times rise, but for frames that were coded in another order: by less than this.
+REORDERED_NS = 2 * NS_PER_S
+
+
+class Played(NamedTuple):
+    """A message at its time."""
+
+    time_ns: int
+    key: str
+    message: Any
+
+
+class Tape:
+    """Plays a recording's topics from any moment on. What can't be read is left out and counted.
+
+    Each topic is read by itself, since between topics a recording needn't be in the order of
+    time: a tracker may have been minutes behind a decoder. References come first and whole,
+    whatever part is played: they belong to no moment of the stream.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording.
+    names : mapping
+        Keys to play to by recorded key.
+
+    Attributes
+    ----------
+    first_ns, last_ns : int
+        Times of the first and the last message of all its streams.
+    """
+
+    def __init__(self, recording: Recording, names: Mapping[str, str]) -> None:
+        self.path, self.names = recording.path, names
+        spans = [
+            (t.first_ns, t.last_ns)
+            for key, t in recording.topics.items()
+            if t.is_ours and topic_of(key) not in (REFERENCE, HEALTH)
+        ]
+        self.first_ns = min((first for first, _ in spans), default=0)
+        self.last_ns = max((last for _, last in spans), default=0)
+        self._recording = recording
+        self._readers = [recording]
+
+    def play(self, from_ns: int, to_ns: int, *, references: bool = True) -> Iterator[Played]:
+        """Play what lies between two times, the second excluded; with the references or without.
+
+        A video begins with the key frame that its first picture needs.
+        """
+        self._readers = [self._worst]
+        streams = [
+            self._stream(recorded, key, from_ns, to_ns)
+            for recorded, key in self.names.items()
+            if references or topic_of(key) != REFERENCE
+        ]
+        return heapq.merge(*streams, key=itemgetter(0))
+
+    @property
+    def loss(self) -> str:
+        """What can't be read, in one line; empty for nothing."""
+        return loss_in_words(self._worst)
+
+    @property
+    def _worst(self) -> Recording:
+        """Return what was read with the most damage: each topic's reader meets the same chunks."""
+        return max(self._readers, key=lambda r: (r.loss.damaged, r.loss.rejected))
+
+    def _stream(self, recorded: str, key: str, from_ns: int, to_ns: int) -> Iterator[Played]:
+        topic = topic_of(recorded)
+        if topic == REFERENCE:
+            return (Played(from_ns, key, m) for _, m in self._messages(recorded, to_ns=None))
+        if topic == FRAMES:
+            frames = self._frames(recorded, from_ns, to_ns)
+            return (Played(t, key, frame) for t, frame in frames if from_ns <= t < to_ns)
+        timed = self._messages(recorded, to_ns)
+        if topic == VIDEO:
+            from rsenf.run.replay.pictures import from_key_frame
+
+            return (Played(t, key, m) for t, m in from_key_frame(timed, from_ns) if t < to_ns)
+        return (Played(t, key, m) for t, m in timed if from_ns <= t < to_ns)
+
+    def _frames(self, recorded: str, from_ns: int, to_ns: int) -> Iterator[tuple[int, Frame]]:
+        from rsenf.run.replay.pictures import pictures  # FFmpeg, that not everybody needs
+
+        packets = self._messages(with_topic(recorded, VIDEO), to_ns)
+        return pictures(packets, from_ns, self._known_of_frames(recorded))
+
+    def _known_of_frames(self, recorded: str) -> Frame:
+        """Return the first frame as it was recorded, without pixels; an empty one if none was."""
+        if recorded not in self._recording.topics:
+            return Frame()
+        return next((frame for _, frame in self._messages(recorded, None)), Frame())
+
+    def _messages(self, recorded: str, to_ns: int | None) -> Iterator[tuple[int, Any]]:
+        """Read the data of one topic, up to a time."""
+        reader = open_recording(self.path)
+        self._readers.append(reader)
+        for _, message, time_ns in reader.messages([recorded], tolerant=True):
+            if to_ns is not None and time_ns >= to_ns + REORDERED_NS:
+                return
+            if message.header.mark == Mark.DATA:
+                yield time_ns, message
+
+
+def loss_in_words(recording: Recording) -> str:
+    """What of a recording can't be read, in one line; empty for nothing."""
+    loss, lost = recording.loss, []
+    if not recording.complete:
+        lost.append(f"the recording is cut short: its last {loss.cut_bytes} bytes are no use")
+    if loss.damaged:
+        lost.append(f"damaged parts, left out: {loss.damaged}")
+    if loss.rejected:
+        lost.append(f"messages that can't be read: {loss.rejected}")
+    return "; ".join(lost)

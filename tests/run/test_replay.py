@@ -1,0 +1,294 @@
+"""A player: what it plays, when, under which names and epochs, and what it does when told."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import threading
+import time
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import Film
+from replay_samples import (
+    TRACK,
+    blocks,
+    data,
+    hashes,
+    in_one_process,
+    places,
+    played,
+    player,
+    record,
+)
+
+from rsenf.errors import InputError, UsageError
+from rsenf.messages import canonical
+from rsenf.record.reader import open_recording
+from rsenf.run.inputs import open_input_file
+from rsenf.run.replay.control import Control
+from rsenf.run.replay.input import Replayed
+from rsenf.run.replay.keyboard import keyboard, obey
+from rsenf.run.runner import Runner
+from rsenf.track import make_tracker
+
+BEGIN = ("frames", "rows", "track")
+
+
+@pytest.fixture(scope="module")
+def recorded(short_film: Film, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record(short_film, tmp_path_factory.mktemp("replay") / "film.mcap")
+
+
+def of(path: Path, topic: str) -> list[Any]:
+    return [
+        message
+        for key, message, _ in open_recording(path).messages()
+        if key.endswith(topic) and not message.header.is_end
+    ]
+
+
+@pytest.mark.parametrize("begin", BEGIN)
+@pytest.mark.parametrize("rate", [0.0, 1.0, 10.0])
+def test_equal_results_from_every_topic_at_every_speed(
+    recorded: Path, short_film: Film, begin: str, rate: float
+) -> None:
+    of_film = in_one_process(open_input_file(short_film.video, source="lab/cam"), short_film)
+    begun = time.monotonic()
+    again = in_one_process(Replayed(recorded, begin=begin, rate=rate), short_film)
+    took_s = time.monotonic() - begun
+    assert again == {topic: of_film[topic] for topic in again}
+    assert {"track", "match"} <= set(again)
+    assert took_s > 2.0 / rate if rate else True
+
+
+def test_all_topics_come_back_as_they_were_recorded(recorded: Path) -> None:
+    items = played(recorded)
+    for topic, messages in data(items).items():
+        assert [canonical(m) for m in messages] == [canonical(m) for m in of(recorded, topic)]
+    assert {key.split("/")[-1] for key, _ in items} == {
+        "ce", "video", "rows", "track", "match", "idle"
+    }  # fmt: skip
+    assert {m.header.run_id for _, m in items} == {"new"}
+    ends = [key for key, m in items if m.header.is_end]
+    assert len(ends) == len(set(ends)) == 6
+    assert [key for key, _ in items[-6:]] == ends
+
+
+def test_frames_are_those_that_were_recorded_with_their_pixels(
+    recorded: Path, short_film: Film
+) -> None:
+    frames = data(played(recorded, topics=("cam/frames",)))["cam/frames"]
+    assert [canonical(m) for m in frames] == [canonical(m) for m in of(recorded, "frames")]
+    filmed = open_input_file(short_film.video).messages()
+    assert all((a.luma == b.luma).all() for a, b in zip(frames, filmed, strict=True))
+
+
+def test_a_part_of_it(recorded: Path) -> None:
+    topics = ("cam/rows", "cam/frames", "reference/ce")
+    part = data(played(recorded, topics=topics, start_s=1.0, end_s=2.0))
+    frames, rows = part["cam/frames"], part["cam/rows"]
+    assert [f.header.pts_ns for f in frames] == [
+        f.header.pts_ns for f in of(recorded, "frames") if 1.0 <= f.header.pts_ns / 1e9 < 2.0
+    ]
+    assert 1.0 <= rows[0].header.pts_ns / 1e9 < rows[-1].header.pts_ns / 1e9 < 2.0
+    assert places(frames) == [(0, n) for n in range(len(frames))]  # numbered from 0
+    assert places(rows) == [(0, n) for n in range(len(rows))]
+    # Whatever part it is, there is the whole reference.
+    assert sum(b.samples for b in part["reference/ce"]) == 1200
+    whole = {f.header.pts_ns: f.luma for f in data(played(recorded, topics=topics))["cam/frames"]}
+    assert all((f.luma == whole[f.header.pts_ns]).all() for f in frames)
+
+
+@pytest.mark.parametrize(
+    ("playing", "words"),
+    [
+        ({"start_s": 99.0}, "ends before 99 s"),
+        ({"start_s": 2.0, "end_s": 1.0}, "nothing lies between 2 s and 1 s"),
+        ({"topics": ("cam/live",)}, "nothing to play as 'cam/live'"),
+        ({"topics": ("*/rows",), "rename": {"door": "yard"}}, "'door' isn't played"),
+        ({"rename": {"cam/rows": "cam/track"}}, "another message"),
+        ({"rename": {"cam/rows": "@nodes/rows"}, "site": "a b"}, "no name"),
+    ],
+)
+def test_what_cant_be_played(recorded: Path, playing: dict[str, Any], words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        played(recorded, **playing)
+
+
+def test_other_names(recorded: Path) -> None:
+    rename = {"cam": "door", "cam/track": "yard/track", "reference/ce": "reference/gb"}
+    items = played(recorded, rename=rename, site="home")
+    sources = {key: message.header.source for key, message in items}
+    assert sources == {
+        "rsenf/home/reference/gb": "reference/gb",
+        "rsenf/home/yard/track": "home/yard",
+        **{f"rsenf/home/door/{topic}": "home/door" for topic in ("video", "rows", "match", "idle")},
+    }
+    assert {m.grid for key, m in items if key.endswith("gb")} <= {"gb"}
+
+
+def test_a_loop_is_another_epoch_on_every_topic(recorded: Path, short_film: Film) -> None:
+    items = played(recorded, topics=("cam/rows", "cam/track", "reference/ce"), loop=3)
+    looped = data(items)
+    for topic in ("cam/rows", "cam/track"):
+        once = of(recorded, topic)
+        assert places(looped[topic]) == [(e, n) for e in range(3) for n in range(len(once))]
+    assert len(looped["reference/ce"]) == len(blocks(short_film))  # once is enough
+    assert sum(m.header.is_end for _, m in items) == 3
+
+
+def test_no_stage_mixes_two_passes(recorded: Path) -> None:
+    runner = Runner("track", lambda: make_tracker(TRACK))
+    out = [
+        dataclasses.replace(e, header=dataclasses.replace(e.header, epoch=0))
+        for _, block in played(recorded, topics=("cam/rows",), loop=2)
+        for e in runner.feed(block)
+        if not e.header.is_end
+    ]
+    once = of(recorded, "track")
+    assert hashes({"track": out[: len(once)]}) == hashes({"track": once})
+    assert hashes({"track": out[len(once) :]}) == hashes({"track": once})
+
+
+class Told:
+    """Yields the next message of a player that plays in a thread, as far as it lets them pass."""
+
+    def __init__(self, path: Path, control: Control, **playing: Any) -> None:
+        self.seen: list[Any] = []
+        self._thread = threading.Thread(target=self._play, args=(path, control, playing))
+        self._control = control
+        self._thread.start()
+
+    def _play(self, path: Path, control: Control, playing: dict[str, Any]) -> None:
+        for _, message in player(path, control, **playing):
+            self.seen.append(message)
+
+    def settled(self) -> int:
+        """How many messages have passed, once no more do."""
+        count = -1
+        while count != len(self.seen):
+            count = len(self.seen)
+            time.sleep(0.3)
+        return count
+
+    def stop(self) -> None:
+        self._control.stop.set()
+        self._thread.join(10)
+        assert not self._thread.is_alive()
+
+
+def test_keys_pause_step_seek_and_end(recorded: Path) -> None:
+    """Keys from a script: a pause before anything has passed, three steps, and so on."""
+    control = Control()
+    obey(" ", control)
+    told = Told(recorded, control, topics=("cam/rows",), rate=1.0)
+    assert told.settled() == 0
+    obey("..", control)
+    assert told.settled() == 2
+    obey([".", "\x1b[D", "."], control)
+    assert told.settled() in (3, 4)  # a step was overtaken by the seek, or wasn't
+    obey([" "], control)  # goes on
+    while told.seen[-1].header.epoch == 0:
+        time.sleep(0.05)
+    again = next(m for m in told.seen if m.header.epoch == 1)
+    assert (again.header.seq, again.header.pts_ns) == (0, 0)
+    obey(["\x1b[C"], control)  # beyond the end: it ends
+    told._thread.join(10)
+    assert told.seen[-1].header.is_end
+    assert all(b.header.seq == a.header.seq + 1 for a, b in pairwise(told.seen) if
+               a.header.epoch == b.header.epoch)  # fmt: skip
+    told.stop()
+
+
+def test_a_seek_lands_where_it_should(recorded: Path) -> None:
+    control, seen = Control(), []
+    for _, message in player(recorded, control, topics=("cam/frames",)):
+        seen.append(message)
+        if len(seen) == 31:  # at second 1 of 3: another one back or forth
+            control.seek(1.0)
+    first = next(m for m in seen if m.header.epoch == 1)
+    assert first.header.pts_ns / 1e9 == pytest.approx(2.0, abs=0.04)
+    assert first.header.seq == 0
+    assert len(seen) == 31 + 30 + 1
+
+
+def test_quitting_ends_every_stream(recorded: Path) -> None:
+    control, seen = Control(), []
+    for _, message in player(recorded, control, topics=("cam/rows", "cam/track"), loop=0):
+        seen.append(message)
+        if len(seen) == 40:
+            obey("q", control)
+    assert len(seen) == 42
+    assert [m.header.is_end for m in seen[-2:]] == [True, True]
+
+
+def test_a_terminal_has_its_keys_and_gets_its_settings_back() -> None:
+    import termios
+
+    ours, terminal = os.openpty()
+    before, control = termios.tcgetattr(terminal), Control()
+    with keyboard(terminal, control):
+        os.write(ours, b" \x1b[C")
+        by_s = None
+        while by_s is None:
+            by_s = control.sought_s()
+        assert (control.paused, by_s) == (True, 10.0)
+    assert termios.tcgetattr(terminal) == before
+
+
+def test_rate_10_takes_a_tenth_of_the_time(recorded: Path) -> None:
+    times = []
+    for _, _ in player(recorded, None, topics=("cam/rows",), rate=10.0):
+        times.append(time.monotonic())
+    assert 0.2 < times[-1] - times[0] < 2.0
+    assert max(b - a for a, b in pairwise(times)) < 1.0
+
+
+@pytest.fixture
+def cut(recorded: Path, tmp_path: Path) -> Path:
+    """The same recording, broken off."""
+    path = tmp_path / "cut.mcap"
+    whole = recorded.read_bytes()
+    path.write_bytes(whole[: len(whole) * 2 // 3])
+    return path
+
+
+@pytest.mark.parametrize("begin", BEGIN[:2])
+def test_a_truncated_recording_is_played_up_to_where_it_is_whole(
+    recorded: Path, cut: Path, begin: str
+) -> None:
+    recording = Replayed(cut, begin=begin)
+    whole = [canonical(m) for m in Replayed(recorded, begin=begin).messages()]
+    there = [canonical(m) for m in recording.messages()]
+    assert 0 < len(there) < len(whole)
+    assert there == whole[: len(there)]
+    assert recording.loss.startswith("the recording is cut short")
+    assert "played up to " in recording.loss
+
+
+def test_a_damaged_chunk_costs_pictures_up_to_the_next_key_frame(
+    recorded: Path, tmp_path: Path
+) -> None:
+    """What a decoder would make of a gap is never taken for what was filmed."""
+    content = bytearray(recorded.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    (tmp_path / "bad.mcap").write_bytes(content)
+    recording = Replayed(tmp_path / "bad.mcap", begin="frames")
+    whole = {m.header.seq: m for m in Replayed(recorded, begin="frames").messages()}
+    there = list(recording.messages())
+    assert 0 < len(there) < len(whole)
+    for frame in there:
+        assert (frame.luma == whole[frame.header.seq].luma).all()
+        assert frame.header.pts_ns == whole[frame.header.seq].header.pts_ns
+    assert "damaged parts, left out: " in recording.loss
+
+
+def test_what_a_recording_lacks_is_said(recorded: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no estimates of camera 'roof'"):
+        Replayed(recorded, "roof", "track")
+    (tmp_path / "no.mcap").write_bytes(b"no")
+    with pytest.raises(InputError):
+        Replayed(tmp_path / "no.mcap")
