@@ -31,6 +31,16 @@ ALLOWED: dict[str, set[str]] = {
     "config": {*BASE, "bus", "decode", "rows", "track", "idle", "match", "model", "discrepancy"},
     "report": {*BASE, "rows", "flicker", "track", "idle", "match", "model", "discrepancy"},
     "run": {*BASE, *SIGNAL, "bus", "config", "record", "reference"},
+    # Every stage there is, with the settings of a recorded graph.
+    "regress": {
+        *BASE,
+        *SIGNAL,
+        "bus",
+        "config",
+        "record",
+        "run",
+        "discrepancy",
+    },
     "bench": {*BASE, *SIGNAL, "discrepancy", "config", "record", "reference", "report", "run"},
     "cli": {
         *BASE,
@@ -39,6 +49,7 @@ ALLOWED: dict[str, set[str]] = {
         "config",
         "record",
         "reference",
+        "regress",
         "report",
         "run",
         "bench",
