@@ -55,13 +55,12 @@ def run(args: argparse.Namespace) -> int:
             _print(result)
         if result.loss:
             say(f"{result.recording}: {result.loss}")
+    moved = [result for result in results if not result.passed]
     if args.accept:
-        for result in results:
-            if not result.passed:
-                accept(result, args.reason)
-                say(f"{result.recording}: recorded anew")
-        return EXIT_DONE
-    if not all(result.passed for result in results):
+        for result in moved:
+            accept(result, args.reason)
+            say(f"{result.recording}: recorded anew")
+    elif moved:
         return EXIT_FAILED
     return EXIT_DONE if all(result.whole for result in results) else EXIT_LOSS
 

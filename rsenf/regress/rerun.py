@@ -101,15 +101,18 @@ class StepRun:
         self._runner = step.make_runner(history)
         self._pictures = Pictures(history.frames.get(step.topic, {}))
         self._verdict = TopicVerdict(step.topic, step.stage)
-        self._recorded: deque[tuple[Any, int]] = deque()
+        # With the log time of each, and whether the recording lacks one before it.
+        self._recorded: deque[tuple[Any, int, bool]] = deque()
         self._again: deque[Any] = deque()
         self._numbers = Numbers()
+        self._unrecorded = 0
         self._ended: Header | None = None  # by what was recorded of it
 
     def take(self, topic: str, message: Any, log_time_ns: int) -> None:
         """Take a message of the recording: as input, as what is to come out, or not at all."""
         if topic == self._step.topic:
-            self._recorded.append((message, log_time_ns))
+            lacks = bool(self._numbers.gap(topic, message.header))
+            self._recorded.append((message, log_time_ns, lacks))
             if message.header.is_end:
                 self._ended = message.header
         elif topic in self._step.reads and not self._verdict.unjudged:
@@ -126,12 +129,14 @@ class StepRun:
             while not self._runner.ended:
                 self._again += self._runner.end(self._ended)
             self._compare()
-            for message, log_time_ns in self._recorded:
+            for message, log_time_ns, _ in self._recorded:
                 verdict.lack(message.header, log_time_ns)
             for message in self._again:
                 verdict.add(message.header)
         elif not verdict.unjudged:
             verdict.unjudged = "the recording ends before this stage did"
+        if self._unrecorded and not verdict.unjudged:
+            verdict.unjudged = f"{self._unrecorded} of its messages were not recorded"
         if self._pictures.missing and not verdict.passed:
             verdict.stage = "decode"
         return verdict
@@ -143,6 +148,14 @@ class StepRun:
 
     def _compare(self) -> None:
         while self._recorded and self._again:
-            (then, log_time_ns), now = self._recorded.popleft(), self._again.popleft()
+            (then, log_time_ns, lacks), now = self._recorded[0], self._again.popleft()
+            if lacks and _is_before(now.header, then.header):
+                self._unrecorded += 1
+                continue
+            self._recorded.popleft()
             differs = moved(then, now, exact=self._exact)
             self._verdict.take(then.header, differs, log_time_ns)
+
+
+def _is_before(one: Header, other: Header) -> bool:
+    return run_of(one) == run_of(other) and one.seq < other.seq

@@ -71,6 +71,7 @@ _LEVEL = Tolerance(
 )
 _ERROR = Tolerance("an error is known to a few per cent at best", relative=SHARE)
 _DECIBEL = Tolerance("a quarter of a per cent in power", absolute=0.01)
+_IDLE = Tolerance("a hundredth of the error of the best second, 0.01 %", absolute=1e-6)
 _EXACT = Tolerance("computed from the frames' times alone", relative=ROUNDED)
 _BAN = Tolerance("two per cent in the ratio; its calibration is worse", absolute=0.01)
 _RATIO = Tolerance("a ratio is printed to two digits at best", relative=SHARE)
@@ -86,6 +87,7 @@ TOLERANCES: dict[str, dict[str, Tolerance]] = {
         "line_hz": _EXACT,
         "frame_rate_hz": _EXACT,
         "carrier_hz": _EXACT,
+        "idle_ratio": _IDLE,
         "enf_hz": _of_var("enf_var_hz2"),
         "enf_var_hz2": _ERROR,
         "snr_db": _DECIBEL,
@@ -118,7 +120,7 @@ TOLERANCES: dict[str, dict[str, Tolerance]] = {
         "clock_std_ppm": _ERROR,
         "residual_std_hz": _ERROR,
         "expected_std_hz": _ERROR,
-        "idle_ratio": _EXACT,
+        "idle_ratio": _IDLE,
         "claim_log10_lr": _BAN,
         "claim_log10_lr_other": _BAN,
     },

@@ -1,0 +1,112 @@
+"""The golden recordings: nothing of them moves, and they show what they are there for."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rsenf.messages import EnfEstimate, IdleEstimate, MatchResult, RowBlock
+from rsenf.record import open_recording
+from rsenf.regress import Regression, regress
+from rsenf.regress.versions import changed_since
+from tests.golden.golden_scenes import SCENES
+from tests.golden.make import FOLDER, SUMS, make
+
+NAMES = [scene.name for scene in SCENES]
+LARGEST_BYTES, ALL_BYTES = 2_000_000, 8_000_000
+
+
+def golden(name: str) -> Path:
+    return FOLDER / f"{name}.mcap"
+
+
+def test_the_files_are_those_that_were_made() -> None:
+    sums = dict(reversed(line.split()) for line in (FOLDER / SUMS).read_text().splitlines())
+    assert sorted(sums) == sorted(f"{name}.mcap" for name in NAMES)
+    assert sorted(path.name for path in FOLDER.glob("*.mcap")) == sorted(sums)
+    for name, sha256 in sums.items():
+        assert hashlib.sha256((FOLDER / name).read_bytes()).hexdigest() == sha256
+    sizes = [golden(name).stat().st_size for name in NAMES]
+    assert max(sizes) < LARGEST_BYTES
+    assert sum(sizes) < ALL_BYTES
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=NAMES)
+def test_no_stage_has_moved(scene: Any) -> None:
+    result: Regression = regress(golden(scene.name))
+    assert result.passed, [(t.topic, t.since, t.fields) for t in result.topics if not t.passed]
+    assert result.whole
+    assert not result.left_out
+    stages = ["rows", "track", "idle", "match", *scene.stages]
+    assert [topic.stage for topic in result.topics] == stages
+    assert all(topic.messages > 1 for topic in result.topics)
+
+
+def data(name: str, kind: type[Any]) -> list[Any]:
+    messages = [m for _, m, _ in open_recording(golden(name)).messages()]
+    return [m for m in messages if isinstance(m, kind) and not m.header.is_end]
+
+
+def enf(name: str) -> list[EnfEstimate]:
+    return [e for e in data(name, EnfEstimate) if e.usable]
+
+
+def last_idle(name: str) -> IdleEstimate:
+    estimate: IdleEstimate = data(name, IdleEstimate)[-1]
+    return estimate
+
+
+def decision(name: str) -> str:
+    result: MatchResult = data(name, MatchResult)[-1]
+    return result.decision
+
+
+@pytest.mark.parametrize(("name", "nominal_hz"), [("still_2997", 50.0), ("still_30_at_60", 60.0)])
+def test_still_ones_have_enf_all_along(name: str, nominal_hz: float) -> None:
+    estimates = enf(name)
+    assert len(estimates) >= 30
+    assert {e.nominal_hz for e in estimates} == {nominal_hz}
+
+
+def test_at_29_97_frames_a_second_the_idle_period_is_found() -> None:
+    assert last_idle("still_2997").verdict == "estimated"
+    assert abs(last_idle("still_2997").idle_ratio - 0.2) < 0.01
+
+
+def test_without_mains_light_nothing_is_claimed() -> None:
+    assert enf("no_mains_light") == []
+    assert last_idle("no_mains_light").verdict == "no_signal"
+    assert decision("no_mains_light") == "no_decision"
+
+
+def test_something_moves() -> None:
+    steady = [b.steady_ratio for b in data("moving", RowBlock)]
+    assert min(steady) < 0.95
+    assert min(b.steady_ratio for b in data("still_2997", RowBlock)) > 0.99
+
+
+def test_frames_are_lacking() -> None:
+    times_ns = [t for b in data("dropped_frames", RowBlock) for t in b.frame_pts_ns.tolist()]
+    periods = [round((b - a) * 30 / 1.001e9) for a, b in itertools.pairwise(times_ns)]
+    assert set(periods) == {1, 2}
+
+
+def test_the_looped_feed_is_no_match() -> None:
+    assert decision("looped") != "match"
+
+
+def test_made_again_from_its_seed_it_is_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "again.mcap"
+    (scene,) = (s for s in SCENES if s.name == "weak_cfl")
+    make(scene, path)
+    assert regress(path).passed
+    if not changed_since(open_recording(golden(scene.name))) and not _history(scene.name):
+        assert path.read_bytes() == golden(scene.name).read_bytes()
+
+
+def _history(name: str) -> list[str]:
+    return [m for m in open_recording(golden(name)).metadata if m.startswith("rsenf.accepted")]
