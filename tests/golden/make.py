@@ -1,11 +1,13 @@
 """Makes the golden recordings anew, from their seeds: python -m tests.golden.make [NAME …].
 
 What stages make of a golden recording changes by 'rsenf regress --accept --reason …', which keeps
-the video. This is for another scene, or another form of recording; the history starts anew with it.
+the video; then only the checksums are to be written anew, with --sums. This is for another scene,
+or another form of recording; the history starts anew with it.
 """
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import sys
 import tempfile
@@ -107,10 +109,16 @@ def write_sums(folder: Path) -> None:
     (folder / SUMS).write_text("".join(sums), encoding="utf-8")
 
 
-def main(names: list[str]) -> None:
-    """Make those named, or all."""
-    for scene in SCENES:
-        if not names or scene.name in names:
+def main() -> None:
+    """Make those named, or all, and write the checksums."""
+    parser = argparse.ArgumentParser(prog="python -m tests.golden.make")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="of a scene (all)")
+    parser.add_argument("--sums", action="store_true", help="write the checksums only")
+    args = parser.parse_args()
+    if unknown := set(args.names) - {scene.name for scene in SCENES}:
+        parser.error(f"no scene {', '.join(sorted(unknown))}")
+    for scene in () if args.sums else SCENES:
+        if not args.names or scene.name in args.names:
             path = FOLDER / f"{scene.name}.mcap"
             make(scene, path)
             print(f"{path.name}: {path.stat().st_size / 1e6:.2f} MB", file=sys.stderr)
@@ -118,4 +126,4 @@ def main(names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

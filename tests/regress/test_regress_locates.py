@@ -19,7 +19,7 @@ CHANGES = [
     ("weak_cfl", "rsenf.track.projection.MIN_FLICKER_RATIO", 0.5, "track"),
     ("still_2997", "rsenf.idle.stage.INTERVAL_STDS", 2.3, "idle"),
     ("still_2997", "rsenf.match.evidence.PRIOR_PEAKS", 4.0, "match"),
-    ("dropped_frames", "rsenf.discrepancy.floor.BEYOND_STDS", 5.0, "discover"),
+    ("no_mains_light", "rsenf.discrepancy.window.FEWEST_THERE", 2.0, "discover"),
 ]
 
 
