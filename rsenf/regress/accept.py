@@ -42,6 +42,8 @@ def accept(result: Regression, reason: str) -> None:
     if not result.whole:
         why = result.loss or next(t.unjudged for t in result.topics if t.unjudged)
         raise InputError(f"{recording.path}: not whole, and can't be recorded anew: {why}")
+    if foreign := [name for name, topic in recording.topics.items() if not topic.is_ours]:
+        raise InputError(f"{recording.path}: {', '.join(foreign)} of others would be lost")
     steps, _ = runnable(recording)
     accepted_utc = datetime.now(UTC).isoformat(timespec="seconds")
     note = {"reason": reason, "accepted_utc": accepted_utc}

@@ -10,8 +10,10 @@ from rsenf.record import Recording
 from rsenf.record.growing import ABOUT
 from rsenf.record.provenance import program_facts
 
-# Of the facts that a recording holds, those that say nothing of how numbers come out.
-BESIDE = ("created_utc", "host", "platform")
+BESIDE = ("created_utc", "host", "platform")  # where and when the video came in
+# These carry messages as they are.
+_CARRIERS = ("eclipse-zenoh", "mcap", "protobuf", "zstandard")
+_NO_MATTER = {*BESIDE, *(f"library {name}" for name in _CARRIERS)}
 
 
 def changed_since(recording: Recording) -> dict[str, tuple[str, str]]:
@@ -20,5 +22,5 @@ def changed_since(recording: Recording) -> dict[str, tuple[str, str]]:
     return {
         name: (then.get(name, "unknown"), value)
         for name, value in now.items()
-        if name not in BESIDE and then.get(name) != value
+        if name not in _NO_MATTER and then.get(name) != value
     }
