@@ -94,7 +94,7 @@ def _in_numbers(
     with np.errstate(invalid="ignore"):
         by = np.where(same, 0.0, np.abs(x - y))
     allowed = tolerance.allowed(then, x, y) if tolerance else np.zeros_like(by)
-    if exact or not (by <= allowed).all():
+    if exact or not (same | (by <= allowed)).all():
         worst = int(np.argmax(np.nan_to_num(by, nan=np.inf)))  # NaN: one is a number, one isn't
         largest = float(by.flat[worst])
         limit = float(np.broadcast_to(allowed, by.shape).flat[worst])

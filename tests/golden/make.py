@@ -38,8 +38,7 @@ def make(scene: Scene, path: Path) -> None:
     """Film a scene, record it with the grid's reference, and run the stages on it."""
     freq_hz = synthetic_grid(scene.seed, REFERENCE_S, nominal_hz=scene.nominal_hz).freq_hz
     freq_hz = freq_hz[:REFERENCE_S].round(6)
-    start_s = float(np.random.default_rng(scene.seed).uniform(0, REFERENCE_S - SECONDS - 1))
-    grid = GridPath(freq_hz, 1.0, start_s, scene.nominal_hz)
+    grid = GridPath(freq_hz, 1.0, start_of(scene), scene.nominal_hz)
     frames = render_frames(scene.model, grid, SECONDS, scene.seed)
     film = Looped(frames, scene.loops_s) if scene.loops_s else frames
     with tempfile.TemporaryDirectory() as folder:
@@ -52,6 +51,11 @@ def make(scene: Scene, path: Path) -> None:
             _record_reference(recorder, freq_hz, scene.nominal_hz)
             _record_video(recorder, clip)
     complete(path)
+
+
+def start_of(scene: Scene) -> float:
+    """Seconds into the reference at which a scene's film begins: the truth about it."""
+    return float(np.random.default_rng(scene.seed).uniform(0, REFERENCE_S - SECONDS - 1))
 
 
 def _about(scene: Scene) -> dict[str, str]:

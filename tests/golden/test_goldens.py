@@ -11,12 +11,13 @@ import pytest
 
 from rsenf.messages import EnfEstimate, IdleEstimate, MatchResult, RowBlock
 from rsenf.record import open_recording
-from rsenf.regress import Regression, regress
+from rsenf.regress import regress
 from rsenf.regress.versions import changed_since
-from tests.golden.golden_scenes import SCENES
-from tests.golden.make import FOLDER, SUMS, make
+from tests.golden.golden_scenes import SCENES, Scene
+from tests.golden.make import FOLDER, SUMS, make, start_of
 
 NAMES = [scene.name for scene in SCENES]
+NO_TIME = ("looped", "no_mains_light")
 LARGEST_BYTES, ALL_BYTES = 2_000_000, 8_000_000
 
 
@@ -36,14 +37,14 @@ def test_the_files_are_those_that_were_made() -> None:
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=NAMES)
-def test_no_stage_has_moved(scene: Any) -> None:
-    result: Regression = regress(golden(scene.name))
-    assert result.passed, [(t.topic, t.since, t.fields) for t in result.topics if not t.passed]
-    assert result.whole
-    assert not result.left_out
+def test_no_stage_has_moved(scene: Scene) -> None:
+    again = regress(golden(scene.name))
+    assert again.passed, [(t.topic, t.since, t.fields) for t in again.topics if not t.passed]
+    assert again.whole
+    assert not again.left_out
     stages = ["rows", "track", "idle", "match", *scene.stages]
-    assert [topic.stage for topic in result.topics] == stages
-    assert all(topic.messages > 1 for topic in result.topics)
+    assert [topic.stage for topic in again.topics] == stages
+    assert all(topic.messages > 1 for topic in again.topics)
 
 
 def data(name: str, kind: type[Any]) -> list[Any]:
@@ -60,9 +61,9 @@ def last_idle(name: str) -> IdleEstimate:
     return estimate
 
 
-def decision(name: str) -> str:
-    result: MatchResult = data(name, MatchResult)[-1]
-    return result.decision
+def result(name: str) -> MatchResult:
+    found: MatchResult = data(name, MatchResult)[-1]
+    return found
 
 
 @pytest.mark.parametrize(("name", "nominal_hz"), [("still_2997", 50.0), ("still_30_at_60", 60.0)])
@@ -80,13 +81,13 @@ def test_at_29_97_frames_a_second_the_idle_period_is_found() -> None:
 def test_without_mains_light_nothing_is_claimed() -> None:
     assert enf("no_mains_light") == []
     assert last_idle("no_mains_light").verdict == "no_signal"
-    assert decision("no_mains_light") == "no_decision"
+    assert result("no_mains_light").decision == "no_decision"
 
 
 def test_something_moves() -> None:
     steady = [b.steady_ratio for b in data("moving", RowBlock)]
-    assert min(steady) < 0.95
-    assert min(b.steady_ratio for b in data("still_2997", RowBlock)) > 0.99
+    assert min(steady) < 0.6
+    assert min(b.steady_ratio for b in data("still_2997", RowBlock)) > 0.9
 
 
 def test_frames_are_lacking() -> None:
@@ -96,7 +97,16 @@ def test_frames_are_lacking() -> None:
 
 
 def test_the_looped_feed_is_no_match() -> None:
-    assert decision("looped") != "match"
+    assert result("looped").decision == "no_match"
+
+
+@pytest.mark.parametrize(
+    "scene", [s for s in SCENES if s.name not in NO_TIME], ids=lambda s: s.name
+)
+def test_the_others_are_of_their_time(scene: Scene) -> None:
+    found = result(scene.name)
+    assert found.decision == "match"
+    assert abs(found.lag_s - start_of(scene)) < 1.0
 
 
 def test_made_again_from_its_seed_it_is_the_same(tmp_path: Path) -> None:
