@@ -17,7 +17,7 @@ from tests.golden.golden_scenes import SCENES, Scene
 from tests.golden.make import FOLDER, SUMS, make, start_of
 
 NAMES = [scene.name for scene in SCENES]
-NO_TIME = ("looped", "no_mains_light")
+NO_TIME = ("looped", "no_mains_light", "still_30_at_60")
 LARGEST_BYTES, ALL_BYTES = 2_000_000, 8_000_000
 
 
@@ -66,11 +66,15 @@ def result(name: str) -> MatchResult:
     return found
 
 
-@pytest.mark.parametrize(("name", "nominal_hz"), [("still_2997", 50.0), ("still_30_at_60", 60.0)])
-def test_still_ones_have_enf_all_along(name: str, nominal_hz: float) -> None:
-    estimates = enf(name)
-    assert len(estimates) >= 30
-    assert {e.nominal_hz for e in estimates} == {nominal_hz}
+@pytest.mark.parametrize("name", ["still_2997", "still_25_at_50"])
+def test_still_ones_have_enf_all_along(name: str) -> None:
+    assert len(enf(name)) >= 30
+
+
+def test_at_30_frames_a_second_a_calm_60_hz_grid_is_not_told_from_texture() -> None:
+    assert enf("still_30_at_60") == []
+    assert last_idle("still_30_at_60").verdict == "ambiguous"
+    assert result("still_30_at_60").decision == "no_decision"
 
 
 def test_at_29_97_frames_a_second_the_idle_period_is_found() -> None:
@@ -100,13 +104,12 @@ def test_the_looped_feed_is_no_match() -> None:
     assert result("looped").decision == "no_match"
 
 
-@pytest.mark.parametrize(
-    "scene", [s for s in SCENES if s.name not in NO_TIME], ids=lambda s: s.name
-)
-def test_the_others_are_of_their_time(scene: Scene) -> None:
-    found = result(scene.name)
-    assert found.decision == "match"
-    assert abs(found.lag_s - start_of(scene)) < 1.0
+def test_the_others_are_of_their_time() -> None:
+    for scene in SCENES:
+        if scene.name not in NO_TIME:
+            found = result(scene.name)
+            assert found.decision == "match", scene.name
+            assert abs(found.lag_s - start_of(scene)) < 1.0, scene.name
 
 
 def test_made_again_from_its_seed_it_is_the_same(tmp_path: Path) -> None:
