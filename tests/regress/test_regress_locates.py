@@ -18,7 +18,7 @@ CHANGES = [
     ("moving", "rsenf.rows.steady.LEARNING_RATE", 0.06, "rows"),
     ("weak_cfl", "rsenf.track.projection.MIN_FLICKER_RATIO", 0.5, "track"),
     ("still_2997", "rsenf.idle.stage.INTERVAL_STDS", 2.3, "idle"),
-    ("still_2997", "rsenf.match.evidence.PRIOR_PEAKS", 4.0, "match"),
+    ("still_2997", "rsenf.match.phase_search.APART_S", 60.0, "match"),
     ("no_mains_light", "rsenf.discrepancy.window.FEWEST_THERE", 2.0, "discover"),
 ]
 
