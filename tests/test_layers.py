@@ -42,6 +42,16 @@ ALLOWED: dict[str, set[str]] = {
     },
     "report": {*BASE, "rows", "flicker", "track", "idle", "match", "model", "discrepancy"},
     "run": {*BASE, *SIGNAL, "bus", "config", "record", "reference"},
+    # Every stage there is, with the settings of a recorded graph.
+    "regress": {
+        *BASE,
+        *SIGNAL,
+        "bus",
+        "config",
+        "record",
+        "run",
+        "discrepancy",
+    },
     "bench": {*BASE, *SIGNAL, "discrepancy", "config", "record", "reference", "report", "run"},
     "cli": {
         *BASE,
@@ -50,6 +60,7 @@ ALLOWED: dict[str, set[str]] = {
         "config",
         "record",
         "reference",
+        "regress",
         "report",
         "run",
         "bench",

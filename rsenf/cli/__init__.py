@@ -36,6 +36,7 @@ VERBS = {
     "record": "write what is on a bus to an MCAP file, or to an archive of them",
     "archive": "tell what an archive of recordings has, and where the gaps are",
     "replay": "play a recording to a bus: any topics, at any speed, from any moment",
+    "regress": "run recorded stages again, and say what isn't as it was",
     "explain": "explain a message, an error or an exit code; write the schemas",
 }
 DEBUG = "--debug"

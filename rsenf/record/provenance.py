@@ -26,16 +26,28 @@ LIBRARIES = (
 
 
 def program_facts() -> dict[str, str]:
-    """Versions of the program, its schemas and its libraries, and the host it runs on."""
+    """Versions of the program, its schemas and its libraries, and the host it runs on.
+
+    Where all but the host and its platform are the same, so is every bit that comes out.
+    """
     versions = program_versions(LIBRARIES)
     return {
         "rsenf": versions.pop("rsenf"),
         "python": versions.pop("python"),
         "platform": platform.platform(),
+        "arithmetic": _arithmetic(),
         "host": socket.gethostname(),
         **{f"schema {name}": str(cls.VERSION) for name, cls in message_classes().items()},
         **{f"library {name}": version for name, version in versions.items()},
     }
+
+
+def _arithmetic() -> str:
+    """Kind of processor, and what of it NumPy makes use of: another one rounds differently."""
+    import numpy as np
+
+    found = np.show_config(mode="dicts")["SIMD Extensions"]
+    return " ".join([platform.machine(), *found["baseline"], *found["found"]])
 
 
 def program_versions(libraries: Sequence[str]) -> dict[str, str]:

@@ -1,0 +1,106 @@
+"""Run every stage again on its recorded input, and compare with its recorded output.
+
+Each stage gets what was recorded of the stages before it, with the settings in the recording, so
+that what moves is located. On the versions and the kind of processor that made a recording every
+bit must agree; on others what moves by less than a hundredth of its own standard error, or by
+rounding, is as it was. 'rsenf regress --tolerances' lists them. Exit code 1: something moved.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rsenf.regress import Regression, TopicVerdict
+
+MOST_FIELDS = 4  # of a topic, in words; --json has them all
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    parser.add_argument("recordings", nargs="*", metavar="RECORDING.mcap")
+    parser.add_argument(
+        "--accept", action="store_true",
+        help="record the outputs of those that moved anew, in their place",
+    )  # fmt: skip
+    parser.add_argument("--reason", metavar="TEXT", help="why they may move; kept in the recording")
+    parser.add_argument("--tolerances", action="store_true", help="how far each field may move")
+    parser.add_argument("--json", action="store_true", help="what moved, as JSON")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Compare recordings with what the stages make now."""
+    from rsenf.cli.console import print_json, progress_bar, say
+    from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, UsageError
+    from rsenf.regress import accept, regress
+    from rsenf.regress.verdict import as_json
+
+    if args.tolerances:
+        _print_tolerances()
+        return EXIT_DONE
+    if not args.recordings:
+        raise UsageError("no recording is named", "rsenf regress RECORDING.mcap …")
+    if args.accept != bool(args.reason and args.reason.strip()):
+        raise UsageError("--accept and --reason go together", "say why the outputs may move")
+    results = []
+    with progress_bar("running again", len(args.recordings), "recordings") as progress:
+        for path in args.recordings:
+            results.append(regress(path))
+            progress(len(results))
+    if args.json:
+        print_json(as_json(results))
+    for result in results:
+        if not args.json:
+            _print(result)
+        if result.loss:
+            say(f"{result.recording}: {result.loss}")
+    moved = [result for result in results if not result.passed]
+    if args.accept:
+        for result in moved:
+            accept(result, args.reason)
+            say(f"{result.recording}: recorded anew")
+    elif moved:
+        return EXIT_FAILED
+    return EXIT_DONE if all(result.whole for result in results) else EXIT_LOSS
+
+
+def _print(result: Regression) -> None:
+    how = "bit for bit" if result.exact else "within tolerances"
+    first = result.first
+    told = f"moved, and first in {first.stage}" if first else f"as it was, {how}"
+    print(f"{result.recording}: {told}")
+    if result.changed:
+        changes = (f"{n} {then} → {now}" for n, (then, now) in result.changed.items())
+        print(f"  not the same: {', '.join(changes)}")
+    for topic in result.topics:
+        _print_topic(topic)
+    for name, why in result.left_out.items():
+        print(f"  {name}: not run again, {why}")
+
+
+def _print_topic(topic: TopicVerdict) -> None:
+    print(f"  {topic.topic}: {topic.differing} of {topic.messages} messages differ")
+    if topic.since:
+        when = f", {topic.since.utc}" if topic.since.utc else ""
+        frame = f"frame {topic.since.frame}, " if topic.since.frame >= 0 else ""
+        print(f"    since message {topic.since.message}: {frame}{topic.since.time_s:.3f} s{when}")
+    for name, of in list(topic.fields.items())[:MOST_FIELDS]:
+        print(f"    {name} by up to {of.by:.6g} in {of.messages} (allowed: {of.allowed:.3g})")
+    if len(topic.fields) > MOST_FIELDS:
+        print(f"    and {len(topic.fields) - MOST_FIELDS} more fields")
+    if topic.missing or topic.extra:
+        print(f"    {topic.missing} did not come again, {topic.extra} had not been there")
+    if topic.unjudged:
+        print(f"    not judged to its end: {topic.unjudged}")
+
+
+def _print_tolerances() -> None:
+    from rsenf.regress.tolerance import TOLERANCES
+
+    for message, fields in TOLERANCES.items():
+        for field, tolerance in fields.items():
+            limits = (("", tolerance.absolute), (" of the value", tolerance.relative))
+            told = [f"{value:g}{of}" for of, value in limits if value]
+            print(f"{message}.{field}: {' + '.join(told) or '0'}; {tolerance.why}")
+    print("anything else: equal; in words, numbers by one in their last digit")

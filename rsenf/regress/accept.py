@@ -1,0 +1,134 @@
+"""Records the outputs of a recording's stages anew, with the reason why they may have moved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from rsenf.errors import InputError
+from rsenf.messages import Health, ReferenceBlock, VideoPacket
+from rsenf.record import Recorder, Recording, open_recording
+from rsenf.record.growing import ABOUT, CLOSING
+from rsenf.record.provenance import program_facts
+from rsenf.regress.history import History, history_of
+from rsenf.regress.pictures import Pictures
+from rsenf.regress.plan import Step, recorded_graph, steps_of
+from rsenf.regress.rerun import runnable
+from rsenf.regress.verdict import Regression
+from rsenf.regress.versions import BESIDE, changed_since
+from rsenf.whole_file import whole_file
+
+ACCEPTED = "rsenf.accepted."
+
+
+def accept(result: Regression, reason: str) -> None:
+    """Record the outputs of a recording anew, in its place.
+
+    What came from outside stays as it is: video, references, all that no stage can make again.
+    From there each stage is given what the one before it makes now. The reason, what moved, and
+    the versions that had made it before go into a metadata record ``rsenf.accepted.N``, which
+    stays in all later ones.
+
+    Raises
+    ------
+    InputError
+        When the recording isn't whole, so that its outputs can't all be made again.
+    RecordingError
+        When it can't be written; the recording is then as it was.
+    """
+    recording = open_recording(result.recording)
+    if not result.whole:
+        why = result.loss or next(t.unjudged for t in result.topics if t.unjudged)
+        raise InputError(f"{recording.path}: not whole, and can't be recorded anew: {why}")
+    if foreign := [name for name, topic in recording.topics.items() if not topic.is_ours]:
+        raise InputError(f"{recording.path}: {', '.join(foreign)} of others would be lost")
+    steps, _ = runnable(recording)
+    accepted_utc = datetime.now(UTC).isoformat(timespec="seconds")
+    note = {"reason": reason, "accepted_utc": accepted_utc}
+    _record_anew(recording, steps, {**note, **_moved(result), **_before(recording)})
+
+
+def complete(path: Path) -> None:
+    """Run every stage of the graph of a recording that holds no more than their inputs.
+
+    The same recording gives the same file, byte for byte, on the same versions.
+    """
+    recording = open_recording(path)
+    _record_anew(recording, steps_of(recorded_graph(recording)), {})
+
+
+def _record_anew(recording: Recording, steps: list[Step], note: dict[str, str]) -> None:
+    """Replace a recording by one in which some stages' outputs are what they are now."""
+    about = recording.metadata[ABOUT]
+    kept = {k: v for k, v in about.items() if k in BESIDE or k not in program_facts()}
+    clock = _Clock(recording)
+    with (
+        whole_file(recording.path) as part,
+        Recorder(part, run_info=kept, clock_ns=clock.now_ns) as recorder,
+    ):
+        for name, values in recording.metadata.items():
+            if name not in (ABOUT, CLOSING):
+                recorder.add_metadata(name, values)
+        if note:
+            number = 1 + sum(name.startswith(ACCEPTED) for name in recording.metadata)
+            recorder.add_metadata(f"{ACCEPTED}{number}", note)
+        chain = _Chain(steps, history_of(recording, [step.topic for step in steps]))
+        for topic, message, log_time_ns in recording.messages():
+            clock.move(message, log_time_ns)
+            for sent_to, sent in chain.feed(topic, message):
+                recorder.write(sent_to, sent)
+
+
+class _Clock:
+    """Tells the time at which what has no stream time was recorded, so that it stays there."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._now_ns = min(topic.first_ns for topic in recording.topics.values())
+
+    def now_ns(self) -> int:
+        return self._now_ns
+
+    def move(self, message: Any, log_time_ns: int) -> None:
+        if isinstance(message, Health | ReferenceBlock):
+            self._now_ns = max(self._now_ns, log_time_ns)
+
+
+class _Chain:
+    """The stages one after the other, between what came from outside."""
+
+    def __init__(self, steps: list[Step], history: History) -> None:
+        self._made = {step.topic for step in steps}
+        self._readers: dict[str, list[tuple[Step, Any, Pictures]]] = {}
+        for step in steps:
+            reader = step, step.make_runner(history), Pictures(history.frames.get(step.topic))
+            for topic in step.reads:
+                self._readers.setdefault(topic, []).append(reader)
+
+    def feed(self, topic: str, message: Any) -> Iterator[tuple[str, Any]]:
+        """Yield a recorded message, and all that follows from it; nothing for one made anew."""
+        if topic not in self._made:
+            yield from self._passed_on(topic, message)
+
+    def _passed_on(self, topic: str, message: Any) -> Iterator[tuple[str, Any]]:
+        yield topic, message
+        for step, runner, pictures in self._readers.get(topic, ()):
+            inputs = pictures.feed(message) if isinstance(message, VideoPacket) else (message,)
+            for one in inputs:
+                for sent in runner.feed(one):
+                    yield from self._passed_on(step.topic, sent)
+
+
+def _moved(result: Regression) -> dict[str, str]:
+    """Say what moved, topic by topic."""
+    return {
+        f"moved {t.topic}": f"{t.differing} of {t.messages} messages, by {t.max_abs_diff:.6g}"
+        for t in result.topics
+        if not t.passed
+    }
+
+
+def _before(recording: Recording) -> dict[str, str]:
+    """Versions that made what is replaced, where they weren't these."""
+    return {f"before {name}": then for name, (then, _) in changed_since(recording).items()}

@@ -1,0 +1,83 @@
+"""What stages were given beside messages, read off what they made of it.
+
+Two things aren't in any message that a stage receives. Which frames of a live camera reached the
+rows stage: its blocks name them. And when the watch had no time for a verdict: the next one counts
+those left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+from rsenf.messages import DiscoveryVerdict, Header, RowBlock
+from rsenf.record import Recording
+
+T = TypeVar("T")
+
+Run = tuple[str, int]  # run and epoch
+
+
+def run_of(header: Header) -> Run:
+    """Return what numbers and times of a message are relative to."""
+    return header.run_id, header.epoch
+
+
+class Pace:
+    """The watch's pace when it was recorded: which verdicts it skipped, and where it gave up."""
+
+    def __init__(self, skipped: list[int] | None) -> None:
+        self._left = None if skipped is None else list(skipped)
+
+    def is_behind(self) -> bool:
+        """Whether the verdict that is due was skipped."""
+        if not self._left or not self._left[0]:
+            return False
+        self._left[0] -= 1
+        return True
+
+    def run(self, work: Callable[[], T]) -> T | None:
+        """Do the work, unless it was given up: a graph that is stopped doesn't wait for it."""
+        if self._left is None:
+            return work()
+        if not self._left:
+            return None
+        self._left.pop(0)
+        return work()
+
+
+@dataclass
+class History:
+    """What a recording tells beside its messages' content.
+
+    Attributes
+    ----------
+    frames : dict
+        Number of each frame that reached a rows stage, by topic, run, and time in ns.
+    skipped : dict
+        Verdicts left out before each one recorded, by topic.
+    """
+
+    frames: dict[str, dict[Run, dict[int, int]]] = field(default_factory=dict)
+    skipped: dict[str, list[int]] = field(default_factory=dict)
+
+    def pace(self, topic: str) -> Pace:
+        """Pace of the watch whose verdicts are a topic; as fast as needed where none are there."""
+        return Pace(self.skipped.get(topic))
+
+
+def history_of(recording: Recording, topics: list[str]) -> History:
+    """Read it off the row blocks and the verdicts among some topics."""
+    out = History()
+    told = [t for t in topics if t in recording.topics and t.endswith(("/rows", "/discover"))]
+    for topic, message, _ in recording.messages(told, tolerant=True) if told else ():
+        if message.header.is_end:
+            continue
+        if isinstance(message, RowBlock):
+            numbers = out.frames.setdefault(topic, {}).setdefault(run_of(message.header), {})
+            times = message.frame_pts_ns.tolist()
+            numbers.update(zip(times, message.frame_number.tolist(), strict=True))
+        elif isinstance(message, DiscoveryVerdict):
+            out.skipped.setdefault(topic, []).append(message.windows_skipped)
+    return out

@@ -1,0 +1,100 @@
+"""Recorded video back to the frames that the rows stage was given."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any, cast
+
+from rsenf.messages import Frame, Header, VideoPacket
+from rsenf.regress.history import Run, run_of
+
+_DECODERS = {"av1": "libdav1d"}  # FFmpeg's own needs hardware
+
+
+class Pictures:
+    """Decodes the packets of one camera.
+
+    Pictures come out bit for bit as they did: decoding is exact by the codecs' standards. Each is
+    known by the presentation time of its packet.
+
+    Parameters
+    ----------
+    numbers : dict, optional
+        Numbers of the frames that reached the rows stage, by run and time in ns. Pictures that are
+        not among them are left out. Counted from 0, and none left out, when not given.
+
+    Attributes
+    ----------
+    yielded : int
+        Frames given out.
+    """
+
+    def __init__(self, numbers: dict[Run, dict[int, int]] | None) -> None:
+        self._numbers = numbers
+        self._run: Run | None = None
+        self._context: Any = None
+        self._count = 0
+        self.yielded = 0
+
+    @property
+    def missing(self) -> int:
+        """Frames that the rows stage had and the video hasn't."""
+        wanted = sum(map(len, self._numbers.values())) if self._numbers else self.yielded
+        return wanted - self.yielded
+
+    def feed(self, packet: VideoPacket) -> Iterator[Frame]:
+        """Yield the frames that a packet completes, and the END mark behind the last."""
+        if packet.header.is_end:
+            yield from self._rest()
+            yield Frame(header=packet.header)
+            return
+        if run_of(packet.header) != self._run:
+            yield from self._rest()
+            self._begin(packet)
+        yield from self._decode(packet)
+
+    def _begin(self, packet: VideoPacket) -> None:
+        import av
+
+        self._run, self._count = run_of(packet.header), 0
+        self._context = av.CodecContext.create(_DECODERS.get(packet.codec, packet.codec), "r")
+        self._context.copy_opaque = True  # hands each packet's header on to its picture
+        self._context.thread_type = "AUTO"
+
+    def _decode(self, packet: VideoPacket | None) -> Iterator[Frame]:
+        import av
+
+        given = None
+        if packet is not None:
+            given = av.Packet(packet.data)
+            given.opaque = (packet.header,)
+        try:
+            pictures = self._context.decode(given)
+        except av.FFmpegError:
+            return  # it was damaged then, too: the decode node left it out
+        for picture in pictures:
+            yield from self._frame(picture)
+
+    def _rest(self) -> Iterator[Frame]:
+        if self._context is not None:
+            yield from self._decode(None)
+            self._context = None
+
+    def _frame(self, picture: Any) -> Iterator[Frame]:
+        from rsenf.decode.luma import luma_plane
+
+        (header,) = cast("tuple[Header]", picture.opaque)
+        number, self._count = self._count, self._count + 1
+        if self._numbers is not None:
+            number = self._numbers.get(run_of(header), {}).get(header.pts_ns, -1)
+        if number < 0 or picture.is_corrupt:
+            return
+        self.yielded += 1
+        yield Frame(
+            header=dataclasses.replace(header, seq=number, frame_first=number, frame_last=number),
+            height_px=picture.height,
+            width_px=picture.width,
+            keyframe=picture.key_frame,
+            luma=luma_plane(picture),
+        )

@@ -1,0 +1,169 @@
+"""Runs every stage on its recorded input, beside its recorded output."""
+
+from __future__ import annotations
+
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+from rsenf.errors import InputError
+from rsenf.messages import Header, VideoPacket
+from rsenf.record import Recording, open_recording
+from rsenf.regress.fields import moved
+from rsenf.regress.history import History, Run, history_of, run_of
+from rsenf.regress.pictures import Pictures
+from rsenf.regress.plan import Step, recorded_graph, steps_of
+from rsenf.regress.verdict import Regression, TopicVerdict
+from rsenf.regress.versions import changed_since
+
+
+def regress(path: str | Path) -> Regression:
+    """Run every stage of a recording again, and compare.
+
+    Each stage gets the input that was recorded, not what the stages before it make of theirs now:
+    whichever differs has moved by itself.
+
+    Raises
+    ------
+    UsageError
+        When there is no such file.
+    InputError
+        When it can't be read, doesn't hold its graph, or holds nothing that could be run again.
+    """
+    recording = open_recording(path)
+    steps, left_out = runnable(recording)
+    if not steps:
+        why = "; ".join(f"{t}: {reason}" for t, reason in left_out.items())
+        raise InputError(f"{path}: no stage can be run again", why or "it holds no stage's output")
+    changed = changed_since(recording)
+    history = history_of(recording, [step.topic for step in steps])
+    runs = [StepRun(step, history, exact=not changed) for step in steps]
+    topics = {step.topic for step in steps}.union(*(step.reads for step in steps))
+    for topic, message, log_time_ns in recording.messages(topics, tolerant=True):
+        for run in runs:
+            run.take(topic, message, log_time_ns)
+    verdicts = [run.finish() for run in runs]
+    return Regression(str(path), changed, verdicts, left_out, _loss(recording))
+
+
+def runnable(recording: Recording) -> tuple[list[Step], dict[str, str]]:
+    """Return the steps whose output and input were recorded, and why the others can't be run."""
+    steps, left_out = [], {}
+    for step in steps_of(recorded_graph(recording)):
+        if step.topic not in recording.topics:
+            continue
+        absent = [topic for topic in step.reads if topic not in recording.topics]
+        if absent:
+            left_out[step.topic] = f"{' and '.join(absent)} was not recorded"
+        else:
+            steps.append(step)
+    return steps, left_out
+
+
+def _loss(recording: Recording) -> str:
+    loss, lost = recording.loss, []
+    if loss.cut_bytes:
+        lost.append(f"cut short: {loss.cut_bytes} bytes at its end are no use")
+    if loss.damaged:
+        lost.append(f"damaged parts, left out: {loss.damaged}")
+    if loss.rejected:
+        lost.append(f"messages that can't be read: {loss.rejected}")
+    return "; ".join(lost)
+
+
+class Numbers:
+    """Watches the numbers of the messages of some topics for those that never came."""
+
+    def __init__(self) -> None:
+        self._due: dict[tuple[str, Run], int] = {}
+
+    def gap(self, topic: str, header: Header) -> str:
+        """Say what is missing before a message; empty for nothing."""
+        stream = topic, run_of(header)
+        due, self._due[stream] = self._due.get(stream, 0), header.seq + 1
+        return f"{topic} lacks messages {due} to {header.seq - 1}" if header.seq > due else ""
+
+
+class StepRun:
+    """One stage under way: fed with what was recorded, its output beside what was recorded of it.
+
+    Parameters
+    ----------
+    step : Step
+    history : History
+        What the recording tells beside messages.
+    exact : bool
+        Whether every bit counts.
+    """
+
+    def __init__(self, step: Step, history: History, *, exact: bool) -> None:
+        self._step, self._exact = step, exact
+        self._runner = step.make_runner(history)
+        self._pictures = Pictures(history.frames.get(step.topic, {}))
+        self._verdict = TopicVerdict(step.topic, step.stage)
+        # With the log time of each, and what the recording lacks before it.
+        self._recorded: deque[tuple[Any, int, str]] = deque()
+        self._again: deque[Any] = deque()
+        self._numbers = Numbers()
+        self._unrecorded = 0
+        self._blind = False
+        self._ended: Header | None = None  # by what was recorded of it
+
+    def take(self, topic: str, message: Any, log_time_ns: int) -> None:
+        """Take a message of the recording: as input, as what is to come out, or not at all."""
+        if self._blind:
+            return
+        if topic == self._step.topic:
+            lacks = self._numbers.gap(topic, message.header)
+            self._recorded.append((message, log_time_ns, lacks))
+            if message.header.is_end:
+                self._ended = message.header
+        elif topic in self._step.reads and not self._verdict.unjudged:
+            self._verdict.unjudged = self._numbers.gap(topic, message.header)
+            if not self._verdict.unjudged:
+                self._feed(message)
+        self._compare()
+
+    def finish(self) -> TopicVerdict:
+        """Return what came of it."""
+        verdict = self._verdict
+        if self._ended and not verdict.unjudged:
+            # A stage whose sender is gone is ended without an END mark of its input.
+            while not self._runner.ended:
+                self._again += self._runner.end(self._ended)
+            self._compare()
+            for message, log_time_ns, _ in self._recorded:
+                verdict.lack(message.header, log_time_ns)
+            for message in self._again:
+                verdict.add(message.header)
+        elif not verdict.unjudged:
+            verdict.unjudged = "the recording ends before this stage did"
+        if self._unrecorded and not verdict.unjudged:
+            verdict.unjudged = f"{self._unrecorded} of its messages were not recorded"
+        if self._pictures.missing and not verdict.passed:
+            verdict.stage = "decode"
+        return verdict
+
+    def _feed(self, message: Any) -> None:
+        inputs = self._pictures.feed(message) if isinstance(message, VideoPacket) else (message,)
+        for one in inputs:
+            self._again += self._runner.feed(one)
+
+    def _compare(self) -> None:
+        while self._recorded and self._again:
+            then, log_time_ns, lacks = self._recorded[0]
+            if lacks and self._step.stage == "rows":
+                # Only its blocks tell which frames the stage was given.
+                self._verdict.unjudged, self._blind = lacks, True
+                return
+            now = self._again.popleft()
+            if lacks and _is_before(now.header, then.header):
+                self._unrecorded += 1
+                continue
+            self._recorded.popleft()
+            differs = moved(then, now, exact=self._exact)
+            self._verdict.take(then.header, differs, log_time_ns)
+
+
+def _is_before(one: Header, other: Header) -> bool:
+    return run_of(one) == run_of(other) and one.seq < other.seq

@@ -1,0 +1,158 @@
+"""How far a field may move between versions, and why; between equal versions it may not at all.
+
+Other versions and other processors add numbers up in another order. What comes of that is rounding,
+which a stage may amplify, but not to where anybody could see it: the measure is each estimate's own
+standard error, of which a hundredth is allowed. What isn't named here must be equal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rsenf.messages.schema import FloatArray
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far a field may move.
+
+    Attributes
+    ----------
+    why : str
+        The reason for the number.
+    absolute : float
+        In the field's own unit.
+    relative : float
+        Share of the larger of the two values; in texts, of the numbers in them.
+    scale : callable, optional
+        From the recorded message to what else it may move by, in the field's own unit.
+    """
+
+    why: str
+    absolute: float = 0.0
+    relative: float = 0.0
+    scale: Callable[[Any], Any] | None = None
+
+    def allowed(self, message: Any, then: FloatArray, now: FloatArray) -> FloatArray:
+        """Return how far each value may move, given the recorded message."""
+        limit = self.absolute + self.relative * np.fmax(np.abs(then), np.abs(now))
+        if self.scale:
+            stated = np.asarray(self.scale(message), np.float64)
+            limit = limit + np.nan_to_num(stated, nan=0.0, posinf=0.0)
+        return np.asarray(limit, np.float64)
+
+
+SHARE = 0.01
+ROUNDED = 1e-9  # what 2⁻⁵³ grows to in sums of millions
+
+
+def _of_std(name: str, unit: float = 1.0) -> Tolerance:
+    return Tolerance(
+        f"a hundredth of its own standard error, {name}",
+        relative=ROUNDED,
+        scale=lambda message: SHARE * unit * np.asarray(getattr(message, name)),
+    )
+
+
+def _of_var(name: str) -> Tolerance:
+    return Tolerance(
+        f"a hundredth of its own standard error, the root of {name}",
+        relative=ROUNDED,
+        scale=lambda message: SHARE * np.sqrt(np.abs(getattr(message, name))),
+    )
+
+
+_LEVEL = Tolerance(
+    "a level of 255 is rounded to 1.5e-5 in each of a few single-precision steps", absolute=1e-4
+)
+_ERROR = Tolerance("an error is known to a few per cent at best", relative=SHARE)
+_DECIBEL = Tolerance("a quarter of a per cent in power", absolute=0.01)
+_IDLE = Tolerance("a hundredth of the error of the best second, 0.01 %", absolute=1e-6)
+_EXACT = Tolerance("computed from the frames' times alone", relative=ROUNDED)
+_BAN = Tolerance("two per cent in the ratio; its calibration is worse", absolute=0.01)
+_RATIO = Tolerance("a ratio is printed to two digits at best", relative=SHARE)
+_CORRELATION = Tolerance("printed to four digits", absolute=1e-4)
+_LAG = Tolerance("a hundredth of the finest step of a reference, 0.1 s", absolute=1e-3)
+_LAG_NS = Tolerance("a hundredth of the finest step of a reference, 0.1 s", absolute=1e6)
+_CLOCK = Tolerance("a hundredth of 1 ppm, the best that any clip has told", absolute=0.01)
+
+# By message and field.
+TOLERANCES: dict[str, dict[str, Tolerance]] = {
+    "RowBlock": {"level": _LEVEL, "tile_level": _LEVEL},
+    "EnfEstimate": {
+        "line_hz": _EXACT,
+        "frame_rate_hz": _EXACT,
+        "carrier_hz": _EXACT,
+        "idle_ratio": _IDLE,
+        "enf_hz": _of_var("enf_var_hz2"),
+        "enf_var_hz2": _ERROR,
+        "snr_db": _DECIBEL,
+        "amplitude_re": _of_var("amplitude_var_re"),
+        "amplitude_im": _of_var("amplitude_var_im"),
+        "amplitude_var_re": _ERROR,
+        "amplitude_var_im": _ERROR,
+        "amplitude_cov": Tolerance(
+            "a hundredth of the variances beside it",
+            scale=lambda m: SHARE * np.sqrt(m.amplitude_var_re * m.amplitude_var_im),
+        ),
+    },
+    "IdleEstimate": {
+        "idle_ratio": _of_var("idle_ratio_var"),
+        "idle_ratio_low": _of_var("idle_ratio_var"),
+        "idle_ratio_high": _of_var("idle_ratio_var"),
+        "idle_ratio_var": _ERROR,
+        "read_out_time_s": _of_var("read_out_time_var_s2"),
+        "read_out_time_var_s2": _ERROR,
+        "frame_rate_hz": _EXACT,
+    },
+    "MatchResult": {
+        "lag_s": _of_std("lag_std_s"),
+        "lag_std_s": _ERROR,
+        "start_utc_ns": _of_std("lag_std_s", 1e9),
+        "correlation": _CORRELATION,
+        "log10_lr": _BAN,
+        "log10_lr_absent": _BAN,
+        "clock_ppm": _of_std("clock_std_ppm"),
+        "clock_std_ppm": _ERROR,
+        "residual_std_hz": _ERROR,
+        "expected_std_hz": _ERROR,
+        "idle_ratio": _IDLE,
+        "claim_log10_lr": _BAN,
+        "claim_log10_lr_other": _BAN,
+    },
+    "Candidate": {
+        "lag_s": _LAG,
+        "start_utc_ns": _LAG_NS,
+        "correlation": _CORRELATION,
+        "clock_ppm": _CLOCK,
+        "log10_lr": _BAN,
+    },
+    "DiscoveryVerdict": {
+        "gap_before": _RATIO,
+        "gap_after": _RATIO,
+        "gap_floor": _RATIO,
+        "gap_stderr": _RATIO,
+        "gap_limit": _RATIO,
+        "unexplained_freq_hz": _RATIO,
+        "unexplained_ratio": _RATIO,
+        "unexplained_text": _RATIO,
+        "model_yaml": _RATIO,
+        "changed": _RATIO,
+    },
+    "FoundEffect": {
+        "parameters": _of_std("parameter_std"),
+        "parameter_std": _ERROR,
+        "gap_before": _RATIO,
+        "gap_after": _RATIO,
+        "evidence": _RATIO,
+    },
+}
+
+
+def tolerance_of(message: str, field: str) -> Tolerance | None:
+    """Return the tolerance of a message's field; None where it must be equal."""
+    return TOLERANCES.get(message, {}).get(field)

@@ -1,0 +1,26 @@
+"""Whether a recording was made by what runs now: then bits must agree, and otherwise not all can.
+
+The processor counts too. NumPy and its linear algebra choose their inner loops by what it can do,
+and another order of summation rounds differently.
+"""
+
+from __future__ import annotations
+
+from rsenf.record import Recording
+from rsenf.record.growing import ABOUT
+from rsenf.record.provenance import program_facts
+
+BESIDE = ("created_utc", "host", "platform")  # where and when the video came in
+# These carry messages as they are.
+_CARRIERS = ("eclipse-zenoh", "mcap", "protobuf", "zstandard")
+_NO_MATTER = {*BESIDE, *(f"library {name}" for name in _CARRIERS)}
+
+
+def changed_since(recording: Recording) -> dict[str, tuple[str, str]]:
+    """Return what isn't as it was when a recording was made: then and now, by name."""
+    then, now = recording.metadata.get(ABOUT, {}), program_facts()
+    return {
+        name: (then.get(name, "unknown"), value)
+        for name, value in now.items()
+        if name not in _NO_MATTER and then.get(name) != value
+    }

@@ -1,0 +1,117 @@
+"""One constant changed in one stage: it is seen, and no other stage is blamed for it."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from rsenf.messages import encode
+from rsenf.record import open_recording
+from rsenf.record.growing import ABOUT
+from rsenf.regress import accept, regress
+from tests.golden.make import FOLDER
+
+# What is changed, to what, and the stage that it is a part of.
+CHANGES = [
+    ("moving", "rsenf.rows.steady.LEARNING_RATE", 0.06, "rows"),
+    ("weak_cfl", "rsenf.track.projection.MIN_FLICKER_RATIO", 0.5, "track"),
+    ("still_2997", "rsenf.idle.stage.INTERVAL_STDS", 2.3, "idle"),
+    ("still_2997", "rsenf.match.phase_search.APART_S", 60.0, "match"),
+    ("no_mains_light", "rsenf.discrepancy.window.FEWEST_THERE", 2.0, "discover"),
+]
+
+
+def golden(name: str) -> Path:
+    return FOLDER / f"{name}.mcap"
+
+
+@pytest.mark.parametrize(("name", "constant", "value", "stage"), CHANGES)
+def test_a_constant_is_located(
+    name: str, constant: str, value: float, stage: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(constant, value)
+    result = regress(golden(name))
+    assert not result.passed
+    assert [t.stage for t in result.topics if not t.passed] == [stage]
+    assert result.first is not None
+    assert result.first.stage == stage
+    assert result.first.since is not None
+    assert result.first.since.utc is not None
+    assert result.first.since.utc.startswith("2026-01-15T10:0")
+    assert result.first.fields
+
+
+def test_rounding_is_seen_on_the_same_versions_and_allowed_on_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    result = regress(golden("still_2997"))
+    if not result.exact:
+        pytest.skip("this isn't what the recording was made by: bits can't be expected to agree")
+    monkeypatch.setattr("rsenf.idle.stage.INTERVAL_STDS", 2.2 * (1 + 1e-9))
+    assert _stages_that_moved() == ["idle"]
+    facts = open_recording(golden("still_2997")).metadata[ABOUT]
+    monkeypatch.setattr(
+        "rsenf.regress.versions.program_facts", lambda: {**facts, "library numpy": "99.0"}
+    )
+    assert _stages_that_moved() == []
+    monkeypatch.setattr("rsenf.idle.stage.INTERVAL_STDS", 2.3)
+    assert _stages_that_moved() == ["idle"]
+
+
+def _stages_that_moved() -> list[str]:
+    return [t.stage for t in regress(golden("still_2997")).topics if not t.passed]
+
+
+def test_since_when(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first block teaches the mask: from the second on a rate of learning tells."""
+    monkeypatch.setattr("rsenf.rows.steady.LEARNING_RATE", 0.06)
+    first = regress(golden("moving")).first
+    assert first is not None
+    assert first.since is not None
+    assert 0 < first.since.message < 20
+    assert first.since.frame == 8 * first.since.message
+    assert first.since.time_s == pytest.approx(first.since.frame * 1.001 / 30, abs=0.001)
+
+
+def test_accepted_with_a_reason_it_is_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "accepted.mcap"
+    shutil.copy(golden("still_2997"), path)
+    before = open_recording(path)
+    monkeypatch.setattr("rsenf.flicker.faint.MIN_FLICKER_RATIO", 0.5)
+    monkeypatch.setattr("rsenf.track.projection.MIN_FLICKER_RATIO", 0.5)
+    moved = regress(path)
+    accept(moved, "flicker below a half of the light is none")
+    again = regress(path)
+    assert again.passed
+    assert again.whole
+    # What was not re-made is what it was, and lies where it lay.
+    kept = [t for t in before.topics if t.endswith(("/video", "/grid", "/rows"))]
+    assert len(kept) == 3
+    assert _same(golden("still_2997"), path, kept)
+    story = open_recording(path).metadata
+    assert story["rsenf.accepted.1"]["reason"] == "flicker below a half of the light is none"
+    assert "moved rsenf/golden/cam/track" in story["rsenf.accepted.1"]
+    assert story[ABOUT]["config"] == before.metadata[ABOUT]["config"]
+    monkeypatch.undo()
+    back = regress(path)
+    assert back.first is not None
+    assert back.first.stage == "track"
+    accept(back, "no, it isn't")
+    assert [n for n in open_recording(path).metadata if n.startswith("rsenf.accepted")] == [
+        "rsenf.accepted.1",
+        "rsenf.accepted.2",
+    ]
+    assert _same(golden("still_2997"), path, list(before.topics))
+
+
+def _same(a: Path, b: Path, topics: list[str]) -> bool:
+    read = [
+        [(t, encode(m), at) for t, m, at in open_recording(path).messages([topic])]
+        for topic in topics
+        for path in (a, b)
+    ]
+    return read[::2] == read[1::2]

@@ -1,0 +1,184 @@
+"""The verb: exit codes, its JSON, and recordings that it can say little or nothing of."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rsenf.cli import main
+from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
+from rsenf.messages import EnfEstimate, Header, RowBlock, VideoPacket
+from rsenf.record import Recorder, open_recording
+from rsenf.record.growing import ABOUT
+from rsenf.regress import regress
+from tests.golden.make import BEGINS_NS, FOLDER
+from tests.record.record_samples import sample_file
+
+GOLDEN = FOLDER / "weak_cfl.mcap"
+CAMERA = "rsenf/golden/cam"
+Told = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def told(capsys: pytest.CaptureFixture[str]) -> Told:
+    def run(*words: object) -> tuple[int, str, str]:
+        code = main(["regress", *map(str, words)])
+        out = capsys.readouterr()
+        return code, out.out, out.err
+
+    return run
+
+
+def part_of(path: Path, keep: Callable[[str, Any], bool]) -> Path:
+    """Record those messages of a golden recording anew that are to be kept."""
+    source = open_recording(GOLDEN)
+    about = {name: source.metadata[ABOUT][name] for name in ("config", "site", "run_id")}
+    with Recorder(path, run_info=about, clock_ns=lambda: BEGINS_NS) as recorder:
+        for topic, message, _ in source.messages():
+            if keep(topic, message):
+                recorder.write(topic, message)
+    return path
+
+
+def test_as_it_was(told: Told) -> None:
+    code, out, _ = told(GOLDEN, "--json")
+    assert code == EXIT_DONE
+    found = json.loads(out)
+    assert found["passed"] is True
+    assert [t["stage"] for t in found["topics"]] == ["rows", "track", "idle", "match"]
+    for topic in found["topics"]:
+        assert topic["topic"] == f"{CAMERA}/{topic['stage']}"
+        assert topic["messages"] > 0
+        assert (topic["differing"], topic["max_abs_diff"], topic["since"]) == (0, 0.0, None)
+
+
+def test_moved(told: Told, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rsenf.idle.stage.INTERVAL_STDS", 2.3)
+    path = FOLDER / "still_2997.mcap"
+    code, out, _ = told(path)
+    assert code == EXIT_FAILED
+    assert out.startswith(f"{path}: moved, and first in idle\n")
+    assert "idle_ratio_low by up to " in out
+    assert "    since message " in out
+
+
+def test_misuse(told: Told, tmp_path: Path) -> None:
+    assert told()[0] == EXIT_USAGE
+    assert told(GOLDEN, "--accept")[0] == EXIT_USAGE
+    assert told(GOLDEN, "--reason", "none")[0] == EXIT_USAGE
+    assert told(GOLDEN, "--accept", "--reason", " ")[0] == EXIT_USAGE
+    code, _, err = told(tmp_path / "none.mcap")
+    assert (code, err.count("\n")) == (EXIT_USAGE, 1)
+
+
+def test_a_recording_without_its_graph(told: Told, tmp_path: Path) -> None:
+    path = tmp_path / "bare.mcap"
+    sample_file(path, seconds=1)
+    code, out, err = told(path)
+    assert (code, out, err.count("\n")) == (EXIT_FAILED, "", 1)
+    assert "with which settings" in err
+
+
+def test_accept_of_what_moved_wants_all_of_it(
+    told: Told, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = part_of(tmp_path / "cut.mcap", lambda _, message: not message.header.is_end)
+    monkeypatch.setattr("rsenf.rows.stage.WHITE_LEVEL", 20.0)
+    before = path.read_bytes()
+    code, _, err = told(path, "--accept", "--reason", "brighter")
+    assert code == EXIT_FAILED
+    assert "not whole" in err
+    assert path.read_bytes() == before
+
+
+def test_rows_without_video_are_left_out(told: Told, tmp_path: Path) -> None:
+    path = part_of(tmp_path / "rows.mcap", lambda topic, _: not topic.endswith("/video"))
+    code, out, _ = told(path, "--json")
+    assert code == EXIT_DONE
+    found = json.loads(out)
+    assert [t["stage"] for t in found["topics"]] == ["track", "idle", "match"]
+    (whole,) = found["recordings"]
+    assert whole["left_out"] == {f"{CAMERA}/rows": f"{CAMERA}/video was not recorded"}
+
+
+def test_only_video_is_nothing_to_compare(told: Told, tmp_path: Path) -> None:
+    path = part_of(tmp_path / "video.mcap", lambda topic, _: topic.endswith("/video"))
+    code, _, err = told(path)
+    assert code == EXIT_FAILED
+    assert "no stage can be run again" in err
+
+
+def test_a_file_that_broke_off_is_judged_as_far_as_it_goes(told: Told, tmp_path: Path) -> None:
+    path = tmp_path / "cut.mcap"
+
+    def before(_: str, message: Any) -> bool:
+        header: Header = message.header
+        return header.source.startswith("reference") or (
+            not header.is_end and header.pts_ns < 20_000_000_000
+        )
+
+    part_of(path, before)
+    code, out, _ = told(path)
+    assert code == EXIT_LOSS
+    assert "as it was" in out
+    assert "not judged to its end: the recording ends before this stage did" in out
+    assert told(path, "--accept", "--reason", "nothing has moved")[0] == EXIT_LOSS
+
+
+def test_blocks_that_are_missing_blame_nobody(tmp_path: Path) -> None:
+    def keep(_: str, message: Any) -> bool:
+        return not (isinstance(message, RowBlock) and message.header.seq == 40)
+
+    result = regress(part_of(tmp_path / "gap.mcap", keep))
+    for topic in result.topics:
+        if topic.stage in ("track", "idle"):
+            assert "rows lacks messages 40 to 40" in topic.unjudged
+        assert topic.passed
+    assert "rows lacks messages 40 to 40" in result.topics[0].unjudged
+
+
+def test_an_estimate_that_was_not_recorded_is_no_difference(tmp_path: Path) -> None:
+    def keep(_: str, message: Any) -> bool:
+        return not (isinstance(message, EnfEstimate) and message.header.seq == 5)
+
+    result = regress(part_of(tmp_path / "less.mcap", keep))
+    (track,) = (topic for topic in result.topics if topic.stage == "track")
+    assert track.passed
+    assert track.unjudged == "1 of its messages were not recorded"
+
+
+def test_pictures_that_are_missing_are_not_the_rows_fault(tmp_path: Path) -> None:
+    """From the second key frame on nothing can be decoded until the third."""
+    source = open_recording(GOLDEN)
+    packets = [m for _, m, _ in source.messages([f"{CAMERA}/video"])]
+    keys = [m.header.seq for m in packets if m.keyframe]
+
+    def keep(_: str, message: Any) -> bool:
+        return not (isinstance(message, VideoPacket) and message.header.seq == keys[1])
+
+    result = regress(part_of(tmp_path / "hole.mcap", keep))
+    (rows, *others) = result.topics
+    assert f"video lacks messages {keys[1]} to {keys[1]}" in rows.unjudged
+    assert all(topic.passed for topic in (rows, *others))
+
+
+def test_accept_leaves_what_has_not_moved(told: Told, tmp_path: Path) -> None:
+    path = tmp_path / "same.mcap"
+    shutil.copy(GOLDEN, path)
+    code, _, err = told(path, "--accept", "--reason", "no need")
+    assert (code, err) == (EXIT_DONE, "")
+    assert path.read_bytes() == GOLDEN.read_bytes()
+
+
+@pytest.mark.processes
+def test_a_run_of_processes_is_what_its_stages_make_in_one(recording: Path) -> None:
+    result = regress(recording)
+    assert result.exact
+    assert result.passed
+    assert result.whole
+    assert [t.stage for t in result.topics] == ["rows", "track"]
