@@ -31,6 +31,7 @@ VERBS = {
     "run": "start the processes of a graph, show their state, stop them cleanly",
     "validate": "check a graph file, and name every problem with its line",
     "record": "write what is on a bus to an MCAP file",
+    "export": "write a recording's topic as CSV, Parquet, or the light as a sound (WAV)",
     "explain": "explain a message, an error or an exit code; write the schemas",
 }
 DEBUG = "--debug"

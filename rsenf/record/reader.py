@@ -78,6 +78,18 @@ class Recording:
             cut_bytes=0 if contents.complete else size - contents.end, damaged=contents.damaged
         )
 
+    @property
+    def lost(self) -> str:
+        """What of it can't be read, in one line; empty when all can, as far as was read."""
+        loss, lost = self.loss, []
+        if not self.complete:
+            lost.append(f"the recording is cut short: its last {loss.cut_bytes} bytes are no use")
+        if loss.damaged:
+            lost.append(f"damaged parts, left out: {loss.damaged}")
+        if loss.rejected:
+            lost.append(f"messages that can't be read: {loss.rejected}")
+        return "; ".join(lost)
+
     def messages(
         self, topics: Collection[str] | None = None, *, tolerant: bool = False
     ) -> Iterator[tuple[str, Any, int]]:

@@ -170,14 +170,7 @@ class RecordedRows(Input):
     @property
     def loss(self) -> str:
         """What the file lacks."""
-        loss, lost = self._recording.loss, []
-        if not self._recording.complete:
-            lost.append(f"the recording is cut short: its last {loss.cut_bytes} bytes are no use")
-        if loss.damaged:
-            lost.append(f"damaged parts, left out: {loss.damaged}")
-        if loss.rejected:
-            lost.append(f"messages that can't be read: {loss.rejected}")
-        return "; ".join(lost)
+        return self._recording.lost
 
     @property
     def warnings(self) -> list[str]:
