@@ -32,6 +32,7 @@ VERBS = {
     "validate": "check a graph file, and name every problem with its line",
     "record": "write what is on a bus to an MCAP file",
     "export": "write a recording's topic as CSV, Parquet, or the light as a sound (WAV)",
+    "import": "make a recording of the pictures in another program's MCAP (ROS 2, Foxglove)",
     "explain": "explain a message, an error or an exit code; write the schemas",
 }
 DEBUG = "--debug"

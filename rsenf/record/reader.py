@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Protocol, TypeVar
 
 from mcap.opcode import Opcode
 
@@ -24,6 +24,20 @@ from rsenf.record.decoder import Decoder
 from rsenf.record.growing import ABOUT
 from rsenf.record.summary import read_contents
 from rsenf.record.topics import topics_of
+
+T = TypeVar("T")
+Given = TypeVar("Given", covariant=True)
+
+
+class Finder(Protocol[Given]):
+    """Takes a file's records in their order."""
+
+    def take(self, record: Record) -> Given | None:
+        """Take a record; return what it completes, if anything.
+
+        Raises SchemaMismatch or DamagedError when the record isn't what it should be.
+        """
+        ...
 
 
 @dataclass
@@ -122,7 +136,19 @@ class Recording:
             When a chunk is damaged.
         """
         wanted = None if topics is None else frozenset(map(self._known, topics))
-        return self._read(Decoder(wanted), tolerant)
+        return self.found_by(Decoder(wanted), tolerant=tolerant)
+
+    def found_by(self, finder: Finder[T], *, tolerant: bool = False) -> Iterator[T]:
+        """Read whatever somebody makes of the records, in the order of the file.
+
+        Parameters
+        ----------
+        finder : Finder
+            Takes each record, those in chunks too, and gives what it completes.
+        tolerant : bool
+            As for :meth:`messages`, which raises the same.
+        """
+        return self._read(finder, tolerant)
 
     def _known(self, topic: str) -> str:
         found = self.topics.get(topic)
@@ -133,16 +159,16 @@ class Recording:
             raise UsageError(f"{self.path}: {topic!r} carries {found.schema}, which isn't rsenf's")
         return topic
 
-    def _read(self, decoder: Decoder, tolerant: bool) -> Iterator[tuple[str, Any, int]]:
+    def _read(self, finder: Finder[T], tolerant: bool) -> Iterator[T]:
         self.loss.damaged = self.loss.rejected = 0
         with _open(self.path) as stream:
             for record in walk(stream, len(MAGIC), os.fstat(stream.fileno()).st_size):
                 if record.opcode in (Opcode.DATA_END, Opcode.FOOTER):
                     return
                 for part in self._parts(record, tolerant):
-                    message = self._decoded(decoder, part, tolerant)
-                    if message is not None:
-                        yield message
+                    found = self._taken(finder, part, tolerant)
+                    if found is not None:
+                        yield found
 
     def _parts(self, record: Record, tolerant: bool) -> Iterator[Record]:
         if record.opcode != Opcode.CHUNK:
@@ -154,11 +180,9 @@ class Recording:
             return iter(())
         return walk(BytesIO(data), 0, len(data))
 
-    def _decoded(
-        self, decoder: Decoder, record: Record, tolerant: bool
-    ) -> tuple[str, Any, int] | None:
+    def _taken(self, finder: Finder[T], record: Record, tolerant: bool) -> T | None:
         try:
-            return decoder.take(record)
+            return finder.take(record)
         except DamagedError as exc:
             self._refuse_damaged(exc, tolerant)
         except SchemaMismatch as exc:

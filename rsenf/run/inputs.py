@@ -6,12 +6,16 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import Frame, Header, Mark, RowBlock
 
+if TYPE_CHECKING:
+    from rsenf.record import Recording
+
 MCAP_MAGIC = b"\x89MCAP"
+ROWS = "/rows"  # how topics of row blocks end
 
 
 class Input(ABC):
@@ -52,7 +56,7 @@ def open_input_file(path: str | Path, *, camera: str = "", source: str = "") -> 
     Parameters
     ----------
     path : path
-        Video, ``.mcap`` or ``.npz``.
+        Video, ``.mcap`` (a recording, or pictures of another program) or ``.npz``.
     camera : str, optional
         Which camera of an MCAP recording with several.
     source : str, optional
@@ -76,12 +80,28 @@ def open_input_file(path: str | Path, *, camera: str = "", source: str = "") -> 
         raise UsageError(f"{path}: no such file", "look for a misspelling")
     kind = path.suffix.lower()
     if kind == ".mcap" or _start_of(path).startswith(MCAP_MAGIC):
-        return RecordedRows(path, camera)
+        return _recorded(path, camera, source or f"file/{path.stem}")
     if kind == ".npz":
         from rsenf.run.npz import Luminance
 
         return Luminance(path, source or f"file/{path.stem}")
     return Video(path, source or f"file/{path.stem}")
+
+
+def _recorded(path: Path, camera: str, source: str) -> Input:
+    """Open an MCAP file: rows where it has them, else the pictures of another program."""
+    from rsenf.record.reader import open_recording
+    from rsenf.run.foreign.cameras import picture_topics
+    from rsenf.run.foreign.video import ForeignVideo
+
+    try:
+        recording = open_recording(path)
+    except InputError as exc:
+        raise InputError(exc.message, exc.hint or "give the video itself") from exc
+    has_rows = any(topic.endswith(ROWS) for topic in recording.topics)
+    if not has_rows and picture_topics(recording):
+        return ForeignVideo(recording, camera, source)
+    return RecordedRows(recording, camera)
 
 
 def _start_of(path: Path) -> bytes:
@@ -131,17 +151,12 @@ class Video(Input):
 class RecordedRows(Input):
     """Row blocks of one camera of an MCAP recording."""
 
-    def __init__(self, path: Path, camera: str) -> None:
-        from rsenf.record.reader import open_recording
-
-        self.name, self._path = path.name, path
-        try:
-            self._recording = open_recording(path)
-        except InputError as exc:
-            raise InputError(exc.message, exc.hint or "give the video itself") from exc
-        topics = {t.split("/")[-2]: t for t in self._recording.topics if t.endswith("/rows")}
+    def __init__(self, recording: Recording, camera: str) -> None:
+        path = recording.path
+        self.name, self._path, self._recording = path.name, path, recording
+        topics = {t.split("/")[-2]: t for t in recording.topics if t.endswith(ROWS)}
         if not topics:
-            cut = "" if self._recording.complete else "is cut short and "
+            cut = "" if recording.complete else "is cut short and "
             raise InputError(
                 f"{path} {cut}holds no row blocks", "record 'rows', or give the video itself"
             )
