@@ -10,6 +10,7 @@ from rsenf.config.graph import (
     BusConfig,
     DecodeNode,
     DiscoverNode,
+    FoxgloveNode,
     Graph,
     IdleNode,
     MatchNode,
@@ -61,7 +62,7 @@ def _of_node(node: Node) -> Iterator[Problem]:
         yield ("idle", "method"), _no_method(node.idle.method, IDLE_METHODS)
     if isinstance(node, MatchNode) and node.method not in MATCH_METHODS:
         yield ("method",), _no_method(node.method, MATCH_METHODS)
-    if isinstance(node, RecordNode):
+    if isinstance(node, RecordNode | FoxgloveNode):
         for key_expr in node.topics:
             try:
                 matches(key_expr, "any")
