@@ -1,4 +1,4 @@
-"""The layout names topics and fields that recordings of the demo have, and panels that it lays out."""
+"""The layout names topics and fields that the demo records, and every panel has its place."""
 
 from __future__ import annotations
 
