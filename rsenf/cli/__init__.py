@@ -30,13 +30,14 @@ VERBS = {
     "bench": "measure every estimator on the same simulated clips",
     "run": "start the processes of a graph, show their state, stop them cleanly",
     "validate": "check a graph file, and name every problem with its line",
-    "record": "write what is on a bus to an MCAP file",
+    "record": "write what is on a bus to an MCAP file, or to an archive of them",
     "doctor": "what is in a recording, is it whole, and if not: what was lost, what to do",
     "recover": "save all that is whole in a damaged recording",
-    "record": "write what is on a bus to an MCAP file, or to an archive of them",
     "archive": "tell what an archive of recordings has, and where the gaps are",
     "replay": "play a recording to a bus: any topics, at any speed, from any moment",
     "regress": "run recorded stages again, and say what isn't as it was",
+    "export": "write a recording's topic as CSV, Parquet, or the light as a sound (WAV)",
+    "import": "make a recording of the pictures in another program's MCAP (ROS 2, Foxglove)",
     "explain": "explain a message, an error or an exit code; write the schemas",
 }
 DEBUG = "--debug"

@@ -199,6 +199,15 @@ class RecordNode(Strict):
     disk: DiskLimits = Field(DiskLimits(), description="how little of it may be left")
 
 
+class FoxgloveNode(Strict):
+    """Shows topics live in Foxglove, which connects by WebSocket."""
+
+    kind: Literal["foxglove"]
+    host: str = Field("127.0.0.1", description="address to listen at; this host alone unless given")
+    port: int = Field(8765, ge=0, le=65535, description="0: any that is free")
+    topics: tuple[str, ...] = Field(("**",), description="key expressions below the site")
+
+
 Node = Annotated[
     DecodeNode
     | ReplayNode
@@ -208,7 +217,8 @@ Node = Annotated[
     | DiscoverNode
     | ReferenceNode
     | MatchNode
-    | RecordNode,
+    | RecordNode
+    | FoxgloveNode,
     Field(discriminator="kind"),
 ]
 

@@ -10,6 +10,7 @@ from rsenf.config.graph import (
     BusConfig,
     DecodeNode,
     DiscoverNode,
+    FoxgloveNode,
     Graph,
     IdleNode,
     MatchNode,
@@ -70,20 +71,26 @@ def _of_node(node: Node) -> Iterator[Problem]:
         yield ("end_s",), f"{node.end_s:g} s isn't after start_s, {node.start_s:g} s"
     if isinstance(node, RecordNode):
         yield from _of_record(node)
+    if isinstance(node, FoxgloveNode):
+        yield from _key_expressions(("topics", key_expr) for key_expr in node.topics)
 
 
 def _of_record(node: RecordNode) -> Iterator[Problem]:
     named = [("topics", key_expr) for key_expr in node.topics]
-    for where, key_expr in [*named, ("alarms", node.alarms.trigger)]:
-        try:
-            matches(key_expr, "any")
-        except UsageError as exc:
-            yield (where,), str(exc)
+    yield from _key_expressions([*named, ("alarms", node.alarms.trigger)])
     if (node.out is None) == (node.archive is None):
         yield (), "name a file with 'out', or a folder with 'archive': one of the two"
     for key in ("rotation", "retention", "alarms"):
         if node.out is not None and key in node.model_fields_set:
             yield (key,), f"{key} is of an archive; name a folder with 'archive', not a file"
+
+
+def _key_expressions(named: Iterable[tuple[str, str]]) -> Iterator[Problem]:
+    for where, key_expr in named:
+        try:
+            matches(key_expr, "any")
+        except UsageError as exc:
+            yield (where,), str(exc)
 
 
 def _no_method(read: str, known: Iterable[str]) -> str:

@@ -91,3 +91,16 @@ def parameter_sets(data: bytes, codec: str) -> tuple[bytes, int]:
         if kind in range(1, 6) if codec == "h264" else kind < 32:
             break  # the picture itself: nothing that matters comes after it
     return sets, start
+
+
+def is_random_access(data: bytes, codec: str) -> bool:
+    """Whether an Annex B packet holds a picture that needs no earlier one.
+
+    That is an IDR picture in H.264, any IRAP picture in H.265 (Table 7-1 of each).
+    """
+    for code in _START_CODE.finditer(data):
+        head = data[code.end()] if code.end() < len(data) else 0
+        kind = head & 31 if codec == "h264" else head >> 1 & 63
+        if kind in range(1, 6) if codec == "h264" else kind < 32:
+            return kind == 5 if codec == "h264" else 16 <= kind <= 23
+    return False

@@ -44,6 +44,6 @@ class VideoPacket:
     """One compressed picture as it came from the source, for recording without re-encoding."""
 
     header: Header = field(1, "", None)
-    codec: str = field(2, "h264, hevc, vp8, vp9, av1, mjpeg", "")
+    codec: str = field(2, "h264, hevc, vp8, vp9, av1, mjpeg, png, webp", "")
     keyframe: bool = field(3, "can be decoded without earlier packets", False)
     data: bytes = field(4, "Annex B for h264 and hevc, parameter sets with every key frame", b"")

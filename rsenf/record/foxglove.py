@@ -27,6 +27,8 @@ _FORMATS = {
     "vp9": (VIDEO, "vp9"),
     "av1": (VIDEO, "av1"),
     "mjpeg": (IMAGE, "jpeg"),
+    "png": (IMAGE, "png"),
+    "webp": (IMAGE, "webp"),
 }
 
 

@@ -6,7 +6,7 @@ import os
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Protocol, TypeVar
 
 from rsenf.errors import InputError, SchemaMismatch, UsageError
 from rsenf.record.container import DamagedError, Record, check_magic
@@ -16,6 +16,20 @@ from rsenf.record.index import Index
 from rsenf.record.sound import Damage, sound_records
 from rsenf.record.summary import read_contents
 from rsenf.record.topics import topics_of
+
+T = TypeVar("T")
+Given = TypeVar("Given", covariant=True)
+
+
+class Finder(Protocol[Given]):
+    """Takes a file's records in their order."""
+
+    def take(self, record: Record) -> Given | None:
+        """Take a record; return what it completes, if anything.
+
+        Raises SchemaMismatch or DamagedError when the record isn't what it should be.
+        """
+        ...
 
 
 @dataclass
@@ -74,6 +88,18 @@ class Recording:
             cut_bytes=0 if contents.complete else size - contents.end, damaged=len(contents.damages)
         )
 
+    @property
+    def lost(self) -> str:
+        """What of it can't be read, in one line; empty when all can, as far as was read."""
+        loss, lost = self.loss, []
+        if not self.complete:
+            lost.append(f"the recording is cut short: its last {loss.cut_bytes} bytes are no use")
+        if loss.damaged:
+            lost.append(f"damaged parts, left out: {loss.damaged}")
+        if loss.rejected:
+            lost.append(f"messages that can't be read: {loss.rejected}")
+        return "; ".join(lost)
+
     def messages(
         self, topics: Collection[str] | None = None, *, tolerant: bool = False
     ) -> Iterator[tuple[str, Any, int]]:
@@ -106,7 +132,19 @@ class Recording:
             When a chunk is damaged.
         """
         wanted = None if topics is None else frozenset(map(self._known, topics))
-        return self._read(Decoder(wanted, self._definitions), tolerant)
+        return self.found_by(Decoder(wanted, self._definitions), tolerant=tolerant)
+
+    def found_by(self, finder: Finder[T], *, tolerant: bool = False) -> Iterator[T]:
+        """Read whatever somebody makes of the records, in the order of the file.
+
+        Parameters
+        ----------
+        finder : Finder
+            Takes each record, those in chunks too, and gives what it completes.
+        tolerant : bool
+            As for :meth:`messages`, which raises the same.
+        """
+        return self._read(finder, tolerant)
 
     def _known(self, topic: str) -> str:
         found = self.topics.get(topic)
@@ -117,7 +155,7 @@ class Recording:
             raise UsageError(f"{self.path}: {topic!r} carries {found.schema}, which isn't rsenf's")
         return topic
 
-    def _read(self, decoder: Decoder, tolerant: bool) -> Iterator[tuple[str, Any, int]]:
+    def _read(self, finder: Finder[T], tolerant: bool) -> Iterator[T]:
         self.loss.damaged, self.loss.rejected = self._known_damages, 0
         self._damages = 0
         with open_file(self.path) as stream:
@@ -127,15 +165,13 @@ class Recording:
                         self._refuse_damaged(found.why, tolerant)
                     continue
                 for part in found.parts or (found.record,):
-                    message = self._decoded(decoder, part, tolerant)
-                    if message is not None:
-                        yield message
+                    taken = self._taken(finder, part, tolerant)
+                    if taken is not None:
+                        yield taken
 
-    def _decoded(
-        self, decoder: Decoder, record: Record, tolerant: bool
-    ) -> tuple[str, Any, int] | None:
+    def _taken(self, finder: Finder[T], record: Record, tolerant: bool) -> T | None:
         try:
-            return decoder.take(record)
+            return finder.take(record)
         except DamagedError as exc:
             self._refuse_damaged(str(exc), tolerant)
         except SchemaMismatch as exc:

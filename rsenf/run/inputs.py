@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from rsenf.errors import UsageError
+from rsenf.errors import InputError, UsageError
 from rsenf.messages import Frame
 
 MCAP_MAGIC = b"\x89MCAP"
@@ -54,7 +54,7 @@ def open_input_file(
     Parameters
     ----------
     path : path
-        Video, ``.mcap`` or ``.npz``.
+        Video, ``.mcap`` (a recording, or pictures of another program) or ``.npz``.
     camera : str, optional
         Which camera of an MCAP recording with several.
     source : str, optional
@@ -81,9 +81,7 @@ def open_input_file(
         raise UsageError(f"{path}: no such file", "look for a misspelling")
     kind = path.suffix.lower()
     if kind == ".mcap" or _start_of(path).startswith(MCAP_MAGIC):
-        from rsenf.run.replay.input import Replayed
-
-        return Replayed(path, camera, begin)
+        return _recorded(path, camera, begin, source or f"file/{path.stem}")
     if begin == "track" or (begin == "frames" and kind == ".npz"):
         raise UsageError(f"{path} is no recording of {begin}", "give an .mcap recording")
     if kind == ".npz":
@@ -91,6 +89,23 @@ def open_input_file(
 
         return Luminance(path, source or f"file/{path.stem}")
     return Video(path, source or f"file/{path.stem}")
+
+
+def _recorded(path: Path, camera: str, begin: str, source: str) -> Input:
+    """Open an MCAP file: a recording, or the pictures of another program."""
+    from rsenf.record.reader import open_recording
+    from rsenf.run.foreign.cameras import picture_topics
+    from rsenf.run.foreign.video import ForeignVideo
+    from rsenf.run.replay.input import Replayed
+
+    try:
+        recording = open_recording(path)
+    except InputError as exc:
+        raise InputError(exc.message, exc.hint or "give the video itself") from exc
+    ours = any(topic.is_ours for topic in recording.topics.values())
+    if not ours and begin != "track" and picture_topics(recording):
+        return ForeignVideo(recording, camera, source)
+    return Replayed(recording, camera, begin)
 
 
 def _start_of(path: Path) -> bytes:

@@ -80,7 +80,9 @@ def main(seconds: float) -> int:
                         path = graph(film, from_topic(recording, begin, rate), out)
                         sha, _ = in_many_processes(path, out, {})
                     else:
-                        sha = in_one_process(Replayed(recording, begin=begin, rate=rate), film)
+                        sha = in_one_process(
+                            Replayed(open_recording(recording), begin=begin, rate=rate), film
+                        )
                     found.append({topic: sha[topic] for topic in RESULTS})
                     words = "  ".join(f"{t} {sha[t][:16]}" for t in RESULTS)
                     where = "many processes" if many else "one process"

@@ -57,7 +57,7 @@ def test_equal_results_from_every_topic_at_every_speed(
 ) -> None:
     of_film = in_one_process(open_input_file(short_film.video, source="lab/cam"), short_film)
     begun = time.monotonic()
-    again = in_one_process(Replayed(recorded, begin=begin, rate=rate), short_film)
+    again = in_one_process(Replayed(open_recording(recorded), begin=begin, rate=rate), short_film)
     took_s = time.monotonic() - begun
     assert again == {topic: of_film[topic] for topic in again}
     assert {"track", "match"} <= set(again)
@@ -260,8 +260,8 @@ def cut(recorded: Path, tmp_path: Path) -> Path:
 def test_a_truncated_recording_is_played_up_to_where_it_is_whole(
     recorded: Path, cut: Path, begin: str
 ) -> None:
-    recording = Replayed(cut, begin=begin)
-    whole = [canonical(m) for m in Replayed(recorded, begin=begin).messages()]
+    recording = Replayed(open_recording(cut), begin=begin)
+    whole = [canonical(m) for m in Replayed(open_recording(recorded), begin=begin).messages()]
     there = [canonical(m) for m in recording.messages()]
     assert 0 < len(there) < len(whole)
     assert there == whole[: len(there)]
@@ -276,8 +276,8 @@ def test_a_damaged_chunk_costs_pictures_up_to_the_next_key_frame(
     content = bytearray(recorded.read_bytes())
     content[len(content) // 2] ^= 0xFF
     (tmp_path / "bad.mcap").write_bytes(content)
-    recording = Replayed(tmp_path / "bad.mcap", begin="frames")
-    whole = {m.header.seq: m for m in Replayed(recorded, begin="frames").messages()}
+    recording = Replayed(open_recording(tmp_path / "bad.mcap"), begin="frames")
+    whole = {m.header.seq: m for m in Replayed(open_recording(recorded), begin="frames").messages()}
     there = list(recording.messages())
     assert 0 < len(there) < len(whole)
     for frame in there:
@@ -288,7 +288,7 @@ def test_a_damaged_chunk_costs_pictures_up_to_the_next_key_frame(
 
 def test_what_a_recording_lacks_is_said(recorded: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no estimates of camera 'roof'"):
-        Replayed(recorded, "roof", "track")
+        Replayed(open_recording(recorded), "roof", "track")
     (tmp_path / "no.mcap").write_bytes(b"no")
     with pytest.raises(InputError):
-        Replayed(tmp_path / "no.mcap")
+        open_input_file(tmp_path / "no.mcap", begin="track")

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from rsenf.bus.keys import topic_of
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import Header
-from rsenf.record.reader import Recording, open_recording
+from rsenf.record.reader import Recording
 from rsenf.run.inputs import Input
 from rsenf.run.replay.naming import FRAMES, VIDEO
 from rsenf.run.replay.player import Player, Playing
-from rsenf.run.replay.tape import loss_in_words
 
 WORDS = {"frames": "video", "rows": "row blocks", "track": "estimates"}
 
@@ -24,8 +22,7 @@ class Replayed(Input):
 
     Parameters
     ----------
-    path : Path
-        The recording.
+    recording : Recording
     camera : str
         Which one, where it has several.
     begin : str
@@ -38,19 +35,16 @@ class Replayed(Input):
     UsageError
         When there is no such camera, or the choice is open.
     InputError
-        When it isn't a recording, or holds nothing of the kind.
+        When it holds nothing of the kind.
     """
 
     def __init__(
-        self, path: Path, camera: str = "", begin: str = "rows", *, rate: float = 0.0
+        self, recording: Recording, camera: str = "", begin: str = "rows", *, rate: float = 0.0
     ) -> None:
+        path = recording.path
         self.name, self.begins_with = path.name, begin
-        try:
-            recording = open_recording(path)
-        except InputError as exc:
-            raise InputError(exc.message, exc.hint or "give the video itself") from exc
         self._path, self._missing, self._taken = path, 0, 0
-        self._loss = loss_in_words(recording)
+        self._loss = recording.lost
         topic = f"{_camera(recording, camera, begin)}/{begin}"
         self._player = Player(
             path, Playing(topics=(topic,), rate=rate), run_id="", clock_ns=time.time_ns

@@ -73,7 +73,7 @@ class Tape:
     @property
     def loss(self) -> str:
         """What can't be read, in one line; empty for nothing."""
-        return loss_in_words(self._worst)
+        return self._worst.lost
 
     @property
     def _worst(self) -> Recording:
@@ -115,15 +115,3 @@ class Tape:
                 return
             if message.header.mark == Mark.DATA:
                 yield time_ns, message
-
-
-def loss_in_words(recording: Recording) -> str:
-    """What of a recording can't be read, in one line; empty for nothing."""
-    loss, lost = recording.loss, []
-    if not recording.complete:
-        lost.append(f"the recording is cut short: its last {loss.cut_bytes} bytes are no use")
-    if loss.damaged:
-        lost.append(f"damaged parts, left out: {loss.damaged}")
-    if loss.rejected:
-        lost.append(f"messages that can't be read: {loss.rejected}")
-    return "; ".join(lost)

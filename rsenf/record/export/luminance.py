@@ -1,0 +1,163 @@
+"""The light as a signal: rows at their own times, what lies between frames filled in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.errors import InputError
+from rsenf.messages import RowBlock
+from rsenf.timebase import NS_PER_S
+
+# Frames further apart than this many periods have others missing between them: silence there.
+_MISSING = 1.5
+
+Signal = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What is to be known of all frames before the first sample.
+
+    Attributes
+    ----------
+    first_pts_ns : int
+        Stream clock at the first frame.
+    frames : int
+        Number of frames.
+    frame_rate_hz : float
+        Measured from the first to the last.
+    scene_levels : ndarray
+        Mean of each row over all frames: the still picture, without the light's flicker.
+    peak_levels : float
+        Largest deviation of a row from its mean.
+    """
+
+    first_pts_ns: int
+    last_pts_ns: int
+    frames: int
+    frame_rate_hz: float
+    scene_levels: Signal
+    peak_levels: float
+
+    @property
+    def duration_s(self) -> float:
+        """From the first frame to the end of the last."""
+        return (self.last_pts_ns - self.first_pts_ns) / NS_PER_S + 1 / self.frame_rate_hz
+
+
+def survey(blocks: Iterable[RowBlock]) -> Survey:
+    """Look through all blocks of one epoch.
+
+    Raises
+    ------
+    InputError
+        When there are fewer than two frames, or the rows change their number.
+    """
+    total = least = most = np.empty(0)
+    numbers: list[int] = []
+    times: list[int] = []
+    frames = 0
+    for block in blocks:
+        level = row_levels(block)
+        if not frames:
+            total, least, most = np.zeros(block.rows), level.min(axis=0), level.max(axis=0)
+        if level.shape[1] != total.size:
+            raise InputError(f"the rows change from {total.size} to {block.rows}")
+        total = total + level.sum(axis=0)
+        least, most = np.minimum(least, level.min(axis=0)), np.maximum(most, level.max(axis=0))
+        numbers = [*numbers[:1], *block.frame_number[[0, -1]].tolist()]
+        times = [*times[:1], *block.frame_pts_ns[[0, -1]].tolist()]
+        frames += block.frames
+    if frames < 2 or times[-1] <= times[0] or numbers[-1] <= numbers[0]:
+        raise InputError(f"too short for a sound: {frames} frames")
+    scene = total / frames
+    return Survey(
+        first_pts_ns=times[0],
+        last_pts_ns=times[-1],
+        frames=frames,
+        frame_rate_hz=(numbers[-1] - numbers[0]) * NS_PER_S / (times[-1] - times[0]),
+        scene_levels=scene,
+        peak_levels=float(np.maximum(most - scene, scene - least).max()),
+    )
+
+
+def row_levels(block: RowBlock) -> Signal:
+    """Mean of each row over its strips, (frames, rows), levels."""
+    levels: Signal = np.mean(block.level, axis=2, dtype=np.float64)
+    return levels
+
+
+class Sampler:
+    """Reads the light off at regular times.
+
+    Row ``l`` of ``L`` was read ``l / L`` of the read-out time after its frame began; between rows,
+    and between the last row of a frame and the first of the next, the light runs straight. So a
+    tone keeps its pitch, whatever the number of rows, the idle period and the sample rate are.
+
+    Parameters
+    ----------
+    found : Survey
+        Of the same blocks.
+    idle_ratio : float
+        Share of each frame in which no row is read, from 0 to below 1.
+    rate_hz : int
+        Samples a second.
+    upwards : bool
+        Whether the last row is read first.
+    """
+
+    def __init__(self, found: Survey, idle_ratio: float, rate_hz: int, upwards: bool) -> None:
+        self._found, self._rate_hz, self._upwards = found, rate_hz, upwards
+        self._period_s = 1 / found.frame_rate_hz
+        rows = found.scene_levels.size
+        read_out_s = (1 - idle_ratio) * self._period_s
+        self._line_s = read_out_s / rows
+        self._row_s = np.arange(rows) * self._line_s
+        self._knots = np.empty((2, 0))  # time and level of the last row so far
+        self._next = 0  # sample
+
+    def samples(self, blocks: Iterable[RowBlock]) -> Iterator[Signal]:
+        """Yield the deviations of the light from the still scene, in levels, piece by piece."""
+        for block in blocks:
+            times_s, levels = self._frames(block)
+            if not times_s.size:
+                continue
+            self._knots = np.hstack([self._knots, self._with_silence(times_s, levels)])
+            yield self._up_to(self._knots[0, -1])
+            self._knots = self._knots[:, -1:]
+        yield self._up_to(self._found.duration_s)
+
+    def _frames(self, block: RowBlock) -> tuple[Signal, Signal]:
+        """Times of the frames that come later than all before them, and their levels."""
+        times_s = (block.frame_pts_ns - self._found.first_pts_ns) / NS_PER_S
+        latest = np.maximum.accumulate(np.concatenate([[self._last_frame_s], times_s]))[:-1]
+        later = times_s > latest
+        levels = row_levels(block) - self._found.scene_levels
+        return times_s[later], (levels[:, ::-1] if self._upwards else levels)[later]
+
+    @property
+    def _last_frame_s(self) -> float:
+        return float(self._knots[0, -1] - self._row_s[-1]) if self._knots.size else -np.inf
+
+    def _with_silence(self, times_s: Signal, levels: Signal) -> Signal:
+        """Knots of the signal: time and level; where frames are missing it goes to nought."""
+        pieces = []
+        before_s = self._last_frame_s
+        for time_s, level in zip(times_s, levels, strict=True):
+            if np.isfinite(before_s) and time_s - before_s > _MISSING * self._period_s:
+                ends = [before_s + self._row_s[-1] + self._line_s, time_s - self._line_s]
+                pieces.append(np.array([ends, [0.0, 0.0]]))
+            pieces.append(np.array([time_s + self._row_s, level]))
+            before_s = time_s
+        return np.hstack(pieces)
+
+    def _up_to(self, end_s: float) -> Signal:
+        """Sample the knots up to a time, without it."""
+        stop = int(np.ceil(end_s * self._rate_hz))
+        times_s = np.arange(self._next, stop) / self._rate_hz
+        self._next = max(stop, self._next)
+        return np.interp(times_s, *self._knots)

@@ -1,0 +1,89 @@
+"""The row blocks of one stretch of a recording, and how its camera read them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+
+from rsenf.errors import InputError, UsageError
+from rsenf.messages import IdleEstimate, Mark, RowBlock
+from rsenf.record.reader import Recording
+
+IDLE = "/idle"
+
+
+class RecordedLight:
+    """Row blocks of one epoch, with the idle period that the recording has of it.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording.
+    topic : str
+        Topic of the row blocks.
+    epoch : int, optional
+        Which; needed when there are several, as their times don't go on from each other.
+
+    Raises
+    ------
+    UsageError
+        When the topic has no row blocks, or several epochs and none is given.
+    """
+
+    def __init__(self, recording: Recording, topic: str, epoch: int | None) -> None:
+        if recording.topics[topic].schema != "rsenf.RowBlock":
+            raise UsageError(f"{topic} is no light that could be heard", "a sound is made of rows")
+        self._recording, self._topic = recording, topic
+        found = sorted({block.header.epoch for block in self._all()})
+        if epoch is None and len(found) > 1:
+            numbers = ", ".join(map(str, found))
+            raise UsageError(
+                f"{recording.path}: the source restarted, epochs {numbers}", "choose with --epoch"
+            )
+        if not found or epoch not in (None, *found):
+            raise InputError(f"{recording.path}: no rows of {topic} that could be heard")
+        self.epoch = found[0] if epoch is None else epoch
+
+    def blocks(self) -> Iterator[RowBlock]:
+        """Read the row blocks, what can't be read left out."""
+        return (block for block in self._all() if block.header.epoch == self.epoch)
+
+    @property
+    def idle_ratio(self) -> float:
+        """Idle ratio by the recording; nought for means of whole frames, which have no rows.
+
+        Raises
+        ------
+        UsageError
+            When it has none.
+        """
+        if next(self.blocks()).read_out_axis == "frame":
+            return 0.0
+        if self._idle is None:
+            raise UsageError(
+                f"{self._recording.path}: the camera's idle period isn't in it, so the pitch "
+                "of a sound can't be right",
+                "give it with --idle-ratio; 'rsenf idle' finds it",
+            )
+        return self._idle.idle_ratio
+
+    @property
+    def upwards(self) -> bool:
+        """Whether the recording says that the last row is read first."""
+        return self._idle is not None and self._idle.direction == "reverse"
+
+    @cached_property
+    def _idle(self) -> IdleEstimate | None:
+        topic = self._topic.rpartition("/")[0] + IDLE
+        if topic not in self._recording.topics:
+            return None
+        latest = None
+        for _, message, _ in self._recording.messages([topic], tolerant=True):
+            if message.header.epoch == self.epoch and message.verdict == "estimated":
+                latest = message
+        return latest
+
+    def _all(self) -> Iterator[RowBlock]:
+        for _, message, _ in self._recording.messages([self._topic], tolerant=True):
+            if message.header.mark == Mark.DATA and message.frames:
+                yield message

@@ -1,0 +1,161 @@
+"""A foreign file becomes a recording: pictures, frames, and the rows sampled from them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rsenf.bus.keys import camera_key
+from rsenf.errors import InputError
+from rsenf.messages import Frame, Header, Mark, VideoPacket
+from rsenf.record import Recorder, Recording, input_facts
+from rsenf.rows.settings import RowsSettings
+from rsenf.run.foreign.cameras import choose_camera, picture_topics
+from rsenf.run.foreign.finder import Finder
+from rsenf.run.foreign.stream import Item, PictureStream
+from rsenf.run.row_sampling import make_rows
+from rsenf.run.runner import Runner
+from rsenf.whole_file import whole_file
+
+
+@dataclass
+class Imported:
+    """What became of one camera.
+
+    Attributes
+    ----------
+    topic : str
+        Where its pictures were.
+    frames : int
+        Frames decoded.
+    duration_s : float
+        From the first to the last.
+    loss : str
+        What could not be decoded, in one line; empty for nothing.
+    warnings : list of str
+        What else to know, one line each.
+    """
+
+    topic: str
+    frames: int = 0
+    duration_s: float = 0.0
+    loss: str = ""
+    warnings: list[str] = field(default_factory=list)
+
+
+def import_pictures(
+    recording: Recording,
+    out: Path,
+    *,
+    site: str,
+    camera: str = "",
+    rows: RowsSettings,
+    progress: Callable[[float], None] = lambda seconds: None,
+) -> dict[str, Imported]:
+    """Make a recording of the pictures in a foreign file.
+
+    Compressed pictures are kept as they are; of raw ones their luma is, without loss, as PNG.
+
+    Parameters
+    ----------
+    recording : Recording
+        The foreign file. What of it can't be read is left out and counted in its loss.
+    out : Path
+        The recording; it appears once it is complete.
+    site : str
+        Site of the cameras in the new recording.
+    camera : str, optional
+        Only this one, by its name or topic; all unless given.
+    rows : RowsSettings
+        How to sample rows.
+    progress : callable, optional
+        Told how many seconds are done.
+
+    Returns
+    -------
+    dict of str to Imported
+        By camera.
+
+    Raises
+    ------
+    InputError
+        When there are no pictures, or none can be decoded.
+    UsageError
+        When that camera isn't there.
+    RecordingError
+        When the recording can't be written.
+    """
+    cameras = picture_topics(recording)
+    if not cameras:
+        there = ", ".join(f"{t.name} ({t.schema})" for t in recording.topics.values()) or "none"
+        raise InputError(f"{recording.path}: no pictures that are known", f"its topics: {there}")
+    if camera:
+        chosen = choose_camera(recording, cameras, camera)
+        cameras = {chosen: cameras[chosen]}
+    facts = input_facts(recording.path)
+    with whole_file(out) as part:
+        with Recorder(part, run_info={"site": site}, clock_ns=time.time_ns, fsync=False) as to:
+            lanes = {topic: _Lane(to, site, name, topic, rows) for name, topic in cameras.items()}
+            for found in recording.found_by(Finder(frozenset(lanes)), tolerant=True):
+                lane = lanes[found.topic]
+                lane.take(lane.stream.feed(found.picture, found.log_time_ns))
+                progress(lane.done.duration_s)
+            for lane in lanes.values():
+                lane.end()
+            to.add_metadata("rsenf.input.import", facts)
+        done = {name: lanes[topic].done for name, topic in cameras.items()}
+        if not any(one.frames for one in done.values()):
+            lost = "; ".join(filter(None, [recording.lost, *(one.loss for one in done.values())]))
+            raise InputError(f"{recording.path}: no picture can be decoded", lost)
+    return done
+
+
+class _Lane:
+    """One camera's way into the recording."""
+
+    def __init__(
+        self, recorder: Recorder, site: str, camera: str, topic: str, rows: RowsSettings
+    ) -> None:
+        self.stream = PictureStream(f"{site}/{camera}", with_packets=True)
+        self.done = Imported(topic)
+        self._recorder, self._site, self._camera = recorder, site, camera
+        self._sampler = Runner("rows", lambda: make_rows(rows))
+        self._first_ns = 0
+        self._frame: Header | None = None
+        self._packet: Header | None = None
+
+    def take(self, items: list[Item]) -> None:
+        """Record what came of a picture."""
+        for item in items:
+            if isinstance(item, VideoPacket):
+                self._packet = item.header
+                self._write("video", item)
+                continue
+            if self._frame is None:
+                self._first_ns = item.header.pts_ns
+            self._frame = item.header
+            self.done.frames += 1
+            self.done.duration_s = (item.header.pts_ns - self._first_ns) / 1e9
+            self._write("frames", item)
+            self._sample(item)
+
+    def end(self) -> None:
+        """Record what is still held back, and the END marks."""
+        self.take(self.stream.finish())
+        if self._packet:
+            end = self._packet.numbered(self._packet.seq + 1, Mark.END)
+            self._write("video", VideoPacket(header=end))
+        if self._frame:
+            last = Frame(header=self._frame.numbered(self._frame.seq + 1, Mark.END))
+            self._write("frames", last)
+            self._sample(last)
+        self.done.loss, self.done.warnings = self.stream.loss, self.stream.warnings
+
+    def _sample(self, frame: Frame) -> None:
+        for block in self._sampler.feed(frame):
+            self._write("rows", block)
+
+    def _write(self, topic: str, message: object) -> None:
+        self._recorder.write(camera_key(self._site, self._camera, topic), message)

@@ -1,0 +1,85 @@
+"""Finds the pictures among the records of a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
+
+from rsenf.errors import SchemaMismatch
+from rsenf.record.container import Record, unpack, unpack_message
+from rsenf.run.foreign import foxglove, ros
+from rsenf.run.foreign.picture import Picture
+
+Reader = Callable[[bytes], Picture]
+_ENCODINGS: dict[str, Callable[[str], Reader | None]] = {
+    "cdr": ros.reader_of,
+    "protobuf": foxglove.protobuf_reader,
+    "json": foxglove.json_reader,
+}
+
+
+def holds_pictures(schema: str) -> bool:
+    """Whether messages of a schema hold pictures, in one of their encodings."""
+    return any(reader(schema) is not None for reader in _ENCODINGS.values())
+
+
+class Found(NamedTuple):
+    """A picture and where it was found."""
+
+    topic: str
+    picture: Picture
+    log_time_ns: int
+
+
+class Finder:
+    """Takes a file's records in their order, and gives its pictures.
+
+    Parameters
+    ----------
+    topics : set of str
+        Those wanted.
+    """
+
+    def __init__(self, topics: frozenset[str]) -> None:
+        self._topics = topics
+        self._schemas: dict[int, str] = {}
+        self._readers: dict[int, tuple[str, Reader]] = {}
+
+    def take(self, record: Record) -> Found | None:
+        """Take a record; return the picture in it, if any.
+
+        Raises
+        ------
+        SchemaMismatch
+            When a message isn't what its schema says, or of a format that isn't known.
+        DamagedError
+            When the record isn't what it should be.
+        """
+        if record.opcode == Opcode.SCHEMA:
+            schema = unpack(Schema, record.body)
+            self._schemas[schema.id] = schema.name
+        elif record.opcode == Opcode.CHANNEL:
+            self._note(unpack(Channel, record.body))
+        elif record.opcode == Opcode.MESSAGE:
+            return self._picture(record.body)
+        return None
+
+    def _note(self, channel: Channel) -> None:
+        schema = self._schemas.get(channel.schema_id, "")
+        reader_of = _ENCODINGS.get(channel.message_encoding)
+        reader = reader_of(schema) if reader_of else None
+        if reader is not None and channel.topic in self._topics:
+            self._readers[channel.id] = channel.topic, reader
+
+    def _picture(self, body: bytes) -> Found | None:
+        topic, reader = self._readers.get(int.from_bytes(body[:2], "little"), ("", None))
+        if reader is None:
+            return None
+        stored = unpack_message(body)
+        try:
+            return Found(topic, reader(stored.data), stored.log_time_ns)
+        except SchemaMismatch as exc:
+            raise SchemaMismatch(f"topic {topic}: {exc.message}", exc.hint) from exc

@@ -1,0 +1,199 @@
+"""From the pictures of one topic to frames, with the times that they bear."""
+
+from __future__ import annotations
+
+import dataclasses
+from fractions import Fraction
+from typing import Any
+
+import av
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.decode.luma import luma_plane
+from rsenf.decode.packets import is_random_access
+from rsenf.errors import SchemaMismatch
+from rsenf.messages import Frame, Header, VideoPacket
+from rsenf.run.foreign.picture import Coded, Picture, Raw
+from rsenf.run.foreign.pixels import LARGEST_PX, raw_luma
+from rsenf.timebase import NS_PER_S
+
+# Stamps before the year 2000 are of a clock that isn't set, or of a simulation's.
+_FIRST_WALL_CLOCK_NS = 946_684_800 * NS_PER_S
+_STILLS = ("mjpeg", "png", "webp")
+RAW_CODEC = "png"  # how a raw picture is kept: its luma, without loss
+_PNG_FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1]
+
+Item = Frame | VideoPacket
+Luma = NDArray[np.uint8]
+
+
+class PictureStream:
+    """Makes frames of the pictures of one topic.
+
+    The stream clock is the pictures' own stamps, counted from the first; where that has none, the
+    times at which they were logged. A change of size or codec ends the stream.
+
+    Parameters
+    ----------
+    source : str
+        What the messages say they come from.
+    with_packets : bool
+        Whether to give each compressed picture, too, before its frames.
+
+    Attributes
+    ----------
+    ended : str
+        Why what follows can't belong to the same stream; empty while it can.
+    damaged, backward : int
+        Pictures that can't be decoded, and frames whose time isn't after the one's before.
+    unstamped : bool
+        Whether times are those of logging.
+    """
+
+    def __init__(self, source: str, *, with_packets: bool = False) -> None:
+        self._header = Header(source=source, seq=-1)
+        self._with_packets = with_packets
+        self._packets = self._frames = 0
+        self._zero_ns: int | None = None
+        self._last_ns = -1
+        self._size = (0, 0)
+        self._codec = ""
+        self._context: Any = None
+        self.unstamped = False
+        self.ended = ""
+        self.damaged = self.backward = 0
+
+    def feed(self, picture: Picture, log_time_ns: int) -> list[Item]:
+        """Take a picture; return what it completes: its packet, if asked for, and frames."""
+        if self.ended:
+            return []
+        header = self._timed(picture.stamp_ns, log_time_ns)
+        try:
+            return self._raw(picture, header) if isinstance(picture, Raw) else self._coded(
+                picture, header
+            )  # fmt: skip
+        except (SchemaMismatch, av.FFmpegError, ValueError, MemoryError):
+            self.damaged += 1
+            return []
+
+    def finish(self) -> list[Item]:
+        """Return the frames that the decoder still holds back."""
+        try:
+            return self._decoded(None) if self._codec and self._codec not in _STILLS else []
+        except (av.FFmpegError, ValueError, MemoryError):
+            self.damaged += 1
+            return []
+
+    @property
+    def loss(self) -> str:
+        """What was lost so far, in one line; empty for nothing."""
+        lost = [self.ended] if self.ended else []
+        if self.damaged:
+            lost.append(f"pictures that can't be decoded: {self.damaged}")
+        return "; ".join(lost)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a result should say, one line each."""
+        found = []
+        if self.unstamped:
+            found.append("its pictures bear no times: those of logging were taken, which jitter")
+        if self.backward:
+            found.append(f"frames that are not later than the one before: {self.backward}")
+        return found
+
+    def _timed(self, stamp_ns: int, log_time_ns: int) -> Header:
+        if self._zero_ns is None:
+            self.unstamped = stamp_ns <= 0
+            self._zero_ns = log_time_ns if self.unstamped else stamp_ns
+        known = stamp_ns >= _FIRST_WALL_CLOCK_NS and not self.unstamped
+        return dataclasses.replace(
+            self._header,
+            pts_ns=(log_time_ns if self.unstamped else stamp_ns) - self._zero_ns,
+            camera_time_ns=stamp_ns if known else 0,
+            arrival_time_ns=min(log_time_ns, (1 << 63) - 1),
+        )
+
+    def _raw(self, raw: Raw, header: Header) -> list[Item]:
+        luma = raw_luma(raw)
+        frame = self._frame(luma, header, "rawvideo", keyframe=True)
+        if frame is None or not self._with_packets:
+            return [frame] if frame else []
+        _, data = cv2.imencode(".png", luma, _PNG_FAST)
+        return [self._packet(header, RAW_CODEC, bytes(data), keyframe=True), frame]
+
+    def _coded(self, picture: Coded, header: Header) -> list[Item]:
+        self._codec = self._codec or picture.codec
+        if picture.codec != self._codec:
+            self.ended = f"the pictures change from {self._codec} to {picture.codec}"
+            return []
+        packet = av.Packet(picture.data)
+        packet.pts, packet.time_base = header.pts_ns, Fraction(1, NS_PER_S)
+        packet.opaque = (header,)  # a new object each time: PyAV keys them by identity
+        kept: list[Item] = []
+        if self._with_packets:
+            keyframe = self._is_keyframe(picture)
+            kept.append(self._packet(header, picture.codec, picture.data, keyframe=keyframe))
+        try:
+            return kept + self._decoded(packet)
+        except (av.FFmpegError, ValueError, MemoryError):
+            self.damaged += 1
+            return kept
+
+    def _is_keyframe(self, picture: Coded) -> bool:
+        """Whether it is known to need no other; of VP9 and AV1 only the first is."""
+        if picture.codec in ("h264", "hevc"):
+            return is_random_access(picture.data, picture.codec)
+        return picture.codec in _STILLS or self._packets == 0
+
+    def _decoded(self, packet: Any) -> list[Item]:
+        """Decode a packet; None gives out what is held back."""
+        # FFmpeg's PNG decoder makes rubbish of every picture after its first, so each still
+        # picture gets a decoder of its own.
+        if self._context is None or self._codec in _STILLS:
+            self._context = _decoder(self._codec)
+        frames: list[Item] = []
+        for decoded in self._context.decode(packet):
+            (header,) = decoded.opaque
+            if decoded.is_corrupt:
+                self.damaged += 1
+                continue
+            frame = self._frame(
+                luma_plane(decoded), header, self._codec, keyframe=bool(decoded.key_frame)
+            )
+            if frame:
+                frames.append(frame)
+        return frames
+
+    def _packet(self, header: Header, codec: str, data: bytes, *, keyframe: bool) -> VideoPacket:
+        header = dataclasses.replace(header, seq=self._packets)
+        self._packets += 1
+        return VideoPacket(header=header, codec=codec, keyframe=keyframe, data=data)
+
+    def _frame(self, luma: Luma, header: Header, codec: str, *, keyframe: bool) -> Frame | None:
+        height_px, width_px = luma.shape
+        if self._frames and luma.shape != self._size:
+            self.ended = f"the pictures change their size to {width_px}×{height_px}"
+            return None
+        number, self._frames, self._size = self._frames, self._frames + 1, (height_px, width_px)
+        self.backward += header.pts_ns <= self._last_ns
+        self._last_ns = header.pts_ns
+        return Frame(
+            header=dataclasses.replace(header, seq=number, frame_first=number, frame_last=number),
+            height_px=height_px,
+            width_px=width_px,
+            codec=codec,
+            keyframe=keyframe,
+            luma=luma,
+        )
+
+
+def _decoder(codec: str) -> Any:
+    """Decoder that refuses pictures of absurd sizes before it makes room for them."""
+    context: Any = av.CodecContext.create(codec, "r")
+    context.options = {"max_pixels": str(LARGEST_PX)}
+    context.copy_opaque = True
+    context.thread_type = "NONE" if codec in _STILLS else "AUTO"  # one that holds nothing back
+    return context
