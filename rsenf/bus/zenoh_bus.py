@@ -105,7 +105,8 @@ class _ZenohPublisher(Publisher):
     @property
     def is_heard(self) -> bool:
         """Whether anybody has subscribed to the key."""
-        return bool(self._publisher.matching_status.matching)
+        status: Any = self._publisher.matching_status  # its stub says bool, which it isn't
+        return bool(status.matching)
 
     def _put(self, item: Envelope) -> None:
         self._publisher.put(item.payload, encoding=item.encoding, attachment=item.sender)

@@ -53,5 +53,5 @@ def overwriting(graph: Graph) -> Iterator[tuple[str, RecordNode]]:
     """Yield the nodes that would record over what the graph plays, and their names."""
     played = {Path(node.input).resolve() for node in graph.of(ReplayNode)}
     for name, node in graph.nodes.items():
-        if isinstance(node, RecordNode) and Path(node.out).resolve() in played:
+        if isinstance(node, RecordNode) and node.out and Path(node.out).resolve() in played:
             yield name, node
