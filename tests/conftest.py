@@ -13,6 +13,8 @@ import pytest
 # As in every process of rsenf, and before NumPy is imported: threads that fight for few cores cost
 # many times their gain.
 os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
+# Else every process that a test starts compiles all of rsenf anew: half of what it costs.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 from tests.hidden_clip import HiddenClip, hide_clip
 
