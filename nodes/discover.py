@@ -14,7 +14,9 @@ from rsenf.bus.keys import camera_key
 from rsenf.config.graph import DecodeNode, DiscoverNode, Graph, ReplayNode, outputs
 from rsenf.config.model_file import load_model
 from rsenf.decode.spec import kind_of
-from rsenf.discrepancy import PLAIN, Look, WatchStage
+from rsenf.discrepancy.start import PLAIN
+from rsenf.discrepancy.watch import WatchStage
+from rsenf.discrepancy.window import Look
 from rsenf.run.node import NodeProcess, run_node
 from rsenf.run.pump import POLL_S, Lane, TellingLane, pump
 from rsenf.run.runner import Runner

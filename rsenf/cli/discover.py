@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rsenf.cli.discover_reference import Result
-    from rsenf.discrepancy import Measured
+    from rsenf.discrepancy.measured import Measured
     from rsenf.match.series import Grid
     from rsenf.messages import RowBlock
     from rsenf.messages.schema import Float32Array
@@ -121,7 +121,6 @@ def _by_rows(
     import numpy as np
 
     from rsenf.cli.discover_reference import Result, residuals_of
-    from rsenf.discrepancy import discover, discovery_json, measured_of, model_of
     from rsenf.discrepancy.beside import (
         beside_json,
         beside_model,
@@ -130,6 +129,9 @@ def _by_rows(
         discover_beside,
         joined,
     )
+    from rsenf.discrepancy.measured import measured_of
+    from rsenf.discrepancy.result import discovery_json, model_of
+    from rsenf.discrepancy.verdict import discover
     from rsenf.report.discovery_page import discovery_page
 
     data, name = measured_of(blocks, args.nominal_hz), Path(args.input).name
@@ -167,7 +169,7 @@ def _check_out(folder: Path) -> None:
 
 def _model(args: argparse.Namespace) -> CaptureModel:
     from rsenf.config.model_file import load_model
-    from rsenf.discrepancy import PLAIN
+    from rsenf.discrepancy.start import PLAIN
 
     return load_model(args.model) if args.model else PLAIN
 

@@ -39,24 +39,3 @@ and on a stream, window by window::
 
 and, in ``beside``, what a reference of the grid's frequency tells beyond the rows.
 """
-
-from rsenf.discrepancy.measured import Measured, measured_of
-from rsenf.discrepancy.result import discovery_json, model_of
-from rsenf.discrepancy.settings import WatchSettings
-from rsenf.discrepancy.start import PLAIN
-from rsenf.discrepancy.verdict import Discovery, discover
-from rsenf.discrepancy.watch import WatchStage
-from rsenf.discrepancy.window import Look
-
-__all__ = [
-    "PLAIN",
-    "Discovery",
-    "Look",
-    "Measured",
-    "discover",
-    "discovery_json",
-    "measured_of",
-    "model_of",
-    "WatchSettings",
-    "WatchStage",
-]

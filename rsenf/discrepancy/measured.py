@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rsenf.discrepancy.apart import LINES, STRIPS, apart_of
 from rsenf.discrepancy.estimates import Estimates, estimate
+from rsenf.discrepancy.settings import BLOCK_S, FEWEST_LINES, SHORTEST_S
 from rsenf.errors import InputError
 from rsenf.messages import RowBlock
 from rsenf.messages.schema import FloatArray
@@ -24,10 +25,6 @@ Part = tuple[slice, ...]  # of an array (frames, lines, strips)
 
 ALL: Part = (slice(None),)
 
-# Long enough for the grid to move within one, short enough for twenty of them in a minute.
-BLOCK_S = 3.0
-SHORTEST_S = 8 * BLOCK_S
-FEWEST_LINES = 16
 # Rates that cameras have; one that is nearer to one of them than this is taken for it.
 RATES = (
     *(Fraction(n) for n in (24, 25, 30, 48, 50, 60, 100, 120, 240)),

@@ -5,8 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rsenf.discrepancy.measured import BLOCK_S, FEWEST_LINES, SHORTEST_S
 from rsenf.errors import UsageError
+
+# Long enough for the grid to move within one, short enough for twenty of them in a minute.
+BLOCK_S = 3.0
+SHORTEST_S = 8 * BLOCK_S
+FEWEST_LINES = 16
 
 
 @dataclass(frozen=True)

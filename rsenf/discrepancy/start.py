@@ -7,17 +7,47 @@ import math
 
 import numpy as np
 
+from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.measured import Measured
+from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.slopes import slopes_of
 from rsenf.discrepancy.theory import Course, Theory
 from rsenf.errors import InputError
 from rsenf.match.series import track_of
 from rsenf.model import CaptureModel, Light
+from rsenf.model.effects import DeliveryEffect
 
 # What to begin with when nothing is known.
 PLAIN = CaptureModel(name="plain", light=Light(lamp="tone"))
 LEAST_USABLE = 0.5  # share of the seconds
 FIRST_SIZE = 0.05  # flicker with which the first simulation is made
+
+
+def first_fit(model: CaptureModel, data: Measured) -> Fit:
+    """Fit what a search begins with.
+
+    The tracker knows nothing of frames that aren't delivered as they were taken: where the model
+    does, what it has followed is first taken apart into leaps of time and the light's own course,
+    as the search itself does when it finds such an effect.
+
+    Parameters
+    ----------
+    model : CaptureModel
+        What to begin with.
+    data : Measured
+
+    Raises
+    ------
+    InputError
+        When no flicker can be followed.
+    """
+    in_time = tuple(e for e in model.effects if not isinstance(e, DeliveryEffect))
+    first = fit(first_theory(dataclasses.replace(model, effects=in_time), data), data)
+    if len(in_time) == len(model.effects):
+        return first
+    whole = dataclasses.replace(first.theory.model, effects=model.effects)
+    ahead_rad = residue_of(first).angle_rad
+    return fit(first.theory.otherwise_delivered(whole, data, ahead_rad), data)
 
 
 def first_theory(model: CaptureModel, data: Measured) -> Theory:

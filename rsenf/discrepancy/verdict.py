@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from rsenf.discrepancy.fit import Fit, fit
+from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.floor import Floor, floor_of
 from rsenf.discrepancy.gap import NOTHING_FITS
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.search import Step, needed, search
 from rsenf.discrepancy.stamps import Stamps, gap_of_stamps, off_s, stamps_of
-from rsenf.discrepancy.start import first_theory
+from rsenf.discrepancy.start import first_fit
 from rsenf.discrepancy.usual import Usual, usual_of
 from rsenf.discrepancy.where import Share, where
 from rsenf.model import CaptureModel
@@ -104,7 +104,7 @@ def discover(
         When the recording has no flicker to fit a model to.
     """
     progress("fitting the model")
-    first = fit(first_theory(model, data), data)
+    first = first_fit(model, data)
     stamps = stamps_of(first)
     begun = last = stamps.fit if stamps else first
     if recoded:

@@ -13,12 +13,11 @@ import numpy as np
 import yaml
 
 from rsenf.discrepancy.knobs import series_of
-from rsenf.discrepancy.measured import SHORTEST_S
 from rsenf.discrepancy.news import changes
 from rsenf.discrepancy.result import model_of
 from rsenf.discrepancy.rolling import Rolling, part_of
 from rsenf.discrepancy.seen import Seen, rest_of, seen_in
-from rsenf.discrepancy.settings import WatchSettings
+from rsenf.discrepancy.settings import SHORTEST_S, WatchSettings
 from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.window import Look, look, missing_in
 from rsenf.errors import InputError

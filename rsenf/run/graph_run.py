@@ -21,7 +21,8 @@ from rsenf.messages import DiscoveryVerdict, Health, IdleEstimate, MatchResult
 from rsenf.run.peers import LAST_WORDS
 
 # Told to stop, sources end their streams and everything after them finishes by itself; who hasn't
-# by then is told too, and in the end made to. All within two seconds.
+# by then is told too, and in the end made to. All within two seconds, unless the machine is so
+# slow that the nodes took longer than that to start: then they get as long to stop.
 SOURCES_FIRST_S = 0.7
 KILL_AFTER_S = 1.7
 POLL_S = 0.05
@@ -96,6 +97,8 @@ class GraphRun:
     idle: dict[str, IdleEstimate] = field(default_factory=dict)
     discovered: dict[str, DiscoveryVerdict] = field(default_factory=dict)
     _words: Inbox = field(default_factory=Inbox)
+    _begun: float = field(default_factory=time.monotonic)
+    _all_ready_s: float = 0.0  # after the beginning
 
     @property
     def running(self) -> list[NodeState]:
@@ -128,13 +131,14 @@ class GraphRun:
     def stop(self) -> None:
         """Stop everything within two seconds: sources first, so that their streams end in order."""
         begun = time.monotonic()
+        patience_s = max(KILL_AFTER_S, self._start_took_s)
         if not self.never_began:
             self._tell(n for n in self.running if self._is_source(n))
-            self._wait_until(begun + SOURCES_FIRST_S)
+            self._wait_until(begun + patience_s * SOURCES_FIRST_S / KILL_AFTER_S)
         self._tell(self.running)
-        self._wait_until(begun + KILL_AFTER_S)
+        self._wait_until(begun + patience_s)
         self.kill()
-        self._wait_until(begun + KILL_AFTER_S + 1.0)
+        self._wait_until(begun + patience_s + 1.0)
 
     def kill(self) -> None:
         """End every process at once, and remove what they leave in shared memory."""
@@ -142,6 +146,13 @@ class GraphRun:
             node.signal(signal.SIGKILL)
         for ring in ring_directory().glob(f"rsenf-{self.run_id}-*"):
             ring.unlink(missing_ok=True)
+
+    @property
+    def _start_took_s(self) -> float:
+        """How long the nodes took to be ready; so far, if not all are."""
+        if all(n.was_ready for n in self.nodes.values()):
+            return self._all_ready_s
+        return time.monotonic() - self._begun
 
     def _is_source(self, node: NodeState) -> bool:
         return isinstance(self.graph.nodes[node.name], DecodeNode | ReferenceNode | ReplayNode)
@@ -171,7 +182,9 @@ class GraphRun:
             ours = received.message.header.run_id == self.run_id
             if node is not None and ours and node.exit_code is None:
                 node.health = received.message
-                node.was_ready |= received.message.state == "running"
+                if received.message.state == "running" and not node.was_ready:
+                    node.was_ready = True
+                    self._all_ready_s = time.monotonic() - self._begun
                 self._change(node, received.message.state, received.message.detail)
         elif not received.message.header.is_end:
             self._keep(source_of(received.key), received.message)

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from rsenf.discrepancy import PLAIN, measured_of
 from rsenf.discrepancy.beside import (
     BesideDiscovery,
     Clip,
@@ -16,6 +15,8 @@ from rsenf.discrepancy.beside import (
     clip_of_frame_means,
     discover_beside,
 )
+from rsenf.discrepancy.measured import measured_of
+from rsenf.discrepancy.start import PLAIN
 from rsenf.match.series import Grid
 from rsenf.messages import Header
 from rsenf.model import CaptureModel, Light, Shutter, simulate_rows, synthetic_grid

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from rsenf.discrepancy import PLAIN, Discovery, Measured, discover, measured_of
+from rsenf.discrepancy.measured import Measured, measured_of
+from rsenf.discrepancy.start import PLAIN
+from rsenf.discrepancy.verdict import Discovery, discover
 from rsenf.messages import Header
 from rsenf.model import CaptureModel, Light, RowData, Shutter, simulate_rows, synthetic_grid
 from rsenf.rows.luminance import blocks_from_luminance

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.discrepancy import PLAIN, discover, discovery_json, measured_of, model_of
+from rsenf.discrepancy.measured import measured_of
+from rsenf.discrepancy.result import discovery_json, model_of
+from rsenf.discrepancy.start import PLAIN
+from rsenf.discrepancy.verdict import discover
 from rsenf.errors import InputError
 from rsenf.messages import Header
 from rsenf.model import CaptureModel, GridPath, Shutter, simulate_rows

@@ -7,7 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.discrepancy import PLAIN, discover, discovery_json, measured_of
+from rsenf.discrepancy.measured import measured_of
+from rsenf.discrepancy.result import discovery_json
+from rsenf.discrepancy.start import PLAIN
+from rsenf.discrepancy.verdict import discover
 from rsenf.messages import Header
 from rsenf.rows.luminance import blocks_from_luminance
 from tests.discrepancy.foreign_camera import film

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.discrepancy import discovery_json
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.hint import hint_json, hint_of
+from rsenf.discrepancy.result import discovery_json
 from rsenf.discrepancy.start import first_theory
 from rsenf.discrepancy.where import where
 from rsenf.discrepancy.would_tell import TELLS

@@ -7,7 +7,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from rsenf.discrepancy import discovery_json, measured_of
+from rsenf.discrepancy.measured import measured_of
+from rsenf.discrepancy.result import discovery_json
 from rsenf.discrepancy.stamps import gap_of_stamps
 from rsenf.messages import Header
 from rsenf.rows.luminance import blocks_from_luminance

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.discrepancy import Discovery, discovery_json, model_of
+from rsenf.discrepancy.result import discovery_json, model_of
+from rsenf.discrepancy.verdict import Discovery
 from rsenf.report.discovery_page import discovery_page
 from rsenf.report.panels.row_images import SHOWN_S, most_left
 from tests.discrepancy.hidden_effects import hidden

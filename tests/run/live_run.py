@@ -33,6 +33,7 @@ class LiveRun:
 
     def __init__(self, graph: Path, *words: str, **more: Any) -> None:
         self.graph, self.run_id, self.endpoint = graph, "", ""
+        self.ready_s = 0.0  # from its beginning until the last of its nodes so far ran
         self.states: dict[str, list[str]] = {}
         self.pids: dict[str, int] = {}
         self.lines: list[str] = []
@@ -57,7 +58,9 @@ class LiveRun:
                 if found := re.search(r"bus at (\S+), run (\w+)", line):
                     self.endpoint, self.run_id = found.groups()
                 elif found := LINE.match(line):
-                    _, name, state, pid, _ = found.groups()
+                    after_s, name, state, pid, _ = found.groups()
+                    if state == "running" and state not in self.states.get(name, []):
+                        self.ready_s = float(after_s)
                     self.states.setdefault(name, []).append(state)
                     if pid:
                         self.pids[name] = int(pid)

@@ -21,8 +21,14 @@ from rsenf.record import open_recording
 pytestmark = pytest.mark.processes
 
 NODES = ("decode", "rows", "track", "match", "record")
-# Two seconds are promised, and measured in the report; a loaded machine gets some more.
-PROMPT_S = 4.0
+# Two seconds are promised, and measured in the report. On a loaded machine the nodes get as long
+# as they took to start, so that a recording isn't cut short for its sake.
+PROMISED_S = 2.0
+
+
+def prompt_s(start_s: float) -> float:
+    """Return the longest that stopping may take here, after a start that took so long."""
+    return 2.0 * max(PROMISED_S, start_s)
 
 
 def assert_whole(path: Path, *, ended: bool = True) -> None:
@@ -51,7 +57,7 @@ def test_a_run_that_is_interrupted(
     print(f"{number.name}, {'paced' if pace else 'at full speed'}: {took_s:.2f} s")
     assert run.process.returncode == EXIT_DONE
     assert run.error == "rsenf: stopped"
-    assert took_s < PROMPT_S
+    assert took_s < prompt_s(run.ready_s)
     assert run.left == []
     assert not any(s in ("lost", "failed") for states in run.states.values() for s in states)
     assert_whole(graphs.out)
@@ -60,12 +66,14 @@ def test_a_run_that_is_interrupted(
 def test_a_run_that_is_interrupted_while_it_starts(
     film: Film, graphs: Graphs, live_run: type[LiveRun]
 ) -> None:
+    begun = time.monotonic()
     run = live_run(graphs.write(film, pace=True))
     while not run.run_id or not run.left:
         assert run.process.poll() is None
+    begun_s = time.monotonic() - begun
     took_s = run.interrupt()
     print(f"while starting: {took_s:.2f} s")
-    assert took_s < PROMPT_S
+    assert took_s < prompt_s(begun_s)
     assert run.process.returncode in (EXIT_DONE, EXIT_INTERRUPTED)
     assert run.left == []
     assert not any("Traceback" in line for line in run.lines)
@@ -81,7 +89,7 @@ def test_a_second_interrupt_ends_at_once(
     took_s = run.interrupt()
     assert run.process.returncode == EXIT_INTERRUPTED
     assert run.error == "rsenf: interrupted"
-    assert took_s < PROMPT_S
+    assert took_s < prompt_s(run.ready_s)
 
 
 def test_a_node_that_hangs_is_ended_in_time(
@@ -91,7 +99,7 @@ def test_a_node_that_hangs_is_ended_in_time(
     os.kill(run.pids["track"], signal.SIGSTOP)
     took_s = run.interrupt()
     print(f"with a node that hangs: {took_s:.2f} s")
-    assert took_s < PROMPT_S
+    assert took_s < prompt_s(run.ready_s)
     assert run.process.returncode == 1
     assert run.error == "rsenf: track: did not stop in time and was killed"
     recording = open_recording(graphs.out)
@@ -116,11 +124,11 @@ def test_control_c_in_a_terminal(film: Film, graphs: Graphs) -> None:
     )
     assert terminal.stdin is not None
     assert terminal.stdout is not None
-    seen = b""
+    seen, begun = b"", time.monotonic()
     while not all(re.search(rb"%s[^\r\n]*running" % name.encode(), seen) for name in NODES):
         seen += os.read(terminal.stdout.fileno(), 65536)
     run_id = seen.split(b"run ")[1][:8].decode()
-    begun = time.monotonic()
+    start_s, begun = time.monotonic() - begun, time.monotonic()
     terminal.stdin.write(b"\x03")
     terminal.stdin.flush()
     while more := os.read(terminal.stdout.fileno(), 65536):
@@ -131,7 +139,7 @@ def test_control_c_in_a_terminal(film: Film, graphs: Graphs) -> None:
     assert code == 0, seen[-2000:].decode(errors="replace")
     assert seen.rstrip().endswith(b"rsenf: stopped")
     assert b"\x1b[?25h" in seen.split(b"\x1b[?25l")[-1]  # the cursor is back
-    assert took_s < PROMPT_S
+    assert took_s < prompt_s(start_s)
     assert children_of(run_id) == []
     assert_whole(graphs.out)
 
@@ -157,9 +165,9 @@ def test_a_recording_from_outside_that_is_interrupted(
     took_s = time.monotonic() - begun
     print(f"rsenf record: {took_s:.2f} s")
     assert recording.returncode == EXIT_DONE, errors
-    assert took_s < PROMPT_S
+    assert took_s < prompt_s(run.ready_s)
     assert '"missed": 0' in printed
     assert_whole(out, ended=False)
-    assert run.interrupt() < PROMPT_S  # the run itself went on
+    assert run.interrupt() < prompt_s(run.ready_s)  # the run itself went on
     assert run.process.returncode == EXIT_DONE
     assert_whole(graphs.out)

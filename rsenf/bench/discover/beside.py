@@ -19,8 +19,10 @@ from rsenf.bench.discover.judge import WRONG, judged
 from rsenf.bench.discover.plan import Case
 from rsenf.bench.discover.scene import Drawn, drawn
 from rsenf.bench.grids import grid_for
-from rsenf.discrepancy import Measured, discover, discovery_json, measured_of, model_of
 from rsenf.discrepancy.beside import beside_json, beside_of, clip_of, discover_beside, joined
+from rsenf.discrepancy.measured import Measured, measured_of
+from rsenf.discrepancy.result import discovery_json, model_of
+from rsenf.discrepancy.verdict import discover
 from rsenf.errors import RsenfError
 from rsenf.match.series import Grid
 from rsenf.messages import Header

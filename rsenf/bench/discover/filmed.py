@@ -8,8 +8,7 @@ from typing import Any
 
 from rsenf.bench.discover.plan import Case
 from rsenf.bench.discover.scene import Drawn
-from rsenf.discrepancy import Measured, measured_of
-from rsenf.discrepancy.measured import Float32Array
+from rsenf.discrepancy.measured import Float32Array, Measured, measured_of
 from rsenf.messages import RowBlock
 from rsenf.model import render_frames
 from rsenf.model.codec import Codec

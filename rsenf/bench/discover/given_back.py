@@ -8,7 +8,9 @@ import numpy as np
 import yaml
 
 from rsenf.config.model_file import load_model
-from rsenf.discrepancy import Discovery, discover, measured_of, model_of
+from rsenf.discrepancy.measured import measured_of
+from rsenf.discrepancy.result import model_of
+from rsenf.discrepancy.verdict import Discovery, discover
 from rsenf.messages import Header
 from rsenf.model import GridPath, simulate_rows
 from rsenf.rows.luminance import blocks_from_luminance

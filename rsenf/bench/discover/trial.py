@@ -15,7 +15,9 @@ from rsenf.bench.discover.judge import judged, parameter_error
 from rsenf.bench.discover.outside import OUTSIDE, done_to
 from rsenf.bench.discover.plan import Case
 from rsenf.bench.discover.scene import Drawn, drawn
-from rsenf.discrepancy import discover, discovery_json, measured_of
+from rsenf.discrepancy.measured import measured_of
+from rsenf.discrepancy.result import discovery_json
+from rsenf.discrepancy.verdict import discover
 from rsenf.errors import RsenfError
 from rsenf.messages import Header, RowBlock
 from rsenf.model import simulate_rows

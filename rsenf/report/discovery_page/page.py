@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from rsenf import __version__
-from rsenf.discrepancy import Discovery
 from rsenf.discrepancy.beside import BesideDiscovery, beside_json, joined
+from rsenf.discrepancy.verdict import Discovery
 from rsenf.model import CaptureModel
 from rsenf.report.discovery_page.beside import DEFINITIONS as BESIDE
 from rsenf.report.discovery_page.beside import section

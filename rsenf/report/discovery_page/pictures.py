@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.discrepancy import Discovery
+from rsenf.discrepancy.verdict import Discovery
 from rsenf.report.discovery_page.steps import names_of
 from rsenf.report.pages import HEIGHT_IN, Picture, picture_of
 from rsenf.report.panels import fixed_style

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.discrepancy import Discovery
 from rsenf.discrepancy.knobs import series_of
 from rsenf.discrepancy.search import WORST, Step
 from rsenf.discrepancy.trial import Trial
+from rsenf.discrepancy.verdict import Discovery
 from rsenf.model import Effect
 from rsenf.model.parameters import fittings
 from rsenf.report.pages import setting

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rsenf.discrepancy import Discovery
+from rsenf.discrepancy.verdict import Discovery
 from rsenf.report.discovery_page.steps import gap_words, names_of
 from rsenf.report.hint_words import kind_words, tone_words
 
