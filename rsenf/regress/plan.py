@@ -23,7 +23,8 @@ from rsenf.config.graph import (
     outputs,
 )
 from rsenf.config.model_file import load_model
-from rsenf.discrepancy import PLAIN, WatchStage
+from rsenf.discrepancy.start import PLAIN
+from rsenf.discrepancy.watch import WatchStage
 from rsenf.errors import InputError, UsageError
 from rsenf.idle import make_idle
 from rsenf.match.stage import Match
