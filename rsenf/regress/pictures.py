@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Iterator
-from typing import Any, cast
 
-from rsenf.messages import Frame, Header, VideoPacket
+import av
+
+from rsenf.decode.coded import Decoded, PacketDecoder
+from rsenf.decode.luma import luma_plane
+from rsenf.messages import Frame, VideoPacket
 from rsenf.regress.history import Run, run_of
-
-_DECODERS = {"av1": "libdav1d"}  # FFmpeg's own needs hardware
 
 
 class Pictures:
@@ -33,7 +35,7 @@ class Pictures:
     def __init__(self, numbers: dict[Run, dict[int, int]] | None) -> None:
         self._numbers = numbers
         self._run: Run | None = None
-        self._context: Any = None
+        self._decoder: PacketDecoder | None = None
         self._count = 0
         self.yielded = 0
 
@@ -52,39 +54,27 @@ class Pictures:
         if run_of(packet.header) != self._run:
             yield from self._rest()
             self._begin(packet)
-        yield from self._decode(packet)
-
-    def _begin(self, packet: VideoPacket) -> None:
-        import av
-
-        self._run, self._count = run_of(packet.header), 0
-        self._context = av.CodecContext.create(_DECODERS.get(packet.codec, packet.codec), "r")
-        self._context.copy_opaque = True  # hands each packet's header on to its picture
-        self._context.thread_type = "AUTO"
-
-    def _decode(self, packet: VideoPacket | None) -> Iterator[Frame]:
-        import av
-
-        given = None
-        if packet is not None:
-            given = av.Packet(packet.data)
-            given.opaque = (packet.header,)
+        assert self._decoder is not None
         try:
-            pictures = self._context.decode(given)
+            decoded = self._decoder.decode(packet.data, packet.header, pts_ns=packet.header.pts_ns)
         except av.FFmpegError:
             return  # it was damaged then, too: the decode node left it out
-        for picture in pictures:
-            yield from self._frame(picture)
+        for one in decoded:
+            yield from self._frame(one)
+
+    def _begin(self, packet: VideoPacket) -> None:
+        self._run, self._count = run_of(packet.header), 0
+        self._decoder = PacketDecoder(packet.codec)
 
     def _rest(self) -> Iterator[Frame]:
-        if self._context is not None:
-            yield from self._decode(None)
-            self._context = None
+        if self._decoder is not None:
+            with contextlib.suppress(av.FFmpegError):
+                for one in self._decoder.rest():
+                    yield from self._frame(one)
+            self._decoder = None
 
-    def _frame(self, picture: Any) -> Iterator[Frame]:
-        from rsenf.decode.luma import luma_plane
-
-        (header,) = cast("tuple[Header]", picture.opaque)
+    def _frame(self, decoded: Decoded) -> Iterator[Frame]:
+        picture, header = decoded
         number, self._count = self._count, self._count + 1
         if self._numbers is not None:
             number = self._numbers.get(run_of(header), {}).get(header.pts_ns, -1)

@@ -43,7 +43,7 @@ def regress(path: str | Path) -> Regression:
         for run in runs:
             run.take(topic, message, log_time_ns)
     verdicts = [run.finish() for run in runs]
-    return Regression(str(path), changed, verdicts, left_out, _loss(recording))
+    return Regression(str(path), changed, verdicts, left_out, recording.lost)
 
 
 def runnable(recording: Recording) -> tuple[list[Step], dict[str, str]]:
@@ -58,17 +58,6 @@ def runnable(recording: Recording) -> tuple[list[Step], dict[str, str]]:
         else:
             steps.append(step)
     return steps, left_out
-
-
-def _loss(recording: Recording) -> str:
-    loss, lost = recording.loss, []
-    if loss.cut_bytes:
-        lost.append(f"cut short: {loss.cut_bytes} bytes at its end are no use")
-    if loss.damaged:
-        lost.append(f"damaged parts, left out: {loss.damaged}")
-    if loss.rejected:
-        lost.append(f"messages that can't be read: {loss.rejected}")
-    return "; ".join(lost)
 
 
 class Numbers:

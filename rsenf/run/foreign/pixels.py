@@ -8,12 +8,10 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.decode.coded import LARGEST_PX
 from rsenf.decode.luma import luma_plane
 from rsenf.errors import SchemaMismatch
 from rsenf.run.foreign.picture import Raw
-
-# Larger pictures don't come from a camera, but from bytes that are no picture.
-LARGEST_PX = 1 << 26
 
 
 class _Form(NamedTuple):

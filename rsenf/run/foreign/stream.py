@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
-from fractions import Fraction
-from typing import Any
 
 import av
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.decode.coded import STILLS, Decoded, PacketDecoder
 from rsenf.decode.luma import luma_plane
 from rsenf.decode.packets import is_random_access
 from rsenf.errors import SchemaMismatch
 from rsenf.messages import Frame, Header, VideoPacket
 from rsenf.run.foreign.picture import Coded, Picture, Raw
-from rsenf.run.foreign.pixels import LARGEST_PX, raw_luma
+from rsenf.run.foreign.pixels import raw_luma
 from rsenf.timebase import NS_PER_S
 
 # Stamps before the year 2000 are of a clock that isn't set, or of a simulation's.
 _FIRST_WALL_CLOCK_NS = 946_684_800 * NS_PER_S
-_STILLS = ("mjpeg", "png", "webp")
 RAW_CODEC = "png"  # how a raw picture is kept: its luma, without loss
 _PNG_FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 
@@ -60,7 +58,7 @@ class PictureStream:
         self._last_ns = -1
         self._size = (0, 0)
         self._codec = ""
-        self._context: Any = None
+        self._decoder: PacketDecoder | None = None
         self.unstamped = False
         self.ended = ""
         self.damaged = self.backward = 0
@@ -81,7 +79,7 @@ class PictureStream:
     def finish(self) -> list[Item]:
         """Return the frames that the decoder still holds back."""
         try:
-            return self._decoded(None) if self._codec and self._codec not in _STILLS else []
+            return self._shown(self._decoder.rest()) if self._decoder else []
         except (av.FFmpegError, ValueError, MemoryError):
             self.damaged += 1
             return []
@@ -129,15 +127,15 @@ class PictureStream:
         if picture.codec != self._codec:
             self.ended = f"the pictures change from {self._codec} to {picture.codec}"
             return []
-        packet = av.Packet(picture.data)
-        packet.pts, packet.time_base = header.pts_ns, Fraction(1, NS_PER_S)
-        packet.opaque = (header,)  # a new object each time: PyAV keys them by identity
         kept: list[Item] = []
         if self._with_packets:
             keyframe = self._is_keyframe(picture)
             kept.append(self._packet(header, picture.codec, picture.data, keyframe=keyframe))
+        self._decoder = self._decoder or PacketDecoder(self._codec)
         try:
-            return kept + self._decoded(packet)
+            return kept + self._shown(
+                self._decoder.decode(picture.data, header, pts_ns=header.pts_ns)
+            )
         except (av.FFmpegError, ValueError, MemoryError):
             self.damaged += 1
             return kept
@@ -146,22 +144,16 @@ class PictureStream:
         """Whether it is known to need no other; of VP9 and AV1 only the first is."""
         if picture.codec in ("h264", "hevc"):
             return is_random_access(picture.data, picture.codec)
-        return picture.codec in _STILLS or self._packets == 0
+        return picture.codec in STILLS or self._packets == 0
 
-    def _decoded(self, packet: Any) -> list[Item]:
-        """Decode a packet; None gives out what is held back."""
-        # FFmpeg's PNG decoder makes rubbish of every picture after its first, so each still
-        # picture gets a decoder of its own.
-        if self._context is None or self._codec in _STILLS:
-            self._context = _decoder(self._codec)
+    def _shown(self, pictures: list[Decoded]) -> list[Item]:
         frames: list[Item] = []
-        for decoded in self._context.decode(packet):
-            (header,) = decoded.opaque
-            if decoded.is_corrupt:
+        for picture, header in pictures:
+            if picture.is_corrupt:
                 self.damaged += 1
                 continue
             frame = self._frame(
-                luma_plane(decoded), header, self._codec, keyframe=bool(decoded.key_frame)
+                luma_plane(picture), header, self._codec, keyframe=bool(picture.key_frame)
             )
             if frame:
                 frames.append(frame)
@@ -188,12 +180,3 @@ class PictureStream:
             keyframe=keyframe,
             luma=luma,
         )
-
-
-def _decoder(codec: str) -> Any:
-    """Decoder that refuses pictures of absurd sizes before it makes room for them."""
-    context: Any = av.CodecContext.create(codec, "r")
-    context.options = {"max_pixels": str(LARGEST_PX)}
-    context.copy_opaque = True
-    context.thread_type = "NONE" if codec in _STILLS else "AUTO"  # one that holds nothing back
-    return context

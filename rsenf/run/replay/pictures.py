@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Iterable, Iterator
-from typing import cast
 
 import av
 
+from rsenf.decode.coded import Decoded, PacketDecoder
 from rsenf.decode.luma import luma_plane
 from rsenf.messages import Frame, Header, VideoPacket
 
@@ -50,33 +51,27 @@ def pictures(packets: Iterable[Timed], from_ns: int, like: Frame) -> Iterator[tu
     frame : Frame
         With its ``luma``.
     """
-    decoder: _Decoder | None = None
+    decoder: _Stretch | None = None
     for time_ns, packet in from_key_frame(packets, from_ns):
         if decoder is None or not decoder.continues(packet.header):
             if decoder:
                 yield from decoder.drain()
-            decoder = _Decoder(packet, from_ns, like)
+            decoder = _Stretch(packet, from_ns, like)
         yield from decoder.feed(time_ns, packet)
     if decoder:
         yield from decoder.drain()
 
 
-class _Decoder:
+class _Stretch:
     """Decodes one stretch of a video: the packets of an epoch."""
 
     def __init__(self, first: VideoPacket, from_ns: int, like: Frame) -> None:
         self._from_ns, self._like, self._codec = from_ns, like, first.codec
         self._last = first.header.numbered(first.header.seq - 1)
-        self._context = self._open()
+        self._decoder = PacketDecoder(self._codec)
         self._number = 0
         self._size: tuple[int, int] | None = None
         self._lost = False
-
-    def _open(self) -> av.VideoCodecContext:
-        context = cast(av.VideoCodecContext, av.CodecContext.create(self._codec, "r"))
-        context.copy_opaque = True  # hands each packet's header on to its frame
-        context.thread_type = "AUTO"
-        return context
 
     def continues(self, header: Header) -> bool:
         """Whether a packet belongs to the same stretch."""
@@ -88,29 +83,26 @@ class _Decoder:
         self._last = packet.header
         if missing > 0:
             yield from self.drain()
-            self._context, self._lost = self._open(), True
+            self._decoder, self._lost = PacketDecoder(self._codec), True
             self._number += missing
         self._lost = self._lost and not packet.keyframe
         if self._lost:
             self._number += 1
         elif packet.data:
-            made = cast("av.Packet[av.VideoStream]", av.Packet(packet.data))
-            made.pts = packet.header.pts_ns
-            made.is_keyframe = packet.keyframe
-            made.opaque = (time_ns, packet.header)
-            yield from self._decoded(made)
+            header = packet.header
+            try:
+                made = self._decoder.decode(packet.data, (time_ns, header), pts_ns=header.pts_ns)
+            except av.FFmpegError:
+                return
+            yield from self._shown(made)
 
     def drain(self) -> Iterator[tuple[int, Frame]]:
         """Give out the last frames."""
-        yield from self._decoded(None)
+        with contextlib.suppress(av.FFmpegError):
+            yield from self._shown(self._decoder.rest())
 
-    def _decoded(self, packet: av.Packet[av.VideoStream] | None) -> Iterator[tuple[int, Frame]]:
-        try:
-            decoded = self._context.decode(packet)
-        except av.FFmpegError:
-            return
-        for picture in decoded:
-            time_ns, header = cast("tuple[int, Header]", picture.opaque)
+    def _shown(self, decoded: list[Decoded]) -> Iterator[tuple[int, Frame]]:
+        for picture, (time_ns, header) in decoded:
             self._size = self._size or (picture.width, picture.height)
             # A picture of another size ended the stream when it was live, too.
             if time_ns < self._from_ns or (picture.width, picture.height) != self._size:
