@@ -17,6 +17,7 @@ from rsenf.record.chunk import ChunkBuilder, Times, extents_of, index_chunk, tim
 from rsenf.record.container import HEAD, MAGIC, pack, unpack, unpack_message
 from rsenf.record.examine import RECOVERED, Examination, examine
 from rsenf.record.finish import end_of_file
+from rsenf.record.held import is_held
 from rsenf.record.index import Index
 from rsenf.record.output import write_all
 from rsenf.record.reader import open_file
@@ -77,13 +78,15 @@ def recover_in_place(path: str | Path) -> tuple[Examination, Path]:
     Raises
     ------
     UsageError, InputError, RecordingError
-        As :func:`recover`; also when there is a backup already.
+        As :func:`recover`; also when there is a backup already, or it is being recorded.
     """
     path = Path(path)
     backup = path.with_name(path.name + BACKUP)
     if backup.exists():
         raise UsageError(f"{backup}: there is a backup already", "move it away first")
     found = _examined(path)
+    if is_held(path):
+        raise UsageError(f"{path}: is being recorded", "end that, or recover to another file")
     with whole_file(path) as part:
         _write(found, part)
         os.link(path, backup)  # both names, until the new file takes the first

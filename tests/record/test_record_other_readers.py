@@ -26,6 +26,7 @@ from rsenf.messages.schema import field_specs, message_classes
 from rsenf.record import Recorder, Topic, open_recording
 from rsenf.record.foxglove import IMAGE, descriptor_set
 from rsenf.record.foxglove import VIDEO as VIDEO_SCHEMA
+from rsenf.record.stretches import Stretch
 
 
 def embedded_class(schema):
@@ -207,7 +208,7 @@ def test_topics_of_others_are_listed_and_left_alone(tmp_path):
         writer.add_message(channel, 5, b"{}", 5)
         writer.finish()
     recording = open_recording(tmp_path / "a.mcap")
-    assert recording.topics == {"sky": Topic("sky", "weather", 1, 5, 5)}
+    assert recording.topics == {"sky": Topic("sky", "weather", 1, 5, 5, (Stretch(5, 5),))}
     assert list(recording.messages()) == []
     with pytest.raises(UsageError, match="isn't rsenf's"):
         recording.messages(["sky"])

@@ -91,6 +91,19 @@ def test_the_chunk_that_defines_all_is_lost_and_there_is_no_end(recorded, tmp_pa
     assert len(saved) > len(written) / 2
 
 
+def test_what_is_being_recorded_is_left_in_its_place(tmp_path):
+    path = tmp_path / "a.mcap"
+    with Recorder(path, run_info={}, clock_ns=Clock()) as recorder:
+        recorder.write(ROWS, rows(0))
+        recorder.flush()
+        with pytest.raises(UsageError, match="is being recorded"):
+            recover_in_place(path)
+        assert [p.name for p in tmp_path.iterdir()] == ["a.mcap"]
+        recover(path, tmp_path / "so_far.mcap")
+    assert len(encoded(tmp_path / "so_far.mcap")) == 1
+    assert len(encoded(path)) == 1
+
+
 def test_in_place_keeps_the_damaged_file(recorded):
     path, _, chunks = recorded
     spoil(path, chunks[1][0] + 60)
