@@ -25,6 +25,7 @@ from rsenf.record import Recorder
 from rsenf.reference import Reference, reference_blocks
 from rsenf.regress.accept import complete
 from rsenf.timebase import NS_PER_S
+from rsenf.whole_file import whole_file
 from tests.golden.golden_scenes import SCENES, SECONDS, Looped, Scene
 
 FOLDER = Path(__file__).resolve().parents[2] / "recordings"
@@ -124,7 +125,8 @@ def main() -> None:
     for scene in () if args.sums else SCENES:
         if not args.names or scene.name in args.names:
             path = FOLDER / f"{scene.name}.mcap"
-            make(scene, path)
+            with whole_file(path) as part:
+                make(scene, part)
             print(f"{path.name}: {path.stat().st_size / 1e6:.2f} MB", file=sys.stderr)
     write_sums(FOLDER)
 

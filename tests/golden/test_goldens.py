@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from rsenf.messages import EnfEstimate, IdleEstimate, MatchResult, RowBlock
+from rsenf.messages import EnfEstimate, IdleEstimate, MatchResult, RowBlock, encode
 from rsenf.record import open_recording
 from rsenf.regress import regress
 from rsenf.regress.versions import changed_since
@@ -118,7 +118,12 @@ def test_made_again_from_its_seed_it_is_the_same(tmp_path: Path) -> None:
     make(scene, path)
     assert regress(path).passed
     if not changed_since(open_recording(golden(scene.name))) and not _history(scene.name):
-        assert path.read_bytes() == golden(scene.name).read_bytes()
+        # What schemas say of themselves may be worded otherwise since.
+        assert encoded(path) == encoded(golden(scene.name))
+
+
+def encoded(path: Path) -> list[tuple[str, bytes, int]]:
+    return [(topic, encode(m), at) for topic, m, at in open_recording(path).messages()]
 
 
 def _history(name: str) -> list[str]:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 from pathlib import Path
 
 import pytest
 
-from rsenf.messages import encode
+from rsenf.messages import EnfEstimate, RowBlock, encode
 from rsenf.record import open_recording
 from rsenf.record.growing import ABOUT
 from rsenf.regress import accept, regress
+from rsenf.track import METHODS
+from rsenf.track.projection import ProjectionTracker
 from tests.golden.make import FOLDER
 
 # What is changed, to what, and the stage that it is a part of.
@@ -65,14 +68,31 @@ def _stages_that_moved() -> list[str]:
 
 
 def test_since_when(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first block teaches the mask: from the second on a rate of learning tells."""
-    monkeypatch.setattr("rsenf.rows.steady.LEARNING_RATE", 0.06)
-    first = regress(golden("moving")).first
+    class Off(ProjectionTracker):
+        """By ten millihertz, from the 20th estimate on."""
+
+        def update(self, message: RowBlock) -> list[EnfEstimate]:
+            return [self._off(e) for e in super().update(message)]
+
+        def flush(self) -> list[EnfEstimate]:
+            return [self._off(e) for e in super().flush()]
+
+        def _off(self, e: EnfEstimate) -> EnfEstimate:
+            return dataclasses.replace(e, enf_hz=e.enf_hz + 0.01 * (e.header.seq >= 20))
+
+    monkeypatch.setitem(METHODS, "projection", Off)
+    first = regress(golden("still_2997")).first
+    recorded = [
+        m.header
+        for _, m, _ in open_recording(golden("still_2997")).messages()
+        if isinstance(m, EnfEstimate)
+    ]
     assert first is not None
     assert first.since is not None
-    assert 0 < first.since.message < 20
-    assert first.since.frame == 8 * first.since.message
-    assert first.since.time_s == pytest.approx(first.since.frame * 1.001 / 30, abs=0.001)
+    assert first.since.message == 20
+    assert first.since.frame == recorded[20].frame_first
+    assert first.since.time_s == pytest.approx((recorded[20].pts_ns - recorded[0].pts_ns) / 1e9)
+    assert first.fields["enf_hz"].by == pytest.approx(0.01)
 
 
 def test_accepted_with_a_reason_it_is_as_it_was(
