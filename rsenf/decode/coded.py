@@ -63,6 +63,12 @@ class PacketDecoder:
         """Return the pictures that are still held back. Raises what :meth:`decode` does."""
         return [] if self._codec in STILLS else self._taken(None)
 
+    def __del__(self) -> None:
+        # Threads that still decode would wait for the interpreter to let go of their packets, and
+        # it for them to end: for ever.
+        if self._context.is_open:
+            self._context.flush_buffers()
+
     def _taken(self, packet: av.Packet[av.VideoStream] | None) -> list[Decoded]:
         return [Decoded(p, cast("tuple[Any]", p.opaque)[0]) for p in self._context.decode(packet)]
 
