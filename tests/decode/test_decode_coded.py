@@ -26,7 +26,7 @@ def packets(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[int, bytes]]
     with av.open(str(path), "w", format="h264") as out:
         stream = out.add_stream("libx264", rate=30)
         stream.width, stream.height, stream.pix_fmt = 128, 96, "yuv420p"
-        stream.options = {"x264-params": "b-adapt=0:bframes=2"}
+        stream.options = {"x264-params": "b-adapt=0:bframes=2:scenecut=0"}
         for _ in range(FRAMES):
             picture = rng.integers(0, 255, (96, 128, 3), np.uint8)
             out.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))

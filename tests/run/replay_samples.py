@@ -62,6 +62,8 @@ def record(film: Film, path: Path) -> Path:
         def tap(topic: str, message: Any) -> None:
             recorder.write(f"rsenf/lab/cam/{topic}", message)
             last[topic] = message
+            if topic == "rows":
+                recorder.flush()  # whatever the time it took: parts of the file are to be lost
 
         in_one_process(_Filmed(film, recorder), film, tap=tap)
         for topic, message in last.items():
