@@ -84,6 +84,9 @@ class GraphRun:
         Latest idle estimate of each camera.
     discovered : dict
         Latest verdict of each camera on what a model of it lacks.
+    never_began : bool
+        Whether a node went wrong before all were ready: those that weren't would wait for it in
+        vain, since they have not seen it come and go.
     """
 
     graph: Graph
@@ -94,6 +97,7 @@ class GraphRun:
     results: dict[str, MatchResult] = field(default_factory=dict)
     idle: dict[str, IdleEstimate] = field(default_factory=dict)
     discovered: dict[str, DiscoveryVerdict] = field(default_factory=dict)
+    never_began: bool = False
     _words: Inbox = field(default_factory=Inbox)
     _begun: float = field(default_factory=time.monotonic)
     _all_ready_s: float = 0.0  # after the beginning
@@ -102,11 +106,6 @@ class GraphRun:
     def running(self) -> list[NodeState]:
         """Nodes whose processes live."""
         return [n for n in self.nodes.values() if n.process and n.exit_code is None]
-
-    @property
-    def never_began(self) -> bool:
-        """Whether a node went wrong before it was ready: the others would wait for it in vain."""
-        return any(n.went_wrong and not n.was_ready for n in self.nodes.values())
 
     def wait(self, stop: threading.Event) -> None:
         """Watch until every process has ended; end them when asked to, or when one can't begin."""
@@ -148,9 +147,11 @@ class GraphRun:
     @property
     def _start_took_s(self) -> float:
         """How long the nodes took to be ready; so far, if not all are."""
-        if all(n.was_ready for n in self.nodes.values()):
-            return self._all_ready_s
-        return time.monotonic() - self._begun
+        return self._all_ready_s if self._all_ready else time.monotonic() - self._begun
+
+    @property
+    def _all_ready(self) -> bool:
+        return all(n.was_ready for n in self.nodes.values())
 
     def _is_source(self, node: NodeState) -> bool:
         return isinstance(self.graph.nodes[node.name], DecodeNode | ReferenceNode)
@@ -199,6 +200,8 @@ class GraphRun:
     def _change(self, node: NodeState, state: str, detail: str) -> None:
         before = node.state, node.detail
         node.state, node.detail = state, detail
+        if node.went_wrong and not self._all_ready:
+            self.never_began = True
         if before != (state, detail):
             self.on_change(node)
 
