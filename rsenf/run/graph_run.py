@@ -25,6 +25,7 @@ from rsenf.run.peers import LAST_WORDS
 # slow that the nodes took longer than that to start: then they get as long to stop.
 SOURCES_FIRST_S = 0.7
 KILL_AFTER_S = 1.7
+MOST_S = 20.0  # a camera may not be there for hours, which tells nothing of the machine
 POLL_S = 0.05
 
 
@@ -128,7 +129,7 @@ class GraphRun:
     def stop(self) -> None:
         """Stop everything within two seconds: sources first, so that their streams end in order."""
         begun = time.monotonic()
-        patience_s = max(KILL_AFTER_S, self._start_took_s)
+        patience_s = min(max(KILL_AFTER_S, self._start_took_s), MOST_S)
         if not self.never_began:
             self._tell(n for n in self.running if self._is_source(n))
             self._wait_until(begun + patience_s * SOURCES_FIRST_S / KILL_AFTER_S)
