@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
@@ -87,4 +86,4 @@ def _unless_stopped(work: Callable[[], Look], stop: Event) -> Look | None:
 
 
 if __name__ == "__main__":
-    sys.exit(run_node(body))
+    run_node(body)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 
 from rsenf.bus.delivery import LOOKING
@@ -34,4 +33,4 @@ def body(node: NodeProcess) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(run_node(body))
+    run_node(body)

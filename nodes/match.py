@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 from rsenf.bus.keys import camera_key, reference_key
 from rsenf.config.graph import MatchNode
 from rsenf.match.stage import Match
@@ -44,4 +42,4 @@ def body(node: NodeProcess) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(run_node(body))
+    run_node(body)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 from rsenf.bus.inbox import Received
 from rsenf.bus.keys import ROOT, health_key
 from rsenf.config.graph import RecordNode
@@ -50,4 +48,4 @@ def body(node: NodeProcess) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(run_node(body))
+    run_node(body)

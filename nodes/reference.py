@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 from rsenf.config.graph import ReferenceNode
 from rsenf.messages import Header, Mark, ReferenceBlock
 from rsenf.reference import open_reference, reference_blocks
@@ -36,4 +34,4 @@ def body(node: NodeProcess) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(run_node(body))
+    run_node(body)

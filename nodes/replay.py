@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 import time
 
 from rsenf.bus.bus import Publisher
@@ -63,4 +62,4 @@ def body(node: NodeProcess) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(run_node(body))
+    run_node(body)

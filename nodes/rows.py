@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 
 from rsenf.bus.frames import FrameReceiver
@@ -57,4 +56,4 @@ def body(node: NodeProcess) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(run_node(body))
+    run_node(body)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 from rsenf.bus.keys import camera_key
 from rsenf.config.graph import TrackNode
 from rsenf.run.node import NodeProcess, run_node
@@ -30,4 +28,4 @@ def body(node: NodeProcess) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(run_node(body))
+    run_node(body)

@@ -15,7 +15,8 @@ import numpy as np
 
 from rsenf.discrepancy.gap import Gap, gap_of
 from rsenf.discrepancy.knobs import FLICKER, IDLE, Knob, knobs_of, turned
-from rsenf.discrepancy.lean import leaned, leans
+from rsenf.discrepancy.lean import USUAL, leaned, leans
+from rsenf.discrepancy.linear import Normal
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.series import improved
 from rsenf.discrepancy.slopes import Slopes, slopes_of
@@ -166,7 +167,7 @@ def _stepped(theory: Theory, rows: Float32Array, slopes: Slopes) -> _Step:
     left = data.level - rows
     variance, weights = noise_var(left[data.training], data), theory.course.weights
     normal = slopes.training.normal(left).over(variance).with_prior(weights)
-    stderr = np.sqrt(np.diag(normal.covariance())[normal.course :])
+    stderr = _stderr(normal, left, slopes, variance)
     steps = np.array([abs(knob.step) for knob in knobs])
     step = np.clip(normal.solve()[normal.course :], -FARTHEST_STEPS * steps, FARTHEST_STEPS * steps)
     for size, direction in zip(step.astype(np.float32), slopes.own, strict=True):
@@ -184,3 +185,13 @@ def _stepped(theory: Theory, rows: Float32Array, slopes: Slopes) -> _Step:
     theory = dataclasses.replace(theory, wall=wall)
     turned_steps = float((np.abs(step) / steps).max())
     return _Step(theory, theory.rows(data), stderr, farthest_rad, turned_steps, moved_steps)
+
+
+def _stderr(normal: Normal, left: Float32Array, slopes: Slopes, variance: float) -> FloatArray:
+    """Return the standard errors of the knobs; where it matters, strips may lean as walls do."""
+    if slopes.lean is None:
+        covariance = normal.covariance()
+    else:
+        leaning = slopes.leaning.normal(left).over(variance).with_prior(np.zeros(normal.course))
+        covariance = leaning.considering(slopes.lean.shape[2], USUAL)
+    return np.asarray(np.sqrt(np.diag(covariance))[normal.course :])

@@ -2,6 +2,10 @@
 
 Light that changes along the lines acts on a strip as it is at the strip's centre of brightness,
 which is not its middle. So each half of a strip has a level of its own, found from training frames.
+
+How far a strip leans as a whole, as it does towards the middle of a picture that is darker at its
+ends, acts as if the light changed less along the lines. The rows don't tell these two apart: strips
+are taken not to lean as a whole, and that they may belongs to the error of such a light.
 """
 
 from __future__ import annotations
@@ -29,10 +33,20 @@ def by_lean(theory: Theory, rows: Float32Array, data: Measured) -> Float32Array:
     return np.asarray((moved - rows) / np.float32(STEP))
 
 
+def strips_apart(direction: Float32Array) -> list[Float32Array]:
+    """What the rows do when one strip after another leans more, (frames, lines, strips) each."""
+    out = []
+    for strip in range(direction.shape[2]):
+        alone = np.zeros_like(direction)
+        alone[:, :, strip] = direction[:, :, strip]
+        out.append(alone)
+    return out
+
+
 def leaned(
     theory: Theory, left: Float32Array, direction: Float32Array, data: Measured, noise_var: float
 ) -> tuple[Theory, Float32Array]:
-    """Let a theory lean as the training frames have it, and walls usually do.
+    """Let each line lean as the training frames have it, and walls usually do, less their mean.
 
     Parameters
     ----------
@@ -56,5 +70,6 @@ def leaned(
     power = (own * own).sum(axis=0, dtype=np.float64) + noise_var / USUAL**2
     told = (own * seen).sum(axis=0, dtype=np.float64) - theory.lean * noise_var / USUAL**2
     lean = np.clip(theory.lean + told / power, -MOST, MOST)
+    lean -= lean.mean(axis=0)
     by = (lean - theory.lean).astype(np.float32)
     return dataclasses.replace(theory, lean=lean), left - by * direction

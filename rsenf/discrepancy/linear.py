@@ -52,6 +52,24 @@ class Normal:
         inverse = np.linalg.inv(_scaled(self.matrix, self.vector)[0])
         return np.asarray(inverse * scale[:, None] * scale)
 
+    def considering(self, last: int, std: float) -> FloatArray:
+        """Return the covariance of the step where the last directions aren't taken, but are there.
+
+        Parameters
+        ----------
+        last : int
+            How many of them.
+        std : float
+            How far each has usually moved: a consider covariance (Schmidt).
+        """
+        known = len(self.matrix) - last
+        step = Normal(self.matrix[:known, :known], self.vector[:known], self.course)
+        scale = _scale(step.matrix)
+        taken, _ = _scaled(step.matrix, step.vector)
+        for_it = np.linalg.solve(taken, self.matrix[:known, known:] * scale[:, None])
+        shift = std * for_it * scale[:, None]
+        return np.asarray(step.covariance() + shift @ shift.T)
+
     def explained(self, extra: int) -> float:
         """By how much the last directions reduce the square of the residual, beyond the others."""
         known = len(self.matrix) - extra

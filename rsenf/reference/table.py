@@ -148,6 +148,7 @@ def _split_plain(text: str, layout: Layout, wanted: list[int]) -> dict[int, pa.A
 
     if layout.width == 1 or '"' in text or "#" in text or not text:
         return None
+    pa.enable_signal_handlers(False)  # it would take a node's word to stop for an error of its own
     names = [str(i) for i in range(layout.width)]
     data = text.encode()
     try:

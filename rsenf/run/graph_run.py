@@ -25,6 +25,7 @@ from rsenf.run.peers import LAST_WORDS
 # slow that the nodes took longer than that to start: then they get as long to stop.
 SOURCES_FIRST_S = 0.7
 KILL_AFTER_S = 1.7
+MOST_S = 20.0  # a camera may not be there for hours, which tells nothing of the machine
 POLL_S = 0.05
 # Topics whose latest message a run tells at its end.
 RESULTS = ("match", "idle", "discover")
@@ -86,6 +87,9 @@ class GraphRun:
         Latest idle estimate of each camera.
     discovered : dict
         Latest verdict of each camera on what a model of it lacks.
+    never_began : bool
+        Whether a node went wrong before all were ready: those that weren't would wait for it in
+        vain, since they have not seen it come and go.
     """
 
     graph: Graph
@@ -96,6 +100,7 @@ class GraphRun:
     results: dict[str, MatchResult] = field(default_factory=dict)
     idle: dict[str, IdleEstimate] = field(default_factory=dict)
     discovered: dict[str, DiscoveryVerdict] = field(default_factory=dict)
+    never_began: bool = False
     _words: Inbox = field(default_factory=Inbox)
     _begun: float = field(default_factory=time.monotonic)
     _all_ready_s: float = 0.0  # after the beginning
@@ -104,11 +109,6 @@ class GraphRun:
     def running(self) -> list[NodeState]:
         """Nodes whose processes live."""
         return [n for n in self.nodes.values() if n.process and n.exit_code is None]
-
-    @property
-    def never_began(self) -> bool:
-        """Whether a node went wrong before it was ready: the others would wait for it in vain."""
-        return any(n.went_wrong and not n.was_ready for n in self.nodes.values())
 
     def wait(self, stop: threading.Event) -> None:
         """Watch until every process has ended; end them when asked to, or when one can't begin."""
@@ -131,7 +131,7 @@ class GraphRun:
     def stop(self) -> None:
         """Stop everything within two seconds: sources first, so that their streams end in order."""
         begun = time.monotonic()
-        patience_s = max(KILL_AFTER_S, self._start_took_s)
+        patience_s = min(max(KILL_AFTER_S, self._start_took_s), MOST_S)
         if not self.never_began:
             self._tell(n for n in self.running if self._is_source(n))
             self._wait_until(begun + patience_s * SOURCES_FIRST_S / KILL_AFTER_S)
@@ -150,9 +150,11 @@ class GraphRun:
     @property
     def _start_took_s(self) -> float:
         """How long the nodes took to be ready; so far, if not all are."""
-        if all(n.was_ready for n in self.nodes.values()):
-            return self._all_ready_s
-        return time.monotonic() - self._begun
+        return self._all_ready_s if self._all_ready else time.monotonic() - self._begun
+
+    @property
+    def _all_ready(self) -> bool:
+        return all(n.was_ready for n in self.nodes.values())
 
     def _is_source(self, node: NodeState) -> bool:
         return isinstance(self.graph.nodes[node.name], DecodeNode | ReferenceNode | ReplayNode)
@@ -201,6 +203,8 @@ class GraphRun:
     def _change(self, node: NodeState, state: str, detail: str) -> None:
         before = node.state, node.detail
         node.state, node.detail = state, detail
+        if node.went_wrong and not self._all_ready:
+            self.never_began = True
         if before != (state, detail):
             self.on_change(node)
 

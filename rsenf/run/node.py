@@ -8,10 +8,11 @@ import secrets
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from rsenf.bus.bus import Bus, Publisher
 from rsenf.bus.delivery import HEALTH, LOOKING, Delivery, delivery_of
@@ -20,7 +21,7 @@ from rsenf.bus.keys import alive_key, camera_key, health_key, node_of, reference
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph, load_graph, redact
 from rsenf.config.graph import sender_of
-from rsenf.errors import EXIT_INTERRUPTED, RsenfError, UsageError
+from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, RsenfError, UsageError
 from rsenf.run.health import HealthReport
 from rsenf.run.peers import Peers
 
@@ -155,14 +156,27 @@ class NodeProcess:
         return self.exit_code
 
 
-def run_node(body: Callable[[NodeProcess], None]) -> int:
-    """Run a node from its command line; returns the exit code.
+def run_node(body: Callable[[NodeProcess], None]) -> NoReturn:
+    """Run a node from its command line, and end the process.
 
     Parameters
     ----------
     body : callable
         Opens the node's streams and loops over its stage until done or ``node.stop`` is set.
     """
+    try:
+        code = _run(body, _arguments())
+    except Exception:  # noqa: BLE001 - whatever it was, the process ends here
+        traceback.print_exc()
+        code = EXIT_FAILED
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # Everything is closed. Left to itself, the interpreter would still take apart Zenoh's objects
+    # while Zenoh's threads may ask for it: one end in a hundred waited for ever.
+    os._exit(code)
+
+
+def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="one node of an rsenf graph")
     parser.add_argument("--graph", type=Path, required=True)
     parser.add_argument("--node", required=True)
@@ -171,7 +185,10 @@ def run_node(body: Callable[[NodeProcess], None]) -> int:
     parser.add_argument("--run-id", default=secrets.token_hex(4), help="never the same twice")
     parser.add_argument("--replay", action="append", default=[], metavar="NODE=FILE")
     parser.add_argument("--supervisor", type=int, default=0, help="process to end with")
-    args = parser.parse_args()
+    return parser.parse_args()
+
+
+def _run(body: Callable[[NodeProcess], None], args: argparse.Namespace) -> int:
     node: NodeProcess | None = None
     try:
         graph = load_graph(args.graph, dict(r.split("=", 1) for r in args.replay))

@@ -9,7 +9,7 @@ from rsenf.bus.keys import node_of
 
 # A node that says 'done' and withdraws its token has finished; one whose token vanishes without
 # a word was lost. The word may come a moment after the token has gone.
-LAST_WORD_S = 0.3
+LAST_WORD_S = 0.6
 LAST_WORDS = ("done", "failed")
 
 

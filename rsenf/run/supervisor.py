@@ -27,6 +27,8 @@ _ENVIRONMENT = {
     "MKL_NUM_THREADS": "1",
     "OPENCV_LOG_LEVEL": "ERROR",
 }
+# A node has one link, to the graph's own router, and needs no thread for each of many.
+_ONE_LINK = {"ZENOH_RUNTIME": "(rx: (worker_threads: 2))"}
 _END_TIMEOUT_S = 5.0
 
 
@@ -103,7 +105,7 @@ def _spawn(
         # A session of its own: Ctrl-C reaches the supervisor only, which stops them in order.
         return subprocess.Popen(
             command,
-            env={**os.environ, **_ENVIRONMENT},
+            env={**os.environ, **_ENVIRONMENT, **(_ONE_LINK if router else {})},
             stdin=subprocess.DEVNULL,
             start_new_session=True,
         )

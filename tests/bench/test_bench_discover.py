@@ -12,9 +12,11 @@ from rsenf.bench.discover.judge import judged, parameter_error
 from rsenf.bench.discover.outside import OUTSIDE, done_to
 from rsenf.bench.discover.plan import Plan
 from rsenf.bench.discover.scene import drawn
+from rsenf.bench.discover.shown import as_shown
 from rsenf.bench.discover.strengths import LISTED
 from rsenf.bench.discover.table import tabulated, text
 from rsenf.bench.discover.trial import tried
+from rsenf.model import CaptureModel, Light, Scene, Shutter, simulate_rows, synthetic_grid
 
 
 def _told(verdict: str, *named: str) -> dict[str, Any]:
@@ -80,6 +82,30 @@ def test_a_case_is_its_seed() -> None:
     # What is given to the workflow hasn't the effect, and knows nothing of the shutter.
     assert [effect.name for effect in first.given.effects] in ([], ["exposure"])
     assert first.given.shutter != first.truth.shutter
+
+
+def test_what_an_exposure_leaves_of_a_tone_is_what_the_rows_show() -> None:
+    """Measured in simulated rows with and without the exposure."""
+    grid, exposure_s, tone_hz = synthetic_grid(3, 20.0, start_s=4.0), 7e-4, 431.0
+    scene = Scene(texture_ratio=0.0, vignetting_ratio=0.0)
+    light = Light(lamp="tone", flicker_ratio=1e-4)
+    plain = CaptureModel(light=light, scene=scene, shutter=Shutter(rows=60, idle_ratio=0.3))
+    tone = {"tone_hz": tone_hz, "depth_ratio": 0.01, "phase_rad": 0.0}
+    size = {}
+    for untold_s in (0.0, exposure_s):
+        model = plain.with_effect("pwm_tone", **tone)
+        model = model.with_effect("exposure", exposure_s=untold_s) if untold_s else model
+        level = simulate_rows(model, grid, 6.0, 3, noise=False).level
+        size[untold_s] = level.std()
+        shown = as_shown("pwm_tone", tone, untold_s, 50.0)["depth_ratio"]
+        assert shown / 0.01 == pytest.approx(size[untold_s] / size[0.0], rel=0.01)
+    assert size[exposure_s] < 0.9 * size[0.0]
+
+
+def test_a_second_harmonic_is_shown_relative_to_what_is_left_of_the_first() -> None:
+    shown = as_shown("harmonics", {"second_ratio": 0.01}, 1e-3, 50.0)
+    assert shown["second_ratio"] == pytest.approx(0.01 * np.cos(np.pi * 100.0 * 1e-3))
+    assert as_shown("gamma", {"exponent": 1.2}, 1e-3, 50.0) == {"exponent": 1.2}
 
 
 @pytest.mark.parametrize("name", list(OUTSIDE))

@@ -102,7 +102,7 @@ def test_what_can_not_begin_is_one_clear_line_and_ends_the_graph(
     new = change[1].format(text=text, port=port)
     path.write_text(path.read_text().replace(str(names[change[0]]), new))
     run = live_run(path, "--quiet")
-    assert run.wait() == code, run.lines
+    assert run.wait() == code, "\n".join(run.lines)
     assert run.error.startswith(f"rsenf: {words.format(text=text, port=port)}"), run.lines
     assert len(run.lines) == 2  # at once, and at the end
     assert "hunter2" not in "".join(run.lines)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rsenf.bench.discover.plan import Case
+from rsenf.bench.discover.shown import as_shown
 from rsenf.bench.discover.strengths import LISTED
 from rsenf.bench.grids import grid_for
 from rsenf.model import CaptureModel, GridPath, Light, Scene, Shutter
@@ -41,6 +42,8 @@ class Drawn:
     grid_name : str
     hidden : dict
         Parameters of what is hidden, by name.
+    shown : dict
+        The same as a model shows them that knows what the given one does.
     strips : int
     """
 
@@ -49,6 +52,7 @@ class Drawn:
     grid: GridPath
     grid_name: str
     hidden: dict[str, dict[str, Any]]
+    shown: dict[str, dict[str, Any]]
     strips: int
 
 
@@ -97,4 +101,6 @@ def drawn(case: Case, grids: Path | None) -> Drawn:
         # The effect takes the place of the lamp's harmonics: it has to be told of nothing else.
         given = dataclasses.replace(given, light=Light(lamp="tone"))
     strips = 2 if "second_lamp" in case.hidden else int(rng.choice([1, 2]))
-    return Drawn(truth, given, grid, grid_name, hidden, strips)
+    untold_s = exposure_s if lamp == "tone" else 0.0
+    shown = {name: as_shown(name, hidden[name], untold_s, nominal_hz) for name in hidden}
+    return Drawn(truth, given, grid, grid_name, hidden, shown, strips)

@@ -61,7 +61,7 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
         if told["verdict"] == "explained" and case.seed % GIVEN_BACK == 0:
             back = given_back(found, made.grid, case.duration_s, case.seed, Path(folder))
     shutter = made.truth.shutter
-    errors = {name: parameter_error(name, made.hidden[name], told) for name in made.hidden}
+    errors = {name: parameter_error(name, made.shown[name], told) for name in made.hidden}
     return {
         "key": case.key,
         "kind": case.kind,
@@ -75,6 +75,7 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
         "refused": refused,
         "named": [e["name"] or " or ".join(e["class"]) for e in told["effects"]],
         "truth": made.hidden,
+        "shown": made.shown,
         "told": [e["parameters"] for e in told["effects"]],
         "relative_error": {k: v[0] for k, v in errors.items()},
         "error_over_stderr": {k: v[1] for k, v in errors.items()},
