@@ -1,25 +1,28 @@
 """What a long run has done so far, kept beside its result, so that the same run goes on from it.
 
 A part that takes long is a function of what the run is given; its answer is kept under a hash of
-all that it depends on, and used again only for the very same. Nothing is asked of the versions
-before, nor is a file believed that can't be read.
+all that it depends on, and used again only for the very same, of the same versions. What can't be
+read is made anew.
 """
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import shutil
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsenf import __version__
+from rsenf.errors import InputError, RecordingError
 from rsenf.whole_file import whole_file
 
+FORMAT = 1  # another when the answers to the same question change
 Arrays = dict[str, NDArray[np.generic]]
 
 
@@ -47,23 +50,24 @@ class Begun:
             Which answer: all else that it depends on.
         make : callable
         """
-        told = hashlib.sha256(f"{__version__} {self.of} ".encode() + what).hexdigest()
-        path = self.folder / f"{told[:24]}.npz"
+        of = f"{FORMAT} {__version__} {version('av')} {self.of} ".encode()
+        path = self.folder / f"{hashlib.sha256(of + what).hexdigest()[:24]}.npz"
         try:
             with np.load(path, allow_pickle=False) as held:
                 arrays = dict(held)
             self.found = True
         except (OSError, ValueError, EOFError, zipfile.BadZipFile):
             arrays = make()
-            self.folder.mkdir(parents=True, exist_ok=True)
-            with whole_file(path) as part:
-                np.savez(part, allow_pickle=False, **arrays)
+            with contextlib.suppress(OSError, RecordingError):  # no room: then it isn't kept
+                self.folder.mkdir(parents=True, exist_ok=True)
+                with whole_file(path) as part:
+                    np.savez(part, allow_pickle=False, **arrays)
         return arrays
 
 
-@contextmanager
+@contextlib.contextmanager
 def begun(out: Path, of: str) -> Iterator[Begun]:
-    """Keep answers beside what a run is to write, until it has written it or can't.
+    """Keep answers beside what a run is to write, until it has, or the input is of no use.
 
     Parameters
     ----------
@@ -75,9 +79,7 @@ def begun(out: Path, of: str) -> Iterator[Begun]:
     run = Begun(out.parent / f".{out.name}.begun", of)
     try:
         yield run
-    except KeyboardInterrupt:
-        raise  # the same command goes on
-    except BaseException:
+    except InputError:
         shutil.rmtree(run.folder, ignore_errors=True)
         raise
     shutil.rmtree(run.folder, ignore_errors=True)

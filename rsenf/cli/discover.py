@@ -137,11 +137,13 @@ def _by_rows(
     from rsenf.discrepancy.result import discovery_json, model_of
     from rsenf.discrepancy.verdict import discover
     from rsenf.report.discovery_page import discovery_page
+    from rsenf.run.recoded import is_lossy
 
     data, name = measured_of(blocks, args.nominal_hz), Path(args.input).name
     # A reference of another time is refused before anything long is done.
     laid = beside_of(clip_of(data), grid) if grid else None
-    again = codec(data) if data.coded and codec else None
+    # What is too little to tie rows together may still be more than any effect.
+    again = codec(data) if codec and is_lossy(Path(args.input)) else None
     found = discover(model, data, progress, recoded=again)
     told, extended = discovery_json(found, str(args.out / MODEL)), model_of(found, name)
     residuals: dict[str, NDArray[Any]] = {
@@ -154,7 +156,7 @@ def _by_rows(
     page = discovery_page(found, told, name, extended, beside)
     if beside:
         told, residuals = joined(told, beside_json(beside, "")), residuals | residuals_of(beside)
-    tied = "a codec has tied rows together: what it did to them counts as a discrepancy"
+    tied = "a codec has tied rows together: what it did counts as a discrepancy, but of the video"
     return Result(told, extended, page, residuals, tied if data.coded and not again else "")
 
 

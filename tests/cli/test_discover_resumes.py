@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from rsenf.cli.begun import begun
+from rsenf.errors import InputError, UsageError
 
 # Interrupts itself when all is found and nothing written.
 STOPPED = """
@@ -42,13 +43,14 @@ def python(program: str, *words: object) -> subprocess.CompletedProcess[str]:
 
 def test_a_video_is_read_and_coded_once(rsenf: Callable, tmp_path: Path) -> None:
     clip, found, whole = tmp_path / "clip.mp4", tmp_path / "found", tmp_path / "whole"
-    rsenf("simulate", "--out", clip, "--duration-s", 26, "--size", "96x72", "--seed", 4)
+    rsenf("simulate", "--out", clip, "--duration-s", 26, "--size", "96x72", "--seed", 4,
+          "--bitrate", "60k")  # fmt: skip
     stopped = python(STOPPED, "discover", clip, "--out", found)
     assert stopped.returncode == 130, stopped.stderr
     assert "going on" not in stopped.stderr
     assert not found.exists()
     kept = tmp_path / ".found.begun"
-    assert kept.is_dir()
+    assert len(list(kept.iterdir())) >= 2  # its rows, and those of a model coded like them
     resumed = python(BY_WHAT_IS_KEPT, "discover", clip, "--out", found)
     assert resumed.returncode == 0, resumed.stderr
     assert "going on from what" in resumed.stderr
@@ -67,7 +69,7 @@ def run_that_ends(out: Path, of: str, value: float, how: type[BaseException]) ->
     with begun(out, of) as run:
         assert answer(run, value) == value
         assert not run.found
-        raise how
+        raise how("for a test")
 
 
 def stopped_after(out: Path, of: str, value: float) -> None:
@@ -96,7 +98,21 @@ def test_what_is_damaged_is_made_anew(damage: bytes | None, tmp_path: Path) -> N
         assert not run.found
 
 
-def test_a_run_that_fails_leaves_nothing(tmp_path: Path) -> None:
-    with pytest.raises(ZeroDivisionError):
-        run_that_ends(tmp_path / "out", "one", 1.0, ZeroDivisionError)
+def test_a_recording_of_no_use_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(InputError):
+        run_that_ends(tmp_path / "out", "one", 1.0, InputError)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_else_goes_wrong_costs_nothing_that_was_done(tmp_path: Path) -> None:
+    stopped_after(tmp_path / "out", "one", 1.0)
+    with pytest.raises(UsageError), begun(tmp_path / "out", "another"):
+        raise UsageError("a misspelt name")
+    with begun(tmp_path / "out", "one") as run:
+        assert answer(run, 2.0) == 1.0
+
+
+def test_without_room_nothing_is_kept_and_nothing_fails(tmp_path: Path) -> None:
+    (tmp_path / "a file").write_text("")
+    with begun(tmp_path / "a file" / "out", "one") as run:
+        assert answer(run, 1.0) == 1.0
