@@ -33,8 +33,10 @@ CONNECT_TIMEOUT_MS = 3000
 WAIT_BEFORE_CLOSE_US = 3_600_000_000
 # A thread that hands a message on waits for its receiver. On two cores Zenoh has one such thread: a
 # frame that waits for the node that samples it would keep that node's own row blocks from coming
-# in, and all would stand still. A router needs a thread for each of its links.
-LINK_THREADS = 64
+# in, and all would stand still. A router, or a peer, needs a thread for each of its links; who has
+# but one link needs no more than two.
+RUNTIME = "ZENOH_RUNTIME"
+MANY_LINKS, ONE_LINK = "(rx: (worker_threads: 64))", "(rx: (worker_threads: 2))"
 
 
 @dataclass(frozen=True)
@@ -223,8 +225,7 @@ def open_bus(settings: BusSettings) -> Iterator[ZenohBus]:
         When the endpoints can't be reached, or refuse these credentials.
     """
     config = _config(settings)
-    # Read once, when a process opens its first session. Idle threads cost nothing measurable.
-    os.environ.setdefault("ZENOH_RUNTIME", f"(rx: (worker_threads: {LINK_THREADS}))")
+    os.environ.setdefault(RUNTIME, MANY_LINKS)  # read when a process opens its first session
     try:
         session = zenoh.open(config)
     except zenoh.ZError as exc:

@@ -4,8 +4,9 @@ The model is fitted to some blocks of time and scored on the others. What is lef
 every effect of the catalogue; one that held-out data support is added, with its parameters and
 their errors, until nothing more is. The verdict is 'no_discrepancy', 'explained' or 'unexplained'
 (with where), and OUT gets a report to read (report.html) and the extended model, which 'rsenf
-simulate --model' takes as it is. With --reference the camera's clock is looked at too, and one mean
-for each frame is enough.
+simulate --model' takes as it is. What takes long of a video is kept beside OUT until all is done:
+stopped, the same command goes on from there. With --reference the camera's clock is looked at too,
+and one mean for each frame is enough.
 """
 
 from __future__ import annotations
@@ -27,12 +28,9 @@ if TYPE_CHECKING:
     from rsenf.messages import RowBlock
     from rsenf.messages.schema import Float32Array
     from rsenf.model import CaptureModel
-    from rsenf.rows.settings import RowsSettings
-    from rsenf.run.inputs import Input
 
 MODEL, RESULT, RESIDUALS = "model.yaml", "discovery.json", "residuals.npz"
 PAGE = "report.html"
-STRIPS = 4  # of a video's rows: two from left to right, each in two that a codec treats apart
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -68,7 +66,9 @@ def run(args: argparse.Namespace) -> int:
     UsageError
         For a folder that holds anything else, a model or effects that can't be meant so.
     """
+    from rsenf.cli.begun import begun
     from rsenf.cli.console import note, print_json, say, stages
+    from rsenf.cli.discover_input import identity_of, recoded_by, rows_of
     from rsenf.cli.discover_reference import by_frame_means, reference_of
     from rsenf.discrepancy.beside import holds_frame_means
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
@@ -79,14 +79,18 @@ def run(args: argparse.Namespace) -> int:
     for path in args.effects:
         load_effects(path)
     model, grid = _model(args), reference_of(args)
-    blocks, recording, loss = _rows(args)
-    with _named(args.input), stages() as progress:
-        if grid and holds_frame_means(blocks):
-            result = by_frame_means(args, model, blocks, grid, progress)
-        else:
-            result = _by_rows(args, model, blocks, recording, grid, progress)
-        progress("writing the report")
-        _keep(args, result)
+    with begun(args.out, identity_of(args)) as kept:
+        blocks, recording, loss = rows_of(args, kept)
+        with _named(args.input), stages() as progress:
+            if kept.found:
+                progress(f"going on from what {kept.folder} has of a run that was stopped")
+            if grid and holds_frame_means(blocks):
+                result = by_frame_means(args, model, blocks, grid, progress)
+            else:
+                again = recoded_by(args, kept) if recording.begins_with == "frames" else None
+                result = _by_rows(args, model, blocks, again, grid, progress)
+            progress("writing the report")
+            _keep(args, result)
     if args.json:
         print_json(result.told)
     else:
@@ -113,7 +117,7 @@ def _by_rows(
     args: argparse.Namespace,
     model: CaptureModel,
     blocks: list[RowBlock],
-    recording: Input,
+    codec: Callable[[Measured], Callable[[Float32Array], Float32Array]] | None,
     grid: Grid | None,
     progress: Callable[[str], None],
 ) -> Result:
@@ -133,11 +137,13 @@ def _by_rows(
     from rsenf.discrepancy.result import discovery_json, model_of
     from rsenf.discrepancy.verdict import discover
     from rsenf.report.discovery_page import discovery_page
+    from rsenf.run.recoded import is_lossy
 
     data, name = measured_of(blocks, args.nominal_hz), Path(args.input).name
     # A reference of another time is refused before anything long is done.
     laid = beside_of(clip_of(data), grid) if grid else None
-    again = _recoded(args, data) if data.coded and recording.begins_with == "frames" else None
+    # What is too little to tie rows together may still be more than any effect.
+    again = codec(data) if codec and is_lossy(Path(args.input)) else None
     found = discover(model, data, progress, recoded=again)
     told, extended = discovery_json(found, str(args.out / MODEL)), model_of(found, name)
     residuals: dict[str, NDArray[Any]] = {
@@ -150,8 +156,8 @@ def _by_rows(
     page = discovery_page(found, told, name, extended, beside)
     if beside:
         told, residuals = joined(told, beside_json(beside, "")), residuals | residuals_of(beside)
-    codec = "a codec has tied rows together: what it did to them counts as a discrepancy"
-    return Result(told, extended, page, residuals, codec if data.coded and not again else "")
+    tied = "a codec has tied rows together: what it did counts as a discrepancy, but of the video"
+    return Result(told, extended, page, residuals, tied if data.coded and not again else "")
 
 
 def _check_out(folder: Path) -> None:
@@ -172,40 +178,6 @@ def _model(args: argparse.Namespace) -> CaptureModel:
     from rsenf.discrepancy.start import PLAIN
 
     return load_model(args.model) if args.model else PLAIN
-
-
-def _rows(args: argparse.Namespace) -> tuple[list[RowBlock], Input, str]:
-    """Read the rows of the recording's first stretch, and what of it could not be read."""
-    from rsenf.cli.console import progress_bar
-    from rsenf.run.inline import analyse
-    from rsenf.run.inputs import open_input_file
-
-    recording = open_input_file(args.input, camera=args.camera)
-    blocks: list[RowBlock] = []
-
-    def tap(topic: str, message: Any) -> None:
-        if topic == "rows":
-            blocks.append(message)
-
-    with progress_bar("reading", recording.duration_s) as progress:
-        analysis = analyse(recording, rows=_settings(args), progress=progress, tap=tap)
-    epoch = blocks[0].header.epoch if blocks else 0
-    return [b for b in blocks if b.header.epoch == epoch], recording, analysis.loss
-
-
-def _settings(args: argparse.Namespace) -> RowsSettings:
-    import dataclasses
-
-    from rsenf.cli.console import row_settings
-
-    return dataclasses.replace(row_settings(args), strips=STRIPS)
-
-
-def _recoded(args: argparse.Namespace, data: Measured) -> Callable[[Float32Array], Float32Array]:
-    """Return what puts rows through the codec of a video."""
-    from rsenf.run.recoded import recoded
-
-    return lambda level: recoded(Path(args.input), level, data.axis, _settings(args))
 
 
 def _keep(args: argparse.Namespace, result: Result) -> None:

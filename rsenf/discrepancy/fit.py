@@ -15,8 +15,7 @@ import numpy as np
 
 from rsenf.discrepancy.gap import Gap, gap_of
 from rsenf.discrepancy.knobs import FLICKER, IDLE, Knob, knobs_of, turned
-from rsenf.discrepancy.lean import USUAL, leaned, leans
-from rsenf.discrepancy.linear import Normal
+from rsenf.discrepancy.lean import USUAL, as_walls_may, leaned, leans
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.series import improved
 from rsenf.discrepancy.slopes import Slopes, slopes_of
@@ -118,7 +117,9 @@ def fit(theory: Theory, data: Measured, *, most: int = MOST, slopes: Slopes | No
             slopes = None
     else:
         slopes = slopes or slopes_of(theory, rows, data, knobs)
-    return Fit(data, begun, theory, rows, data.level - rows, slopes, step.stderr)
+    left = data.level - rows
+    stderr = _stderr(slopes, noise_var(left[data.training], data))
+    return Fit(data, begun, theory, rows, left, slopes, stderr)
 
 
 def noise_var(residual: Float32Array, data: Measured) -> float:
@@ -139,7 +140,6 @@ class _Step:
 
     theory: Theory
     rows: Float32Array
-    stderr: FloatArray
     turned_rad: float
     turned_steps: float
     moved_steps: float  # of a series
@@ -167,7 +167,6 @@ def _stepped(theory: Theory, rows: Float32Array, slopes: Slopes) -> _Step:
     left = data.level - rows
     variance, weights = noise_var(left[data.training], data), theory.course.weights
     normal = slopes.training.normal(left).over(variance).with_prior(weights)
-    stderr = _stderr(normal, left, slopes, variance)
     steps = np.array([abs(knob.step) for knob in knobs])
     step = np.clip(normal.solve()[normal.course :], -FARTHEST_STEPS * steps, FARTHEST_STEPS * steps)
     for size, direction in zip(step.astype(np.float32), slopes.own, strict=True):
@@ -184,14 +183,13 @@ def _stepped(theory: Theory, rows: Float32Array, slopes: Slopes) -> _Step:
     wall = np.clip(theory.wall * (1.0 + slopes.brighter(left)), DARKEST, 255.0)
     theory = dataclasses.replace(theory, wall=wall)
     turned_steps = float((np.abs(step) / steps).max())
-    return _Step(theory, theory.rows(data), stderr, farthest_rad, turned_steps, moved_steps)
+    return _Step(theory, theory.rows(data), farthest_rad, turned_steps, moved_steps)
 
 
-def _stderr(normal: Normal, left: Float32Array, slopes: Slopes, variance: float) -> FloatArray:
+def _stderr(slopes: Slopes, variance: float) -> FloatArray:
     """Return the standard errors of the knobs; where it matters, strips may lean as walls do."""
-    if slopes.lean is None:
-        covariance = normal.covariance()
-    else:
-        leaning = slopes.leaning.normal(left).over(variance).with_prior(np.zeros(normal.course))
-        covariance = leaning.considering(slopes.lean.shape[2], USUAL)
+    system, may = slopes.training, as_walls_may(slopes.lean) if slopes.lean is not None else []
+    normal = system.plus(may).matrix.over(variance)
+    normal = normal.with_prior(np.zeros(normal.course))
+    covariance = normal.considering(len(may), USUAL) if may else normal.covariance()
     return np.asarray(np.sqrt(np.diag(covariance))[normal.course :])

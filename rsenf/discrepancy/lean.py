@@ -33,14 +33,13 @@ def by_lean(theory: Theory, rows: Float32Array, data: Measured) -> Float32Array:
     return np.asarray((moved - rows) / np.float32(STEP))
 
 
-def strips_apart(direction: Float32Array) -> list[Float32Array]:
-    """What the rows do when one strip after another leans more, (frames, lines, strips) each."""
-    out = []
-    for strip in range(direction.shape[2]):
-        alone = np.zeros_like(direction)
-        alone[:, :, strip] = direction[:, :, strip]
-        out.append(alone)
-    return out
+def as_walls_may(direction: Float32Array) -> list[Float32Array]:
+    """What the rows do when the wall's ends are darker, and when it is lit from one side.
+
+    Both lean every strip as a whole, by :data:`USUAL` where most: (frames, lines, strips) each.
+    """
+    place = np.linspace(-1.0, 1.0, direction.shape[2], dtype=np.float32)
+    return [direction * place, direction]
 
 
 def leaned(
@@ -69,7 +68,7 @@ def leaned(
     own = own - own.mean(axis=0)  # all else the wall itself could do
     power = (own * own).sum(axis=0, dtype=np.float64) + noise_var / USUAL**2
     told = (own * seen).sum(axis=0, dtype=np.float64) - theory.lean * noise_var / USUAL**2
-    lean = np.clip(theory.lean + told / power, -MOST, MOST)
-    lean -= lean.mean(axis=0)
+    lean = theory.lean + told / power
+    lean = np.clip(lean - lean.mean(axis=0), -MOST, MOST)
     by = (lean - theory.lean).astype(np.float32)
     return dataclasses.replace(theory, lean=lean), left - by * direction

@@ -127,6 +127,11 @@ class System:
             out._others.append((mine, wall))
         return out
 
+    @property
+    def matrix(self) -> Normal:
+        """Normal equations of data that it explains as it is."""
+        return Normal(self._matrix, np.zeros(len(self._matrix)), self._basis.shape[1])
+
     def normal(self, residual: Float32Array) -> Normal:
         """Build the normal equations for a residual (frames, lines, strips)."""
         rest = self._taken(residual)

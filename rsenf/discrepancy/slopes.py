@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from rsenf.discrepancy.knobs import Knob, series_of
-from rsenf.discrepancy.lean import by_lean, leans, strips_apart
+from rsenf.discrepancy.lean import by_lean, leans
 from rsenf.discrepancy.linear import TINY, System
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.series import response
@@ -56,12 +56,6 @@ class Slopes:
         """What the training frames tell of course and knobs."""
         frames = self.data.training
         return System(self.lit, self.turn, self.basis[frames], lambda a: a[frames]).plus(self.own)
-
-    @cached_property
-    def leaning(self) -> System:
-        """What the training frames tell of these and of the lean of each strip as a whole."""
-        assert self.lean is not None
-        return self.training.plus(strips_apart(self.lean))
 
     @cached_property
     def course(self) -> System:

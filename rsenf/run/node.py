@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import secrets
 import signal
@@ -10,7 +11,6 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -117,7 +117,7 @@ class NodeProcess:
 
         threading.Thread(target=listen, name="peers", daemon=True).start()
 
-    @contextmanager
+    @contextlib.contextmanager
     def beating(self, supervisor: int) -> Iterator[None]:
         """Publish health regularly; stop when the process that started this one is gone.
 
@@ -164,16 +164,19 @@ def run_node(body: Callable[[NodeProcess], None]) -> NoReturn:
     body : callable
         Opens the node's streams and loops over its stage until done or ``node.stop`` is set.
     """
+    args, code = _arguments(), EXIT_FAILED
     try:
-        code = _run(body, _arguments())
-    except Exception:  # noqa: BLE001 - whatever it was, the process ends here
-        traceback.print_exc()
-        code = EXIT_FAILED
-    sys.stdout.flush()
-    sys.stderr.flush()
-    # Everything is closed. Left to itself, the interpreter would still take apart Zenoh's objects
-    # while Zenoh's threads may ask for it: one end in a hundred waited for ever.
-    os._exit(code)
+        code = _run(body, args)
+    except BaseException:  # noqa: BLE001 - whatever it was, the process ends here
+        with contextlib.suppress(Exception):
+            traceback.print_exc()
+    finally:
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(Exception):
+                stream.flush()
+        # Everything is closed. Left to itself, the interpreter would still take apart Zenoh's
+        # objects while Zenoh's threads may ask for it: one end in a hundred waited for ever.
+        os._exit(code)
 
 
 def _arguments() -> argparse.Namespace:

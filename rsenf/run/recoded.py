@@ -25,6 +25,7 @@ from rsenf.model.strips import strip_edges
 from rsenf.rows.settings import RowsSettings
 
 CODECS = {"h264": "h264", "hevc": "h265", "vp9": "vp9", "mjpeg": "mjpeg"}  # h264 for any other
+LOSSLESS_H264 = "High 4:4:4 Predictive"  # with 4:2:0 nobody uses it for anything else
 SEED = 0
 
 
@@ -79,6 +80,24 @@ class Filmed:
             level = self.picture * (lit.T if turned else lit)
             level += sigma * bank.rows(bank.places(rng, (self.height_px,)))
             yield n, np.clip(np.rint(level), 0, WHITE).astype(np.uint8)
+
+
+def is_lossy(path: Path) -> bool:
+    """Whether a video's codec takes something away, as far as its file tells.
+
+    H.264 does; lossless H.265 and VP9 can't be told from lossy. What is no video isn't coded.
+    """
+    import av
+
+    try:
+        with av.open(str(path)) as container:
+            if not container.streams.video:
+                return False
+            codec = container.streams.video[0].codec_context
+            exact = codec.profile == LOSSLESS_H264 and (codec.pix_fmt or "").startswith("yuv420")
+            return codec.codec.lossy and not exact
+    except (av.FFmpegError, OSError):
+        return False
 
 
 def recoded(path: Path, level: Float32Array, axis: str, settings: RowsSettings) -> Float32Array:

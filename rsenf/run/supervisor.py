@@ -11,8 +11,9 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from rsenf.bus.zenoh_bus import BusSettings, open_bus
+from rsenf.bus.zenoh_bus import MANY_LINKS, ONE_LINK, RUNTIME, BusSettings, open_bus
 from rsenf.config import Graph
 from rsenf.errors import NodeFailed
 from rsenf.run.graph_run import GraphRun, NodeState, check_ended
@@ -27,8 +28,6 @@ _ENVIRONMENT = {
     "MKL_NUM_THREADS": "1",
     "OPENCV_LOG_LEVEL": "ERROR",
 }
-# A node has one link, to the graph's own router, and needs no thread for each of many.
-_ONE_LINK = {"ZENOH_RUNTIME": "(rx: (worker_threads: 2))"}
 _END_TIMEOUT_S = 5.0
 
 
@@ -68,8 +67,9 @@ def start_graph(
         run = GraphRun(graph, run_id, endpoint, nodes, on_change)
         run.listen_to(bus)
         try:
+            threads = _threads(own_router, graph.bus.zenoh)
             for node in nodes.values():
-                node.process = _spawn(node, path, run_id, own_router[:1], replayed or {})
+                node.process = _spawn(node, path, run_id, own_router[:1], replayed or {}, threads)
             yield run
             run.stop()
         finally:
@@ -87,12 +87,19 @@ def free_endpoint() -> str:
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
+def _threads(router: tuple[str, ...], zenoh: Mapping[str, Any]) -> dict[str, str]:
+    """Threads of a node whose one link is to the graph's own router, unless somebody chose."""
+    chosen = zenoh or os.environ.get(RUNTIME, MANY_LINKS) != MANY_LINKS
+    return {RUNTIME: ONE_LINK} if router and not chosen else {}
+
+
 def _spawn(
     node: NodeState,
     path: Path,
     run_id: str,
     router: tuple[str, ...],
     replayed: Mapping[str, str],
+    threads: Mapping[str, str],
 ) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", f"rsenf_nodes.{node.kind}"]
     command += ["--graph", str(path), "--node", node.name]
@@ -105,7 +112,7 @@ def _spawn(
         # A session of its own: Ctrl-C reaches the supervisor only, which stops them in order.
         return subprocess.Popen(
             command,
-            env={**os.environ, **_ENVIRONMENT, **(_ONE_LINK if router else {})},
+            env={**os.environ, **_ENVIRONMENT, **threads},
             stdin=subprocess.DEVNULL,
             start_new_session=True,
         )

@@ -32,15 +32,15 @@ def _film(folder: Path, duration_s: float) -> Film:
     film = Film(folder / "film.mp4", folder / "grid.csv", 456.25)
     film.reference.write_text("\n".join(["time_s,frequency", *lines, ""]), encoding="utf-8")
     words = ["simulate", "--out", film.video, "--reference", film.reference, "--start-s",
-             film.lag_s, "--duration-s", duration_s, "--size", "320x240", "--seed", 5]  # fmt: skip
+             film.lag_s, "--duration-s", duration_s, "--size", "240x180", "--seed", 5]  # fmt: skip
     subprocess.run([sys.executable, "-m", "rsenf.cli", *map(str, words)], check=True, timeout=120)
     return film
 
 
 @pytest.fixture(scope="session")
 def film(tmp_path_factory: pytest.TempPathFactory) -> Film:
-    """75 seconds: enough to be found in the grid."""
-    return _film(tmp_path_factory.mktemp("film"), 75)
+    """45 seconds: enough to be found in the grid."""
+    return _film(tmp_path_factory.mktemp("film"), 45)
 
 
 @pytest.fixture(scope="session")

@@ -16,7 +16,7 @@ from rsenf.model.video_file import write_video
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import analyse
 from rsenf.run.inputs import open_input_file
-from rsenf.run.recoded import recoded
+from rsenf.run.recoded import is_lossy, recoded
 
 CODECS = {
     "lossless": Codec(lossless=True),
@@ -45,5 +45,5 @@ def sampled(path: Path) -> tuple[Measured, Callable[[Float32Array], Float32Array
 
     analyse(open_input_file(path), rows=ROWS, tap=tap)
     data = measured_of(blocks)
-    again = (lambda level: recoded(path, level, data.axis, ROWS)) if data.coded else None
+    again = (lambda level: recoded(path, level, data.axis, ROWS)) if is_lossy(path) else None
     return data, again
