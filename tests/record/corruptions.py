@@ -177,7 +177,9 @@ def outcome(content: bytes, sample: Sample, folder: Path) -> str:
     check_recovered(out, set(read), sample)
     close_truncated(path)
     closed = open_recording(path).messages(tolerant=True)
-    if [_checked(topic, message, sample) for topic, message, _ in closed] != list(read):
+    # A chunk that came to lie over another is read twice, before and after.
+    after = dict.fromkeys(_checked(topic, message, sample) for topic, message, _ in closed)
+    if list(after) != list(read):
         raise Wrong("closing in place changes what can be read")
     if found.whole:
         return "whole"
