@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
+from typing import NoReturn
 
 from rsenf import __version__
 from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_USAGE, RsenfError
@@ -83,6 +84,16 @@ def _unknown(verb: str) -> int:
     hint = f"did you mean '{close[0]}'?" if close else "see 'rsenf --help'"
     print(f"rsenf: no verb {verb!r}: {hint}", file=sys.stderr)
     return EXIT_USAGE
+
+
+def command() -> NoReturn:
+    """Run the command ``rsenf``, and end the process."""
+    code = main()
+    if "zenoh" in sys.modules:
+        from rsenf.run.at_end import end_process
+
+        end_process(code)
+    sys.exit(code)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,7 +1,5 @@
 """``python -m rsenf.cli``: the same as the command ``rsenf``."""
 
-import sys
+from rsenf.cli import command
 
-from rsenf.cli import main
-
-sys.exit(main())
+command()

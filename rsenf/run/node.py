@@ -22,6 +22,7 @@ from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph, load_graph, redact
 from rsenf.config.graph import sender_of
 from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, RsenfError, UsageError
+from rsenf.run.at_end import end_process
 from rsenf.run.health import HealthReport
 from rsenf.run.peers import Peers
 
@@ -171,12 +172,7 @@ def run_node(body: Callable[[NodeProcess], None]) -> NoReturn:
         with contextlib.suppress(Exception):
             traceback.print_exc()
     finally:
-        for stream in (sys.stdout, sys.stderr):
-            with contextlib.suppress(Exception):
-                stream.flush()
-        # Everything is closed. Left to itself, the interpreter would still take apart Zenoh's
-        # objects while Zenoh's threads may ask for it: one end in a hundred waited for ever.
-        os._exit(code)
+        end_process(code)
 
 
 def _arguments() -> argparse.Namespace:
