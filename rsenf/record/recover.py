@@ -96,7 +96,9 @@ def recover_in_place(path: str | Path) -> tuple[Examination, Path]:
 def _examined(path: Path) -> Examination:
     found = examine(path)
     library = found.contents.library
-    if library and not library.startswith(OURS):
+    # No checksum covers the name: what carries our messages is ours, whatever has become of it.
+    ours = library.startswith(OURS) or any(state.topic.is_ours for state in found.topics)
+    if library and not ours:
         raise InputError(f"{path}: made by {library}", "'mcap recover' is for files of others")
     if not found.messages:
         raise InputError(f"{path}: there is no whole message in it", "nothing can be saved")

@@ -141,6 +141,17 @@ def test_a_power_cut_costs_what_came_after_the_last_flush(tmp_path, monkeypatch)
     assert len(numbers) >= 100 - 0.54 * 25
 
 
+def test_a_recording_whose_first_bytes_are_damaged_is_still_ours(recorded, tmp_path):
+    path, messages, _ = recorded
+    content = bytearray(path.read_bytes())
+    name = content.index(b"rsenf ")
+    content[name + 4] ^= 1
+    path.write_bytes(content)
+    recover(path, tmp_path / "new.mcap")
+    assert len(list(open_recording(tmp_path / "new.mcap").messages())) == len(messages)
+    assert open_recording(tmp_path / "new.mcap").complete
+
+
 def test_what_can_not_be_recovered(recorded, tmp_path):
     path, _, chunks = recorded
     with pytest.raises(UsageError, match="exists already"):
