@@ -24,6 +24,30 @@ from tests.hidden_clip import HiddenClip, hide_clip
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT.parent / "shared" / "data"
+# Files that take a minute and more. They begin first, so that at the end no core waits for another.
+LONGEST = (
+    "tests/test_readme.py",
+    "tests/cli/test_verify_measured.py",
+    "tests/run/test_how_runs_end.py",
+    "tests/discrepancy/test_discover.py",
+    "tests/cli/test_bad_input.py",
+    "tests/run/test_same_as_one_process.py",
+    "tests/cli/test_graph_results.py",
+    "tests/discrepancy/test_by_ffmpeg.py",
+    "tests/cli/test_results.py",
+    "tests/track/test_projection.py",
+    "tests/cli/test_mistaken_input.py",
+    "tests/idle/test_idle_stage.py",
+    "tests/discrepancy/test_watch.py",
+    "tests/run/test_other_graphs.py",
+    "tests/cli/test_tables.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let the longest files begin."""
+    place = {ROOT / path: number for number, path in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path, len(place)))
 
 
 @pytest.fixture(scope="session")

@@ -39,8 +39,8 @@ def _film(folder: Path, duration_s: float) -> Film:
 
 @pytest.fixture(scope="session")
 def film(tmp_path_factory: pytest.TempPathFactory) -> Film:
-    """45 seconds: enough to be found in the grid."""
-    return _film(tmp_path_factory.mktemp("film"), 45)
+    """75 seconds: enough to be found in the grid."""
+    return _film(tmp_path_factory.mktemp("film"), 75)
 
 
 @pytest.fixture(scope="session")
