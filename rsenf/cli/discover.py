@@ -156,7 +156,7 @@ def _by_rows(
     page = discovery_page(found, told, name, extended, beside)
     if beside:
         told, residuals = joined(told, beside_json(beside, "")), residuals | residuals_of(beside)
-    tied = "a codec has tied rows together: what it did counts as a discrepancy, but of the video"
+    tied = "a codec has tied rows together, and counts as a discrepancy (give the video it coded)"
     return Result(told, extended, page, residuals, tied if data.coded and not again else "")
 
 

@@ -66,12 +66,8 @@ def recoded_by(
             def make() -> Arrays:
                 return {"level": recoded(Path(args.input), level, data.axis, _settings(args))}
 
-            return np.asarray(
-                run.kept(f"recoded {data.axis} {level.shape} ".encode() + level.tobytes(), make)[
-                    "level"
-                ],
-                np.float32,
-            )
+            what = f"recoded {data.axis} {level.shape} ".encode() + level.tobytes()
+            return np.asarray(run.kept(what, make)["level"], np.float32)
 
         return through
 
