@@ -40,7 +40,7 @@ class TopicState(NamedTuple):
     lost_at_end : int or None
         Messages lost after that one; None where the file doesn't tell.
     cut : bool
-        Whether the file breaks off after it.
+        Whether the file breaks off after it, or is damaged there and doesn't tell.
     """
 
     topic: Topic
@@ -95,11 +95,6 @@ class Examination:
         """Whether the file says that it had more messages than it has."""
         return any(state.lost_at_end for state in self.topics)
 
-    @property
-    def lost(self) -> bool:
-        """Whether messages that were recorded are gone."""
-        return self.short or any(gap.damaged for state in self.topics for gap in state.gaps)
-
 
 def examine(path: str | Path) -> Examination:
     """Read a recording from end to end, and find what is in it and what is wrong with it.
@@ -126,13 +121,13 @@ class _Reading:
 
     def __init__(self, contents: Contents) -> None:
         self._decoder = Decoder(None, contents.index)
-        self._damages = 0
+        self.damages = 0
         self.numbers: dict[str, TopicNumbers] = {}
         self.unreadable: dict[str, int] = {}
 
     def take(self, found: Sound | Damage) -> None:
         if isinstance(found, Damage):
-            self._damages += 1
+            self.damages += 1
             return
         for part in found.parts or (found.record,):
             try:
@@ -144,15 +139,14 @@ class _Reading:
             if decoded is not None and part.opcode == Opcode.MESSAGE:
                 topic, message, _ = decoded
                 numbers = self.numbers.setdefault(topic, TopicNumbers())
-                numbers.take(message.header, self._damages)
+                numbers.take(message.header, self.damages)
 
 
 def _topics(contents: Contents) -> list[Topic]:
     """Topics that there are messages of, and those that the file's end says there were."""
     found = topics_of(contents.index)
-    for note, count in contents.metadata.get(CLOSING, {}).items():
-        name = note.removeprefix("messages ")
-        if name != note and count != "0" and RECOVERED not in contents.metadata:
+    for name, count in (contents.messages_said or {}).items():
+        if count:
             found.setdefault(name, Topic(name, "", 0, 0, 0))
     return list(found.values())
 
@@ -161,9 +155,8 @@ def _state(contents: Contents, topic: Topic, reading: _Reading) -> TopicState:
     numbers = reading.numbers.get(topic.name, TopicNumbers())
     closing = contents.metadata.get(CLOSING, {})
     gaps = numbers.gaps(_count(closing.get(f"joined_at {topic.name}")))
-    recorded = _count(closing.get(f"messages {topic.name}"))
-    if RECOVERED in contents.metadata:
-        recorded = topic.messages  # what its last part says of it was true before
+    said = contents.messages_said
+    recorded = None if said is None else said.get(topic.name, 0)
     lost = sum(gap.messages for gap in gaps if gap.damaged)
     return TopicState(
         topic,
@@ -172,7 +165,7 @@ def _state(contents: Contents, topic: Topic, reading: _Reading) -> TopicState:
         numbers.duplicates,
         numbers.last.seq if numbers.last else None,
         None if recorded is None else max(recorded - topic.messages - lost, 0),
-        not contents.complete,
+        not contents.complete or (said is None and reading.damages > numbers.damages),
     )
 
 

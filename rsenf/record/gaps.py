@@ -54,11 +54,14 @@ class TopicNumbers:
     messages, duplicates : int
     last : Header or None
         Of the latest message.
+    damages : int
+        Damaged places of the file before that one.
     """
 
     messages: int = 0
     duplicates: int = 0
     last: Header | None = None
+    damages: int = 0
     _streams: dict[tuple[str, int], _Stream] = field(default_factory=dict)
 
     def take(self, header: Header, damages: int) -> None:
@@ -70,7 +73,7 @@ class TopicNumbers:
             stream.hit.append((stream.last, header.seq))
         stream.damages = damages
         stream.last = max(stream.last, header.seq)
-        self.last = header
+        self.last, self.damages = header, damages
 
     def gaps(self, joined_at: int | None) -> list[Gap]:
         """Return what is missing between the first and the last number of each stream.

@@ -29,6 +29,7 @@ class Contents:
     damages: list[Damage] = field(default_factory=list)
     library: str = ""  # that made the file
     chunks_said: list[bytes] = field(default_factory=list)  # by the summary, in their order
+    messages_said: dict[str, int] | None = None  # by the summary, of each topic; None: unknown
     missing_indexes: bytes = b""  # message indexes to write at `end`, the last chunk's own
     last_chunk_start: int = len(MAGIC)
 

@@ -16,6 +16,7 @@ from rsenf.record.container import HEAD, MAGIC, DamagedError, Record, unpack, wa
 from rsenf.record.index import DATA_END, Index
 from rsenf.record.scan import Contents, Watch, define, scan
 from rsenf.record.sound import OURS
+from rsenf.record.topics import topics_of
 
 FOOTER_BYTES = HEAD.size + 20
 
@@ -27,7 +28,21 @@ class Summary:
     defined: Index = field(default_factory=Index)  # schemas and channels
     chunks: list[bytes] = field(default_factory=list)  # contents of chunk index records
     metadata: list[Any] = field(default_factory=list)
-    messages: int = -1
+    counts: dict[int, int] | None = None  # messages by channel
+
+    @property
+    def messages(self) -> int:
+        """Messages of all channels; -1 where it doesn't say."""
+        return -1 if self.counts is None else sum(self.counts.values())
+
+    @property
+    def topics(self) -> dict[str, int] | None:
+        """Messages of each topic that it defines the channels of; None where it doesn't say."""
+        if self.counts is None:
+            return None
+        said = Index(schemas=self.defined.schemas, channels=self.defined.channels)
+        said.add_extents({channel: Extent(n, 0, 0) for channel, n in self.counts.items()})
+        return {name: topic.messages for name, topic in topics_of(said).items()}
 
 
 def read_contents(stream: BinaryIO, size: int, watch: Watch | None = None) -> Contents:
@@ -57,7 +72,7 @@ def read_contents(stream: BinaryIO, size: int, watch: Watch | None = None) -> Co
     if why and not contents.damages:
         contents.add_damage(contents.end, size, why)
     contents.add_definitions(summary.defined)
-    contents.chunks_said = summary.chunks
+    contents.chunks_said, contents.messages_said = summary.chunks, summary.topics
     return contents
 
 
@@ -108,7 +123,7 @@ def _summary(stream: BinaryIO, size: int, footer: Any) -> Summary:
         elif record.opcode == Opcode.METADATA_INDEX:
             summary.metadata.append(unpack(MetadataIndex, record.body))
         elif record.opcode == Opcode.STATISTICS:
-            summary.messages = unpack(Statistics, record.body).message_count
+            summary.counts = unpack(Statistics, record.body).channel_message_counts
         else:
             define(summary.defined, record)
     return summary

@@ -22,11 +22,12 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
+from rsenf.cli.recording_text import lost_words
 from rsenf.errors import RsenfError
 from rsenf.messages import encode
 from rsenf.record import Recorder, close_truncated, open_recording
 from rsenf.record.container import HEAD, MAGIC, walk
-from rsenf.record.examine import Examination, examine
+from rsenf.record.examine import RECOVERED, Examination, examine
 from rsenf.record.recover import recover
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -175,6 +176,9 @@ def outcome(content: bytes, sample: Sample, folder: Path) -> str:
         return "nothing left"
     recover(path, out, overwrite=True)
     check_recovered(out, set(read), sample)
+    noted = any(n.startswith("lost ") for n in open_recording(out).metadata[RECOVERED])
+    if noted != bool(lost_words(found)):
+        raise Wrong("the recovered file says something else of what was lost")
     close_truncated(path)
     closed = open_recording(path).messages(tolerant=True)
     # A chunk that came to lie over another is read twice, before and after.
@@ -228,7 +232,9 @@ def check_losses(found: Examination, read: dict[Key, None], sample: Sample) -> i
         gaps = state.gaps if state else []
         named = any(gap.first <= seq <= gap.last for gap in gaps)
         after = state is not None and (state.last_seq is None or seq > state.last_seq)
-        unnamed += not (named or (after and state is not None and state.lost_at_end != 0))
+        unnamed += not (named or (after and state is not None and (state.lost_at_end or state.cut)))
+    if lost and read and not lost_words(found):
+        raise Wrong("lost, and not a word of it")
     return unnamed
 
 

@@ -10,6 +10,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from record_samples import ROWS, VIDEO, Clock, packet, rows, sample_file
 
+from rsenf.cli.recording_text import lost_words
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import encode
 from rsenf.record import Recorder, open_recording, output
@@ -20,6 +21,10 @@ from rsenf.record.recover import recover, recover_in_place
 
 def encoded(path, **how):
     return [(topic, encode(message)) for topic, message, _ in open_recording(path).messages(**how)]
+
+
+def numbers(path):
+    return [(topic, message.header.seq) for topic, message, _ in open_recording(path).messages()]
 
 
 def chunks_of(path):
@@ -65,6 +70,30 @@ def test_damage_costs_only_its_chunk(recorded, tmp_path, place):
     assert again.whole
     assert f"lost {ROWS}" in again.contents.metadata[RECOVERED]
     assert again.contents.metadata["rsenf"] == found.contents.metadata["rsenf"]
+
+
+def test_an_end_that_is_damaged_from_the_last_chunk_on_is_said(recorded, tmp_path):
+    path, written, chunks = recorded
+    content = bytearray(path.read_bytes())
+    start, _ = chunks[-1]
+    footer = len(content) - 40
+    content[start:footer] = bytes(footer - start)  # with all that tells how much there was
+    path.write_bytes(content)
+    found = recover(path, tmp_path / "new.mcap")
+    assert found.contents.complete
+    saved = [seq for topic, seq in numbers(tmp_path / "new.mcap") if topic == ROWS]
+    assert len(saved) < sum(topic == ROWS for topic, _ in written)
+    assert lost_words(found)[ROWS] == f"what came after {saved[-1]} is not there"
+    notes = open_recording(tmp_path / "new.mcap").metadata[RECOVERED]
+    assert notes[f"lost {ROWS}"] == f"what came after {saved[-1]}"
+
+
+def test_a_recovered_file_that_is_damaged_again(recorded, tmp_path):
+    path, _, chunks = recorded
+    spoil(path, chunks[0][0] + 99)
+    recover(path, tmp_path / "new.mcap")
+    spoil(tmp_path / "new.mcap", chunks_of(tmp_path / "new.mcap")[-1][0] + 99)
+    assert "what came after" in lost_words(examine(tmp_path / "new.mcap"))[ROWS]
 
 
 def test_chunks_go_back_to_their_places(recorded, tmp_path):
