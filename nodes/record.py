@@ -22,13 +22,17 @@ def body(node: NodeProcess) -> None:
     """Write until every stream of the graph has ended, or until told to stop."""
     config: RecordNode = node.config
     site = f"{ROOT}/{node.graph.site}"
-    with open_sink(config, run_info(node)) as sink:
+
+    def warn(text: str) -> None:
+        node.say("running", text)
+
+    with open_sink(config, run_info(node), warn) as sink:
         alarms = AlarmWatch(sink, f"{site}/{config.alarms.trigger}")
         key_exprs = [f"{site}/{below}" for below in config.topics]
         for key_expr in (*key_exprs, *alarms.key_exprs, health_key(node.graph.site, "*")):
             node.subscribe(key_expr, DELIVERY)
         ending, hashes = Ending(node, key_exprs), InputHashes(node.graph)
-        guard = disk_guard(config, lambda text: node.say("running", text))
+        guard = disk_guard(config, warn)
         node.ready()
 
         def note(received: Received) -> None:

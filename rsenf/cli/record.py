@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     inbox, deadline = Inbox(), time.monotonic() + (args.duration_s or float("inf"))
     with (
         open_bus(BusSettings(connect=tuple(args.connect))) as bus,
-        open_sink(config, {"site": args.site}) as sink,
+        open_sink(config, {"site": args.site}, say) as sink,
         interruptible(lambda: None) as stop,
     ):
         alarms = AlarmWatch(sink, f"{ROOT}/{args.site}/{config.alarms.trigger}")

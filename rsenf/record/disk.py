@@ -29,6 +29,11 @@ def disk_usage(folder: Path) -> Usage:
     return Usage(found.total, found.free)
 
 
+def low_bytes(limits: DiskLimits, total_bytes: int) -> float:
+    """Below so much free space there is a warning."""
+    return min(limits.warn_mb * MB, WARN_SHARE * total_bytes)
+
+
 class DiskGuard:
     """Warns before a disk is full, and stops a recording while its end can still be written.
 
@@ -81,7 +86,7 @@ class DiskGuard:
                 "and what was recorded is whole",
                 "free some space on that disk, then record on",
             )
-        low = free < min(self._limits.warn_mb * MB, WARN_SHARE * total)
+        low = free < low_bytes(self._limits, total)
         if low and not self._warned:
             self._warn(
                 f"{self._folder}: {free / MB:.0f} MB are left on the disk{self._lasts(free)}"

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import fcntl
 import os
+import time
 from pathlib import Path
+
+_ATTEMPTS, _APART_S = 100, 0.002  # whoever asks whether it is held holds it for that moment
 
 
 def hold(descriptor: int) -> None:
@@ -13,8 +15,15 @@ def hold(descriptor: int) -> None:
 
     File systems without locks know no such mark; there nothing is held.
     """
-    with contextlib.suppress(OSError):
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    for _ in range(_ATTEMPTS):
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            time.sleep(_APART_S)
+        except OSError:
+            return
+        else:
+            return
 
 
 def is_held(path: Path) -> bool:

@@ -89,8 +89,18 @@ def recover_in_place(path: str | Path) -> tuple[Examination, Path]:
         raise UsageError(f"{path}: is being recorded", "end that, or recover to another file")
     with whole_file(path) as part:
         _write(found, part)
-        os.link(path, backup)  # both names, until the new file takes the first
+        _give_name(path, backup)
     return found, backup
+
+
+def _give_name(path: Path, backup: Path) -> None:
+    """Keep both names until the new file takes the first, where the file system knows how."""
+    try:
+        os.link(path, backup)
+    except FileExistsError:
+        raise
+    except OSError:
+        path.rename(backup)
 
 
 def _examined(path: Path) -> Examination:

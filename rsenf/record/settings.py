@@ -47,7 +47,7 @@ class Retention:
     days : float, optional
         Age at which a file goes.
     disk_share : float, optional
-        Of the whole disk, that the archive may take.
+        Of the whole disk, that the archive may take; less where others leave too little free.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid"}

@@ -119,8 +119,10 @@ class Ending:
         return not self._open and not self._endless and node.inbox.depth == 0
 
 
-def open_sink(config: RecordNode, info: dict[str, str]) -> Recorder | ArchiveRecorder:
-    """Open what a node records to: a file, or an archive.
+def open_sink(
+    config: RecordNode, info: dict[str, str], warn: Callable[[str], None]
+) -> Recorder | ArchiveRecorder:
+    """Open what a node records to: a file, or an archive, which warns of what stops nothing.
 
     Raises
     ------
@@ -143,6 +145,8 @@ def open_sink(config: RecordNode, info: dict[str, str]) -> Recorder | ArchiveRec
         rotation=config.rotation,
         retention=config.retention,
         alarms=config.alarms,
+        disk=config.disk,
+        warn=warn,
         flush_every_s=config.flush_every_s,
         compress=config.compress,
     )

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
+import threading
+from pathlib import Path
 
+import pytest
 from archive_samples import CAM1, CAM2, archive, at, files, film, numbers, put, written_at
-from record_samples import NOW_NS, SECOND_NS, Clock, packet, rows
+from record_samples import NOW_NS, SECOND_NS, Clock, header, packet, rows
 
-from rsenf.messages import encode
+from rsenf.messages import Alarm, encode
 from rsenf.record import open_recording
 from rsenf.record.archive.alarms import AlarmSpan, add_alarm, alarms_of
 from rsenf.record.archive.layout import Camera, archived_files
 from rsenf.record.archive.retention import Keeper
 from rsenf.record.archive.ring import Kept, Ring
 from rsenf.record.disk import Usage
+from rsenf.record.held import hold, is_held
 from rsenf.record.settings import AlarmSettings, Retention, Rotation
 
 VIDEO, ROWS, ALARM = f"{CAM1}/video", f"{CAM1}/rows", f"{CAM1}/alarm"
@@ -81,7 +86,72 @@ def test_a_ring_without_key_frames_is_bounded_too():
         message = packet(10 * seq + 1, 5000)
         ring.add(Kept(seq, VIDEO, type(message), encode(message), message.header))
         assert sum(len(kept.payload) for kept in ring) <= 100_000
+        assert seq < 20 or sum(len(kept.payload) for kept in ring) > 75_000
     assert ring.forgotten > 150
+
+
+def kept(ring, seconds, made=rows, topic=ROWS, since_s=0.0):
+    """Add ten messages a second; return the times of those that the ring has."""
+    for tenth in range(round(10 * since_s), round(10 * (since_s + seconds))):
+        message = made(10 * tenth + 1)  # no key frame
+        now_ns = tenth * SECOND_NS // 10
+        ring.add(Kept(now_ns, topic, type(message), encode(message), message.header))
+    return [message.received_ns / 1e9 for message in ring if message.topic == topic]
+
+
+def test_the_ring_of_a_camera_that_has_gone_dark_keeps_its_time():
+    ring = Ring(5 * SECOND_NS, 10**9)
+    kept(ring, 2, packet, VIDEO)
+    assert kept(ring, 60, since_s=2)[0] == pytest.approx(56, abs=1.1)
+    assert kept(ring, 0, topic=VIDEO) == []
+
+
+def test_the_ring_of_a_video_without_key_frames_keeps_its_time():
+    ring = Ring(5 * SECOND_NS, 10**9)
+    assert 45 < kept(ring, 60, packet, VIDEO)[0] <= 55
+    assert ring.forgotten == 0
+
+
+def test_what_was_forgotten_long_ago_is_no_loss():
+    ring = Ring(5 * SECOND_NS, 100_000)
+    kept(ring, 2, lambda seq: packet(seq, 20_000), VIDEO)
+    assert ring.forgotten > 0
+    assert kept(ring, 20, since_s=2)[0] <= 17
+    assert ring.forgotten == 0
+
+
+def test_keys_that_are_no_camera_s_are_left_out(tmp_path):
+    said = []
+    with archive(tmp_path / "a", Clock(), warn=said.append) as recorder:
+        for key in (
+            "rsenf/../../rows",
+            f"rsenf/lab/{'x' * 300}/rows",
+            "rsenf/lab",
+            "rsenf/./c/rows",
+        ):
+            assert not put(recorder, key, rows(0))
+        assert put(recorder, ROWS, rows(0))
+        assert recorder.refused == 4
+    assert [p.relative_to(tmp_path / "a").parts[:2] for p in files(tmp_path / "a")] == [
+        ("lab", "cam1")
+    ]
+    assert [p.name for p in tmp_path.iterdir()] == ["a"]
+    assert said == ["'rsenf/../../rows' is no camera's key: not recorded, nor others like it"]
+
+
+def test_an_alarm_of_what_is_no_camera_is_one_of_all(tmp_path):
+    door = Alarm(header=header(0), kind="opened")
+    with archive(tmp_path, Clock(), alarms=ONLY) as recorder:
+        put(recorder, f"{CAM1}-reference/rows", rows(0))
+        put(recorder, ROWS, rows(0))
+        put(recorder, "rsenf/lab/door/alarm", door)
+        recorder.alarm("rsenf/lab/door/alarm", "opened")
+        assert len(files(tmp_path)) == 3
+    with archive(tmp_path / "b", Clock(), alarms=ONLY) as recorder:
+        for camera in ("rsenf/lab/reference-hall", CAM1):
+            put(recorder, f"{camera}/rows", rows(0))
+        recorder.alarm("rsenf/lab/reference-hall/alarm", "opened")
+        assert [p.parts[-3] for p in files(tmp_path / "b")] == ["reference-hall"]
 
 
 def filled(root, clock, camera=CAM1, files_wanted=5):
@@ -97,7 +167,7 @@ def filled(root, clock, camera=CAM1, files_wanted=5):
 
 def keep(root, clock, disk_bytes=10**12, **rules):
     return Keeper(
-        root, Retention(**rules), clock, lambda folder: Usage(disk_bytes, disk_bytes)
+        root, Retention(**rules), clock, usage=lambda folder: Usage(disk_bytes, disk_bytes)
     ).apply()
 
 
@@ -125,6 +195,46 @@ def test_the_oldest_go_when_the_archive_takes_too_much(tmp_path):
     assert keep(tmp_path, clock, 2 * size - 4, disk_share=0.5) == before[:1]
     assert keep(tmp_path, clock, round(0.9 * size), disk_share=0.5) == before[1:6]
     assert not (tmp_path / "lab/cam1/2026-09-21").exists()
+
+
+def test_the_oldest_go_before_a_disk_that_others_fill_is_full(tmp_path):
+    clock = Clock()
+    filled(tmp_path, clock)
+    before = files(tmp_path)
+    disk = Usage(10**12, 3 * 10**9 - 10)
+    keeper = Keeper(tmp_path, Retention(disk_share=0.95), clock, usage=lambda folder: disk)
+    assert keeper.apply() == before[:1]
+    assert Keeper(tmp_path, Retention(days=9), clock, usage=lambda folder: disk).apply() == []
+
+
+def test_a_file_that_can_t_go_costs_no_other(tmp_path, monkeypatch):
+    clock, said = Clock(), []
+    filled(tmp_path, clock)
+    before = files(tmp_path)
+    unlink = Path.unlink
+
+    def refuse(path, missing_ok=False):
+        if path == before[0]:
+            raise PermissionError(1, "Operation not permitted", str(path))
+        unlink(path, missing_ok=missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", refuse)
+    clock.advance(1e7)
+    keeper = Keeper(tmp_path, Retention(days=1), clock, warn=said.append)
+    assert keeper.apply() == before[1:]
+    assert keeper.apply() == []
+    assert said == [f"{before[0]}: operation not permitted; it stays in the archive"]
+
+
+def test_a_writer_waits_for_who_asks_whether_it_writes(tmp_path):
+    path = tmp_path / "a"
+    with open(path, "w") as writer, open(path) as asking:
+        fcntl.flock(asking, fcntl.LOCK_SH)
+        waiting = threading.Thread(target=hold, args=(writer.fileno(),))
+        waiting.start()
+        fcntl.flock(asking, fcntl.LOCK_UN)
+        waiting.join()
+        assert is_held(path)
 
 
 def test_a_file_being_written_stays(tmp_path):

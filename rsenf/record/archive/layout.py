@@ -13,6 +13,7 @@ from typing import NamedTuple
 from rsenf.timebase import NS_PER_S
 
 _DAY, _TIME = "%Y-%m-%d", "%H%M%S"
+_NAME = re.compile(r"@?[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 _FILE = re.compile(r"(\d{4}-\d\d-\d\d)/(\d{6})\.(\d{6})Z(?:-\d+)?(\.alarm)?\.mcap")
 
 
@@ -35,10 +36,15 @@ class ArchivedFile(NamedTuple):
     path: Path
 
 
-def camera_of(topic: str) -> Camera:
-    """Camera that a topic ``rsenf/<site>/<camera>/…`` belongs to."""
-    _, site, name, *_ = (*topic.split("/"), "-", "-")
-    return Camera(site, name)
+def camera_of(topic: str) -> Camera | None:
+    """Camera that a topic ``rsenf/<site>/<camera>/…`` belongs to; None where no folder can be it.
+
+    A bus may carry any key: one with ``..`` would lead out of the archive.
+    """
+    parts = topic.split("/")
+    if len(parts) < 4 or not all(_NAME.fullmatch(part) for part in parts[1:3]):
+        return None
+    return Camera(*parts[1:3])
 
 
 def day_of(time_ns: int) -> str:

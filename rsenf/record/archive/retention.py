@@ -9,12 +9,14 @@ from typing import NamedTuple
 
 from rsenf.record.archive.alarms import AlarmSpan, alarms_of
 from rsenf.record.archive.layout import ArchivedFile, Camera, archived_files
-from rsenf.record.disk import Usage, disk_usage
+from rsenf.record.disk import Usage, disk_usage, low_bytes
 from rsenf.record.held import is_held
-from rsenf.record.settings import Retention
+from rsenf.record.settings import DiskLimits, Retention
 from rsenf.timebase import nanoseconds
 
 DAY_S = 86_400
+_ROOM = 1.5  # of the space at which there is a warning, so that there needn't be one
+_ALWAYS = AlarmSpan(0, 2**63, "alarms that can't be read")
 
 
 class _Aged(NamedTuple):
@@ -34,8 +36,12 @@ class Keeper:
         What may stay.
     clock_ns : callable
         Wall clock, UTC since 1970, in ns.
+    limits : DiskLimits
+        When the disk counts as nearly full.
     usage : callable
         Tells how large the disk is and what is free.
+    warn : callable
+        Told in words, once, of what can't be deleted or looked at. It stays, and costs no other.
     """
 
     def __init__(
@@ -43,26 +49,23 @@ class Keeper:
         root: Path,
         rules: Retention,
         clock_ns: Callable[[], int],
+        *,
+        limits: DiskLimits = DiskLimits(),  # noqa: B008  # frozen
         usage: Callable[[Path], Usage] = disk_usage,
+        warn: Callable[[str], None] = lambda text: None,
     ) -> None:
         self._root, self._rules, self._clock_ns, self._usage = root, rules, clock_ns, usage
+        self._limits, self._warn, self._warned = limits, warn, set[str]()
 
     def apply(self) -> list[Path]:
-        """Delete what has to go; returns it, the oldest first.
-
-        Raises
-        ------
-        OSError
-            When a file can't be deleted.
-        """
+        """Delete what has to go; returns it, the oldest first."""
         files = [aged for aged in map(_age, archived_files(self._root)) if aged is not None]
-        too_many = sum(aged.size_bytes for aged in files) - self._most_bytes()
-        alarms = {c: alarms_of(self._root, c) for c in {aged.file.camera for aged in files}}
+        too_many = self._too_many(sum(aged.size_bytes for aged in files))
+        alarms = {c: self._alarms_of(c) for c in {aged.file.camera for aged in files}}
         gone = []
         for aged in files:
             due = too_many > 0 or aged.last_ns < self._oldest_ns()
-            if due and not _stays(aged, alarms):
-                aged.file.path.unlink(missing_ok=True)
+            if due and not self._stays(aged, alarms) and self._delete(aged.file.path):
                 too_many -= aged.size_bytes
                 gone.append(aged.file.path)
         for folder in {path.parent for path in gone}:
@@ -74,9 +77,46 @@ class Keeper:
         days = self._rules.days
         return 0 if days is None else self._clock_ns() - nanoseconds(days * DAY_S)
 
-    def _most_bytes(self) -> float:
-        share = self._rules.disk_share
-        return float("inf") if share is None else share * self._usage(self._root).total
+    def _too_many(self, held_bytes: int) -> float:
+        """How much is over the share, or lacks on a disk that others fill, too."""
+        if self._rules.disk_share is None:
+            return 0.0
+        total, free = self._usage(self._root)
+        lacking = _ROOM * low_bytes(self._limits, total) - free
+        return max(held_bytes - self._rules.disk_share * total, lacking)
+
+    def _alarms_of(self, camera: Camera) -> list[AlarmSpan]:
+        try:
+            return alarms_of(self._root, camera)
+        except OSError as exc:
+            self._tell(exc)
+            return [_ALWAYS]
+
+    def _stays(self, aged: _Aged, alarms: dict[Camera, list[AlarmSpan]]) -> bool:
+        spans = alarms[aged.file.camera]
+        if any(span.covers(aged.file.start_ns, aged.last_ns) for span in spans):
+            return True
+        try:
+            return is_held(aged.file.path)
+        except FileNotFoundError:
+            return False
+        except OSError as exc:
+            self._tell(exc)
+            return True
+
+    def _delete(self, path: Path) -> bool:
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as exc:
+            self._tell(exc)
+            return False
+        return True
+
+    def _tell(self, exc: OSError) -> None:
+        if str(exc.filename) not in self._warned:
+            self._warned.add(str(exc.filename))
+            reason = (exc.strerror or str(exc)).lower()
+            self._warn(f"{exc.filename}: {reason}; it stays in the archive")
 
 
 def _age(file: ArchivedFile) -> _Aged | None:
@@ -85,13 +125,3 @@ def _age(file: ArchivedFile) -> _Aged | None:
     except FileNotFoundError:  # somebody else applies these rules too
         return None
     return _Aged(file, found.st_size, found.st_mtime_ns)
-
-
-def _stays(aged: _Aged, alarms: dict[Camera, list[AlarmSpan]]) -> bool:
-    spans = alarms[aged.file.camera]
-    if any(span.covers(aged.file.start_ns, aged.last_ns) for span in spans):
-        return True
-    try:
-        return is_held(aged.file.path)
-    except FileNotFoundError:
-        return False

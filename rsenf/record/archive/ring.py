@@ -26,19 +26,31 @@ class _Stretch:
     """Messages that are forgotten together: from one key frame to the next, or a second's."""
 
     def __init__(self, begun_ns: int) -> None:
-        self.begun_ns = begun_ns
-        self.messages: list[Kept] = []
-        self.has_video = False
+        self.begun_ns = self.video_ns = begun_ns  # the latest of the video
+        self.messages: deque[Kept] = deque()
         self.size_bytes = 0
 
     def add(self, message: Kept) -> None:
         self.messages.append(message)
-        self.size_bytes += len(message.payload) + MESSAGE_BYTES
-        self.has_video |= message.cls is VideoPacket
+        self.size_bytes += _size(message)
+        if message.cls is VideoPacket:
+            self.video_ns = message.received_ns
+
+    def pop(self) -> Kept:
+        oldest = self.messages.popleft()
+        self.size_bytes -= _size(oldest)
+        return oldest
+
+
+def _size(message: Kept) -> int:
+    return len(message.payload) + MESSAGE_BYTES
 
 
 class Ring:
     """Keeps so much time, and somewhat more, so that its video begins with a key frame.
+
+    A stretch between key frames that is longer than that, or larger than may be, is cut: then the
+    oldest pictures can't be decoded, but all else is there.
 
     Parameters
     ----------
@@ -50,40 +62,51 @@ class Ring:
     Attributes
     ----------
     forgotten : int
-        Messages that had to go before their time.
+        Messages of that time that had to go, for lack of memory.
     """
 
     def __init__(self, keep_ns: int, most_bytes: int) -> None:
-        self.forgotten = 0
         self._keep_ns, self._most_bytes = keep_ns, most_bytes
         self._stretches: deque[_Stretch] = deque()
         self._size_bytes = 0
+        self._forgotten_ns: deque[int] = deque()  # when they were received
 
     def __iter__(self) -> Iterator[Kept]:
         for stretch in self._stretches:
             yield from stretch.messages
 
+    @property
+    def forgotten(self) -> int:
+        """How many messages lack."""
+        return len(self._forgotten_ns)
+
     def add(self, message: Kept) -> None:
         """Keep a message, and forget what is too old."""
         if not self._stretches or self._begins_another(message):
             self._stretches.append(_Stretch(message.received_ns))
-        newest = self._stretches[-1]
-        self._size_bytes -= newest.size_bytes
-        newest.add(message)
-        self._size_bytes += newest.size_bytes
+        self._stretches[-1].add(message)
+        self._size_bytes += _size(message)
         since_ns = message.received_ns - self._keep_ns
         while len(self._stretches) > 1 and self._stretches[1].begun_ns <= since_ns:
-            self._drop()
+            self._size_bytes -= self._stretches.popleft().size_bytes
         while self._size_bytes > self._most_bytes:
-            self.forgotten += self._drop()
+            self._make_room()
+        while self._forgotten_ns and self._forgotten_ns[0] < since_ns:
+            self._forgotten_ns.popleft()
 
     def _begins_another(self, message: Kept) -> bool:
-        newest = self._stretches[-1]
+        newest, now_ns = self._stretches[-1], message.received_ns
         if message.cls is VideoPacket:
-            return bool(decode(VideoPacket, message.payload).keyframe)
-        return not newest.has_video and message.received_ns - newest.begun_ns >= STRETCH_NS
+            too_long = now_ns - newest.begun_ns >= max(self._keep_ns, STRETCH_NS)
+            return too_long or bool(decode(VideoPacket, message.payload).keyframe)
+        return now_ns - newest.video_ns >= STRETCH_NS  # where there is, or was, no video
 
-    def _drop(self) -> int:
-        oldest = self._stretches.popleft()
-        self._size_bytes -= oldest.size_bytes
-        return len(oldest.messages)
+    def _make_room(self) -> None:
+        """Forget the oldest stretch, or of the only one as much as must be."""
+        oldest, alone = self._stretches[0], len(self._stretches) == 1
+        while oldest.messages and (not alone or self._size_bytes > self._most_bytes):
+            message = oldest.pop()
+            self._size_bytes -= _size(message)
+            self._forgotten_ns.append(message.received_ns)
+        if not oldest.messages:
+            self._stretches.popleft()

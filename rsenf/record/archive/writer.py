@@ -9,14 +9,14 @@ from types import TracebackType
 from typing import Any
 
 from rsenf.errors import RecordingError, UsageError
-from rsenf.messages import Header
+from rsenf.messages import Alarm, Header
 from rsenf.record.archive.alarm_files import AlarmFiles
 from rsenf.record.archive.alarms import AlarmSpan, add_alarm
 from rsenf.record.archive.camera_files import CameraFiles
 from rsenf.record.archive.layout import Camera, camera_of, new_path
 from rsenf.record.archive.retention import Keeper
 from rsenf.record.continuity import Continuity
-from rsenf.record.settings import AlarmSettings, Retention, Rotation
+from rsenf.record.settings import AlarmSettings, DiskLimits, Retention, Rotation
 from rsenf.record.writer import Recorder
 from rsenf.timebase import nanoseconds
 
@@ -36,8 +36,17 @@ class ArchiveRecorder:
         Wall clock, UTC since 1970, in ns.
     rotation, retention, alarms
         When a new file begins, what is deleted, what belongs to an alarm.
+    disk : DiskLimits
+        When the disk counts as nearly full.
+    warn : callable
+        Told in words of what isn't as it should be and stops nothing.
     flush_every_s, fsync, compress
         As for :class:`rsenf.record.Recorder`.
+
+    Attributes
+    ----------
+    refused : int
+        Messages on keys that are no camera's.
 
     Raises
     ------
@@ -56,6 +65,8 @@ class ArchiveRecorder:
         rotation: Rotation,
         retention: Retention,
         alarms: AlarmSettings,
+        disk: DiskLimits = DiskLimits(),  # noqa: B008  # frozen
+        warn: Callable[[str], None] = lambda text: None,
         flush_every_s: float = 0.5,
         fsync: bool = True,
         compress: bool = True,
@@ -64,9 +75,10 @@ class ArchiveRecorder:
         self._run_info, self._clock_ns = dict(run_info), clock_ns
         self._rotation, self._alarms = rotation, alarms
         self._file_options = {"flush_every_s": flush_every_s, "fsync": fsync, "compress": compress}
-        self._keeper = Keeper(self.path, retention, clock_ns)
-        self._kept_ns = clock_ns()
+        self._keeper = Keeper(self.path, retention, clock_ns, limits=disk, warn=warn)
+        self._kept_ns, self._warn, self.refused = clock_ns(), warn, 0
         self._cameras: dict[Camera, CameraFiles | AlarmFiles] = {}
+        self._filmed: set[Camera] = set()  # those that have sent anything but alarms
         self._noted: dict[tuple[Camera, str], AlarmSpan] = {}
         self._make_folder()
         self._keep()
@@ -91,6 +103,11 @@ class ArchiveRecorder:
             Whether it was recorded: it is new, and doesn't wait for an alarm.
         """
         camera = camera_of(topic)
+        if camera is None:
+            self._refuse(topic)
+            return False
+        if cls is not Alarm:
+            self._filmed.add(camera)
         files = self._cameras.get(camera)
         if files is None:
             files = self._cameras[camera] = self._files_of(camera)
@@ -120,11 +137,17 @@ class ArchiveRecorder:
             When it can't be written down.
         """
         own = camera_of(topic) if topic else None
+        of_all = own not in self._filmed or own.name in _NO_CAMERA
         for camera, files in self._cameras.items():
-            if own is None or own.name.startswith(_NO_CAMERA) or camera == own:
+            if of_all or camera == own:
                 self._note(camera, why)
                 if isinstance(files, AlarmFiles):
                     files.alarm()
+
+    def _refuse(self, topic: str) -> None:
+        if not self.refused:
+            self._warn(f"{topic[:200]!r} is no camera's key: not recorded, nor others like it")
+        self.refused += 1
 
     def _note(self, camera: Camera, why: str) -> None:
         """Write an alarm down for longer than it asks for: one that lasts needn't fill the disk."""
@@ -183,14 +206,11 @@ class ArchiveRecorder:
 
     def _keep(self) -> None:
         self._kept_ns = self._clock_ns()
-        try:
-            self._keeper.apply()
-        except OSError as exc:
-            raise _cannot(self.path, exc) from exc
+        self._keeper.apply()
 
 
 # Topics of the grids and of the nodes go by these names in place of a camera's.
-_NO_CAMERA = ("reference", "@")
+_NO_CAMERA = ("reference", "@nodes")
 
 
 def _cannot(root: Path, exc: OSError) -> RecordingError:
