@@ -1,9 +1,9 @@
 """What is in a recording, is it whole, and if not: what is wrong, what was lost, what to do.
 
 Each file is read from end to end. Exit code 0: all are whole; 3: something is damaged but can be
-used; 1: at least one is of no use. Numbers that a topic lacks are lost where the file is damaged;
-elsewhere they are missing: they never came to be recorded, or were lost before the file was
-recovered, and it is whole without them.
+used; 1: at least one is of no use. One that is being recorded is whole as far as it goes. Numbers
+that a topic lacks are lost where the file is damaged; elsewhere they are missing: they never came
+to be recorded, or were lost before the file was recovered, and it is whole without them.
 """
 
 from __future__ import annotations
@@ -22,16 +22,17 @@ def run(args: argparse.Namespace) -> int:
     """Examine recordings."""
     from rsenf.cli.console import print_json, say
     from rsenf.cli.recording_text import recording_json, recording_words, unusable_json, verdict
-    from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, InputError
+    from rsenf.errors import EXIT_DONE, EXIT_LOSS, InputError, UsageError
     from rsenf.record.examine import examine
 
+    failed = EXIT_DONE
     verdicts: list[str] = []
     shown: list[Any] = []
     for path in args.files:
         try:
             found = examine(path)
-        except InputError as exc:
-            verdicts.append("unusable")
+        except (InputError, UsageError) as exc:
+            failed = max(failed, exc.exit_code)
             shown.append(unusable_json(path, exc))
             say(str(exc))
             continue
@@ -42,5 +43,6 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(shown)
     if "unusable" in verdicts:
-        return EXIT_FAILED
-    return EXIT_LOSS if "damaged" in verdicts else EXIT_DONE
+        failed = max(failed, InputError.exit_code)
+    loss = EXIT_LOSS if "damaged" in verdicts else EXIT_DONE
+    return failed or loss

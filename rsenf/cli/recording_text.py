@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from rsenf.record.examine import made_by
 
 if TYPE_CHECKING:
-    from rsenf.errors import InputError
+    from rsenf.errors import RsenfError
     from rsenf.record.examine import Examination, TopicState
     from rsenf.record.gaps import Gap
 
@@ -34,7 +34,7 @@ def verdict(found: Examination) -> str:
 def problems(found: Examination) -> Iterator[Problem]:
     """Yield what is wrong with a recording."""
     recover = RECOVER.format(path=found.path)
-    if not found.contents.complete:
+    if not (found.contents.complete or found.in_the_making):
         yield Problem(
             f"it breaks off: there is no end, and its last {found.cut_bytes} bytes are no use",
             recover,
@@ -62,6 +62,7 @@ def recording_json(found: Examination) -> dict[str, Any]:
         "verdict": verdict(found),
         "size_bytes": found.size_bytes,
         "complete": found.contents.complete,
+        "being_recorded": found.in_the_making,
         "cut_bytes": found.cut_bytes,
         "made_by": made_by(found.contents),
         "created_utc": about.get("created_utc"),
@@ -77,7 +78,7 @@ def recording_json(found: Examination) -> dict[str, Any]:
     }
 
 
-def unusable_json(path: str, error: InputError) -> dict[str, Any]:
+def unusable_json(path: str, error: RsenfError) -> dict[str, Any]:
     """Return the keys of a file that is no recording at all."""
     return {
         "path": path,
@@ -114,8 +115,9 @@ def _topic_json(state: TopicState) -> dict[str, Any]:
 def recording_words(found: Examination) -> str:
     """Say to a person what is in a recording."""
     chunks = len(found.contents.index.chunks)
+    so_far = " so far, it is being recorded" if found.in_the_making else ""
     lines = [
-        f"{found.path}: {verdict(found)}. {found.messages} messages in {chunks} chunks, "
+        f"{found.path}: {verdict(found)}{so_far}. {found.messages} messages in {chunks} chunks, "
         f"{found.size_bytes / 1e6:.1f} MB, made by {made_by(found.contents)}"
     ]
     width = max((len(state.topic.name) for state in found.topics), default=0)

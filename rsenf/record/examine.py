@@ -15,6 +15,7 @@ from rsenf.record.container import DamagedError, check_magic
 from rsenf.record.decoder import Decoder
 from rsenf.record.gaps import Gap, TopicNumbers
 from rsenf.record.growing import ABOUT, CLOSING
+from rsenf.record.held import is_held
 from rsenf.record.reader import open_file
 from rsenf.record.scan import Contents
 from rsenf.record.sound import Damage, Sound
@@ -64,6 +65,8 @@ class Examination:
     topics : list of TopicState
     unreadable : dict of str to int
         Messages that can't be read, though the file is sound there, by the reason.
+    in_the_making : bool
+        Whether it is being recorded: then its end isn't missing.
     """
 
     path: Path
@@ -71,6 +74,7 @@ class Examination:
     contents: Contents
     topics: list[TopicState]
     unreadable: dict[str, int] = field(default_factory=dict)
+    in_the_making: bool = False
 
     @property
     def messages(self) -> int:
@@ -84,9 +88,9 @@ class Examination:
 
     @property
     def whole(self) -> bool:
-        """Whether the file is what was written, to its end."""
+        """Whether the file is what was written, to its end, or as far as it is written now."""
         doubled = any(state.duplicates for state in self.topics)
-        return self.contents.complete and not (
+        return (self.contents.complete or self.in_the_making) and not (
             self.contents.damages or self.unreadable or doubled or self.short
         )
 
@@ -108,12 +112,15 @@ def examine(path: str | Path) -> Examination:
     """
     path = Path(path)
     with open_file(path) as stream:
+        in_the_making = is_held(path)
         check_magic(path, stream)
         size = os.fstat(stream.fileno()).st_size
         reading = _Reading(read_contents(stream, size))
         contents = read_contents(stream, size, reading.take)
-    states = [_state(contents, topic, reading) for topic in _topics(contents)]
-    return Examination(path, size, contents, states, reading.unreadable)
+    in_the_making &= not contents.complete
+    ends = contents.complete or in_the_making
+    states = [_state(contents, topic, reading, ends) for topic in _topics(contents)]
+    return Examination(path, size, contents, states, reading.unreadable, in_the_making)
 
 
 class _Reading:
@@ -151,7 +158,7 @@ def _topics(contents: Contents) -> list[Topic]:
     return list(found.values())
 
 
-def _state(contents: Contents, topic: Topic, reading: _Reading) -> TopicState:
+def _state(contents: Contents, topic: Topic, reading: _Reading, ends: bool) -> TopicState:
     numbers = reading.numbers.get(topic.name, TopicNumbers())
     closing = contents.metadata.get(CLOSING, {})
     gaps = numbers.gaps(_count(closing.get(f"joined_at {topic.name}")))
@@ -165,7 +172,7 @@ def _state(contents: Contents, topic: Topic, reading: _Reading) -> TopicState:
         numbers.duplicates,
         numbers.last.seq if numbers.last else None,
         None if recorded is None else max(recorded - topic.messages - lost, 0),
-        not contents.complete or (said is None and reading.damages > numbers.damages),
+        not ends or (said is None and reading.damages > numbers.damages),
     )
 
 

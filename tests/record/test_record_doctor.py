@@ -97,3 +97,25 @@ def test_files_of_no_use(path, capsys, tmp_path):
     code, said = doctor(capsys, tmp_path / "none.mcap")
     assert code == 2
     assert "no such file" in said.err
+
+
+def test_a_recording_in_the_making_is_whole_so_far(tmp_path, capsys):
+    path = tmp_path / "a.mcap"
+    with Recorder(path, run_info={}, clock_ns=Clock()) as recorder:
+        recorder.write(ROWS, rows(0))
+        recorder.flush()
+        code, said = doctor(capsys, path)
+        assert code == 0
+        assert said.out.startswith(f"{path}: whole so far, it is being recorded. 1 messages")
+        assert "wrong" not in said.out
+        assert main(["recover", str(path), "--out", str(tmp_path / "new.mcap")]) == 0
+    assert doctor(capsys, path, tmp_path / "new.mcap")[0] == 0
+    (tmp_path / "killed.mcap").write_bytes(path.read_bytes()[:-50])
+    assert doctor(capsys, tmp_path / "killed.mcap")[0] == 3
+
+
+def test_a_file_that_isn_t_there_costs_no_other(path, capsys, tmp_path):
+    code, said = doctor(capsys, tmp_path / "none.mcap", path, "--json")
+    assert code == 2
+    assert [found["verdict"] for found in json.loads(said.out)] == ["unusable", "whole"]
+    assert "none.mcap" in said.err
