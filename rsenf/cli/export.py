@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--topic", metavar="NAME", help="such as track, idle, match, rows (track; rows for a sound)"
     )
     parser.add_argument("--camera", metavar="NAME", help="of a recording with several")
+    parser.add_argument("--run", metavar="ID", help="only this run, by how its identity begins")
     parser.add_argument(
         "--epoch", type=count, metavar="N", help="only this stretch of a source that restarted"
     )
@@ -97,24 +98,24 @@ def find_topic(recording: Recording, name: str, camera: str | None) -> str:
 
 
 def _table(recording: Recording, topic: str, args: argparse.Namespace) -> dict[str, Any]:
-    from rsenf.record.export import write_table
+    from rsenf.record.export import Part, write_table
 
-    return {"lines": write_table(recording, topic, args.out, epoch=args.epoch)}
+    return {"lines": write_table(recording, topic, args.out, Part(args.run, args.epoch))}
 
 
 def _sound(recording: Recording, topic: str, args: argparse.Namespace) -> dict[str, Any]:
     from dataclasses import asdict
 
-    from rsenf.record.export import RecordedLight, write_sound
+    from rsenf.record.export import Part, RecordedLight, write_sound
 
-    light = RecordedLight(recording, topic, args.epoch)
+    light = RecordedLight(recording, topic, Part(args.run, args.epoch))
     sound = write_sound(
         light.blocks,
         args.out,
         idle_ratio=light.idle_ratio if args.idle_ratio is None else args.idle_ratio,
         upwards=light.upwards,
         sample_format=args.samples,
-        about={"recording": recording.path.name, "topic": topic, "epoch": light.epoch},
+        about={"recording": recording.path.name, "topic": topic, **light.part._asdict()},
     )
     return asdict(sound)
 

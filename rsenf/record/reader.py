@@ -44,11 +44,14 @@ class Loss:
         Chunks and other records that aren't what was written, as far as was read.
     rejected : int
         Messages that didn't parse, in the latest tolerant reading.
+    why : str
+        Why the first of them didn't.
     """
 
     cut_bytes: int = 0
     damaged: int = 0
     rejected: int = 0
+    why: str = ""
 
     def __bool__(self) -> bool:
         return bool(self.cut_bytes or self.damaged or self.rejected)
@@ -97,7 +100,7 @@ class Recording:
         if loss.damaged:
             lost.append(f"damaged parts, left out: {loss.damaged}")
         if loss.rejected:
-            lost.append(f"messages that can't be read: {loss.rejected}")
+            lost.append(f"messages that can't be read: {loss.rejected} ({loss.why})")
         return "; ".join(lost)
 
     def messages(
@@ -179,6 +182,7 @@ class Recording:
                 made_by = self.metadata.get(ABOUT, {}).get("rsenf", "unknown")
                 hint = f"the recording was made by rsenf {made_by}"
                 raise SchemaMismatch(f"{self.path}: {exc.message}", hint) from exc
+            self.loss.why = self.loss.why if self.loss.rejected else exc.message
             self.loss.rejected += 1
         return None
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
+import itertools
 import json
 import math
 from pathlib import Path
@@ -18,7 +20,7 @@ from rsenf.errors import InputError, UsageError
 from rsenf.messages import EnfEstimate, IdleEstimate, Mark, RowBlock
 from rsenf.messages.schema import field_specs, message_classes
 from rsenf.record import Recorder, open_recording
-from rsenf.record.export import RecordedLight, write_sound, write_table
+from rsenf.record.export import Part, RecordedLight, write_sound, write_table
 from rsenf.record.export.columns import Columns
 
 TRACK = "rsenf/site/cam/track"
@@ -111,7 +113,7 @@ def test_rows_that_change_their_number_are_refused(tmp_path):
     with pytest.raises(InputError, match="rows change from 6 × 2 strips to 8 × 2"):
         write_table(recording, ROWS, tmp_path / "x.csv")
     assert [p.name for p in tmp_path.iterdir()] == ["a.mcap"]
-    assert write_table(recording, ROWS, tmp_path / "x.csv", epoch=1) == 2
+    assert write_table(recording, ROWS, tmp_path / "x.csv", Part(epoch=1)) == 2
 
 
 def test_a_damaged_chunk_costs_lines_and_is_said(tmp_path, capsys):
@@ -129,7 +131,7 @@ def test_a_damaged_chunk_costs_lines_and_is_said(tmp_path, capsys):
 FRAME_RATE_HZ, IDLE_RATIO, N_ROWS, TONE_HZ = 29.97, 0.38, 240, 100.02
 
 
-def filmed(seconds=20.0, missing=(), upwards=False, axis="rows", n_rows=N_ROWS):
+def filmed(seconds=20.0, missing=(), upwards=False, axis="rows", n_rows=N_ROWS, run_id="run"):
     """Row blocks of a textured wall under a lamp at a known frequency, by the rows' own times."""
     scene = np.random.default_rng(1).normal(110, 25, n_rows)
     for seq, first in enumerate(range(0, int(seconds * FRAME_RATE_HZ), 8)):
@@ -140,7 +142,7 @@ def filmed(seconds=20.0, missing=(), upwards=False, axis="rows", n_rows=N_ROWS):
         time_s = numbers[:, None] / FRAME_RATE_HZ + (row_s[::-1] if upwards else row_s)
         level = scene + 6 * np.cos(2 * np.pi * TONE_HZ * time_s)
         yield RowBlock(
-            header=header(seq),
+            header=header(seq, run_id=run_id),
             read_out_axis=axis,
             frames=numbers.size,
             rows=n_rows,
@@ -219,10 +221,31 @@ def test_missing_frames_are_silent_and_take_their_time(tmp_path):
     assert strongest_hz(rate_hz, signal) == pytest.approx(TONE_HZ, abs=0.02)
 
 
+@pytest.mark.parametrize("missing", ["every third", "a tenth"])
+def test_frames_that_are_missing_without_a_number_don_t_change_the_pitch(tmp_path, missing):
+    frames = range(int(20 * FRAME_RATE_HZ))
+    tenth = np.random.default_rng(3).choice(frames, len(frames) // 10, replace=False)
+    lost = frames[2::3] if missing == "every third" else {int(n) for n in tenth}
+    blocks = list(renumbered(filmed(missing=lost)))
+    sound = write_sound(lambda: blocks, tmp_path / "x.wav", idle_ratio=IDLE_RATIO)
+    rate_hz, signal = scipy.io.wavfile.read(tmp_path / "x.wav")
+    assert sound.frame_rate_hz == pytest.approx(FRAME_RATE_HZ, rel=1e-6)
+    assert strongest_hz(rate_hz, signal) == pytest.approx(TONE_HZ, abs=0.02)
+    assert np.mean(signal == 0) > 0.05
+
+
+def renumbered(blocks):
+    """The blocks of a source that knows nothing of the frames it lacks."""
+    count = itertools.count()
+    for block in blocks:
+        numbers = np.array([next(count) for _ in block.frame_number], np.int64)
+        yield dataclasses.replace(block, frame_number=numbers)
+
+
 def test_frame_means_are_a_sound_at_the_frame_rate(tmp_path):
     blocks = list(filmed(axis="frame", n_rows=1))
     recording = open_recording(record(tmp_path / "a.mcap", [(ROWS, b) for b in blocks]))
-    light = RecordedLight(recording, ROWS, None)
+    light = RecordedLight(recording, ROWS, Part())
     assert write_sound(light.blocks, tmp_path / "x.wav", idle_ratio=light.idle_ratio).rate_hz == 30
 
 
@@ -247,9 +270,22 @@ def test_the_idle_period_comes_from_the_recording(tmp_path, capsys):
 def test_several_epochs_are_not_one_sound(tmp_path):
     blocks = [rows(0, pts_ns=0), rows(0, epoch=1)]
     recording = open_recording(record(tmp_path / "a.mcap", [(ROWS, b) for b in blocks]))
-    with pytest.raises(UsageError, match="epochs 0, 1"):
-        RecordedLight(recording, ROWS, None)
-    assert len(list(RecordedLight(recording, ROWS, 1).blocks())) == 1
+    with pytest.raises(UsageError, match="epoch 0 of run 'run', epoch 1 of run 'run'"):
+        RecordedLight(recording, ROWS, Part())
+    assert len(list(RecordedLight(recording, ROWS, Part(epoch=1)).blocks())) == 1
+
+
+def test_several_runs_are_not_one_sound(tmp_path, capsys):
+    blocks = [*filmed(5), *filmed(5, run_id="a01")]
+    path = str(record(tmp_path / "a.mcap", [(ROWS, b) for b in blocks]))
+    words = ["export", path, "--out", str(tmp_path / "x.wav"), "--idle-ratio", "0.38", "--json"]
+    assert main(words) == 2
+    assert "epoch 0 of run 'run', epoch 0 of run 'a01'" in capsys.readouterr().err
+    assert main([*words, "--run", "a0"]) == 0
+    assert json.loads(capsys.readouterr().out)["duration_s"] == pytest.approx(5, abs=0.1)
+    table = ["export", path, "--topic", "rows", "--out", str(tmp_path / "x.csv"), "--json"]
+    assert main([*table, "--run", "a01"]) == 0
+    assert json.loads(capsys.readouterr().out)["lines"] == 19 * 8
 
 
 @pytest.mark.parametrize(

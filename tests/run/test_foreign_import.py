@@ -173,6 +173,35 @@ def test_pictures_without_stamps_go_by_their_logging(tmp_path):
     assert "bear no times" in source.warnings[0]
 
 
+def test_a_picture_without_a_stamp_among_others_is_left_out_and_counted(tmp_path, capsys):
+    good = [("/cam", *m, t) for m, t in messages_of("ros png")]
+    unset = (
+        "/cam",
+        "cdr",
+        COMPRESSED,
+        ros_compressed(0, "png", still(next(iter(wall_luma(1)))[1], ".png")),
+        STAMP_NS,
+    )
+    path = write_mcap(tmp_path / "a.mcap", [*good[:3], unset, *good[3:]])
+    assert main(["import", str(path), "--out", str(tmp_path / "b.mcap")]) == 3
+    assert "pictures without a stamp, among others that have one: 1" in capsys.readouterr().err
+    _, frames = frames_of(path)
+    assert [f.header.pts_ns for f in frames] == [t - STAMP_NS for t, _ in wall_luma(6)]
+
+
+def test_a_camera_whose_encoding_is_unknown_is_a_loss(tmp_path, capsys):
+    good = [("/cam", *m, t) for m, t in messages_of("ros png")]
+    other = [("/fb", "flatbuffer", COMPRESSED, b"?" * 40, STAMP_NS + k) for k in range(5)]
+    path = write_mcap(tmp_path / "a.mcap", [*good, *other])
+    assert main(["import", str(path), "--out", str(tmp_path / "b.mcap")]) == 3
+    error = capsys.readouterr().err
+    why = f"topic /fb: {COMPRESSED} encoded as 'flatbuffer' isn't known"
+    assert f"messages that can't be read: 5 ({why})" in error
+    path = write_mcap(tmp_path / "c.mcap", other)
+    assert main(["import", str(path), "--out", str(tmp_path / "d.mcap")]) == 1
+    assert why in capsys.readouterr().err
+
+
 def test_pictures_that_are_none_are_counted(tmp_path, capsys):
     good = [("/cam", *m, t) for m, t in messages_of("ros png")]
     cut = still(np.eye(9, dtype=np.uint8), ".png")[:40]

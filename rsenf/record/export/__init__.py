@@ -5,8 +5,9 @@
 ``luminance`` makes a signal of them, ``sound`` writes it as WAV.
 """
 
+from rsenf.record.export.part import Part
 from rsenf.record.export.recorded_light import RecordedLight
 from rsenf.record.export.sound import SoundFile, write_sound
 from rsenf.record.export.table import write_table
 
-__all__ = ["RecordedLight", "SoundFile", "write_sound", "write_table"]
+__all__ = ["Part", "RecordedLight", "SoundFile", "write_sound", "write_table"]

@@ -62,7 +62,7 @@ class FrameRows(Columns):
             raise InputError(
                 f"the rows change from {self._shape[0]} × {self._shape[1]} strips to "
                 f"{message.rows} × {message.strips} at frame {message.header.frame_first}",
-                "export one epoch by itself, with --epoch",
+                "export one stretch by itself, with --run and --epoch",
             )
         about = self.about(message.header, log_time_ns)
         about |= {name: getattr(message, name) for name in _OF_BLOCK}

@@ -29,7 +29,7 @@ class Survey:
     frames : int
         Number of frames.
     frame_rate_hz : float
-        Measured from the first to the last.
+        Measured between frames that follow each other: some may be missing, numbered or not.
     scene_levels : ndarray
         Mean of each row over all frames: the still picture, without the light's flicker.
     peak_levels : float
@@ -58,28 +58,28 @@ def survey(blocks: Iterable[RowBlock]) -> Survey:
         When there are fewer than two frames, or the rows change their number.
     """
     total = least = most = np.empty(0)
-    numbers: list[int] = []
-    times: list[int] = []
-    frames = 0
+    times = np.empty(0, np.int64)
     for block in blocks:
         level = row_levels(block)
-        if not frames:
+        if not times.size:
             total, least, most = np.zeros(block.rows), level.min(axis=0), level.max(axis=0)
         if level.shape[1] != total.size:
             raise InputError(f"the rows change from {total.size} to {block.rows}")
         total = total + level.sum(axis=0)
         least, most = np.minimum(least, level.min(axis=0)), np.maximum(most, level.max(axis=0))
-        numbers = [*numbers[:1], *block.frame_number[[0, -1]].tolist()]
-        times = [*times[:1], *block.frame_pts_ns[[0, -1]].tolist()]
-        frames += block.frames
-    if frames < 2 or times[-1] <= times[0] or numbers[-1] <= numbers[0]:
-        raise InputError(f"too short for a sound: {frames} frames")
-    scene = total / frames
+        times = np.concatenate([times, block.frame_pts_ns])
+    intervals_ns = np.diff(times)
+    intervals_ns = intervals_ns[intervals_ns > 0]
+    if not intervals_ns.size or times[-1] <= times[0]:
+        raise InputError(f"too short for a sound: {times.size} frames")
+    scene = total / times.size
+    # Not the median: where every third frame is missing, half of them are two periods.
+    usual_ns = intervals_ns[intervals_ns < _MISSING * np.quantile(intervals_ns, 0.25)]
     return Survey(
-        first_pts_ns=times[0],
-        last_pts_ns=times[-1],
-        frames=frames,
-        frame_rate_hz=(numbers[-1] - numbers[0]) * NS_PER_S / (times[-1] - times[0]),
+        first_pts_ns=int(times[0]),
+        last_pts_ns=int(times[-1]),
+        frames=times.size,
+        frame_rate_hz=float(NS_PER_S / usual_ns.mean()),
         scene_levels=scene,
         peak_levels=float(np.maximum(most - scene, scene - least).max()),
     )

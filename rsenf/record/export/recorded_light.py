@@ -7,13 +7,14 @@ from functools import cached_property
 
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import IdleEstimate, Mark, RowBlock
+from rsenf.record.export.part import Part
 from rsenf.record.reader import Recording
 
 IDLE = "/idle"
 
 
 class RecordedLight:
-    """Row blocks of one epoch, with the idle period that the recording has of it.
+    """Row blocks of one epoch of one run, with the idle period that the recording has of it.
 
     Parameters
     ----------
@@ -21,7 +22,7 @@ class RecordedLight:
         The recording.
     topic : str
         Topic of the row blocks.
-    epoch : int, optional
+    part : Part
         Which; needed when there are several, as their times don't go on from each other.
 
     Raises
@@ -30,23 +31,23 @@ class RecordedLight:
         When the topic has no row blocks, or several epochs and none is given.
     """
 
-    def __init__(self, recording: Recording, topic: str, epoch: int | None) -> None:
+    def __init__(self, recording: Recording, topic: str, part: Part) -> None:
         if recording.topics[topic].schema != "rsenf.RowBlock":
             raise UsageError(f"{topic} is no light that could be heard", "a sound is made of rows")
         self._recording, self._topic = recording, topic
-        found = sorted({block.header.epoch for block in self._all()})
-        if epoch is None and len(found) > 1:
-            numbers = ", ".join(map(str, found))
+        found = dict.fromkeys(Part(b.header.run_id, b.header.epoch) for b in self._all(part))
+        if len(found) > 1:
+            there = ", ".join(f"epoch {one.epoch} of run {one.run!r}" for one in found)
             raise UsageError(
-                f"{recording.path}: the source restarted, epochs {numbers}", "choose with --epoch"
+                f"{recording.path}: the source restarted: {there}", "choose with --run, --epoch"
             )
-        if not found or epoch not in (None, *found):
+        if not found:
             raise InputError(f"{recording.path}: no rows of {topic} that could be heard")
-        self.epoch = found[0] if epoch is None else epoch
+        self.part = next(iter(found))
 
     def blocks(self) -> Iterator[RowBlock]:
         """Read the row blocks, what can't be read left out."""
-        return (block for block in self._all() if block.header.epoch == self.epoch)
+        return self._all(self.part)
 
     @property
     def idle_ratio(self) -> float:
@@ -79,11 +80,11 @@ class RecordedLight:
             return None
         latest = None
         for _, message, _ in self._recording.messages([topic], tolerant=True):
-            if message.header.epoch == self.epoch and message.verdict == "estimated":
+            if self.part.has(message.header) and message.verdict == "estimated":
                 latest = message
         return latest
 
-    def _all(self) -> Iterator[RowBlock]:
+    def _all(self, part: Part) -> Iterator[RowBlock]:
         for _, message, _ in self._recording.messages([self._topic], tolerant=True):
-            if message.header.mark == Mark.DATA and message.frames:
+            if message.header.mark == Mark.DATA and message.frames and part.has(message.header):
                 yield message

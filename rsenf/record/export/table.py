@@ -16,13 +16,14 @@ from rsenf.errors import InputError, UsageError
 from rsenf.messages import Mark, RowBlock
 from rsenf.record.export.columns import Columns
 from rsenf.record.export.frame_rows import FrameRows
+from rsenf.record.export.part import Part
 from rsenf.record.reader import Recording
 from rsenf.whole_file import whole_file
 
 _LINES = 512  # written at once: a few MB of the widest tables
 
 
-def write_table(recording: Recording, topic: str, out: Path, *, epoch: int | None = None) -> int:
+def write_table(recording: Recording, topic: str, out: Path, part: Part | None = None) -> int:
     """Write a topic's messages to a table, what can't be read left out and counted in its loss.
 
     One line a message, or a frame for row blocks. Marks and pictures are left out. In CSV a list
@@ -36,8 +37,8 @@ def write_table(recording: Recording, topic: str, out: Path, *, epoch: int | Non
         One of its topics.
     out : Path
         ``.csv`` or ``.parquet``; replaced once the table is complete.
-    epoch : int, optional
-        Only this one; all unless given.
+    part : Part, optional
+        Which of them; all unless given.
 
     Returns
     -------
@@ -59,7 +60,7 @@ def write_table(recording: Recording, topic: str, out: Path, *, epoch: int | Non
     read = (
         (message, log_time_ns)
         for _, message, log_time_ns in recording.messages([topic], tolerant=True)
-        if message.header.mark == Mark.DATA and epoch in (None, message.header.epoch)
+        if message.header.mark == Mark.DATA and (part is None or part.has(message.header))
     )
     first = next(read, None)
     if first is None:
@@ -69,7 +70,7 @@ def write_table(recording: Recording, topic: str, out: Path, *, epoch: int | Non
     columns = FrameRows(topic, message) if is_rows else Columns(topic, type(message))
     about = {"rsenf.recording": recording.path.name, "rsenf.topic": topic}
     lines, schema = 0, columns.schema.with_metadata(about)
-    with whole_file(out) as part, writer(part, schema) as table:
+    with whole_file(out) as file, writer(file, schema) as table:
         for batch in _batches(columns, _all(first, read)):
             table.write(pa.RecordBatch.from_pylist(batch, schema))
             lines += len(batch)

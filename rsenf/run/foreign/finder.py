@@ -26,6 +26,13 @@ def holds_pictures(schema: str) -> bool:
     return any(reader(schema) is not None for reader in _ENCODINGS.values())
 
 
+def _unreadable(schema: str, encoding: str) -> Reader:
+    def refuse(_payload: bytes) -> Picture:
+        raise SchemaMismatch(f"{schema} encoded as {encoding!r} isn't known")
+
+    return refuse
+
+
 class Found(NamedTuple):
     """A picture and where it was found."""
 
@@ -68,11 +75,15 @@ class Finder:
         return None
 
     def _note(self, channel: Channel) -> None:
-        schema = self._schemas.get(channel.schema_id, "")
-        reader_of = _ENCODINGS.get(channel.message_encoding)
+        if channel.topic not in self._topics:
+            return
+        schema, encoding = self._schemas.get(channel.schema_id, ""), channel.message_encoding
+        reader_of = _ENCODINGS.get(encoding)
         reader = reader_of(schema) if reader_of else None
-        if reader is not None and channel.topic in self._topics:
+        if reader is not None:
             self._readers[channel.id] = channel.topic, reader
+        elif holds_pictures(schema):
+            self._readers[channel.id] = channel.topic, _unreadable(schema, encoding)
 
     def _picture(self, body: bytes) -> Found | None:
         topic, reader = self._readers.get(int.from_bytes(body[:2], "little"), ("", None))

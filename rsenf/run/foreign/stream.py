@@ -44,8 +44,9 @@ class PictureStream:
     ----------
     ended : str
         Why what follows can't belong to the same stream; empty while it can.
-    damaged, backward : int
-        Pictures that can't be decoded, and frames whose time isn't after the one's before.
+    damaged, backward, unset : int
+        Pictures that can't be decoded, frames whose time isn't after the one's before, and
+        pictures without a stamp among others that have one.
     unstamped : bool
         Whether times are those of logging.
     """
@@ -61,11 +62,14 @@ class PictureStream:
         self._decoder: PacketDecoder | None = None
         self.unstamped = False
         self.ended = ""
-        self.damaged = self.backward = 0
+        self.damaged = self.backward = self.unset = 0
 
     def feed(self, picture: Picture, log_time_ns: int) -> list[Item]:
         """Take a picture; return what it completes: its packet, if asked for, and frames."""
         if self.ended:
+            return []
+        if picture.stamp_ns <= 0 and self._zero_ns is not None and not self.unstamped:
+            self.unset += 1
             return []
         header = self._timed(picture.stamp_ns, log_time_ns)
         try:
@@ -90,6 +94,8 @@ class PictureStream:
         lost = [self.ended] if self.ended else []
         if self.damaged:
             lost.append(f"pictures that can't be decoded: {self.damaged}")
+        if self.unset:
+            lost.append(f"pictures without a stamp, among others that have one: {self.unset}")
         return "; ".join(lost)
 
     @property
