@@ -254,6 +254,16 @@ def test_colours_are_weighted_and_not_mixed_up():
     assert red[0, 0] == pytest.approx(0.299 * 200, abs=2)
 
 
+@pytest.mark.parametrize("height", [1, 2, 3, 9, 24])
+@pytest.mark.parametrize("width", [1, 2, 3, 9, 32])
+def test_mosaics_of_any_size(height, width):
+    """Even where FFmpeg by itself would abort the process."""
+    grey = np.full((height, width), 90, np.uint8)
+    luma = raw_luma(Raw(0, "bayer_gbrg8", width, height, 0, False, grey.tobytes()))
+    assert luma.shape == (height, width)
+    assert np.abs(luma.astype(int) - 90).max() <= 1
+
+
 def test_deep_samples_in_either_order():
     for big_endian, data in ((True, b"\x5a\x00"), (False, b"\x00\x5a")):
         luma = raw_luma(Raw(0, "mono16", 4, 2, 0, big_endian, data * 8))

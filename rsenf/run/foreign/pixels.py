@@ -76,12 +76,17 @@ def _lines(raw: Raw, pixel_bytes: int) -> NDArray[np.uint8]:
 def _by_ffmpeg(raw: Raw, name: str, lines: NDArray[np.uint8]) -> NDArray[np.uint8]:
     if name == "gray16":
         name += "be" if raw.big_endian else "le"
+    height_px, width_px = raw.height_px, raw.width_px
+    if name.startswith("bayer"):
+        # FFmpeg aborts the process at odd heights: whole cells, the colours of a mosaic kept.
+        lines = np.pad(lines, ((0, height_px % 2), (0, width_px % 2)), mode="reflect")
+        height_px, width_px = lines.shape
     try:
-        frame = av.VideoFrame(raw.width_px, raw.height_px, name)
+        frame = av.VideoFrame(width_px, height_px, name)
     except (av.FFmpegError, ValueError, MemoryError) as exc:
-        raise SchemaMismatch(f"no {name} picture is {raw.width_px}×{raw.height_px}") from exc
+        raise SchemaMismatch(f"no {name} picture is {width_px}×{height_px}") from exc
     plane = frame.planes[0]
     padded = np.zeros((plane.buffer_size // plane.line_size, plane.line_size), np.uint8)
     padded[: lines.shape[0], : lines.shape[1]] = lines
     plane.update(padded.tobytes())
-    return luma_plane(frame)
+    return luma_plane(frame)[: raw.height_px, : raw.width_px]
