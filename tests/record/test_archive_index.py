@@ -183,7 +183,7 @@ def test_of_a_day_of_gaps_the_index_keeps_a_few(tmp_path, capsys):
     assert kept.messages == 1200
     assert 20 * SECOND_NS <= kept.coarse_ns < 200 * SECOND_NS
     assert main(["archive", str(tmp_path)]) == 0
-    assert "10 gaps (those of up to 32 s aren't told)" in capsys.readouterr().out
+    assert "10 gaps (those of up to 37 s aren't told)" in capsys.readouterr().out
 
 
 def test_estimates_of_all_so_far_stretch_no_file_back_to_the_beginning(tmp_path):
