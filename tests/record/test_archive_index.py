@@ -208,6 +208,17 @@ def test_estimates_of_all_so_far_stretch_no_file_back_to_the_beginning(tmp_path)
     assert last.topics[idle].gaps is None
 
 
+def test_what_a_topic_missed_at_another_time_is_not_counted(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock) as recorder:
+        send(recorder, clock, f"{CAM1}/track", EnfEstimate, range(20), 1.0)
+        for seq in (*range(500, 600), *range(607, 700)):
+            put(recorder, ROWS, rows(seq, **at(seq)))
+    found = holding(read_archive(tmp_path), LAB, Stretch(NOW_NS, NOW_NS + 10 * SECOND_NS))
+    assert (found.topics[ROWS].messages, found.topics[ROWS].missed) == (0, 0)
+    assert found.topics[ROWS].gaps == [Gap(*found.asked, None)]
+
+
 def spoil_last_chunks(path, count):
     with path.open("rb") as stream:
         chunks = make_reader(stream).get_summary().chunk_indexes
