@@ -5,7 +5,10 @@
     rsenf archive recordings --camera cam3 --from 2026-01-15T22:00 --to 2026-01-16T02:00 --json
 
 Times are UTC unless they tell their zone; one without a date is of --day, or of the last day that
-there is something of. What has been found out of a file is kept in the archive's index.json.
+there is something of. --from 23:50 --to 00:10 goes past midnight; --day alone is the whole day.
+
+What has been found out of a file is kept in the archive's index.json. Of a file that has its end,
+that is believed: damage before it shows with --check, which reads each file once, or to doctor.
 """
 
 from __future__ import annotations
@@ -29,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--from", dest="from_", metavar="TIME", help="(the first message)")
     parser.add_argument("--to", metavar="TIME", help="(the last message)")
     parser.add_argument("--day", metavar="DATE", help="of times without a date")
+    parser.add_argument("--check", action="store_true", help="read all of each file, once")
     parser.add_argument("--json", action="store_true")
 
 
@@ -39,12 +43,15 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.record.archive.holdings import holding
     from rsenf.record.archive.index import read_archive
 
-    entries = read_archive(args.archive)
-    asked = {camera: _asked(args, entries, camera) for camera in _cameras(args, entries)}
+    entries = read_archive(args.archive, check=args.check)
+    cameras = _cameras(args, entries)
+    extents = {camera: _all_of(entries, camera) for camera in cameras}
+    limits = _limits(args, max((each.last_ns for each in extents.values()), default=0))
+    asked = {camera: _asked(limits, extents[camera]) for camera in cameras}
     found = [holding(entries, camera, when) for camera, when in asked.items()]
     if args.json:
-        cameras = [document(each, args.archive) for each in found]
-        print_json({"archive": str(args.archive), "cameras": cameras})
+        documents = [document(each, args.archive) for each in found]
+        print_json({"archive": str(args.archive), "cameras": documents})
     elif found:
         print("\n\n".join(words(each, args.archive) for each in found))
     else:
@@ -64,26 +71,56 @@ def _cameras(args: argparse.Namespace, entries: list[Entry]) -> list[Camera]:
     return chosen
 
 
-def _asked(args: argparse.Namespace, entries: list[Entry], camera: Camera) -> Stretch:
-    """From when to when; where it isn't said, all that there is."""
-    from rsenf.errors import UsageError
+def _all_of(entries: list[Entry], camera: Camera) -> Stretch:
+    """All that there is of a camera; its files' names tell where they can't be read."""
     from rsenf.record.archive.holdings import extent_of
     from rsenf.record.stretches import Stretch
 
     starts = [entry.file.start_ns for entry in entries if entry.file.camera == camera]
-    all_of_it = extent_of(entries, camera) or Stretch(starts[0], starts[-1])
-    first_ns = _time_ns(args, "from_", all_of_it) if args.from_ else all_of_it.first_ns
-    last_ns = _time_ns(args, "to", all_of_it) if args.to else all_of_it.last_ns
-    if (args.from_ or args.to) and first_ns >= last_ns:
-        raise UsageError(f"{camera}: nothing lies between --from and --to", "see 'rsenf archive'")
-    return Stretch(first_ns, last_ns)
+    return extent_of(entries, camera) or Stretch(starts[0], starts[-1])
 
 
-def _time_ns(args: argparse.Namespace, name: str, all_of_it: Stretch) -> int:
+def _limits(args: argparse.Namespace, latest_ns: int) -> tuple[int | None, int | None]:
+    """From when to when, as far as that is said; by the day of the latest message."""
+    from rsenf.errors import UsageError
     from rsenf.record.archive.layout import day_of
     from rsenf.reference.moments import utc_ns
 
-    text = getattr(args, name)
-    if re.match(r"\d\d:\d\d", text):
-        text = f"{args.day or day_of(all_of_it.last_ns)}T{text}"
-    return utc_ns(text, f"--{name.rstrip('_')}")
+    day, day_ns = args.day or day_of(latest_ns), 86_400 * 10**9
+    first_ns = last_ns = None
+    if args.day:
+        if not re.fullmatch(r"\d{4}-\d\d-\d\d", args.day):
+            raise UsageError(f"--day {args.day!r} is not a date", "e.g. 2026-01-15")
+        first_ns = utc_ns(args.day, "--day")
+        last_ns = first_ns + day_ns
+    if args.from_:
+        first_ns = utc_ns(_dated(args.from_, day), "--from")
+    if args.to:
+        last_ns = utc_ns(_dated(args.to, day), "--to")
+    if first_ns is None or last_ns is None or first_ns < last_ns:
+        return first_ns, last_ns
+    if first_ns == last_ns or not (_lacks_date(args.from_) and _lacks_date(args.to)):
+        raise UsageError("nothing lies between --from and --to", "see 'rsenf archive --help'")
+    if args.day or first_ns <= latest_ns:
+        return first_ns, last_ns + day_ns
+    return first_ns - day_ns, last_ns
+
+
+def _asked(limits: tuple[int | None, int | None], all_of_it: Stretch) -> Stretch:
+    """From when to when; where it isn't said, all that there is of a camera."""
+    from rsenf.record.stretches import Stretch
+
+    first_ns, last_ns = limits
+    if first_ns is None:
+        first_ns = all_of_it.first_ns if last_ns is None else min(all_of_it.first_ns, last_ns)
+    if last_ns is None:
+        last_ns = max(all_of_it.last_ns, first_ns)
+    return Stretch(first_ns, last_ns)
+
+
+def _lacks_date(text: str | None) -> bool:
+    return text is not None and re.match(r"\d\d:\d\d", text) is not None
+
+
+def _dated(text: str, day: str) -> str:
+    return f"{day}T{text}" if _lacks_date(text) else text

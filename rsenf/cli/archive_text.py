@@ -50,6 +50,7 @@ def _topic(name: str, topic: TopicHolding) -> dict[str, Any]:
         "covered_s": seconds(topic.covered_ns),
         "stretches": [_span(*stretch) for stretch in topic.stretches],
         "gaps": gaps,
+        "shortest_gap_s": seconds(max(topic.pause_ns, topic.coarse_ns)),
     }
 
 
@@ -62,6 +63,8 @@ def _file(entry: Entry, root: Path) -> dict[str, Any]:
         "size_bytes": summary.size_bytes,
         "cut_bytes": summary.cut_bytes,
         "damaged": summary.damaged,
+        "checked": summary.checked,
+        "recovered": summary.recovered,
         **({} if extent is None else _span(*extent)),
         "topics": {
             name: {"messages": topic.messages, "missed": topic.missed}
@@ -102,6 +105,8 @@ def _topic_words(name: str, topic: TopicHolding, asked_ns: int) -> list[str]:
         return [f"  {name:10} {topic.messages} messages{missed}"]
     share = topic.covered_ns / asked_ns if asked_ns else 1.0
     gaps = f"{len(topic.gaps)} gap{'s' * (len(topic.gaps) != 1)}" if topic.gaps else "no gaps"
+    if topic.coarse_ns:
+        gaps += f" (those of up to {seconds(topic.coarse_ns):.0f} s aren't told)"
     head = f"  {name:10} {100 * share:.1f} % of the time, {gaps}{missed}"
     shown = [f"    gap      {_gap_words(gap)}" for gap in topic.gaps[:MOST_GAPS]]
     rest = len(topic.gaps) - len(shown)
@@ -123,6 +128,7 @@ def _file_words(entry: Entry, root: Path) -> str:
         "" if state == "complete" else state,
         f"{summary.cut_bytes} bytes cut off" if summary.cut_bytes and state != WRITING else "",
         f"{summary.damaged} damaged places" if summary.damaged else "",
+        "what was left of a damaged one" if summary.recovered else "",
     ]
     name = entry.file.path.relative_to(root).as_posix()
     size = f"{summary.size_bytes / 1e6:.1f} MB"

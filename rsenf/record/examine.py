@@ -20,6 +20,7 @@ from rsenf.record.reader import open_file
 from rsenf.record.scan import Contents
 from rsenf.record.sound import Damage, Sound
 from rsenf.record.summary import read_contents
+from rsenf.record.tally import count_of
 from rsenf.record.topics import Topic, topics_of
 
 RECOVERED = "rsenf.recovered"
@@ -161,7 +162,7 @@ def _topics(contents: Contents) -> list[Topic]:
 def _state(contents: Contents, topic: Topic, reading: _Reading, ends: bool) -> TopicState:
     numbers = reading.numbers.get(topic.name, TopicNumbers())
     closing = contents.metadata.get(CLOSING, {})
-    gaps = numbers.gaps(_count(closing.get(f"joined_at {topic.name}")))
+    gaps = numbers.gaps(count_of(closing.get(f"joined_at {topic.name}")))
     said = contents.messages_said
     recorded = None if said is None else said.get(topic.name, 0)
     lost = sum(gap.messages for gap in gaps if gap.damaged)
@@ -183,10 +184,6 @@ def _version(contents: Contents, topic: Topic) -> str:
         if channel.topic in (topic.name, topic.name + COMPANION)
     }
     return ", ".join(sorted(versions - {""}))
-
-
-def _count(text: str | None) -> int | None:
-    return int(text) if text is not None and text.lstrip("-").isdecimal() else None
 
 
 def made_by(contents: Contents) -> str:

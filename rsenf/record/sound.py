@@ -150,6 +150,9 @@ class _Check:
             raise DamagedError("a chunk that doesn't consist of records")
         if not self._foreign and not {part.opcode for part in parts} <= _IN_CHUNKS:
             raise DamagedError("a chunk with records that have no place in one")
+        for part in parts:
+            if part.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                unpack(_KINDS[part.opcode], part.body)  # without a checksum it may be anything
         return parts
 
 

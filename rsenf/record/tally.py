@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+import re
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ from rsenf.messages import Header
 
 KEPT_STREAMS = 32
 KEPT_GAPS = 4096
+_COUNT = re.compile(r"-?[0-9]{1,19}")
 
 
 class Numbers:
@@ -64,6 +66,14 @@ class Numbers:
         return [range(*hole) for hole in zip(ends, self._starts, strict=True) if hole[0] < hole[1]]
 
 
+def count_of(text: str | None) -> int | None:
+    """Read a count from metadata; None where it is none, or has become something else.
+
+    No checksum covers metadata: what is there need not be what was written.
+    """
+    return int(text) if text is not None and _COUNT.fullmatch(text) else None
+
+
 class Place(NamedTuple):
     """A message's place among all of its topic."""
 
@@ -85,8 +95,11 @@ class Place(NamedTuple):
         ValueError
             When the text is none.
         """
-        seq, epoch, run_id = text.split(" ", 2)
-        return cls(run_id, int(epoch), int(seq))
+        seq_text, epoch_text, run_id = text.split(" ", 2)
+        seq, epoch = count_of(seq_text), count_of(epoch_text)
+        if seq is None or epoch is None or min(seq, epoch) < 0:
+            raise ValueError(f"no place: {text!r}")
+        return cls(run_id, epoch, seq)
 
     def __str__(self) -> str:
         return f"{self.seq} {self.epoch} {self.run_id}"

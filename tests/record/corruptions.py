@@ -22,13 +22,19 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
+from rsenf.cli.archive_text import words
 from rsenf.cli.recording_text import lost_words
 from rsenf.errors import RsenfError
 from rsenf.messages import encode
 from rsenf.record import Recorder, close_truncated, open_recording
+from rsenf.record.archive.holdings import extent_of, holding
+from rsenf.record.archive.index import Entry
+from rsenf.record.archive.layout import ArchivedFile, Camera
+from rsenf.record.archive.summary import summarise
 from rsenf.record.container import HEAD, MAGIC, walk
 from rsenf.record.examine import RECOVERED, Examination, examine
 from rsenf.record.recover import recover
+from rsenf.record.stretches import Stretch
 
 sys.path.insert(0, str(Path(__file__).parent))
 from record_samples import ROWS, VIDEO, Clock, packet, rows
@@ -160,6 +166,7 @@ def outcome(content: bytes, sample: Sample, folder: Path) -> str:
     """Read, examine and recover damaged content; return what came of it. Raises as `trial`."""
     path, out = folder / "damaged.mcap", folder / "recovered.mcap"
     path.write_bytes(content)
+    ask_archive(path)
     try:
         read = read_tolerantly(path, sample)
     except RsenfError:
@@ -190,6 +197,15 @@ def outcome(content: bytes, sample: Sample, folder: Path) -> str:
     if unnamed:
         return "unnamed loss"
     return "lost" if len(read) < len(sample.messages) else "all"
+
+
+def ask_archive(path: Path) -> None:
+    """What an archive says of the file may be little, but doesn't fail."""
+    for check in (False, True):
+        file = ArchivedFile(0, Camera("site", "cam"), False, path)
+        entry = Entry(file, summarise(path, check=check))
+        asked = extent_of([entry], file.camera) or Stretch(0, 0)
+        words(holding([entry], file.camera, asked), path.parent)
 
 
 def read_tolerantly(path: Path, sample: Sample) -> dict[Key, None]:

@@ -5,16 +5,20 @@ from __future__ import annotations
 import json
 
 import pytest
-from archive_samples import CAM1, archive, at, files, film, put
+from archive_samples import CAM1, CAM2, archive, at, files, film, put
 from hypothesis import given
 from hypothesis import strategies as st
-from record_samples import NOW_NS, SECOND_NS, Clock, rows
+from mcap.reader import make_reader
+from record_samples import NOW_NS, SECOND_NS, Clock, header, random_message, rows
 
 from rsenf.cli import main
+from rsenf.messages import EnfEstimate, IdleEstimate
 from rsenf.record.archive import index as index_module
 from rsenf.record.archive.holdings import Gap, extent_of, holding
 from rsenf.record.archive.index import read_archive
 from rsenf.record.archive.layout import Camera
+from rsenf.record.archive.summary import MOST_STRETCHES
+from rsenf.record.recover import recover_in_place
 from rsenf.record.settings import AlarmSettings, Rotation
 from rsenf.record.stretches import Stretch, Stretches, joined
 from rsenf.timebase import utc_text
@@ -98,7 +102,7 @@ def test_few_numbers_missing_between_files_show_though_the_pause_is_short(tmp_pa
 
 
 def test_an_alarm_file_beside_the_others_makes_no_gap(tmp_path):
-    clock, before, again = Clock(), Clock(), Clock()
+    clock, again = Clock(), Clock()
     with archive(tmp_path, clock, rotation=TWO_S) as recorder:
         film(recorder, clock, range(200))
     only = AlarmSettings(before_s=1, after_s=1, only=True)
@@ -106,7 +110,6 @@ def test_an_alarm_file_beside_the_others_makes_no_gap(tmp_path):
         film(recorder, again, range(75))
         recorder.alarm(VIDEO, "test")
         film(recorder, again, range(75, 120))
-    assert before.now_ns == NOW_NS
     assert len(files(tmp_path)) == 5
     assert gaps_of(tmp_path) == []
 
@@ -132,13 +135,149 @@ def test_a_truncated_file_is_listed_with_what_is_left(tmp_path):
     assert read_archive(tmp_path)[2].summary.state == "unreadable"
 
 
+def send(recorder, clock, topic, cls, numbers, every_s, **changed):
+    """Record a message every so many seconds; what ``changed`` names isn't as in other messages."""
+    for seq in numbers:
+        now_ns = clock()
+        head = header(seq, **{"pts_ns": now_ns - NOW_NS, "arrival_time_ns": now_ns, **changed})
+        put(recorder, topic, random_message(cls, 1, head))
+        for _ in range(round(every_s / 0.5)):
+            clock.advance(0.5)
+            recorder.tick()
+
+
+def test_a_camera_that_is_started_anew_is_found_where_it_ran(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock) as recorder:
+        for run_id in ("first", "second"):
+            for seq in range(50):
+                put(recorder, ROWS, rows(seq, run_id=run_id, arrival_time_ns=clock()))
+                recorder.tick()
+                clock.advance(0.04)
+            pause(recorder, clock, 58.0)
+    (gap,) = gaps_of(tmp_path, ROWS)
+    assert gap == Gap(frame_ns(49), frame_ns(1500), None)
+
+
+def test_a_slow_topic_has_gaps_of_its_own_measure(tmp_path):
+    clock, track = Clock(), f"{CAM1}/track"
+    with archive(tmp_path, clock, rotation=Rotation(every_s=300.0)) as recorder:
+        send(recorder, clock, track, EnfEstimate, range(67), 9.0)
+        pause(recorder, clock, 120.0)
+        send(recorder, clock, track, EnfEstimate, range(80, 120), 9.0)
+    (gap,) = gaps_of(tmp_path, track)
+    assert gap.last_ns - gap.first_ns == 129 * SECOND_NS
+    assert gap.missing == 13
+    assert sum(len(e.summary.topics[track].stretches) for e in read_archive(tmp_path)) < 10
+
+
+def test_of_a_day_of_gaps_the_index_keeps_a_few(tmp_path, capsys):
+    clock, track = Clock(), f"{CAM1}/track"
+    with archive(tmp_path, clock, rotation=Rotation(every_s=2e4), fsync=False) as recorder:
+        for n in range(100):
+            send(recorder, clock, track, EnfEstimate, range(12 * n, 12 * n + 12), 0.5)
+            clock.advance(20.0 if n % 10 else 200.0)
+    (entry,) = read_archive(tmp_path)
+    kept = entry.summary.topics[track]
+    assert len(kept.stretches) <= MOST_STRETCHES
+    assert kept.messages == 1200
+    assert 20 * SECOND_NS <= kept.coarse_ns < 200 * SECOND_NS
+    assert main(["archive", str(tmp_path)]) == 0
+    assert "10 gaps (those of up to 37 s aren't told)" in capsys.readouterr().out
+
+
+def test_estimates_of_all_so_far_stretch_no_file_back_to_the_beginning(tmp_path):
+    clock, idle = Clock(), f"{CAM1}/idle"
+    with archive(tmp_path, clock, rotation=TWO_S) as recorder:
+        for seq in range(200):
+            number = seq + 7 * (seq >= 160)  # some are missed, late
+            put(recorder, ROWS, rows(number, **at(seq)))
+            if seq % 10 == 0:
+                head = header(seq // 10, pts_ns=0, arrival_time_ns=clock())
+                put(recorder, idle, random_message(IdleEstimate, 1, head))
+            recorder.tick()
+            clock.advance(0.04)
+    entries = read_archive(tmp_path)
+    assert len(entries) == 4
+    found = holding(entries, LAB, Stretch(frame_ns(10), frame_ns(40)))
+    assert found.files == entries[:1]
+    assert (found.topics[ROWS].messages, found.topics[ROWS].missed) == (50, 0)
+    last = holding(entries, LAB, Stretch(frame_ns(160), frame_ns(190)))
+    assert last.files == entries[3:]
+    assert (last.topics[ROWS].missed, last.topics[idle].messages) == (7, 5)
+    assert last.topics[idle].gaps is None
+
+
+def test_what_a_topic_missed_at_another_time_is_not_counted(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock) as recorder:
+        send(recorder, clock, f"{CAM1}/track", EnfEstimate, range(20), 1.0)
+        for seq in (*range(500, 600), *range(607, 700)):
+            put(recorder, ROWS, rows(seq, **at(seq)))
+    found = holding(read_archive(tmp_path), LAB, Stretch(NOW_NS, NOW_NS + 10 * SECOND_NS))
+    assert (found.topics[ROWS].messages, found.topics[ROWS].missed) == (0, 0)
+    assert found.topics[ROWS].gaps == [Gap(*found.asked, None)]
+
+
+def spoil_last_chunks(path, count):
+    with path.open("rb") as stream:
+        chunks = make_reader(stream).get_summary().chunk_indexes
+    content = bytearray(path.read_bytes())
+    for chunk in chunks[-count:]:
+        content[chunk.chunk_start_offset + 60] ^= 0xFF
+    path.write_bytes(content)
+
+
+def test_what_damage_took_is_no_pause_in_which_nothing_was_sent(tmp_path, capsys):
+    clock = Clock()
+    with archive(tmp_path, clock, rotation=Rotation(every_s=20.0), fsync=False) as recorder:
+        film(recorder, clock, range(1000))
+    first, _ = files(tmp_path)
+    spoil_last_chunks(first, 8)
+    assert gaps_of(tmp_path) == []  # the end of a file is believed
+    assert main(["archive", str(tmp_path), "--check", "--json"]) == 0
+    (camera,) = json.loads(capsys.readouterr().out)["cameras"]
+    states = [(f["checked"], f["damaged"] > 0) for f in camera["files"]]
+    assert states == [(True, True), (True, False)]
+    (gap,) = gaps_of(tmp_path)  # what was found out stays known
+    assert frame_ns(390) < gap.first_ns < gap.last_ns == frame_ns(500)
+    assert gap.missing is None
+    recover_in_place(first)
+    assert gaps_of(tmp_path) == [gap]
+    assert main(["archive", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert "nothing was sent" not in out
+    assert "what was left of a damaged one" in out
+
+
+@pytest.mark.parametrize("note", ["missed", "first", "last", "messages", "joined_at"])
+@pytest.mark.parametrize("value", [b"p", b"-", b" "])
+def test_metadata_that_have_become_something_else_spoil_no_answer(tmp_path, note, value):
+    clock = Clock()
+    with archive(tmp_path, clock, rotation=TWO_S) as recorder:
+        film(recorder, clock, range(100))
+    first, _ = files(tmp_path)
+    content, key = bytearray(first.read_bytes()), f"{note} {ROWS}".encode()
+    start = content.index(key) + len(key) + 4  # after the text's length
+    content[start : start + 1] = value
+    first.write_bytes(content)
+    assert gaps_of(tmp_path, ROWS) == []
+    assert main(["archive", str(tmp_path)]) == 0
+    assert main(["doctor", str(first)]) == 0
+
+
 def test_the_index_is_made_once_and_again_for_what_has_changed(tmp_path, monkeypatch):
     clock = Clock()
     with archive(tmp_path, clock, rotation=TWO_S) as recorder:
         film(recorder, clock, range(200))
     first, read = read_archive(tmp_path), []
     real = index_module.summarise
-    monkeypatch.setattr(index_module, "summarise", lambda path: read.append(path) or real(path))
+
+    def summarise(path, *, check):
+        read.append(path)
+        return real(path, check=check)
+
+    monkeypatch.setattr(index_module, "summarise", summarise)
     assert read_archive(tmp_path) == first
     assert read == []
     paths = files(tmp_path)
@@ -214,7 +353,10 @@ def test_the_command_refuses(gappy, capsys):
     for words, text in (
         (["--camera", "cam9"], "nothing of 'cam9' (its cameras: lab/cam1)"),
         (["--from", "25:00"], "--from '2026-09-21T25:00' is not a time"),
-        (["--from", "11:00", "--to", "10:00"], "nothing lies between --from and --to"),
+        (["--from", "2026-09-21T11:00", "--to", "10:00"], "nothing lies between --from and --to"),
+        (["--from", "11:00", "--to", "11:00"], "nothing lies between --from and --to"),
+        (["--day", "garbage"], "--day 'garbage' is not a date"),
+        (["--day", "2026-13-01"], "--day '2026-13-01' is not a time"),
     ):
         assert main(["archive", str(gappy), *words]) == 2
         assert text in capsys.readouterr().err
@@ -223,6 +365,50 @@ def test_the_command_refuses(gappy, capsys):
     (gappy / "empty").mkdir()
     assert main(["archive", str(gappy / "empty")]) == 0
     assert "holds no recordings" in capsys.readouterr().err
+
+
+@pytest.fixture
+def several(tmp_path):
+    """A camera until 14:13:24, another for a while before and after midnight, and the reference."""
+    clock = Clock()
+    with archive(tmp_path, clock) as recorder:
+        put(recorder, "rsenf/lab/reference/ce", rows(0, source="reference/ce"))
+        film(recorder, clock, range(100))
+        clock.advance(34_600 - 4)  # to 23:50
+        for minute in range(30):
+            head = header(minute, pts_ns=minute * 60 * SECOND_NS, arrival_time_ns=clock())
+            put(recorder, f"{CAM2}/track", random_message(EnfEstimate, 1, head))
+            clock.advance(60)
+            recorder.tick()
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("words", "first", "last"),
+    [
+        (["--from", "14:13:30"], "2026-09-22T14:13:30", "2026-09-22T14:13:30"),
+        (["--from", "00:05"], "2026-09-22T00:05:00", "2026-09-22T00:19:00"),
+        (["--to", "00:05"], "2026-09-21T23:50:00", "2026-09-22T00:05:00"),
+        (["--day", "2026-09-22"], "2026-09-22T00:00:00", "2026-09-23T00:00:00"),
+        (["--day", "2026-09-21", "--from", "23:00"], "2026-09-21T23:00:00", "2026-09-22T00:00:00"),
+        (["--from", "23:55", "--to", "00:10"], "2026-09-21T23:55:00", "2026-09-22T00:10:00"),
+        (["--from", "00:10", "--to", "00:05"], "2026-09-22T00:10:00", "2026-09-23T00:05:00"),
+        (
+            ["--from", "23:55", "--to", "00:10", "--day", "2026-09-20"],
+            "2026-09-20T23:55:00",
+            "2026-09-21T00:10:00",
+        ),
+    ],
+)
+def test_from_when_to_when_of_all_cameras(several, capsys, words, first, last):
+    assert main(["archive", str(several), *words, "--json"]) == 0
+    cameras = {c["camera"]: c for c in json.loads(capsys.readouterr().out)["cameras"]}
+    assert set(cameras) == {"cam1", "cam2", "reference"}
+    assert cameras["cam2"]["from_utc"] == f"{first}.000Z"
+    assert cameras["cam2"]["to_utc"] == f"{last}.000Z"
+    ended = cameras["cam1"]
+    assert bool(ended["files"]) == (words == ["--to", "00:05"])
+    assert ended["from_ns"] <= ended["to_ns"]
 
 
 def test_a_file_being_written_is_called_so(tmp_path, capsys):

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from record_samples import NOW_NS, ROWS, SECOND_NS, Clock, header, rows
 
-from rsenf.messages import EnfEstimate, Health, Mark, ReferenceBlock, RowBlock
+from rsenf.messages import (
+    EnfEstimate,
+    Health,
+    IdleEstimate,
+    Mark,
+    MatchResult,
+    ReferenceBlock,
+    RowBlock,
+)
 from rsenf.record import Recorder, open_recording
-from rsenf.record.tally import KEPT_GAPS, KEPT_STREAMS, Numbers, TopicTally
+from rsenf.record.tally import KEPT_GAPS, KEPT_STREAMS, Numbers, Place, TopicTally, count_of
 from rsenf.record.timeline import LATEST_NS, Timeline
 
 
@@ -54,6 +63,16 @@ def test_missed_messages_outlive_their_epoch():
     assert tally.missed == 3 * KEPT_STREAMS
 
 
+def test_what_is_no_count_any_more_is_none():
+    texts = (None, "", "-", "--5", "5p", " 5", "٥", "9" * 20, "9" * 5000)
+    assert [count_of(text) for text in texts] == [None] * len(texts)
+    assert [count_of(text) for text in ("0", "-3", "17")] == [0, -3, 17]
+    assert Place.read(str(Place("a run", 2, 5))) == Place("a run", 2, 5)
+    for text in ("", "5 2", "5p 2 run", "5 -- run"):
+        with pytest.raises(ValueError, match=r"."):
+            Place.read(text)
+
+
 def test_duplicates_are_not_recorded(tmp_path):
     with Recorder(tmp_path / "a.mcap", run_info={}, clock_ns=Clock()) as recorder:
         taken = [recorder.write(ROWS, rows(seq)) for seq in (0, 1, 1, 0, 3)]
@@ -85,6 +104,63 @@ def test_streams_and_epochs_have_anchors_of_their_own():
     assert log_time_ns(source="site/other", pts_ns=5) == NOW_NS
     assert log_time_ns(epoch=1, pts_ns=0, arrival_time_ns=NOW_NS + 99) == NOW_NS + 99
     assert log_time_ns(epoch=1, pts_ns=8, arrival_time_ns=NOW_NS + 500) == NOW_NS + 107
+
+
+def live(timeline, seconds, ahead_s=lambda t: 0.0, cls=RowBlock, **changed):
+    """Log a message of each second; return how far each lies from the stream's own clock, in s."""
+    lies = []
+    for t in seconds:
+        arrival_ns = NOW_NS + round((t + ahead_s(t)) * SECOND_NS)
+        head = header(0, pts_ns=t * SECOND_NS, arrival_time_ns=arrival_ns, **changed)
+        lies.append((timeline.log_time_ns(cls, head) - NOW_NS) / SECOND_NS - t)
+    return lies
+
+
+def test_a_source_that_is_started_anew_lies_where_it_came_the_second_time():
+    timeline = Timeline(Clock())
+    assert live(timeline, range(5), run_id="a") == [0.0] * 5
+    assert live(timeline, range(5), lambda _: 3600.0, run_id="b") == [3600.0] * 5
+    # What of the first is late still belongs to it.
+    assert live(timeline, [5], run_id="a") == [0.0]
+    for n in range(2 * KEPT_STREAMS):
+        assert live(timeline, [0], lambda _: 5.0, run_id=str(n)) == [5.0]
+    assert len(timeline._sources["site/cam"]) == KEPT_STREAMS
+
+
+def test_a_live_stream_follows_a_clock_that_is_set():
+    timeline = Timeline(Clock())
+    lies = live(timeline, range(100), lambda t: 7200.0 * (t >= 10))
+    assert lies == [0.0] * 40 + [7200.0] * 60
+    assert live(timeline, range(100, 200), lambda _: 0.0) == [7200.0] * 30 + [0.0] * 70
+    # An estimate arrives long after the beginning of what it is of; a mark goes with the last.
+    assert live(timeline, range(150, 190), lambda _: 40.0, cls=EnfEstimate) == [0.0] * 40
+    end = header(200, mark=Mark.END)
+    assert timeline.log_time_ns(RowBlock, end) == NOW_NS + 199 * SECOND_NS
+
+
+def test_a_live_stream_stays_with_a_clock_that_drifts():
+    timeline = Timeline(Clock())
+    lies = live(timeline, range(0, 200_000, 5), lambda t: 5e-5 * t)
+    assert all(
+        abs(lag - 5e-5 * t) < 1.01 for t, lag in zip(range(0, 200_000, 5), lies, strict=True)
+    )
+    assert lies[-1] > 9.0
+
+
+def test_a_file_keeps_its_own_speed_whatever_the_pace_of_its_processing():
+    for pace in (0.0, 0.1, 0.9, 1.1, 5.0):
+        lies = live(Timeline(Clock()), range(3600), lambda t, pace=pace: (pace - 1.0) * t)
+        assert lies == [0.0] * 3600
+    stalls = live(Timeline(Clock()), range(3600), lambda t: 4.0 * (t // 20))
+    assert stalls == [0.0] * 3600
+
+
+def test_what_is_of_all_so_far_gives_nobody_the_time():
+    timeline = Timeline(Clock())
+    for cls in (IdleEstimate, MatchResult):
+        assert live(timeline, [0], lambda _: 3600.0, cls=cls) == [3600.0]
+    assert live(timeline, range(3600, 3605)) == [0.0] * 5
+    assert live(timeline, [0], lambda _: 3605.0, cls=IdleEstimate) == [0.0]
 
 
 def test_marks_lie_where_their_stream_has_got_to():

@@ -8,15 +8,12 @@ from typing import NamedTuple
 
 from rsenf.record.archive.index import Entry
 from rsenf.record.archive.layout import Camera
-from rsenf.record.archive.summary import TopicSummary
+from rsenf.record.archive.summary import TOO_FEW, TopicSummary, pause_ns
 from rsenf.record.stretches import Stretch, joined
 from rsenf.record.tally import Place
-from rsenf.timebase import NS_PER_S
 
-# A pause this many times as long as is usual between two messages is a gap, if it isn't short.
-UNUSUAL, SHORTEST_GAP_NS = 5, 2 * NS_PER_S
-# Messages that come when something happens, or too few of them, leave no gaps.
-EVENTS, TOO_FEW = ("alarm", "match"), 10
+# Messages that come when something happens leave no gaps, nor do too few.
+EVENTS = ("alarm",)
 
 
 class Gap(NamedTuple):
@@ -40,19 +37,25 @@ class TopicHolding:
     Attributes
     ----------
     messages : int
-        In all files that reach into the time asked for.
+        In all files where it reaches into the time asked for.
     missed : int
         Of these files, by their own count: never came while they were written.
     stretches : list of Stretch
         When there are messages, within that time.
     gaps : list of Gap or None
-        None for a topic of events, which has none to speak of.
+        None for a topic that has none to speak of: of events, or of all of a stream so far.
+    pause_ns : int
+        Longest pause that is no gap.
+    coarse_ns : int
+        Where there were too many gaps to remember: the longest that isn't told. Else 0.
     """
 
     messages: int
     missed: int
     stretches: list[Stretch]
     gaps: list[Gap] | None
+    pause_ns: int
+    coarse_ns: int
 
     @property
     def covered_ns(self) -> int:
@@ -105,20 +108,30 @@ def extent_of(entries: Iterable[Entry], camera: Camera) -> Stretch | None:
 def _reaches_into(entry: Entry, asked: Stretch) -> bool:
     """Whether a file has something of that time; one that can't be read goes by its name."""
     extent = entry.summary.extent or Stretch(entry.file.start_ns, entry.file.start_ns)
-    return extent.first_ns <= asked.last_ns and asked.first_ns <= extent.last_ns
+    return _overlap(extent, asked)
+
+
+def _overlap(one: Stretch, other: Stretch) -> bool:
+    return one.first_ns <= other.last_ns and other.first_ns <= one.last_ns
 
 
 def _topic(name: str, parts: Sequence[TopicSummary], asked: Stretch) -> TopicHolding:
     """Put the parts of a topic in several files together."""
-    messages = sum(part.messages for part in parts)
     every = [stretch for part in parts for stretch in part.stretches]
-    eventful = name.rsplit("/", 1)[-1] in EVENTS or messages < TOO_FEW
-    usual_ns = sum(s.last_ns - s.first_ns for s in every) // max(messages, 1)
-    pause_ns = max(SHORTEST_GAP_NS, UNUSUAL * usual_ns)
-    there = joined(every, pause_ns)
-    gaps = None if eventful else _gaps(there, _missing(parts), asked, pause_ns)
-    missed = sum(part.missed or 0 for part in parts)
-    return TopicHolding(messages, missed, _within(there, asked), gaps)
+    messages = sum(part.messages for part in parts)
+    of_all = any(part.of_all_so_far for part in parts)
+    told = [part for part in parts if of_all or _overlap(part.extent, asked)]
+    usual_ns = pause_ns(every, messages)
+    there = joined(every, usual_ns)
+    eventful = of_all or name.rsplit("/", 1)[-1] in EVENTS or messages < TOO_FEW
+    return TopicHolding(
+        sum(part.messages for part in told),
+        sum(part.missed or 0 for part in told),
+        _within(there, asked),
+        None if eventful else _gaps(there, _missing(parts), asked, usual_ns),
+        usual_ns,
+        max((part.coarse_ns for part in told), default=0),
+    )
 
 
 def _within(stretches: Iterable[Stretch], asked: Stretch) -> list[Stretch]:
@@ -133,7 +146,9 @@ def _missing(parts: Sequence[TopicSummary]) -> dict[Stretch, int]:
     found: dict[Stretch, int] = {}
     reached: tuple[Place, int] | None = None  # how far the files so far go
     for part in sorted((p for p in parts if p.stretches), key=lambda p: p.stretches[0]):
-        if not part.first:  # broke off: what it has isn't known, so nor is what comes next
+        if not (
+            part.first and part.last
+        ):  # broke off, or is damaged: what it has isn't known, so nor is what comes next
             reached = None
             continue
         first, last = Place.read(part.first), Place.read(part.last)
@@ -149,14 +164,14 @@ def _missing(parts: Sequence[TopicSummary]) -> dict[Stretch, int]:
 
 
 def _gaps(
-    there: Sequence[Stretch], missing: dict[Stretch, int], asked: Stretch, pause_ns: int
+    there: Sequence[Stretch], missing: dict[Stretch, int], asked: Stretch, usual_ns: int
 ) -> list[Gap]:
     """List where time or numbers are missing; time before the first message and after the last."""
     edges = [asked.first_ns, *(t for s in _within(there, asked) for t in s), asked.last_ns]
     pauses = [
         Stretch(first_ns, last_ns)
         for first_ns, last_ns in zip(edges[::2], edges[1::2], strict=True)
-        if last_ns - first_ns > pause_ns
+        if last_ns - first_ns > usual_ns
     ]
     gaps = [Gap(*pause, missing.get(pause)) for pause in pauses]
     for between, count in missing.items():

@@ -12,7 +12,7 @@ from rsenf.record.archive.layout import ArchivedFile, archived_files
 from rsenf.record.archive.summary import FileSummary, summarise
 from rsenf.whole_file import whole_file
 
-VERSION = 1
+VERSION = 2
 NAME = "index.json"
 
 
@@ -23,11 +23,18 @@ class Entry(NamedTuple):
     summary: FileSummary
 
 
-def read_archive(root: Path) -> list[Entry]:
+def read_archive(root: Path, *, check: bool = False) -> list[Entry]:
     """Find out what an archive holds, the oldest file first.
 
     Summaries come from ``index.json`` in the archive where their file hasn't changed since, and
     are written there. An archive that can't be written to is read all the same.
+
+    Parameters
+    ----------
+    root : Path
+        The archive.
+    check : bool
+        Whether to read all of each file, once; else the end of a whole-looking one is believed.
 
     Raises
     ------
@@ -39,7 +46,7 @@ def read_archive(root: Path) -> list[Entry]:
     known, entries = _known(root), []
     for file in archived_files(root):
         with contextlib.suppress(FileNotFoundError):  # deleted a moment ago
-            entries.append(Entry(file, _summary(file.path, known.get(_name(root, file)))))
+            entries.append(Entry(file, _summary(file.path, known.get(_name(root, file)), check)))
     found = {_name(root, entry.file): entry.summary for entry in entries}
     if found != known:
         with contextlib.suppress(RecordingError):
@@ -47,11 +54,12 @@ def read_archive(root: Path) -> list[Entry]:
     return entries
 
 
-def _summary(path: Path, known: FileSummary | None) -> FileSummary:
+def _summary(path: Path, known: FileSummary | None, check: bool) -> FileSummary:
     found = path.stat()
-    if known and (known.size_bytes, known.changed_ns) == (found.st_size, found.st_mtime_ns):
+    same = known and (known.size_bytes, known.changed_ns) == (found.st_size, found.st_mtime_ns)
+    if known and same and (known.checked or not check):
         return known
-    return summarise(path)
+    return summarise(path, check=check)
 
 
 def _name(root: Path, file: ArchivedFile) -> str:
