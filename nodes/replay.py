@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import time
 
 from rsenf.bus.bus import Publisher
 from rsenf.bus.keys import REFERENCE, topic_of
@@ -12,28 +11,14 @@ from rsenf.errors import EXIT_LOSS
 from rsenf.run.node import NodeProcess, run_node
 from rsenf.run.outlets import Outlet, open_frames
 from rsenf.run.replay.control import Control
+from rsenf.run.replay.in_graph import player_of
 from rsenf.run.replay.naming import FRAMES
-from rsenf.run.replay.player import Player, Playing
 
 
 def body(node: NodeProcess) -> None:
     """Play to the end, or until told to stop."""
     config: ReplayNode = node.config
-    player = Player(
-        config.input,
-        Playing(
-            topics=config.topics,
-            rename=config.rename,
-            site=node.graph.site,
-            rate=config.rate,
-            start_s=config.start_s,
-            end_s=config.end_s,
-            loop=config.loop,
-        ),
-        run_id=node.run_id,
-        clock_ns=time.time_ns,
-        control=Control(node.stop),
-    )
+    player = player_of(config, node.graph.site, run_id=node.run_id, control=Control(node.stop))
     with contextlib.ExitStack() as stack:
         frames: dict[str, Outlet] = {}
         publishers: dict[str, Publisher] = {}

@@ -1,9 +1,14 @@
-"""Check a graph file: unknown keys, wrong values, inputs that nobody sends."""
+"""Check a graph file: unknown keys, wrong values, inputs that nobody sends, recordings played."""
 
 from __future__ import annotations
 
 import argparse
 import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rsenf.config import Graph
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,6 +23,7 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.config.graph import outputs
 
     graph = load_graph(args.graph)
+    _check_recordings(graph)
     if args.json:
         print(redact(json.dumps(graph.model_dump(mode="json"), indent=2)))
         return 0
@@ -26,3 +32,18 @@ def run(args: argparse.Namespace) -> int:
         sent = ", ".join(f"{topic} of {of}" for topic, of in outputs(node)) or "nothing"
         print(f"  {name:12} {node.kind:10} sends {sent}")
     return 0
+
+
+def _check_recordings(graph: Graph) -> None:
+    """Look into the recordings that a graph plays; one that isn't there may yet be made."""
+    from rsenf.cli.console import note
+    from rsenf.config.graph import ReplayNode
+    from rsenf.run.replay.in_graph import ensure_playable
+
+    for name, node in graph.nodes.items():
+        if not isinstance(node, ReplayNode):
+            continue
+        if Path(node.input).exists():
+            ensure_playable(name, node, graph.site)
+        else:
+            note(f"node {name!r} plays {node.input}, which isn't there: not checked")

@@ -4,9 +4,26 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationInfo,
+    field_validator,
+)
 
-from rsenf.bus.keys import NAME_PATTERN, NAME_RULE, REFERENCE, TOPICS, is_name, renamed
+from rsenf.bus.keys import (
+    NAME_PATTERN,
+    NAME_RULE,
+    REFERENCE,
+    TOPICS,
+    is_name,
+    renamed,
+    topic_of,
+)
 from rsenf.discrepancy.settings import WatchSettings
 from rsenf.idle.settings import IdleSettings
 from rsenf.match.settings import MatchSettings
@@ -36,6 +53,21 @@ def _topic(text: str) -> str:
         known = ", ".join(camera_topics)
         raise ValueError(f"no topic: CAMERA/TOPIC with one of {known}; or {REFERENCE}/GRID")
     return text
+
+
+def _one_by_another(old: str, new: str, topics: tuple[str, ...] | None) -> None:
+    """Check new names of a replay node, which are of a topic or of a whole camera."""
+    is_topic = "/" in old
+    for text in (old, new):
+        try:
+            _topic(text) if is_topic else _not_reserved(_named(text))
+        except ValueError as exc:
+            raise ValueError(f"{text!r} is {exc}") from exc
+    known = {t if is_topic else t.split("/")[0] for t in topics or ()}
+    if topics and old not in known:
+        raise ValueError(f"{old!r} isn't among the topics, so it can't be renamed")
+    if is_topic and topic_of(f"//{old}") != topic_of(f"//{new}"):
+        raise ValueError(f"{old!r} can't be played as {new!r}: another message")
 
 
 # Part of a key on the bus.
@@ -123,6 +155,13 @@ class ReplayNode(Strict):
     loop: int = Field(1, ge=0, description="times to play it; 0: until stopped")
     frames: Literal["ring", "tcp"] = Field("ring", description="shared memory, or over the bus")
     ring_slots: int = Field(8, ge=2, le=256)
+
+    @field_validator("rename")
+    @classmethod
+    def _can_be_renamed(cls, rename: dict[str, str], info: ValidationInfo) -> dict[str, str]:
+        for old, new in rename.items():
+            _one_by_another(old, new, info.data.get("topics"))
+        return rename
 
 
 class RowsNode(Strict):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import zlib
+from itertools import accumulate
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import zstandard
@@ -18,28 +20,37 @@ Times = dict[int, list[tuple[int, int]]]
 
 
 class Extent(NamedTuple):
-    """How many messages a channel has, and between which log times."""
+    """How many messages a channel has, between which log times, and how far these go back."""
 
     messages: int
     first_ns: int
     last_ns: int
+    back_ns: int = 0
 
-    def joined(self, other: Extent | None) -> Extent:
-        """Return the extent of both together."""
-        if other is None:
+    def joined(self, earlier: Extent | None) -> Extent:
+        """Return the extent of both together, of which this was written later."""
+        if earlier is None:
             return self
         return Extent(
-            self.messages + other.messages,
-            min(self.first_ns, other.first_ns),
-            max(self.last_ns, other.last_ns),
+            self.messages + earlier.messages,
+            min(self.first_ns, earlier.first_ns),
+            max(self.last_ns, earlier.last_ns),
+            max(self.back_ns, earlier.back_ns, earlier.last_ns - self.first_ns),
         )
 
 
 def extents_of(times: Times) -> dict[int, Extent]:
     """Return the extent of each channel in a chunk."""
     return {
-        n: Extent(len(entries), min(entries)[0], max(entries)[0]) for n, entries in times.items()
+        n: Extent(len(entries), min(entries)[0], max(entries)[0], _back_ns(entries))
+        for n, entries in times.items()
     }
+
+
+def _back_ns(entries: list[tuple[int, int]]) -> int:
+    """How far a time may lie before the highest of those written earlier."""
+    written = [time_ns for time_ns, _ in sorted(entries, key=itemgetter(1))]
+    return max(top - t for top, t in zip(accumulate(written, max), written, strict=True))
 
 
 def timed(chunk: Any, times: Times) -> Any:

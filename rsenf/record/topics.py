@@ -48,6 +48,8 @@ class Topic:
     ----------
     stretches : tuple of Stretch
         When there were messages; between them is a hole, longer than half a second.
+    back_ns : int
+        How far its times go back at most: 0 where they only rise.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Topic:
     first_ns: int
     last_ns: int
     stretches: tuple[Stretch, ...] = ()
+    back_ns: int = 0
 
     @property
     def is_ours(self) -> bool:
@@ -78,7 +81,7 @@ def topics_of(index: Index) -> dict[str, Topic]:
         found[route.topic] = (route.schema, extent.joined(others))
         stretches.setdefault(route.topic, []).extend(index.stretches[number].all())
     return {
-        topic: Topic(topic, schema, *extent, tuple(stretches[topic]))
+        topic: Topic(topic, schema, *extent[:3], tuple(stretches[topic]), extent.back_ns)
         for topic, (schema, extent) in found.items()
     }
 

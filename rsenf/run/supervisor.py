@@ -15,9 +15,11 @@ from typing import Any
 
 from rsenf.bus.zenoh_bus import MANY_LINKS, ONE_LINK, RUNTIME, BusSettings, open_bus
 from rsenf.config import Graph
+from rsenf.config.graph import ReplayNode
 from rsenf.errors import NodeFailed
 from rsenf.run.graph_run import GraphRun, NodeState, check_ended
 from rsenf.run.node import bus_settings
+from rsenf.run.replay.in_graph import ensure_playable
 
 __all__ = ["GraphRun", "NodeState", "check_ended", "start_graph"]
 
@@ -54,8 +56,11 @@ def start_graph(
     Raises
     ------
     RsenfError
-        When the bus can't be opened.
+        When the bus can't be opened, or a recording can't be played. No node was started, then.
     """
+    for name, config in graph.nodes.items():
+        if isinstance(config, ReplayNode):
+            ensure_playable(name, config, graph.site)
     run_id = secrets.token_hex(4)
     own_router = () if graph.bus.is_elsewhere else graph.bus.listen or (free_endpoint(),)
     settings = bus_settings(graph)

@@ -6,12 +6,15 @@ import dataclasses
 import os
 import threading
 import time
+from collections import Counter
+from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
 from conftest import Film
+from mcap.opcode import Opcode
 from replay_samples import (
     TRACK,
     blocks,
@@ -26,9 +29,11 @@ from replay_samples import (
 
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import canonical
+from rsenf.record import container
 from rsenf.record.reader import open_recording
+from rsenf.record.writer import Recorder
 from rsenf.run.inputs import open_input_file
-from rsenf.run.replay.control import Control
+from rsenf.run.replay.control import Control, Pace
 from rsenf.run.replay.input import Replayed
 from rsenf.run.replay.keyboard import keyboard, obey
 from rsenf.run.runner import Runner
@@ -111,6 +116,8 @@ def test_a_part_of_it(recorded: Path) -> None:
         ({"topics": ("*/rows",), "rename": {"door": "yard"}}, "'door' isn't played"),
         ({"rename": {"cam/rows": "cam/track"}}, "another message"),
         ({"rename": {"cam/rows": "@nodes/rows"}, "site": "a b"}, "no name"),
+        ({"rename": {"cam": "a/b"}}, "'rsenf/lab/a/b/.*' is no name for a topic"),
+        ({"rename": {"cam/rows": "rows"}}, "'rsenf/lab/rows' is no name for a topic"),
     ],
 )
 def test_what_cant_be_played(recorded: Path, playing: dict[str, Any], words: str) -> None:
@@ -213,6 +220,91 @@ def test_a_seek_lands_where_it_should(recorded: Path) -> None:
     assert first.header.pts_ns / 1e9 == pytest.approx(2.0, abs=0.04)
     assert first.header.seq == 0
     assert len(seen) == 31 + 30 + 1
+
+
+def test_seeks_add_up_whatever_was_played_between(recorded: Path) -> None:
+    """The video before a place, from its key frame on, isn't the place."""
+    control = Control()
+    playing = player(recorded, control, topics=("cam/video", "cam/rows"))
+    landed = []
+    for number, _ in enumerate(playing):
+        landed.append(playing.position_s)
+        if number in (10, 11, 12):
+            control.seek(0.7)
+    assert landed[11] == pytest.approx(landed[10] + 0.7, abs=1e-6)
+    assert landed[12] == pytest.approx(landed[10] + 1.4, abs=1e-6)
+    assert landed[13] == pytest.approx(landed[10] + 2.1, abs=1e-6)
+    assert landed[13:] == sorted(landed[13:])
+
+
+def test_what_leads_up_to_a_place_is_not_paced(recorded: Path) -> None:
+    """At a rate at which half a second takes hours."""
+    control, playing = Control(), {"topics": ("cam/video",), "rate": 1e-4, "start_s": 0.5}
+    told = Told(recorded, control, **playing)
+    told.settled()
+    told.stop()
+    seen = [m for m in told.seen if not m.header.is_end]
+    assert seen[0].keyframe
+    assert seen[0].header.pts_ns < 0.4e9 < 0.45e9 < seen[-1].header.pts_ns < 0.6e9
+
+
+def test_references_come_first_and_whole_however_soon_one_seeks(recorded: Path) -> None:
+    whole = of(recorded, "ce")
+    for sought_at in range(3):
+        control, keys = Control(), []
+        for key, _ in player(recorded, control, topics=("cam/video", "reference/ce"), start_s=1.0):
+            keys.append(key.split("/")[3])
+            if len(keys) == sought_at:
+                control.seek(0.5)
+        assert keys[: len(whole)] == ["ce"] * len(whole)
+        assert keys.count("ce") == len(whole) + 1  # its end
+
+
+@pytest.fixture(scope="module")
+def overlapping(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three passes of a recording, played and recorded faster than they were filmed."""
+    path = tmp_path_factory.mktemp("overlapping") / "loop.mcap"
+    with Recorder(path, run_info={"run_id": "r"}, clock_ns=lambda: 0) as recorder:
+        for key, message in played(recorded, topics=("cam/rows", "cam/video"), loop=3):
+            arrival_ns = 10**18 + message.header.epoch * 10**7
+            header = dataclasses.replace(message.header, arrival_time_ns=arrival_ns)
+            recorder.write(key, dataclasses.replace(message, header=header))
+    return path
+
+
+@pytest.mark.parametrize("topic", ["rows", "video", "frames"])
+def test_a_part_is_that_part_of_every_pass(recorded: Path, overlapping: Path, topic: str) -> None:
+    for part in ({"end_s": 0.9}, {"start_s": 2.5}, {"start_s": 0.2, "end_s": 0.5}):
+        once = data(played(recorded, topics=(f"cam/{topic}",), **part))[f"cam/{topic}"]
+        passes = data(played(overlapping, topics=(f"cam/{topic}",), **part))[f"cam/{topic}"]
+        per_pass = Counter(m.header.epoch for m in passes)
+        assert list(per_pass) == [0, 1, 2]
+        # Each lies a hundredth of a second later than the one before.
+        assert all(abs(n - len(once)) <= 1 for n in per_pass.values())
+
+
+def test_a_part_that_ends_early_costs_no_reading_of_the_rest(
+    recorded: Path, tmp_path: Path
+) -> None:
+    last = list(container.walk(BytesIO(recorded.read_bytes()), 8, recorded.stat().st_size - 8))
+    chunk = [record for record in last if record.opcode == Opcode.CHUNK][-1]
+    content = bytearray(recorded.read_bytes())
+    content[(chunk.start + chunk.end) // 2] ^= 0xFF
+    (tmp_path / "bad.mcap").write_bytes(content)
+    playing = {"topics": ("cam/rows",)}
+    for end_s, is_met in ((0.3, False), (None, True)):
+        some = player(tmp_path / "bad.mcap", None, end_s=end_s, **playing)
+        assert list(some)
+        assert bool(some.loss) == is_met
+
+
+def test_the_pace_begins_anew_where_time_goes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = 0.0
+    monkeypatch.setattr("rsenf.run.replay.control.time.monotonic", lambda: now_s)
+    pace = Pace(1.0)
+    assert [pace.left_s(s * 10**9) for s in (0, 40)] == [0.0, 40.0]
+    now_s = 40.0
+    assert [pace.left_s(s * 10**9) for s in (40, 39, 1, 41)] == [0.0, -1.0, 0.0, 40.0]
 
 
 def test_quitting_ends_every_stream(recorded: Path) -> None:

@@ -13,8 +13,12 @@ from replay_samples import RESULTS, in_one_process, record
 
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
+from rsenf.cli import main
 from rsenf.config import load_graph
-from rsenf.errors import EXIT_DONE, EXIT_LOSS, ConfigError, UsageError
+from rsenf.config.graph import outputs
+from rsenf.errors import EXIT_DONE, EXIT_LOSS, EXIT_USAGE, ConfigError, UsageError
+from rsenf.record.reader import open_recording
+from rsenf.record.writer import Recorder
 from rsenf.run.inputs import open_input_file
 from rsenf.run.recording import DELIVERY
 from rsenf.run.supervisor import free_endpoint
@@ -116,6 +120,13 @@ def test_what_cant_be_replaced(short_film: Film, graphs: Graphs) -> None:
         ("topics: [cam/rows], start_s: 5, end_s: 4", "isn't after start_s"),
         ("topics: [cam/rows]}\n  rec: {kind: record, out: ./x.mcap", "x.mcap is played by this"),
         ("topics: [cam/rows, door/rows], rename: {door: cam}", "stands here twice"),
+        ("topics: [cam/rows], rename: {cam: a/b}", "play.rename: 'a/b' is no name"),
+        ("topics: [cam/rows], rename: {cam: a b}", "play.rename: 'a b' is no name"),
+        ("topics: [cam/rows], rename: {cam: reference}", "'reference' is taken"),
+        ("topics: [cam/rows], rename: {cam/rows: x}", "play.rename: 'x' is no topic"),
+        ("topics: [cam/rows], rename: {cam/rows: x/track}", "another message"),
+        ("topics: [cam/rows], rename: {xx: y}", "'xx' isn't among the topics"),
+        ("topics: [cam/rows], rename: {cam/video: y/video}", "'cam/video' isn't among the topics"),
     ],
 )
 def test_a_replay_node_that_cant_be(tmp_path: Path, node: str, words: str) -> None:
@@ -125,3 +136,63 @@ def test_a_replay_node_that_cant_be(tmp_path: Path, node: str, words: str) -> No
     )
     with pytest.raises(ConfigError, match=words):
         load_graph(path)
+
+
+def test_good_new_names(tmp_path: Path) -> None:
+    path = tmp_path / "g.yaml"
+    play = "topics: [cam/rows, cam/video, reference/ce], rename: {cam: a, cam/rows: b/rows, "
+    path.write_text(
+        "version: 1\nsite: lab\nnodes:\n  play: {kind: replay, input: x.mcap, "
+        f"{play}reference/ce: reference/gb}}}}\n"
+    )
+    sent = outputs(load_graph(path).nodes["play"])
+    assert sent == [("rows", "b"), ("video", "a"), ("reference", "gb")]
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("nothere.mcap", "node 'decode': nothere.mcap: no such file"),
+        ("film.mp4", "node 'decode': film.mp4: "),
+        ("rows.mcap", "node 'decode': rows.mcap: nothing to play as 'cam/frames'"),
+    ],
+)
+def test_what_cant_be_played_destroys_no_recording(
+    recorded: Path, short_film: Film, graphs: Graphs, given: str, words: str,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """The graph's own recorder would begin over at once."""
+    path = graphs.write(short_film)
+    monkeypatch.chdir(graphs.folder)
+    graphs.out.write_bytes(recorded.read_bytes())
+    (graphs.folder / "film.mp4").write_bytes(short_film.video.read_bytes())
+    with Recorder(graphs.folder / "rows.mcap", run_info={}, clock_ns=lambda: 1) as recorder:
+        for key, message, _ in open_recording(recorded).messages(["rsenf/lab/cam/rows"]):
+            recorder.write(key, message)
+    assert main(["run", str(path), "--replay", f"decode={given}"]) != EXIT_DONE
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+    assert graphs.out.read_bytes() == recorded.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("play", "code", "words"),
+    [
+        ("input: film.mcap, topics: [cam/rows]", EXIT_DONE, ""),
+        ("input: film.mcap, topics: [cam/live]", EXIT_USAGE, "nothing to play as 'cam/live'"),
+        ("input: film.mcap, topics: [cam/rows], start_s: 99", EXIT_USAGE, "ends before 99 s"),
+        ("input: later.mcap, topics: [cam/rows]", EXIT_DONE, "note: node 'play' plays later.mcap"),
+    ],
+)
+def test_validate_looks_into_recordings(
+    recorded: Path, tmp_path: Path, play: str, code: int, words: str,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.chdir(recorded.parent)
+    path = tmp_path / "g.yaml"
+    path.write_text(f"version: 1\nsite: lab\nnodes:\n  play: {{kind: replay, {play}}}\n")
+    assert main(["validate", str(path)]) == code
+    said = capsys.readouterr()
+    assert words in said.err
+    assert bool(said.err) == bool(words)
+    assert bool(said.out) == (code == EXIT_DONE)

@@ -9,6 +9,8 @@ from threading import Condition, Event
 from rsenf.timebase import NS_PER_S
 
 POLL_S = 0.05
+# Frames that were coded in another order go back in time by less than this.
+REORDERED_NS = 2 * NS_PER_S
 
 
 class Control:
@@ -76,6 +78,8 @@ class Control:
 class Pace:
     """When what was recorded at some time is due.
 
+    Where time goes back, because passes were recorded beside each other, it begins anew.
+
     Parameters
     ----------
     rate : float
@@ -85,6 +89,7 @@ class Pace:
     def __init__(self, rate: float) -> None:
         self._rate = rate
         self._anchor: tuple[float, int] | None = None
+        self._latest_ns = 0
 
     def restart(self) -> None:
         """Let the next message be due now."""
@@ -95,5 +100,8 @@ class Pace:
         if not self._rate:
             return 0.0
         now_s = time.monotonic()
-        begun_s, begun_ns = self._anchor = self._anchor or (now_s, time_ns)
+        if self._anchor is None or time_ns < self._latest_ns - REORDERED_NS:
+            self._anchor, self._latest_ns = (now_s, time_ns), time_ns
+        self._latest_ns = max(self._latest_ns, time_ns)
+        begun_s, begun_ns = self._anchor
         return begun_s + (time_ns - begun_ns) / NS_PER_S / self._rate - now_s

@@ -111,7 +111,8 @@ def _check(recording: Recording, names: Mapping[str, str], rename: Mapping[str, 
         if not any(_below(key) == old or _below(key).split("/")[0] == old for key in names):
             raise UsageError(f"{recording.path}: {old!r} isn't played, so it can't be renamed")
     for key, name in names.items():
-        if not all(map(is_name, name.split("/"))):
+        parts = name.split("/")
+        if len(parts) != len(key.split("/")) or not all(map(is_name, parts)):
             raise UsageError(f"{name!r} is no name for a topic", NAME_RULE)
         if TOPICS.get(topic_of(name)) is not TOPICS[topic_of(key)]:
             raise UsageError(

@@ -121,14 +121,15 @@ class Player:
         return f"{loss}; played up to {self.position_s:.1f} s" if loss else ""
 
     def __iter__(self) -> Iterator[tuple[str, Any]]:
-        at_ns, references = self._start_ns, True
+        at_ns = self._start_ns
+        yield from self._references()
         while not self._control.stop.is_set():
             self._stamps.jump()
             self._pace.restart()
             played = self._played
-            whole = yield from self._pass(at_ns, references)
+            whole = yield from self._pass(at_ns)
             nothing = self._played == played and at_ns == self._start_ns
-            references, at_ns = False, self._start_ns
+            at_ns = self._start_ns
             if not whole:
                 at_ns = self._sought_ns()
                 continue
@@ -137,15 +138,28 @@ class Player:
                 break
         yield from self._stamps.ends()
 
-    def _pass(self, at_ns: int, references: bool) -> Generator[tuple[str, Any], None, bool]:
+    def _references(self) -> Iterator[tuple[str, Any]]:
+        """Play them once, neither paced nor stepped: they belong to no moment."""
+        for key, message in self._tape.references():
+            if self._control.stop.is_set():
+                return
+            yield key, self._stamps.stamp(key, message)
+
+    def _pass(self, at_ns: int) -> Generator[tuple[str, Any], None, bool]:
         """Play to the end; returns whether it was reached."""
-        for time_ns, key, message in self._tape.play(at_ns, self._end_ns, references=references):
-            if not self._admitted(time_ns):
+        self._be_at(at_ns)
+        for time_ns, key, message in self._tape.play(at_ns, self._end_ns):
+            # Video that leads up to the place is due there, not before.
+            due_ns = max(time_ns, at_ns)
+            if not self._admitted(due_ns):
                 return False
-            self.position_s = (time_ns - self._tape.first_ns) / NS_PER_S
+            self._be_at(due_ns)
             self._played += 1
             yield key, self._stamps.stamp(key, message)
         return True
+
+    def _be_at(self, time_ns: int) -> None:
+        self.position_s = (time_ns - self._tape.first_ns) / NS_PER_S
 
     def _admitted(self, time_ns: int) -> bool:
         paused = self._control.paused

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import groupby
 from operator import itemgetter
 from typing import Any, NamedTuple
 
 from rsenf.bus.keys import REFERENCE, topic_of
-from rsenf.messages import Frame, Mark
+from rsenf.messages import Frame, Header, Mark, VideoPacket
 from rsenf.record.reader import Recording, open_recording
+from rsenf.run.replay.control import REORDERED_NS
 from rsenf.run.replay.naming import FRAMES, HEALTH, VIDEO, with_topic
-from rsenf.timebase import NS_PER_S
-
-# Within a topic times rise, but for frames that were coded in another order: by less than this.
-REORDERED_NS = 2 * NS_PER_S
 
 
 class Played(NamedTuple):
@@ -29,8 +27,8 @@ class Tape:
     """Plays a recording's topics from any moment on. What can't be read is left out and counted.
 
     Each topic is read by itself, since between topics a recording needn't be in the order of
-    time: a tracker may have been minutes behind a decoder. References come first and whole,
-    whatever part is played: they belong to no moment of the stream.
+    time: a tracker may have been minutes behind a decoder. Nor need it within a topic: frames may
+    be coded in another order, and passes recorded beside each other.
 
     Parameters
     ----------
@@ -57,8 +55,15 @@ class Tape:
         self._recording = recording
         self._readers = [recording]
 
-    def play(self, from_ns: int, to_ns: int, *, references: bool = True) -> Iterator[Played]:
-        """Play what lies between two times, the second excluded; with the references or without.
+    def references(self) -> Iterator[tuple[str, Any]]:
+        """Play the references, whole: they belong to no moment of the streams."""
+        for recorded, key in self.names.items():
+            if topic_of(key) == REFERENCE:
+                for _, message in self._messages(recorded, to_ns=None):
+                    yield key, message
+
+    def play(self, from_ns: int, to_ns: int) -> Iterator[Played]:
+        """Play what lies of the streams between two times, the second excluded.
 
         A video begins with the key frame that its first picture needs.
         """
@@ -66,7 +71,7 @@ class Tape:
         streams = [
             self._stream(recorded, key, from_ns, to_ns)
             for recorded, key in self.names.items()
-            if references or topic_of(key) != REFERENCE
+            if topic_of(key) != REFERENCE
         ]
         return heapq.merge(*streams, key=itemgetter(0))
 
@@ -82,16 +87,12 @@ class Tape:
 
     def _stream(self, recorded: str, key: str, from_ns: int, to_ns: int) -> Iterator[Played]:
         topic = topic_of(recorded)
-        if topic == REFERENCE:
-            return (Played(from_ns, key, m) for _, m in self._messages(recorded, to_ns=None))
         if topic == FRAMES:
             frames = self._frames(recorded, from_ns, to_ns)
             return (Played(t, key, frame) for t, frame in frames if from_ns <= t < to_ns)
         timed = self._messages(recorded, to_ns)
         if topic == VIDEO:
-            from rsenf.run.replay.pictures import from_key_frame
-
-            return (Played(t, key, m) for t, m in from_key_frame(timed, from_ns) if t < to_ns)
+            return (Played(t, key, m) for t, m in _decodable(timed, from_ns) if t < to_ns)
         return (Played(t, key, m) for t, m in timed if from_ns <= t < to_ns)
 
     def _frames(self, recorded: str, from_ns: int, to_ns: int) -> Iterator[tuple[int, Frame]]:
@@ -107,11 +108,27 @@ class Tape:
         return next((frame for _, frame in self._messages(recorded, None)), Frame())
 
     def _messages(self, recorded: str, to_ns: int | None) -> Iterator[tuple[int, Any]]:
-        """Read the data of one topic, up to a time."""
+        """Read the data of one topic, and at least all up to a time."""
         reader = open_recording(self.path)
+        # Pictures lie elsewhere than their packets by less than the one, later passes by the other.
+        late_ns = max(REORDERED_NS, self._recording.topics[recorded].back_ns)
         self._readers.append(reader)
         for _, message, time_ns in reader.messages([recorded], tolerant=True):
-            if to_ns is not None and time_ns >= to_ns + REORDERED_NS:
+            if to_ns is not None and time_ns >= to_ns + late_ns:
                 return
             if message.header.mark == Mark.DATA:
                 yield time_ns, message
+
+
+def _decodable(
+    packets: Iterable[tuple[int, VideoPacket]], from_ns: int
+) -> Iterator[tuple[int, VideoPacket]]:
+    """Leave out of every pass what its picture at a time doesn't need."""
+    from rsenf.run.replay.pictures import from_key_frame
+
+    for _, stretch in groupby(packets, key=lambda item: _pass_of(item[1].header)):
+        yield from from_key_frame(stretch, from_ns)
+
+
+def _pass_of(header: Header) -> tuple[str, int]:
+    return header.run_id, header.epoch
