@@ -48,11 +48,11 @@ class Pictures:
     def feed(self, packet: VideoPacket) -> Iterator[Frame]:
         """Yield the frames that a packet completes, and the END mark behind the last."""
         if packet.header.is_end:
-            yield from self._rest()
+            yield from self.rest()
             yield Frame(header=packet.header)
             return
         if run_of(packet.header) != self._run:
-            yield from self._rest()
+            yield from self.rest()
             self._begin(packet)
         assert self._decoder is not None
         try:
@@ -66,7 +66,8 @@ class Pictures:
         self._run, self._count = run_of(packet.header), 0
         self._decoder = PacketDecoder(packet.codec)
 
-    def _rest(self) -> Iterator[Frame]:
+    def rest(self) -> Iterator[Frame]:
+        """Yield what the decoder holds back: a video whose sender was gone has no END mark."""
         if self._decoder is not None:
             with contextlib.suppress(av.FFmpegError):
                 for one in self._decoder.rest():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -110,7 +111,7 @@ class StepRun:
         elif topic in self._step.reads and not self._verdict.unjudged:
             self._verdict.unjudged = self._numbers.gap(topic, message.header)
             if not self._verdict.unjudged:
-                self._feed(message)
+                self._feed(self._inputs(message))
         self._compare()
 
     def finish(self) -> TopicVerdict:
@@ -118,6 +119,7 @@ class StepRun:
         verdict = self._verdict
         if self._ended and not verdict.unjudged:
             # A stage whose sender is gone is ended without an END mark of its input.
+            self._feed(self._pictures.rest())
             while not self._runner.ended:
                 self._again += self._runner.end(self._ended)
             self._compare()
@@ -133,8 +135,10 @@ class StepRun:
             verdict.stage = "decode"
         return verdict
 
-    def _feed(self, message: Any) -> None:
-        inputs = self._pictures.feed(message) if isinstance(message, VideoPacket) else (message,)
+    def _inputs(self, message: Any) -> Iterable[Any]:
+        return self._pictures.feed(message) if isinstance(message, VideoPacket) else (message,)
+
+    def _feed(self, inputs: Iterable[Any]) -> None:
         for one in inputs:
             self._again += self._runner.feed(one)
 

@@ -16,6 +16,7 @@ from rsenf.messages import EnfEstimate, Header, RowBlock, VideoPacket
 from rsenf.record import Recorder, open_recording
 from rsenf.record.growing import ABOUT
 from rsenf.regress import regress
+from rsenf.regress.pictures import Pictures
 from tests.golden.make import BEGINS_NS, FOLDER
 from tests.record.record_samples import sample_file
 
@@ -165,6 +166,47 @@ def test_pictures_that_are_missing_are_not_the_rows_fault(tmp_path: Path) -> Non
     (rows, *others) = result.topics
     assert f"video lacks messages {keys[1]} to {keys[1]}" in rows.unjudged
     assert all(topic.passed for topic in (rows, *others))
+
+
+def never_ended(path: Path) -> Path:
+    """Record a camera whose decode node was killed: its video has no END mark, the rest has."""
+
+    def keep(topic: str, message: Any) -> bool:
+        return not (topic.endswith("/video") and message.header.is_end)
+
+    return part_of(path, keep)
+
+
+def test_a_killed_decode_moves_nothing(tmp_path: Path) -> None:
+    """However many pictures the decoder holds back then: that depends on the processor, too."""
+    result = regress(never_ended(tmp_path / "killed.mcap"))
+    assert [t.topic for t in result.topics if not t.passed] == []
+    assert result.whole
+
+
+def test_what_a_killed_decode_made_is_recorded_anew_to_its_end(
+    told: Told, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = never_ended(tmp_path / "killed.mcap")
+    before = {name: topic.messages for name, topic in open_recording(path).topics.items()}
+    monkeypatch.setattr("rsenf.rows.stage.WHITE_LEVEL", 20.0)
+    assert told(path, "--accept", "--reason", "brighter")[0] == EXIT_DONE
+    after = {name: topic.messages for name, topic in open_recording(path).topics.items()}
+    assert after == before
+    assert (regress(path).passed, regress(path).whole) == (True, True)
+
+
+def test_accept_loses_no_frames_that_the_video_lacks(
+    told: Told, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "less.mcap"
+    shutil.copy(GOLDEN, path)
+    before = path.read_bytes()
+    monkeypatch.setattr(Pictures, "rest", lambda _: iter(()))
+    code, _, err = told(path, "--accept", "--reason", "fewer")
+    assert code == EXIT_FAILED
+    assert "its video lacks frames" in err
+    assert path.read_bytes() == before
 
 
 def test_accept_leaves_what_has_not_moved(told: Told, tmp_path: Path) -> None:
