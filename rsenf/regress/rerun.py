@@ -116,10 +116,11 @@ class StepRun:
 
     def finish(self) -> TopicVerdict:
         """Return what came of it."""
-        verdict = self._verdict
-        if self._ended and not verdict.unjudged:
+        if self._ended and not self._verdict.unjudged:
             # A stage whose sender is gone is ended without an END mark of its input.
             self._feed(self._pictures.rest())
+        verdict = self._verdict
+        if self._ended and not verdict.unjudged:
             while not self._runner.ended:
                 self._again += self._runner.end(self._ended)
             self._compare()
@@ -141,9 +142,13 @@ class StepRun:
     def _feed(self, inputs: Iterable[Any]) -> None:
         for one in inputs:
             self._again += self._runner.feed(one)
+        if self._pictures.mistimed and not self._blind:
+            why = "an older version of rsenf recorded its video without the times of its pictures"
+            self._verdict = TopicVerdict(self._step.topic, self._step.stage, unjudged=why)
+            self._blind = True
 
     def _compare(self) -> None:
-        while self._recorded and self._again:
+        while self._recorded and self._again and not self._blind:
             then, log_time_ns, lacks = self._recorded[0]
             if lacks and self._step.stage == "rows":
                 # Only its blocks tell which frames the stage was given.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import shutil
 from collections.abc import Callable
@@ -35,14 +36,18 @@ def told(capsys: pytest.CaptureFixture[str]) -> Told:
     return run
 
 
-def part_of(path: Path, keep: Callable[[str, Any], bool]) -> Path:
-    """Record those messages of a golden recording anew that are to be kept."""
+def part_of(
+    path: Path,
+    keep: Callable[[str, Any], bool],
+    change: Callable[[str, Any], Any] = lambda _, message: message,
+) -> Path:
+    """Record those messages of a golden recording anew that are to be kept, changed or not."""
     source = open_recording(GOLDEN)
     about = {name: source.metadata[ABOUT][name] for name in ("config", "site", "run_id")}
     with Recorder(path, run_info=about, clock_ns=lambda: BEGINS_NS) as recorder:
         for topic, message, _ in source.messages():
             if keep(topic, message):
-                recorder.write(topic, message)
+                recorder.write(topic, change(topic, message))
     return path
 
 
@@ -166,6 +171,30 @@ def test_pictures_that_are_missing_are_not_the_rows_fault(tmp_path: Path) -> Non
     (rows, *others) = result.topics
     assert f"video lacks messages {keys[1]} to {keys[1]}" in rows.unjudged
     assert all(topic.passed for topic in (rows, *others))
+
+
+@pytest.mark.parametrize("untimed", [True, False])
+def test_a_video_that_has_times_of_decoding_only(
+    told: Told, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, untimed: bool
+) -> None:
+    """As AVI has with B frames. A version that didn't say so blames nobody."""
+    packets = [m for _, m, _ in open_recording(GOLDEN).messages([f"{CAMERA}/video"])][:-1]
+    times_ns = dict(enumerate(sorted(packet.header.pts_ns for packet in packets)))
+
+    def decoding(_: str, message: Any) -> Any:
+        if not isinstance(message, VideoPacket) or message.header.is_end:
+            return message
+        header = dataclasses.replace(message.header, pts_ns=times_ns[message.header.seq])
+        return dataclasses.replace(message, header=header, untimed=untimed)
+
+    path = part_of(tmp_path / "avi.mcap", lambda *_: True, decoding)
+    result = regress(path)
+    assert [t.topic for t in result.topics if not t.passed] == []
+    assert result.whole == untimed
+    if not untimed:
+        monkeypatch.setattr("rsenf.idle.stage.INTERVAL_STDS", 2.3)
+        code, _, err = told(path, "--accept", "--reason", "none")
+        assert (code, err.count("without the times of its pictures")) == (EXIT_FAILED, 1)
 
 
 def never_ended(path: Path) -> Path:
