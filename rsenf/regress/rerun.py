@@ -13,7 +13,7 @@ from rsenf.record import Recording, open_recording
 from rsenf.regress.fields import moved
 from rsenf.regress.history import History, Run, history_of, run_of
 from rsenf.regress.pictures import Pictures
-from rsenf.regress.plan import Step, recorded_graph, steps_of
+from rsenf.regress.plan import Step, played, recorded_graph, steps_of
 from rsenf.regress.verdict import Regression, TopicVerdict
 from rsenf.regress.versions import changed_since
 
@@ -49,8 +49,14 @@ def regress(path: str | Path) -> Regression:
 
 def runnable(recording: Recording) -> tuple[list[Step], dict[str, str]]:
     """Return the steps whose output and input were recorded, and why the others can't be run."""
-    steps, left_out = [], {}
-    for step in steps_of(recorded_graph(recording)):
+    graph = recorded_graph(recording)
+    steps = []
+    left_out = {
+        topic: f"it was played from {path}"
+        for topic, path in played(graph).items()
+        if topic in recording.topics
+    }
+    for step in steps_of(graph):
         if step.topic not in recording.topics:
             continue
         absent = [topic for topic in step.reads if topic not in recording.topics]

@@ -10,8 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from rsenf.cli import main
+from rsenf.config import Graph, shown
+from rsenf.config.replayed import with_replayed
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
 from rsenf.messages import EnfEstimate, Header, RowBlock, VideoPacket
 from rsenf.record import Recorder, open_recording
@@ -40,10 +43,12 @@ def part_of(
     path: Path,
     keep: Callable[[str, Any], bool],
     change: Callable[[str, Any], Any] = lambda _, message: message,
+    **told: str,
 ) -> Path:
     """Record those messages of a golden recording anew that are to be kept, changed or not."""
     source = open_recording(GOLDEN)
     about = {name: source.metadata[ABOUT][name] for name in ("config", "site", "run_id")}
+    about |= told
     with Recorder(path, run_info=about, clock_ns=lambda: BEGINS_NS) as recorder:
         for topic, message, _ in source.messages():
             if keep(topic, message):
@@ -195,6 +200,52 @@ def test_a_video_that_has_times_of_decoding_only(
         monkeypatch.setattr("rsenf.idle.stage.INTERVAL_STDS", 2.3)
         code, _, err = told(path, "--accept", "--reason", "none")
         assert (code, err.count("without the times of its pictures")) == (EXIT_FAILED, 1)
+
+
+def test_what_was_played_is_not_asked_for(told: Told, tmp_path: Path) -> None:
+    source = open_recording(GOLDEN)
+    graph = Graph.model_validate(yaml.safe_load(source.metadata[ABOUT]["config"]))
+    config = yaml.safe_dump(shown(with_replayed(graph, {"decode": "x.mcap"})))
+    path = part_of(tmp_path / "played.mcap", lambda *_: True, config=config)
+    code, out, _ = told(path, "--json")
+    assert code == EXIT_DONE
+    found = json.loads(out)
+    assert [t["stage"] for t in found["topics"]] == ["track", "idle", "match"]
+    (whole,) = found["recordings"]
+    assert whole["left_out"] == {f"{CAMERA}/rows": "it was played from x.mcap"}
+
+
+def test_a_bad_file_does_not_silence_the_others(told: Told, tmp_path: Path) -> None:
+    bad, bare = tmp_path / "bad.mcap", tmp_path / "bare.mcap"
+    bad.write_bytes(b"no recording")
+    sample_file(bare, seconds=1)
+    code, out, err = told(bad, GOLDEN, bare)
+    assert code == EXIT_FAILED
+    assert out.startswith(f"{GOLDEN}: as it was")
+    assert [line.split(":")[1] for line in err.splitlines()] == [f" {bad}", f" {bare}"]
+    code, out, _ = told(bad, GOLDEN, "--json")
+    found = json.loads(out)
+    assert (code, found["passed"]) == (EXIT_FAILED, False)
+    assert {t["recording"] for t in found["topics"]} == {str(GOLDEN)}
+    first, second = found["recordings"]
+    assert (first["passed"], second["passed"]) == (False, True)
+    assert str(bad) in first["error"]
+    assert second["error"] == ""
+
+
+def test_one_that_cannot_be_accepted_leaves_the_others_their_turn(
+    told: Told, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cut = part_of(tmp_path / "cut.mcap", lambda _, message: not message.header.is_end)
+    whole = tmp_path / "whole.mcap"
+    shutil.copy(FOLDER / "still_2997.mcap", whole)
+    shutil.copy(cut, tmp_path / "before.mcap")
+    monkeypatch.setattr("rsenf.rows.stage.WHITE_LEVEL", 20.0)
+    code, _, err = told(cut, whole, "--accept", "--reason", "brighter")
+    assert code == EXIT_FAILED
+    assert "not whole" in err
+    assert cut.read_bytes() == (tmp_path / "before.mcap").read_bytes()
+    assert regress(whole).passed
 
 
 def never_ended(path: Path) -> Path:
