@@ -3,12 +3,15 @@
 Each stage gets what was recorded of the stages before it, with the settings in the recording, so
 that what moves is located. On the versions and the kind of processor that made a recording every
 bit must agree; on others what moves by less than a hundredth of its own standard error, or by
-rounding, is as it was. 'rsenf regress --tolerances' lists them. Exit code 1: something moved.
+rounding, is as it was. 'rsenf regress --tolerances' lists them. Exit code 1: something moved,
+or a recording can't be compared; the others are all the same.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
+import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -31,9 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compare recordings with what the stages make now."""
-    from rsenf.cli.console import print_json, progress_bar, say
-    from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, UsageError
-    from rsenf.regress import accept, regress
+    from rsenf.cli.console import print_json, say
+    from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, RsenfError, UsageError
+    from rsenf.regress import Regression, accept, regress
     from rsenf.regress.verdict import as_json
 
     if args.tolerances:
@@ -43,24 +46,29 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("no recording is named", "rsenf regress RECORDING.mcap …")
     if args.accept != bool(args.reason and args.reason.strip()):
         raise UsageError("--accept and --reason go together", "say why the outputs may move")
-    results = []
-    with progress_bar("running again", len(args.recordings), "recordings") as progress:
-        for path in args.recordings:
-            results.append(regress(path))
-            progress(len(results))
+    results, errors = [], []
+    for path in args.recordings:
+        result = Regression(path, {}, [], {})
+        try:
+            result = regress(path)
+            if not args.json:
+                _print(result)
+            if result.loss:
+                say(f"{path}: {result.loss}")
+            if args.accept and not result.passed:
+                accept(result, args.reason)
+                say(f"{path}: recorded anew")
+        except RsenfError as exc:  # the others are to be heard of all the same
+            result = dataclasses.replace(result, error=str(exc))
+            errors.append(exc)
+        results.append(result)
     if args.json:
         print_json(as_json(results))
-    for result in results:
-        if not args.json:
-            _print(result)
-        if result.loss:
-            say(f"{result.recording}: {result.loss}")
-    moved = [result for result in results if not result.passed]
-    if args.accept:
-        for result in moved:
-            accept(result, args.reason)
-            say(f"{result.recording}: recorded anew")
-    elif moved:
+    if errors:
+        for error in errors[:-1]:
+            say(str(error))
+        raise errors[-1]
+    if not args.accept and not all(result.passed for result in results):
         return EXIT_FAILED
     return EXIT_DONE if all(result.whole for result in results) else EXIT_LOSS
 
@@ -77,6 +85,7 @@ def _print(result: Regression) -> None:
         _print_topic(topic)
     for name, why in result.left_out.items():
         print(f"  {name}: not run again, {why}")
+    sys.stdout.flush()
 
 
 def _print_topic(topic: TopicVerdict) -> None:

@@ -10,7 +10,7 @@ import av
 from rsenf.timebase import pts_to_ns
 
 # More packets than any decoder keeps before it gives out the first of their frames.
-_IN_FLIGHT = 256
+IN_FLIGHT = 256
 # What FFmpeg assumes, too, of a stream that declares no rate.
 _DEFAULT_RATE_HZ = Fraction(25)
 
@@ -43,7 +43,7 @@ class FrameClock:
     def __init__(self, time_base: Fraction, rate_hz: Fraction) -> None:
         self._time_base = time_base
         self._period_s = 1 / (rate_hz or _DEFAULT_RATE_HZ)
-        self._decode_times: deque[int] = deque(maxlen=_IN_FLIGHT)
+        self._decode_times: deque[int] = deque(maxlen=IN_FLIGHT)
         self._delay = 0
         self._anchor_ns = 0  # last time that rule 1 or 2 gave
         self._since_anchor = -1

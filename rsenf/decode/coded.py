@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import deque
 from fractions import Fraction
 from typing import Any, NamedTuple, cast
 
 import av
 
+from rsenf.decode.clock import IN_FLIGHT
 from rsenf.timebase import NS_PER_S
 
 # Every picture for itself. FFmpeg's PNG decoder makes rubbish of all after its first, so each of
@@ -14,6 +16,7 @@ from rsenf.timebase import NS_PER_S
 STILLS = frozenset({"mjpeg", "png", "webp"})
 # Larger pictures don't come from a camera, but from bytes that are no picture.
 LARGEST_PX = 1 << 26
+_NEVER = -(1 << 63)
 _DECODERS = {"av1": "libdav1d"}  # FFmpeg's own needs hardware
 
 
@@ -31,13 +34,23 @@ class PacketDecoder:
     ----------
     codec : str
         As in :class:`rsenf.messages.VideoPacket`.
+
+    Attributes
+    ----------
+    contradicts : bool
+        Whether pictures came in an order that contradicts the times of their packets: these are
+        times of decoding, though nobody said so.
     """
 
     def __init__(self, codec: str) -> None:
         self._codec = codec
         self._context = self._open()
+        self._in_flight: deque[Any] = deque(maxlen=IN_FLIGHT)  # tags, in the order of decoding
+        self._latest_ns, self._shown_ns = _NEVER, _NEVER
+        self._rises = True
+        self.contradicts = False
 
-    def decode(self, data: bytes, tag: Any, *, pts_ns: int = 0) -> list[Decoded]:
+    def decode(self, data: bytes, tag: Any, *, pts_ns: int | None = 0) -> list[Decoded]:
         """Take a packet in the order of decoding; return the pictures that it completes.
 
         Parameters
@@ -45,7 +58,9 @@ class PacketDecoder:
         data : bytes
         tag : object
             Comes back with the picture.
-        pts_ns : int
+        pts_ns : int, optional
+            When it is to be shown. None where that isn't known: tags then come back in the order
+            of the packets, whichever of them has the picture, as :class:`FrameClock` has it.
 
         Raises
         ------
@@ -54,10 +69,18 @@ class PacketDecoder:
         """
         packet = cast("av.Packet[av.VideoStream]", av.Packet(data))
         packet.pts, packet.time_base = pts_ns, Fraction(1, NS_PER_S)
-        packet.opaque = (tag,)  # a new object each time: PyAV keys them by identity
+        packet.opaque = (tag, pts_ns)  # a new object each time: PyAV keys them by identity
+        self._in_flight.append(tag)
+        if pts_ns is not None:
+            self._rises &= pts_ns >= self._latest_ns
+            self._latest_ns = pts_ns
         if self._codec in STILLS:
             self._context = self._open()
-        return self._taken(packet)
+        try:
+            return self._taken(packet)
+        except av.FFmpegError:
+            self._in_flight.popleft()
+            raise
 
     def rest(self) -> list[Decoded]:
         """Return the pictures that are still held back. Raises what :meth:`decode` does."""
@@ -70,7 +93,16 @@ class PacketDecoder:
             self._context.flush_buffers()
 
     def _taken(self, packet: av.Packet[av.VideoStream] | None) -> list[Decoded]:
-        return [Decoded(p, cast("tuple[Any]", p.opaque)[0]) for p in self._context.decode(packet)]
+        return [self._tagged(picture) for picture in self._context.decode(packet)]
+
+    def _tagged(self, picture: av.VideoFrame) -> Decoded:
+        tag, pts_ns = cast("tuple[Any, int | None]", picture.opaque)
+        due = self._in_flight.popleft() if self._in_flight else tag
+        if pts_ns is None:
+            return Decoded(picture, due)
+        self.contradicts |= self._rises and pts_ns < self._shown_ns
+        self._shown_ns = pts_ns
+        return Decoded(picture, tag)
 
     def _open(self) -> av.VideoCodecContext:
         name = _DECODERS.get(self._codec, self._codec)

@@ -165,6 +165,7 @@ class StreamDecoder:
             codec=self._writer.codec,
             keyframe=packet.is_keyframe,
             data=data,
+            untimed=packet.pts is None,
         )
 
     def _frame(self, picture: av.VideoFrame) -> Frame | None:

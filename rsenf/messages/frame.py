@@ -47,3 +47,8 @@ class VideoPacket:
     codec: str = field(2, "h264, hevc, vp8, vp9, av1, mjpeg, png, webp", "")
     keyframe: bool = field(3, "can be decoded without earlier packets", False)
     data: bytes = field(4, "Annex B for h264 and hevc, parameter sets with every key frame", b"")
+    untimed: bool = field(
+        5,
+        "pts_ns is its time of decoding: the n-th picture shown has that of the n-th packet",
+        False,
+    )

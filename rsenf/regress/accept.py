@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rsenf.errors import InputError
-from rsenf.messages import Health, ReferenceBlock, VideoPacket
+from rsenf.messages import Header, Health, ReferenceBlock, VideoPacket
 from rsenf.record import Recorder, Recording, open_recording
 from rsenf.record.growing import ABOUT, CLOSING
 from rsenf.record.provenance import program_facts
@@ -18,6 +18,7 @@ from rsenf.regress.plan import Step, recorded_graph, steps_of
 from rsenf.regress.rerun import runnable
 from rsenf.regress.verdict import Regression
 from rsenf.regress.versions import BESIDE, changed_since
+from rsenf.run.runner import Runner
 from rsenf.whole_file import whole_file
 
 ACCEPTED = "rsenf.accepted."
@@ -34,7 +35,8 @@ def accept(result: Regression, reason: str) -> None:
     Raises
     ------
     InputError
-        When the recording isn't whole, so that its outputs can't all be made again.
+        When the recording isn't whole, or its video isn't, so that its outputs can't all be made
+        again.
     RecordingError
         When it can't be written; the recording is then as it was.
     """
@@ -42,6 +44,8 @@ def accept(result: Regression, reason: str) -> None:
     if not result.whole:
         why = result.loss or next(t.unjudged for t in result.topics if t.unjudged)
         raise InputError(f"{recording.path}: not whole, and can't be recorded anew: {why}")
+    if any(topic.stage == "decode" for topic in result.topics):
+        raise InputError(f"{recording.path}: its video lacks frames, which would be lost for good")
     if foreign := [name for name, topic in recording.topics.items() if not topic.is_ours]:
         raise InputError(f"{recording.path}: {', '.join(foreign)} of others would be lost")
     steps, _ = runnable(recording)
@@ -79,6 +83,8 @@ def _record_anew(recording: Recording, steps: list[Step], note: dict[str, str]) 
             clock.move(message, log_time_ns)
             for sent_to, sent in chain.feed(topic, message):
                 recorder.write(sent_to, sent)
+        for sent_to, sent in chain.finish():
+            recorder.write(sent_to, sent)
 
 
 class _Clock:
@@ -95,29 +101,54 @@ class _Clock:
             self._now_ns = max(self._now_ns, log_time_ns)
 
 
+class _Lane(NamedTuple):
+    """A stage under way."""
+
+    step: Step
+    runner: Runner
+    pictures: Pictures
+
+
 class _Chain:
     """The stages one after the other, between what came from outside."""
 
     def __init__(self, steps: list[Step], history: History) -> None:
+        self._lanes = [
+            _Lane(step, step.make_runner(history), Pictures(history.frames.get(step.topic)))
+            for step in steps
+        ]
         self._made = {step.topic for step in steps}
-        self._readers: dict[str, list[tuple[Step, Any, Pictures]]] = {}
-        for step in steps:
-            reader = step, step.make_runner(history), Pictures(history.frames.get(step.topic))
-            for topic in step.reads:
-                self._readers.setdefault(topic, []).append(reader)
+        self._ends: dict[str, Header] = {}  # of what was made before
 
     def feed(self, topic: str, message: Any) -> Iterator[tuple[str, Any]]:
         """Yield a recorded message, and all that follows from it; nothing for one made anew."""
         if topic not in self._made:
             yield from self._passed_on(topic, message)
+        elif message.header.is_end:
+            self._ends[topic] = message.header
+
+    def finish(self) -> Iterator[tuple[str, Any]]:
+        """Yield what comes of ending those stages whose sender was gone: it sent no END mark."""
+        for lane in self._lanes:
+            yield from self._fed(lane, lane.pictures.rest())
+            while not lane.runner.ended:
+                header = self._ends.get(lane.step.topic, Header())
+                yield from self._sent(lane, lane.runner.end(header))
 
     def _passed_on(self, topic: str, message: Any) -> Iterator[tuple[str, Any]]:
         yield topic, message
-        for step, runner, pictures in self._readers.get(topic, ()):
-            inputs = pictures.feed(message) if isinstance(message, VideoPacket) else (message,)
-            for one in inputs:
-                for sent in runner.feed(one):
-                    yield from self._passed_on(step.topic, sent)
+        for lane in self._lanes:
+            if topic in lane.step.reads:
+                is_packet = isinstance(message, VideoPacket)
+                yield from self._fed(lane, lane.pictures.feed(message) if is_packet else [message])
+
+    def _fed(self, lane: _Lane, inputs: Iterable[Any]) -> Iterator[tuple[str, Any]]:
+        for one in inputs:
+            yield from self._sent(lane, lane.runner.feed(one))
+
+    def _sent(self, lane: _Lane, messages: list[Any]) -> Iterator[tuple[str, Any]]:
+        for message in messages:
+            yield from self._passed_on(lane.step.topic, message)
 
 
 def _moved(result: Regression) -> dict[str, str]:

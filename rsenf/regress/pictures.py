@@ -18,7 +18,7 @@ class Pictures:
     """Decodes the packets of one camera.
 
     Pictures come out bit for bit as they did: decoding is exact by the codecs' standards. Each is
-    known by the presentation time of its packet.
+    known by its presentation time.
 
     Parameters
     ----------
@@ -30,6 +30,8 @@ class Pictures:
     ----------
     yielded : int
         Frames given out.
+    mistimed : bool
+        Whether the video's times turned out not to be those at which its pictures were shown.
     """
 
     def __init__(self, numbers: dict[Run, dict[int, int]] | None) -> None:
@@ -38,6 +40,7 @@ class Pictures:
         self._decoder: PacketDecoder | None = None
         self._count = 0
         self.yielded = 0
+        self.mistimed = False
 
     @property
     def missing(self) -> int:
@@ -48,30 +51,35 @@ class Pictures:
     def feed(self, packet: VideoPacket) -> Iterator[Frame]:
         """Yield the frames that a packet completes, and the END mark behind the last."""
         if packet.header.is_end:
-            yield from self._rest()
+            yield from self.rest()
             yield Frame(header=packet.header)
             return
         if run_of(packet.header) != self._run:
-            yield from self._rest()
+            yield from self.rest()
             self._begin(packet)
         assert self._decoder is not None
+        pts_ns = None if packet.untimed else packet.header.pts_ns
         try:
-            decoded = self._decoder.decode(packet.data, packet.header, pts_ns=packet.header.pts_ns)
+            decoded = self._decoder.decode(packet.data, packet.header, pts_ns=pts_ns)
         except av.FFmpegError:
             return  # it was damaged then, too: the decode node left it out
-        for one in decoded:
-            yield from self._frame(one)
+        yield from self._frames(self._decoder, decoded)
 
     def _begin(self, packet: VideoPacket) -> None:
         self._run, self._count = run_of(packet.header), 0
         self._decoder = PacketDecoder(packet.codec)
 
-    def _rest(self) -> Iterator[Frame]:
+    def rest(self) -> Iterator[Frame]:
+        """Yield what the decoder holds back: a video whose sender was gone has no END mark."""
         if self._decoder is not None:
             with contextlib.suppress(av.FFmpegError):
-                for one in self._decoder.rest():
-                    yield from self._frame(one)
+                yield from self._frames(self._decoder, self._decoder.rest())
             self._decoder = None
+
+    def _frames(self, decoder: PacketDecoder, decoded: list[Decoded]) -> Iterator[Frame]:
+        self.mistimed |= decoder.contradicts
+        for one in decoded:
+            yield from self._frame(one)
 
     def _frame(self, decoded: Decoded) -> Iterator[Frame]:
         picture, header = decoded

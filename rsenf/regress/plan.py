@@ -18,6 +18,7 @@ from rsenf.config.graph import (
     IdleNode,
     MatchNode,
     Node,
+    ReplayNode,
     RowsNode,
     TrackNode,
     outputs,
@@ -93,12 +94,24 @@ def recorded_graph(recording: Recording) -> Graph:
 
 
 def steps_of(graph: Graph) -> list[Step]:
-    """Return every stage of a graph, in the order of the data."""
+    """Return every stage of a graph, in the order of the data; those played are not its own."""
     found = [step for name, node in graph.nodes.items() for step in _steps(graph.site, name, node)]
     return sorted(found, key=lambda step: ORDER.index(step.stage))
 
 
+def played(graph: Graph) -> dict[str, str]:
+    """Return from which recording each topic of a stage came that was played, not made."""
+    return {
+        camera_key(graph.site, camera, stage): node.input
+        for node in graph.of(ReplayNode)
+        for stage, camera in outputs(node)
+        if stage in ORDER
+    }
+
+
 def _steps(site: str, name: str, node: Node) -> Iterator[Step]:
+    if isinstance(node, ReplayNode):
+        return
     for stage, camera in outputs(node):
         if stage not in ORDER:
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from rsenf.record import Recording, open_recording
 from rsenf.regress.fields import moved
 from rsenf.regress.history import History, Run, history_of, run_of
 from rsenf.regress.pictures import Pictures
-from rsenf.regress.plan import Step, recorded_graph, steps_of
+from rsenf.regress.plan import Step, played, recorded_graph, steps_of
 from rsenf.regress.verdict import Regression, TopicVerdict
 from rsenf.regress.versions import changed_since
 
@@ -48,8 +49,14 @@ def regress(path: str | Path) -> Regression:
 
 def runnable(recording: Recording) -> tuple[list[Step], dict[str, str]]:
     """Return the steps whose output and input were recorded, and why the others can't be run."""
-    steps, left_out = [], {}
-    for step in steps_of(recorded_graph(recording)):
+    graph = recorded_graph(recording)
+    steps = []
+    left_out = {
+        topic: f"it was played from {path}"
+        for topic, path in played(graph).items()
+        if topic in recording.topics
+    }
+    for step in steps_of(graph):
         if step.topic not in recording.topics:
             continue
         absent = [topic for topic in step.reads if topic not in recording.topics]
@@ -110,14 +117,16 @@ class StepRun:
         elif topic in self._step.reads and not self._verdict.unjudged:
             self._verdict.unjudged = self._numbers.gap(topic, message.header)
             if not self._verdict.unjudged:
-                self._feed(message)
+                self._feed(self._inputs(message))
         self._compare()
 
     def finish(self) -> TopicVerdict:
         """Return what came of it."""
+        if self._ended and not self._verdict.unjudged:
+            # A stage whose sender is gone is ended without an END mark of its input.
+            self._feed(self._pictures.rest())
         verdict = self._verdict
         if self._ended and not verdict.unjudged:
-            # A stage whose sender is gone is ended without an END mark of its input.
             while not self._runner.ended:
                 self._again += self._runner.end(self._ended)
             self._compare()
@@ -133,13 +142,19 @@ class StepRun:
             verdict.stage = "decode"
         return verdict
 
-    def _feed(self, message: Any) -> None:
-        inputs = self._pictures.feed(message) if isinstance(message, VideoPacket) else (message,)
+    def _inputs(self, message: Any) -> Iterable[Any]:
+        return self._pictures.feed(message) if isinstance(message, VideoPacket) else (message,)
+
+    def _feed(self, inputs: Iterable[Any]) -> None:
         for one in inputs:
             self._again += self._runner.feed(one)
+        if self._pictures.mistimed and not self._blind:
+            why = "an older version of rsenf recorded its video without the times of its pictures"
+            self._verdict = TopicVerdict(self._step.topic, self._step.stage, unjudged=why)
+            self._blind = True
 
     def _compare(self) -> None:
-        while self._recorded and self._again:
+        while self._recorded and self._again and not self._blind:
             then, log_time_ns, lacks = self._recorded[0]
             if lacks and self._step.stage == "rows":
                 # Only its blocks tell which frames the stage was given.

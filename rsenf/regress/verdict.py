@@ -140,6 +140,8 @@ class Regression:
         Recorded topics whose stage could not be run again, and why.
     loss : str
         What of the recording can't be read; empty when all can.
+    error : str
+        Why nothing came of it; empty when something did.
     """
 
     recording: str
@@ -147,16 +149,17 @@ class Regression:
     topics: list[TopicVerdict]
     left_out: dict[str, str]
     loss: str = ""
+    error: str = ""
 
     @property
     def exact(self) -> bool:
         """Whether every bit counted."""
-        return not self.changed
+        return not self.changed and not self.error
 
     @property
     def passed(self) -> bool:
-        """Whether nothing moved."""
-        return all(topic.passed for topic in self.topics)
+        """Whether it was compared, and nothing moved."""
+        return not self.error and all(topic.passed for topic in self.topics)
 
     @property
     def first(self) -> TopicVerdict | None:
@@ -166,7 +169,7 @@ class Regression:
     @property
     def whole(self) -> bool:
         """Whether all of it could be judged."""
-        return not self.loss and not any(topic.unjudged for topic in self.topics)
+        return not self.loss and not self.error and not any(topic.unjudged for topic in self.topics)
 
 
 def as_json(results: Sequence[Regression]) -> dict[str, Any]:
@@ -183,6 +186,7 @@ def as_json(results: Sequence[Regression]) -> dict[str, Any]:
                 "changed": {name: list(values) for name, values in r.changed.items()},
                 "left_out": r.left_out,
                 "loss": r.loss,
+                "error": r.error,
             }
             for r in results
         ],

@@ -52,6 +52,30 @@ def test_each_picture_comes_with_what_its_packet_came_with(
     )
 
 
+def test_without_times_tags_come_in_the_order_of_the_packets(
+    packets: list[tuple[int, bytes]],
+) -> None:
+    decoder = PacketDecoder("h264")
+    found = [one for n, data in packets for one in decoder.decode(data, n, pts_ns=None)]
+    assert [tag for _, tag in found + decoder.rest()] == list(range(FRAMES))
+    assert not decoder.contradicts
+
+
+def test_times_of_decoding_are_told_from_those_of_showing(
+    packets: list[tuple[int, bytes]],
+) -> None:
+    decoder = PacketDecoder("h264")
+    found = [one for n, data in packets for one in decoder.decode(data, n)] + decoder.rest()
+    shown = [tag for _, tag in found]
+    of_decoding, of_showing = PacketDecoder("h264"), PacketDecoder("h264")
+    for n, data in packets:
+        of_decoding.decode(data, n, pts_ns=n)
+        of_showing.decode(data, n, pts_ns=shown.index(n))
+    of_decoding.rest()
+    of_showing.rest()
+    assert (of_decoding.contradicts, of_showing.contradicts) == (True, False)
+
+
 DROPPED = """
 import pickle, sys
 from rsenf.decode.coded import PacketDecoder

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import shutil
 from collections.abc import Callable
@@ -9,13 +10,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from rsenf.cli import main
+from rsenf.config import Graph, shown
+from rsenf.config.replayed import with_replayed
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
 from rsenf.messages import EnfEstimate, Header, RowBlock, VideoPacket
 from rsenf.record import Recorder, open_recording
 from rsenf.record.growing import ABOUT
 from rsenf.regress import regress
+from rsenf.regress.pictures import Pictures
 from tests.golden.make import BEGINS_NS, FOLDER
 from tests.record.record_samples import sample_file
 
@@ -34,14 +39,20 @@ def told(capsys: pytest.CaptureFixture[str]) -> Told:
     return run
 
 
-def part_of(path: Path, keep: Callable[[str, Any], bool]) -> Path:
-    """Record those messages of a golden recording anew that are to be kept."""
+def part_of(
+    path: Path,
+    keep: Callable[[str, Any], bool],
+    change: Callable[[str, Any], Any] = lambda _, message: message,
+    **told: str,
+) -> Path:
+    """Record those messages of a golden recording anew that are to be kept, changed or not."""
     source = open_recording(GOLDEN)
     about = {name: source.metadata[ABOUT][name] for name in ("config", "site", "run_id")}
+    about |= told
     with Recorder(path, run_info=about, clock_ns=lambda: BEGINS_NS) as recorder:
         for topic, message, _ in source.messages():
             if keep(topic, message):
-                recorder.write(topic, message)
+                recorder.write(topic, change(topic, message))
     return path
 
 
@@ -165,6 +176,117 @@ def test_pictures_that_are_missing_are_not_the_rows_fault(tmp_path: Path) -> Non
     (rows, *others) = result.topics
     assert f"video lacks messages {keys[1]} to {keys[1]}" in rows.unjudged
     assert all(topic.passed for topic in (rows, *others))
+
+
+@pytest.mark.parametrize("untimed", [True, False])
+def test_a_video_that_has_times_of_decoding_only(
+    told: Told, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, untimed: bool
+) -> None:
+    """As AVI has with B frames. A version that didn't say so blames nobody."""
+    packets = [m for _, m, _ in open_recording(GOLDEN).messages([f"{CAMERA}/video"])][:-1]
+    times_ns = dict(enumerate(sorted(packet.header.pts_ns for packet in packets)))
+
+    def decoding(_: str, message: Any) -> Any:
+        if not isinstance(message, VideoPacket) or message.header.is_end:
+            return message
+        header = dataclasses.replace(message.header, pts_ns=times_ns[message.header.seq])
+        return dataclasses.replace(message, header=header, untimed=untimed)
+
+    path = part_of(tmp_path / "avi.mcap", lambda *_: True, decoding)
+    result = regress(path)
+    assert [t.topic for t in result.topics if not t.passed] == []
+    assert result.whole == untimed
+    if not untimed:
+        monkeypatch.setattr("rsenf.idle.stage.INTERVAL_STDS", 2.3)
+        code, _, err = told(path, "--accept", "--reason", "none")
+        assert (code, err.count("without the times of its pictures")) == (EXIT_FAILED, 1)
+
+
+def test_what_was_played_is_not_asked_for(told: Told, tmp_path: Path) -> None:
+    source = open_recording(GOLDEN)
+    graph = Graph.model_validate(yaml.safe_load(source.metadata[ABOUT]["config"]))
+    config = yaml.safe_dump(shown(with_replayed(graph, {"decode": "x.mcap"})))
+    path = part_of(tmp_path / "played.mcap", lambda *_: True, config=config)
+    code, out, _ = told(path, "--json")
+    assert code == EXIT_DONE
+    found = json.loads(out)
+    assert [t["stage"] for t in found["topics"]] == ["track", "idle", "match"]
+    (whole,) = found["recordings"]
+    assert whole["left_out"] == {f"{CAMERA}/rows": "it was played from x.mcap"}
+
+
+def test_a_bad_file_does_not_silence_the_others(told: Told, tmp_path: Path) -> None:
+    bad, bare = tmp_path / "bad.mcap", tmp_path / "bare.mcap"
+    bad.write_bytes(b"no recording")
+    sample_file(bare, seconds=1)
+    code, out, err = told(bad, GOLDEN, bare)
+    assert code == EXIT_FAILED
+    assert out.startswith(f"{GOLDEN}: as it was")
+    assert [line.split(":")[1] for line in err.splitlines()] == [f" {bad}", f" {bare}"]
+    code, out, _ = told(bad, GOLDEN, "--json")
+    found = json.loads(out)
+    assert (code, found["passed"]) == (EXIT_FAILED, False)
+    assert {t["recording"] for t in found["topics"]} == {str(GOLDEN)}
+    first, second = found["recordings"]
+    assert (first["passed"], second["passed"]) == (False, True)
+    assert str(bad) in first["error"]
+    assert second["error"] == ""
+
+
+def test_one_that_cannot_be_accepted_leaves_the_others_their_turn(
+    told: Told, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cut = part_of(tmp_path / "cut.mcap", lambda _, message: not message.header.is_end)
+    whole = tmp_path / "whole.mcap"
+    shutil.copy(FOLDER / "still_2997.mcap", whole)
+    shutil.copy(cut, tmp_path / "before.mcap")
+    monkeypatch.setattr("rsenf.rows.stage.WHITE_LEVEL", 20.0)
+    code, _, err = told(cut, whole, "--accept", "--reason", "brighter")
+    assert code == EXIT_FAILED
+    assert "not whole" in err
+    assert cut.read_bytes() == (tmp_path / "before.mcap").read_bytes()
+    assert regress(whole).passed
+
+
+def never_ended(path: Path) -> Path:
+    """Record a camera whose decode node was killed: its video has no END mark, the rest has."""
+
+    def keep(topic: str, message: Any) -> bool:
+        return not (topic.endswith("/video") and message.header.is_end)
+
+    return part_of(path, keep)
+
+
+def test_a_killed_decode_moves_nothing(tmp_path: Path) -> None:
+    """However many pictures the decoder holds back then: that depends on the processor, too."""
+    result = regress(never_ended(tmp_path / "killed.mcap"))
+    assert [t.topic for t in result.topics if not t.passed] == []
+    assert result.whole
+
+
+def test_what_a_killed_decode_made_is_recorded_anew_to_its_end(
+    told: Told, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = never_ended(tmp_path / "killed.mcap")
+    before = {name: topic.messages for name, topic in open_recording(path).topics.items()}
+    monkeypatch.setattr("rsenf.rows.stage.WHITE_LEVEL", 20.0)
+    assert told(path, "--accept", "--reason", "brighter")[0] == EXIT_DONE
+    after = {name: topic.messages for name, topic in open_recording(path).topics.items()}
+    assert after == before
+    assert (regress(path).passed, regress(path).whole) == (True, True)
+
+
+def test_accept_loses_no_frames_that_the_video_lacks(
+    told: Told, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "less.mcap"
+    shutil.copy(GOLDEN, path)
+    before = path.read_bytes()
+    monkeypatch.setattr(Pictures, "rest", lambda _: iter(()))
+    code, _, err = told(path, "--accept", "--reason", "fewer")
+    assert code == EXIT_FAILED
+    assert "its video lacks frames" in err
+    assert path.read_bytes() == before
 
 
 def test_accept_leaves_what_has_not_moved(told: Told, tmp_path: Path) -> None:

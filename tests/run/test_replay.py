@@ -29,15 +29,15 @@ from replay_samples import (
 
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import canonical
-from rsenf.record import container
+from rsenf.record import Recorder, container
 from rsenf.record.reader import open_recording
-from rsenf.record.writer import Recorder
 from rsenf.run.inputs import open_input_file
 from rsenf.run.replay.control import Control, Pace
 from rsenf.run.replay.input import Replayed
 from rsenf.run.replay.keyboard import keyboard, obey
 from rsenf.run.runner import Runner
 from rsenf.track import make_tracker
+from tests.decode.decode_clips import make_clip
 
 BEGIN = ("frames", "rows", "track")
 
@@ -89,6 +89,41 @@ def test_frames_are_those_that_were_recorded_with_their_pixels(
     assert [canonical(m) for m in frames] == [canonical(m) for m in of(recorded, "frames")]
     filmed = open_input_file(short_film.video).messages()
     assert all((a.luma == b.luma).all() for a, b in zip(frames, filmed, strict=True))
+
+
+@pytest.fixture(scope="module")
+def avi(short_film: Film, tmp_path_factory: pytest.TempPathFactory) -> tuple[Film, Path]:
+    """The film with B frames in a container that has no times for them; and a recording of it."""
+    folder = tmp_path_factory.mktemp("avi")
+    lumas = [frame.luma for frame in open_input_file(short_film.video).messages()]
+    video = make_clip(
+        folder / "film.avi", lumas, options={"qp": "20", "bf": "3", "b_strategy": "0"}
+    )
+    film = dataclasses.replace(short_film, video=video)
+    return film, record(film, folder / "film.mcap")
+
+
+def test_frames_of_an_avi_have_their_times_though_its_packets_have_none(
+    avi: tuple[Film, Path],
+) -> None:
+    film, path = avi
+    assert all(packet.untimed for packet in of(path, "video"))
+    frames = data(played(path, topics=("cam/frames",)))["cam/frames"]
+    assert [canonical(m) for m in frames] == [canonical(m) for m in of(path, "frames")]
+    filmed = open_input_file(film.video).messages()
+    assert all((a.luma == b.luma).all() for a, b in zip(frames, filmed, strict=True))
+
+
+def test_frames_whose_times_are_of_decoding_are_not_played(
+    avi: tuple[Film, Path], tmp_path: Path
+) -> None:
+    """A version of rsenf once recorded AVI without saying so."""
+    path = tmp_path / "once.mcap"
+    with Recorder(path, run_info={"run_id": "r"}, clock_ns=time.time_ns) as recorder:
+        for packet in of(avi[1], "video"):
+            recorder.write("rsenf/lab/cam/video", dataclasses.replace(packet, untimed=False))
+    with pytest.raises(InputError, match="without the times of its pictures"):
+        played(path, topics=("cam/frames",))
 
 
 def test_a_part_of_it(recorded: Path) -> None:

@@ -10,6 +10,7 @@ import av
 
 from rsenf.decode.coded import Decoded, PacketDecoder
 from rsenf.decode.luma import luma_plane
+from rsenf.errors import InputError
 from rsenf.messages import Frame, Header, VideoPacket
 
 Timed = tuple[int, VideoPacket]
@@ -50,6 +51,11 @@ def pictures(packets: Iterable[Timed], from_ns: int, like: Frame) -> Iterator[tu
     time_ns : int
     frame : Frame
         With its ``luma``.
+
+    Raises
+    ------
+    InputError
+        When its pictures contradict the times of its packets.
     """
     decoder: _Stretch | None = None
     for time_ns, packet in from_key_frame(packets, from_ns):
@@ -89,9 +95,10 @@ class _Stretch:
         if self._lost:
             self._number += 1
         elif packet.data:
-            header = packet.header
+            pts_ns = None if packet.untimed else packet.header.pts_ns
+            tag = time_ns, packet.header
             try:
-                made = self._decoder.decode(packet.data, (time_ns, header), pts_ns=header.pts_ns)
+                made = self._decoder.decode(packet.data, tag, pts_ns=pts_ns)
             except av.FFmpegError:
                 return
             yield from self._shown(made)
@@ -102,6 +109,11 @@ class _Stretch:
             yield from self._shown(self._decoder.rest())
 
     def _shown(self, decoded: list[Decoded]) -> Iterator[tuple[int, Frame]]:
+        if self._decoder.contradicts:
+            raise InputError(
+                f"{self._last.source}: its video was recorded without the times of its pictures",
+                "an older version did so with AVI; record it anew, or play its rows",
+            )
         for picture, (time_ns, header) in decoded:
             self._size = self._size or (picture.width, picture.height)
             # A picture of another size ended the stream when it was live, too.
