@@ -28,6 +28,7 @@ from rsenf.run.peers import Peers
 
 PATIENCE_S = 3.0
 BEAT_S = 0.1
+ALONE_S = 10.0  # that a node has to end in when the process that started it is gone
 
 
 class NodeProcess:
@@ -130,10 +131,15 @@ class NodeProcess:
         ended = threading.Event()
 
         def beat() -> None:
+            alone_s = 0.0
             while not ended.wait(BEAT_S):
                 self._health.beat()
                 if supervisor and os.getppid() != supervisor:
                     self.stop.set()
+                    # With the bus gone, a message may be waited with for ever.
+                    alone_s += BEAT_S
+                    if alone_s > ALONE_S:
+                        end_process(EXIT_FAILED)
 
         thread = threading.Thread(target=beat, name="health", daemon=True)
         thread.start()
