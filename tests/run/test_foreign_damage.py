@@ -10,6 +10,7 @@ from collections import Counter
 import numpy as np
 import pytest
 from foreign_damage import FORMS, damaged, outcome, samples
+from foreign_files import still
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -79,3 +80,11 @@ def test_no_stamp_is_too_strange(times, codec):
         stream.feed(Raw(stamp_ns, "mono8", 2, 2, 0, False, b"1234"), abs(log_time_ns))
         stream.feed(Coded(stamp_ns, codec, b"\0\0\1\x65abc"), abs(log_time_ns))
     stream.finish()
+
+
+def test_stamps_that_are_centuries_apart():
+    """Found by the study: a decoder can't count so far."""
+    stream, luma = PictureStream("x"), still(np.full((24, 32), 90, np.uint8), ".jpg")
+    assert len(stream.feed(Coded(5, "mjpeg", luma), 5)) == 1
+    assert stream.feed(Coded(2**63 - 1, "mjpeg", luma), 6) == []
+    assert stream.loss == "pictures without a stamp of the others' time: 1"

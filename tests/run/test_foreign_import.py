@@ -184,7 +184,7 @@ def test_a_picture_without_a_stamp_among_others_is_left_out_and_counted(tmp_path
     )
     path = write_mcap(tmp_path / "a.mcap", [*good[:3], unset, *good[3:]])
     assert main(["import", str(path), "--out", str(tmp_path / "b.mcap")]) == 3
-    assert "pictures without a stamp, among others that have one: 1" in capsys.readouterr().err
+    assert "pictures without a stamp of the others' time: 1" in capsys.readouterr().err
     _, frames = frames_of(path)
     assert [f.header.pts_ns for f in frames] == [t - STAMP_NS for t, _ in wall_luma(6)]
 

@@ -20,6 +20,7 @@ from rsenf.timebase import NS_PER_S
 
 # Stamps before the year 2000 are of a clock that isn't set, or of a simulation's.
 _FIRST_WALL_CLOCK_NS = 946_684_800 * NS_PER_S
+_LONGEST_NS = 1 << 62  # 146 years: what decoders can count, with room to spare
 RAW_CODEC = "png"  # how a raw picture is kept: its luma, without loss
 _PNG_FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 
@@ -46,7 +47,7 @@ class PictureStream:
         Why what follows can't belong to the same stream; empty while it can.
     damaged, backward, unset : int
         Pictures that can't be decoded, frames whose time isn't after the one's before, and
-        pictures without a stamp among others that have one.
+        pictures without a stamp, or with one centuries away, among others that have one.
     unstamped : bool
         Whether times are those of logging.
     """
@@ -72,6 +73,9 @@ class PictureStream:
             self.unset += 1
             return []
         header = self._timed(picture.stamp_ns, log_time_ns)
+        if abs(header.pts_ns) > _LONGEST_NS:
+            self.unset += 1
+            return []
         try:
             return self._raw(picture, header) if isinstance(picture, Raw) else self._coded(
                 picture, header
@@ -95,7 +99,7 @@ class PictureStream:
         if self.damaged:
             lost.append(f"pictures that can't be decoded: {self.damaged}")
         if self.unset:
-            lost.append(f"pictures without a stamp, among others that have one: {self.unset}")
+            lost.append(f"pictures without a stamp of the others' time: {self.unset}")
         return "; ".join(lost)
 
     @property
