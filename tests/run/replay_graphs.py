@@ -6,6 +6,7 @@ column must be equal.
 
 from __future__ import annotations
 
+import os
 import sys
 import tempfile
 import threading
@@ -13,6 +14,8 @@ import time
 from collections import defaultdict
 from pathlib import Path
 
+# As `rsenf` and every node do, before NumPy is there: with more threads sums round otherwise.
+os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
 sys.path.insert(0, str(Path(__file__).parent))
 
 from conftest import Film, _film
