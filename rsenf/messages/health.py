@@ -33,3 +33,4 @@ class Health:
     lost_peers: tuple[str, ...] = field(18, "nodes it depends on that are gone", ())
     memory_bytes: int = field(19, "resident memory", 0)
     cpu_s: float = field(20, "processor time used", 0.0)
+    recovered: int = field(21, "messages that had not come, and were got from their sender", 0)
