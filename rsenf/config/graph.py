@@ -198,17 +198,30 @@ class DiscoverNode(Strict):
 
 
 class ReferenceNode(Strict):
-    """Publishes a grid's frequency from a file, or from the store."""
+    """Publishes a grid's frequency: of a file, of the store, or as another camera measures it."""
 
     kind: Literal["reference"]
     grid: Name
-    input: str = Field(description="path, or store:GRID[@STEP][?from=TIME&to=TIME]")
+    input: str = Field(description="path, store:GRID[@STEP][?from=TIME&to=TIME], or camera:NAME")
     store: str | None = Field(None, description="folder of the store; the user's when not given")
     timezone: str | None = None
     step_s: float | None = Field(None, gt=0)
     column: str | None = None
     nominal_hz: float | None = None
     stamp: Literal["start", "centre"] = "start"
+
+    @field_validator("input")
+    @classmethod
+    def _names_a_camera(cls, read: str) -> str:
+        if read.startswith("camera:"):
+            _not_reserved(_named(read.removeprefix("camera:")))
+        return read
+
+    @property
+    def feed(self) -> tuple[str, str]:
+        """What goes on measuring, and its name: ('camera', NAME); ('', '') when nothing does."""
+        kind, _, name = self.input.partition(":")
+        return (kind, name) if kind in ("camera",) else ("", "")
 
 
 class MatchNode(Strict):

@@ -16,6 +16,7 @@ from rsenf.config.graph import (
     MatchNode,
     Node,
     RecordNode,
+    ReferenceNode,
     ReplayNode,
     RowsNode,
     TrackNode,
@@ -147,3 +148,7 @@ def _unfed(graph: Graph, node: Node) -> Iterator[tuple[str, str]]:
                 yield "cameras", f"nobody sends the {topic} of camera {camera!r}"
     if isinstance(node, MatchNode) and not sender_of(graph, "reference", node.grid):
         yield "grid", f"nobody sends the reference {node.grid!r}"
+    if isinstance(node, ReferenceNode) and node.feed[0] == "camera":
+        camera = node.feed[1]
+        if not sender_of(graph, "track", camera):
+            yield "input", f"nobody sends the track of camera {camera!r}"
