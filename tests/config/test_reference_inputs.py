@@ -1,4 +1,4 @@
-"""What a graph's reference may be: a camera that is tracked, by name."""
+"""What a graph's reference may be: files, and what goes on measuring."""
 
 from __future__ import annotations
 
@@ -28,7 +28,14 @@ def written(folder: Path, read: str) -> Path:
 
 @pytest.mark.parametrize(
     ("read", "feed"),
-    [("camera:cam1", ("camera", "cam1")), ("grid.csv", ("", "")), ("store:ce@1", ("", ""))],
+    [
+        ("camera:cam1", ("camera", "cam1")),
+        ("sound:", ("sound", "")),
+        ("sound:USB Audio", ("sound", "USB Audio")),
+        ("topic:rsenf/lab/reference/other", ("topic", "rsenf/lab/reference/other")),
+        ("grid.csv", ("", "")),
+        ("store:ce@1", ("", "")),
+    ],
 )
 def test_what_goes_on_measuring_is_told_from_files(
     tmp_path: Path, read: str, feed: tuple[str, str]
@@ -43,8 +50,11 @@ def test_what_goes_on_measuring_is_told_from_files(
     [
         ("camera:cam2", "g.yaml:6: nodes.grid.input: nobody sends the track of camera 'cam2'"),
         ("camera:a/b", "g.yaml:6: nodes.grid.input: no name"),
+        ("topic:rsenf/*/reference/x", "g.yaml:6: nodes.grid.input: no key of a reference"),
+        ("topic:rsenf/lab/reference/ce", "g.yaml:6: nodes.grid.input: that is this node's own"),
+        ('camera:cam1", follow: "yes', "g.yaml:6: nodes.grid.follow: camera:cam1 is no file"),
     ],
 )
-def test_a_camera_that_nobody_tracks(tmp_path: Path, read: str, problem: str) -> None:
+def test_what_cannot_be_one(tmp_path: Path, read: str, problem: str) -> None:
     with pytest.raises(ConfigError, match=problem):
         load_graph(written(tmp_path, read))

@@ -6,9 +6,11 @@ import numpy as np
 
 from rsenf.messages import Header, ReferenceBlock
 from rsenf.messages.schema import FloatArray, Int64Array
-from rsenf.timebase import nanoseconds
+from rsenf.timebase import NS_PER_S, nanoseconds
 
-MAX_GAP_S = 86400.0  # beyond it an axis begins anew, rather than be filled with nothing
+# An axis begins anew, rather than be filled with nothing, or wait until a clock that was set back
+# has caught up. Readings that bring their own time may be told twice, as by a file written anew.
+MAX_GAP_S, SET_BACK_S, STAMPED_BACK_S = 86400.0, 3.0, 60.0
 BLOCK = 3600  # samples of a message at most
 
 
@@ -35,20 +37,17 @@ class Growing:
     """
 
     def __init__(self, grid: str, step_s: float = 1.0, run_id: str = "") -> None:
-        self.grid, self.step_ns = grid, nanoseconds(step_s)
+        self.grid, self.step_s, self.step_ns = grid, step_s, nanoseconds(step_s)
         self.t0_ns = self.next = self.late = 0
         self.nominal_hz = float("nan")
         self._header = Header(run_id=run_id, source=f"reference/{grid}", epoch=-1)
 
-    @property
-    def begun(self) -> bool:
-        """Whether there is an axis."""
-        return self._header.epoch >= 0
-
-    @property
-    def max_gap(self) -> int:
-        """Samples that may be missing in a row before the axis should begin anew."""
-        return nanoseconds(MAX_GAP_S) // self.step_ns
+    def covers(self, earliest_ns: int, latest_ns: int, back_s: float = SET_BACK_S) -> bool:
+        """Whether times can go on this axis: not if the clock was set back, or on by far."""
+        next_ns = self.t0_ns + self.next * self.step_ns
+        back = latest_ns < next_ns - nanoseconds(max(back_s, 3 * self.step_s))
+        far = earliest_ns > next_ns + nanoseconds(MAX_GAP_S)
+        return self._header.epoch >= 0 and not back and not far
 
     def begin(self, t0_ns: int, nominal_hz: float) -> None:
         """Begin an axis, in an epoch of its own: the first, or one after the clock was set."""
@@ -56,9 +55,31 @@ class Growing:
         header = self._header
         self._header = Header(run_id=header.run_id, source=header.source, epoch=header.epoch + 1)
 
-    def nearest(self, t_ns: Int64Array) -> Int64Array:
-        """Return the samples that begin nearest to times."""
-        return (t_ns - self.t0_ns + self.step_ns // 2) // self.step_ns
+    def stamped(
+        self, t_ns: Int64Array, freq_hz: FloatArray, nominal_hz: float
+    ) -> list[ReferenceBlock]:
+        """Add readings, each to the sample that begins nearest to its time.
+
+        Parameters
+        ----------
+        t_ns : ndarray of int, shape (n,)
+            UTC since 1970. Where it leaps, the axis begins anew.
+        freq_hz : ndarray of float, shape (n,)
+            NaN for none.
+        nominal_hz : float
+            50 or 60.
+        """
+        leaps = np.abs(np.diff(t_ns)) > MAX_GAP_S * NS_PER_S
+        out: list[ReferenceBlock] = []
+        for part in np.split(np.arange(t_ns.size), np.flatnonzero(leaps) + 1):
+            if not part.size:
+                continue
+            earliest_ns, latest_ns = int(t_ns[part].min()), int(t_ns[part].max())
+            if not self.covers(earliest_ns, latest_ns, STAMPED_BACK_S):
+                self.begin(earliest_ns, nominal_hz)
+            index = (t_ns[part] - self.t0_ns + self.step_ns // 2) // self.step_ns
+            out += self.append(index, freq_hz[part])
+        return out
 
     def append(self, index: Int64Array, freq_hz: FloatArray) -> list[ReferenceBlock]:
         """Add readings; return them as blocks, what lies between as gaps.
