@@ -33,7 +33,7 @@ HISTORY_TIMEOUT_S = 2.0
 RECOVERY_TIMEOUT_S = 20.0
 # In the attachment of a message, after its sender: that it is kept for who misses it.
 KEPT = ";kept"
-CONNECT_TIMEOUT_MS = 3000
+CONNECT_TIMEOUT_MS, RETRY_MS = 3000, 2000
 # Zenoh closes a link on which a blocked sender waits longer than this, and later messages vanish
 # without a word. A slow recorder is no reason to lose data: an hour.
 WAIT_BEFORE_CLOSE_US = 3_600_000_000
@@ -54,7 +54,8 @@ class BusSettings:
     mode : {'client', 'router', 'peer'}
         'client' connects to a router; ``rsenf run`` opens one of its own in mode 'router'.
     connect, listen : tuple of str
-        Zenoh endpoints, for example ``tcp/127.0.0.1:7447``.
+        Zenoh endpoints, for example ``tcp/127.0.0.1:7447``. A router connects to other routers,
+        and again and again to those that aren't there.
     multicast : bool
         Look for routers and peers in the local network.
     zenoh : mapping
@@ -78,14 +79,16 @@ def setting_problem(path: str, value: Any) -> str:
 
 
 def _config(settings: BusSettings) -> zenoh.Config:
+    patient = settings.mode == "router"
     values: dict[str, Any] = {
         "mode": settings.mode,
         "connect/endpoints": list(settings.connect),
         "listen/endpoints": list(settings.listen),
         "scouting/multicast/enabled": settings.multicast,
         "scouting/gossip/enabled": settings.multicast,
-        "connect/timeout_ms": CONNECT_TIMEOUT_MS,
-        "connect/exit_on_failure": True,
+        "connect/timeout_ms": -1 if patient else CONNECT_TIMEOUT_MS,
+        "connect/exit_on_failure": not patient,
+        "connect/retry/period_max_ms": RETRY_MS,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": WAIT_BEFORE_CLOSE_US,
         # Without anybody to look for, opening needn't wait half a second for answers.
@@ -224,15 +227,16 @@ class ZenohBus:
         """Release the inboxes and see off what was sent; :func:`open_bus` closes the session.
 
         A session that closes forgets what still waits to be sent. A question of the lowest priority
-        goes after all of it on the same link, so its answer means that the router has everything.
+        goes after all of it on the same link, so its answer means that the router has everything;
+        and the routers of other hosts, to which it goes on.
         """
         for inbox in self._inboxes:
             inbox.close()
         replies = self._session.get(
             ECHO_KEY, timeout=ECHO_TIMEOUT_S, priority=zenoh.Priority.BACKGROUND,
-            congestion_control=_BLOCK,
+            target=zenoh.QueryTarget.ALL, congestion_control=_BLOCK,
         )  # fmt: skip
-        if not any(reply.ok is not None for reply in replies):
+        if not [reply for reply in replies if reply.ok is not None]:  # waits for all of them
             time.sleep(NO_ECHO_S)  # somebody else's router: nothing to do but give it time
 
 

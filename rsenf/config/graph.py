@@ -105,6 +105,19 @@ class BusConfig(Strict):
         return bool(self.connect) or self.multicast
 
 
+class HostConfig(Strict):
+    """One of the hosts that a graph is split over: it runs its nodes, and a router for them."""
+
+    nodes: tuple[Name, ...] = Field((), description="which run here; none: a router alone")
+    address: str | None = Field(
+        None, description="endpoint that other hosts link to: tcp/192.0.2.7:7447, or tls/NAME:7447"
+    )
+    listen: tuple[str, ...] = Field(
+        (), description="endpoints to open for them, where these differ from the address"
+    )
+    links: tuple[Name, ...] = Field((), description="hosts to link to, by their address")
+
+
 class SimulatedInput(Strict):
     """The simulator in place of a camera."""
 
@@ -293,11 +306,23 @@ class Graph(Strict):
     version: Literal[1] = Field(description="version of this file's format")
     site: Name
     bus: BusConfig = BusConfig()
+    hosts: dict[Name, HostConfig] = Field({}, description="that the nodes are split over")
     nodes: dict[Name, Node] = Field(min_length=1)
 
     def of(self, kind: type[N]) -> list[N]:
         """Return the nodes of a kind, in the order of the file."""
         return [n for n in self.nodes.values() if isinstance(n, kind)]
+
+
+def host_of(graph: Graph, node: str) -> str:
+    """Host that a node runs on; '' where the graph isn't split."""
+    return next((name for name, host in graph.hosts.items() if node in host.nodes), "")
+
+
+def elsewhere(graph: Graph, node: str) -> set[str]:
+    """Nodes that run on other hosts than a node."""
+    here = host_of(graph, node)
+    return {name for name in graph.nodes if host_of(graph, name) != here}
 
 
 def outputs(node: Any) -> list[tuple[str, str]]:

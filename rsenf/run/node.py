@@ -29,7 +29,7 @@ from rsenf.bus.keys import (
 )
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph, load_graph, redact
-from rsenf.config.graph import outputs, sender_of
+from rsenf.config.graph import elsewhere, outputs, sender_of
 from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, RsenfError, UsageError
 from rsenf.run.at_end import end_process
 from rsenf.run.health import HealthReport
@@ -60,7 +60,7 @@ class NodeProcess:
         self.config: Any = graph.nodes[name]
         self.stop = threading.Event()
         self.inbox = Inbox()
-        self.peers = Peers(set(graph.nodes) - {name})
+        self.peers = Peers(set(graph.nodes) - {name}, elsewhere(graph, name))
         self.exit_code = 0
         self._bus = bus
         self._publishers: list[Publisher] = []
@@ -111,12 +111,16 @@ class NodeProcess:
         self._bus.declare_alive(alive_key(self.graph.site, self.name))
         self.say("running")
 
-    def wait_for_peers(self) -> None:
-        """Wait until all other nodes of the graph listen, so that nothing is sent into the void."""
-        missing = self.peers.wait_for_all(PATIENCE_S, self.stop)
+    def wait_for_peers(self, *, live: bool = False) -> None:
+        """Wait until all other nodes of the graph listen, so that nothing is sent into the void.
+
+        A live source doesn't wait for those of other hosts: what it sends is kept for them.
+        """
+        names = self.peers.names - (self.peers.elsewhere if live else set())
+        missing = self.peers.wait_for(names, PATIENCE_S, self.stop)
         if missing and not self.stop.is_set():
             self.say("waiting", f"for {', '.join(sorted(missing))}")
-            self.peers.wait_for_all(float("inf"), self.stop)
+            self.peers.wait_for(names, float("inf"), self.stop)
             self.say("running")
 
     def _watch_peers(self) -> None:

@@ -14,10 +14,18 @@ LAST_WORDS = ("done", "failed")
 
 
 class Peers:
-    """Thread-safe picture of the other nodes."""
+    """Thread-safe picture of the other nodes.
 
-    def __init__(self, names: set[str]) -> None:
-        self.names = names
+    Parameters
+    ----------
+    names : set of str
+        Who they are.
+    elsewhere : set of str
+        Who of them runs on another host: it may be the link that is gone, and come back.
+    """
+
+    def __init__(self, names: set[str], elsewhere: set[str] | None = None) -> None:
+        self.names, self.elsewhere = names, elsewhere or set()
         self._alive: set[str] = set()
         self._gone_since: dict[str, float] = {}
         self._finished: set[str] = set()
@@ -45,11 +53,11 @@ class Peers:
                     self._gone_since.setdefault(name, time.monotonic())
             self._change.notify_all()
 
-    def wait_for_all(self, timeout_s: float, stop: threading.Event) -> set[str]:
-        """Wait until every node of the graph has been seen; returns those that have not."""
+    def wait_for(self, names: set[str], timeout_s: float, stop: threading.Event) -> set[str]:
+        """Wait until these nodes have been seen; returns those that have not."""
         deadline = time.monotonic() + timeout_s
         with self._change:
-            while (missing := self.missing) and not stop.is_set():
+            while (missing := names & self.missing) and not stop.is_set():
                 left = deadline - time.monotonic()
                 if left <= 0:
                     break
@@ -75,7 +83,12 @@ class Peers:
             )
 
     def gone_for_s(self, name: str) -> float:
-        """Seconds since a node's token vanished, however it went; 0 while it is there."""
+        """Seconds since a node's token vanished, however it went; 0 while it is there.
+
+        One of another host isn't gone before it has said so.
+        """
         with self._change:
             since = self._gone_since.get(name)
+            if name in self.elsewhere - self._finished:
+                return 0.0
         return 0.0 if since is None else time.monotonic() - since
