@@ -37,12 +37,13 @@ class Health:
     lost_peers: tuple[str, ...] = field(18, "nodes it depends on that are gone", ())
     memory_bytes: int = field(19, "resident memory", 0)
     cpu_s: float = field(20, "processor time used", 0.0)
-    restarts: int = field(21, "times it was started again in this run", 0)
+    recovered: int = field(21, "messages that had not come, and were got from their sender", 0)
+    restarts: int = field(22, "times it was started again in this run", 0)
     latency_p50_s: float = field(
-        22, "median over the last minute, from arrival to here; NaN when nothing came", NAN
+        23, "median over the last minute, from arrival to here; NaN when nothing came", NAN
     )
-    latency_p95_s: float = field(23, "that of the slowest twentieth", NAN)
+    latency_p95_s: float = field(24, "that of the slowest twentieth", NAN)
     exposure_p50_s: float = field(
-        24, "median from exposure, by the camera's own clock, to here; NaN when it tells none", NAN
+        25, "median from exposure, by the camera's own clock, to here; NaN when it tells none", NAN
     )
-    exposure_p95_s: float = field(25, "that of the slowest twentieth", NAN)
+    exposure_p95_s: float = field(26, "that of the slowest twentieth", NAN)

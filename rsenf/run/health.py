@@ -110,6 +110,7 @@ class HealthReport:
                 dropped=counters.dropped,
                 missed=counters.missed,
                 rejected=counters.rejected,
+                recovered=counters.recovered,
                 rate_hz=self._rate.per_s(self._taken),
                 queue_depth=self._inbox.depth,
                 latency_s=self._latency_s,

@@ -17,10 +17,19 @@ from typing import Any, NoReturn
 from rsenf.bus.bus import Bus, Publisher
 from rsenf.bus.delivery import HEALTH, LOOKING, Delivery, delivery_of
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import alive_key, camera_key, health_key, node_of, reference_key, topic_of
+from rsenf.bus.keys import (
+    alive_key,
+    camera_key,
+    health_key,
+    matches,
+    node_of,
+    reference_key,
+    topic_key,
+    topic_of,
+)
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph, load_graph, redact
-from rsenf.config.graph import sender_of
+from rsenf.config.graph import outputs, sender_of
 from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, RsenfError, UsageError
 from rsenf.run.at_end import end_process
 from rsenf.run.health import HealthReport
@@ -68,6 +77,7 @@ class NodeProcess:
         self.exit_code = 0
         self._bus = bus
         self._publishers: list[Publisher] = []
+        self._recovers: list[str] = []  # key expressions of which nothing is to be missed
         self._health = HealthReport(
             name,
             self.config.kind,
@@ -99,7 +109,10 @@ class NodeProcess:
 
     def subscribe(self, key_expr: str, delivery: Delivery | None = None) -> str:
         """Let the inbox receive a key expression; returns it."""
-        self._bus.subscribe(self.inbox, key_expr, delivery or delivery_of(topic_of(key_expr)))
+        delivery = delivery or delivery_of(topic_of(key_expr))
+        self._bus.subscribe(self.inbox, key_expr, delivery)
+        if delivery.recovers:
+            self._recovers.append(key_expr)
         return key_expr
 
     def sender_of(self, topic: str, name: str) -> str:
@@ -124,7 +137,7 @@ class NodeProcess:
 
     def _watch_peers(self) -> None:
         site, words = self.graph.site, Inbox()
-        self._bus.watch_alive(alive_key(site, "*"), self.peers.on_alive)
+        self._bus.watch_alive(alive_key(site, "*"), self._on_alive)
         self._bus.subscribe(words, health_key(site, "*"), LOOKING)
 
         def listen() -> None:
@@ -134,6 +147,15 @@ class NodeProcess:
                     self.peers.on_state(node_of(received.key), received.message.state)
 
         threading.Thread(target=listen, name="peers", daemon=True).start()
+
+    def _on_alive(self, key: str, alive: bool) -> None:
+        """Take in that a node has come or gone; ask one that has come for what it sent unheard."""
+        self.peers.on_alive(key, alive)
+        sent = outputs(self.graph.nodes.get(node_of(key))) if alive else []
+        for topic, of in sent:
+            of_it = topic_key(self.graph.site, of, topic)
+            if any(matches(expr, of_it) for expr in self._recovers):
+                self.inbox.catch_up(of_it)
 
     @contextlib.contextmanager
     def beating(self, supervisor: int) -> Iterator[None]:
