@@ -30,10 +30,17 @@ class Publisher(ABC):
         Class of the topic.
     sender : str
         Identity of this process on the bus.
+
+    Attributes
+    ----------
+    run_suffix : str
+        What is added to the run's identity in each message. A process that was started again
+        numbers its messages anew, so they must not pass for the ones before.
     """
 
     def __init__(self, key: str, delivery: Delivery, sender: str) -> None:
         self.sent = 0
+        self.run_suffix = ""
         self.key, self.delivery, self.sender = key, delivery, sender
         self._kept: deque[tuple[str, Envelope]] = deque(maxlen=max(delivery.kept, delivery.history))
         self._kept_bytes = 0
@@ -41,6 +48,8 @@ class Publisher(ABC):
 
     def send(self, message: Any) -> None:
         """Send a message; waits for slow receivers when the topic is lossless."""
+        if self.run_suffix:
+            message = _of_run(message, message.header.run_id + self.run_suffix)
         item = Envelope(
             self.key,
             encoding_of(type(message)),
@@ -103,6 +112,10 @@ class Publisher(ABC):
     @abstractmethod
     def _put(self, item: Envelope) -> None:
         """Hand an envelope to the transport."""
+
+
+def _of_run(message: Any, run_id: str) -> Any:
+    return replace(message, header=replace(message.header, run_id=run_id))
 
 
 class Subscription:

@@ -8,7 +8,6 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import (
     AfterValidator,
     BaseModel,
-    ConfigDict,
     Discriminator,
     Field,
     Tag,
@@ -26,6 +25,7 @@ from rsenf.bus.keys import (
     renamed,
     topic_of,
 )
+from rsenf.config.supervised import Restart, Strict, Supervised
 from rsenf.discrepancy.settings import WatchSettings
 from rsenf.idle.settings import IdleSettings
 from rsenf.match.settings import MatchSettings
@@ -84,12 +84,6 @@ Camera = Annotated[Name, AfterValidator(_not_reserved)]
 Topic = Annotated[str, AfterValidator(_topic)]
 
 
-class Strict(BaseModel):
-    """Unknown keys are errors; what was read doesn't change."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
 class BusConfig(Strict):
     """How the nodes reach each other. Empty: a router of the run's own, on this host only."""
 
@@ -137,7 +131,7 @@ Input = Annotated[
 ]
 
 
-class DecodeNode(Strict):
+class DecodeNode(Supervised):
     """Opens a video, a camera or the simulator, and sends its frames."""
 
     kind: Literal["decode"]
@@ -156,7 +150,7 @@ class DecodeNode(Strict):
     max_reconnects: int | None = Field(None, ge=0, description="live sources; none: keep trying")
 
 
-class ReplayNode(Strict):
+class ReplayNode(Supervised):
     """Puts topics of a recording back on the bus."""
 
     kind: Literal["replay"]
@@ -180,7 +174,7 @@ class ReplayNode(Strict):
         return rename
 
 
-class RowsNode(Strict):
+class RowsNode(Supervised):
     """Takes row means of the steady pixels."""
 
     kind: Literal["rows"]
@@ -188,7 +182,7 @@ class RowsNode(Strict):
     rows: RowsSettings = RowsSettings()
 
 
-class TrackNode(Strict):
+class TrackNode(Supervised):
     """Estimates the ENF."""
 
     kind: Literal["track"]
@@ -196,7 +190,7 @@ class TrackNode(Strict):
     track: TrackSettings = TrackSettings()
 
 
-class IdleNode(Strict):
+class IdleNode(Supervised):
     """Estimates the idle period of the cameras."""
 
     kind: Literal["idle"]
@@ -204,7 +198,7 @@ class IdleNode(Strict):
     idle: IdleSettings = IdleSettings()
 
 
-class DiscoverNode(Strict):
+class DiscoverNode(Supervised):
     """Watches for what a model of the cameras lacks, and names what changes."""
 
     kind: Literal["discover"]
@@ -213,7 +207,7 @@ class DiscoverNode(Strict):
     discover: WatchSettings = WatchSettings()
 
 
-class ReferenceNode(Strict):
+class ReferenceNode(Supervised):
     """Publishes a grid's frequency: of a file, of the store, or as it is measured."""
 
     kind: Literal["reference"]
@@ -249,7 +243,7 @@ class ReferenceNode(Strict):
         return ("file", self.input) if self.follow else ("", "")
 
 
-class MatchNode(Strict):
+class MatchNode(Supervised):
     """Compares ENF with a reference."""
 
     kind: Literal["match"]
@@ -260,7 +254,7 @@ class MatchNode(Strict):
     match: MatchSettings = MatchSettings()
 
 
-class RecordNode(Strict):
+class RecordNode(Supervised):
     """Writes topics to an MCAP file, or to an archive of such files."""
 
     kind: Literal["record"]
@@ -276,7 +270,7 @@ class RecordNode(Strict):
     disk: DiskLimits = Field(DiskLimits(), description="how little of it may be left")
 
 
-class FoxgloveNode(Strict):
+class FoxgloveNode(Supervised):
     """Shows topics live in Foxglove, which connects by WebSocket."""
 
     kind: Literal["foxglove"]
@@ -307,11 +301,18 @@ class Graph(Strict):
     site: Name
     bus: BusConfig = BusConfig()
     hosts: dict[Name, HostConfig] = Field({}, description="that the nodes are split over")
+    restart: Restart | None = Field(
+        None, description="when nodes are started again; without, a death is the run's failure"
+    )
     nodes: dict[Name, Node] = Field(min_length=1)
 
     def of(self, kind: type[N]) -> list[N]:
         """Return the nodes of a kind, in the order of the file."""
         return [n for n in self.nodes.values() if isinstance(n, kind)]
+
+    def restart_of(self, name: str) -> Restart | None:
+        """Return when a node is started again: its own rule, or else the graph's."""
+        return self.nodes[name].restart or self.restart
 
 
 def host_of(graph: Graph, node: str) -> str:

@@ -10,7 +10,7 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -53,14 +53,28 @@ class NodeProcess:
         Identity of the run, carried by every message.
     bus : Bus
         Open bus.
+    restarts : int
+        Times that the node was started before in this run.
+    gone : sequence of str
+        Nodes of the graph that have ended already.
     """
 
-    def __init__(self, graph: Graph, name: str, run_id: str, bus: Bus) -> None:
-        self.graph, self.name, self.run_id = graph, name, run_id
+    def __init__(
+        self,
+        graph: Graph,
+        name: str,
+        run_id: str,
+        bus: Bus,
+        restarts: int = 0,
+        gone: Sequence[str] = (),
+    ) -> None:
+        self.graph, self.name, self.run_id, self.restarts = graph, name, run_id, restarts
         self.config: Any = graph.nodes[name]
         self.stop = threading.Event()
         self.inbox = Inbox()
-        self.peers = Peers(set(graph.nodes) - {name}, elsewhere(graph, name))
+        far = elsewhere(graph, name)
+        returning = far.union(n for n in graph.nodes if graph.restart_of(n))
+        self.peers = Peers(set(graph.nodes) - {name}, returning, gone)
         self.exit_code = 0
         self._bus = bus
         self._publishers: list[Publisher] = []
@@ -73,6 +87,7 @@ class NodeProcess:
             self.inbox,
             self.peers,
             lambda: sum(p.sent for p in self._publishers),
+            restarts,
         )
         self.say, self.note_input = self._health.say, self._health.note_input
         self._watch_peers()
@@ -89,6 +104,7 @@ class NodeProcess:
 
     def _open(self, key: str, delivery: Delivery) -> Publisher:
         publisher = self._bus.publisher(key, delivery)
+        publisher.run_suffix = f".{self.name}{self.restarts}" if self.restarts else ""
         self._publishers.append(publisher)
         return publisher
 
@@ -116,9 +132,10 @@ class NodeProcess:
 
         A live source doesn't wait for those of other hosts: what it sends is kept for them.
         """
-        names = self.peers.names - (self.peers.elsewhere if live else set())
+        names = self.peers.names - (elsewhere(self.graph, self.name) if live else set())
         missing = self.peers.wait_for(names, PATIENCE_S, self.stop)
-        if missing and not self.stop.is_set():
+        # Who was started again finds the others as they are: some may have ended meanwhile.
+        if missing and not self.stop.is_set() and not self.restarts:
             self.say("waiting", f"for {', '.join(sorted(missing))}")
             self.peers.wait_for(names, float("inf"), self.stop)
             self.say("running")
@@ -215,6 +232,8 @@ def _arguments() -> argparse.Namespace:
     # A source that is started again begins another stream: it must not go by the same identity.
     parser.add_argument("--run-id", default=secrets.token_hex(4), help="never the same twice")
     parser.add_argument("--replay", action="append", default=[], metavar="NODE=FILE")
+    parser.add_argument("--restarts", type=int, default=0, help="times it was started before")
+    parser.add_argument("--gone", action="append", default=[], help="node that has ended already")
     parser.add_argument("--supervisor", type=int, default=0, help="process to end with")
     return parser.parse_args()
 
@@ -226,7 +245,7 @@ def _run(body: Callable[[NodeProcess], None], args: argparse.Namespace) -> int:
         if args.node not in graph.nodes:
             raise UsageError(f"no node {args.node!r} in {args.graph}")
         with open_bus(bus_settings(graph, tuple(args.connect))) as bus:
-            node = NodeProcess(graph, args.node, args.run_id, bus)
+            node = NodeProcess(graph, args.node, args.run_id, bus, args.restarts, args.gone)
             _install_signals(node)
             with node.beating(args.supervisor):
                 return node.live(body)

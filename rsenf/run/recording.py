@@ -118,6 +118,22 @@ class Ending:
         return not self._open and not self._endless and node.inbox.depth == 0
 
 
+def of_run(config: RecordNode, restarts: int) -> RecordNode:
+    """Return what a recorder that was started again writes to: a file beside the one it left.
+
+    Parameters
+    ----------
+    config : RecordNode
+        What it was told.
+    restarts : int
+        Times it was started before in this run.
+    """
+    if config.out is None or not restarts:
+        return config
+    path = Path(config.out)
+    return config.model_copy(update={"out": str(path.with_suffix(f".{restarts}{path.suffix}"))})
+
+
 def open_sink(
     config: RecordNode, info: dict[str, str], warn: Callable[[str], None]
 ) -> Recorder | ArchiveRecorder:
