@@ -50,7 +50,7 @@ SIGNALS = Delivery(lossless=True, queue=1024, history=600)
 ROWS = Delivery(lossless=True, queue=256, history=64, kept=1200)
 # A node's last word decides whether it has finished or was lost: it must not be dropped, and not
 # come long after the node's token has gone.
-HEALTH = Delivery(lossless=True, queue=256, history=1, urgent=True)
+HEALTH = Delivery(lossless=True, queue=256, history=1, kept=300, urgent=True)
 # For those who only look: they never make a sender wait.
 LOOKING = Delivery(lossless=False, queue=256, history=1)
 

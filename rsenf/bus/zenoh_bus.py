@@ -33,7 +33,7 @@ HISTORY_TIMEOUT_S = 2.0
 RECOVERY_TIMEOUT_S = 20.0
 # In the attachment of a message, after its sender: that it is kept for who misses it.
 KEPT = ";kept"
-CONNECT_TIMEOUT_MS, RETRY_MS = 3000, 2000
+CONNECT_TIMEOUT_MS, RETRY_MS = 3000, 1000
 # Zenoh closes a link on which a blocked sender waits longer than this, and later messages vanish
 # without a word. A slow recorder is no reason to lose data: an hour.
 WAIT_BEFORE_CLOSE_US = 3_600_000_000
@@ -88,7 +88,7 @@ def _config(settings: BusSettings) -> zenoh.Config:
         "scouting/gossip/enabled": settings.multicast,
         "connect/timeout_ms": -1 if patient else CONNECT_TIMEOUT_MS,
         "connect/exit_on_failure": not patient,
-        "connect/retry/period_max_ms": RETRY_MS,
+        "connect/retry": {"period_init_ms": RETRY_MS, "period_increase_factor": 1},
         "transport/shared_memory/enabled": False,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": WAIT_BEFORE_CLOSE_US,
         # Without anybody to look for, opening needn't wait half a second for answers.

@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--replay", action="append", default=[], type=named, metavar="NODE=FILE",
                         help="play a node's recorded output in its place")  # fmt: skip
     parser.add_argument("--host", default="", metavar="NAME",
-                        help="which of the hosts of a graph that is split over several")  # fmt: skip
+                        help="which of the hosts that the graph is split over")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="end state and results as JSON")
     parser.add_argument("--quiet", action="store_true", help="say only what goes wrong")
 

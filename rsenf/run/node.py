@@ -37,6 +37,7 @@ from rsenf.run.peers import Peers
 
 PATIENCE_S = 3.0
 BEAT_S = 0.1
+SENDS_AGAIN_S = 2.0
 ALONE_S = 10.0  # that a node has to end in when the process that started it is gone
 
 
@@ -154,13 +155,23 @@ class NodeProcess:
         threading.Thread(target=listen, name="peers", daemon=True).start()
 
     def _on_alive(self, key: str, alive: bool) -> None:
-        """Take in that a node has come or gone; ask one that has come for what it sent unheard."""
+        """Take in that a node has come or gone."""
         self.peers.on_alive(key, alive)
-        sent = outputs(self.graph.nodes.get(node_of(key))) if alive else []
-        for topic, of in sent:
-            of_it = topic_key(self.graph.site, of, topic)
-            if any(matches(expr, of_it) for expr in self._recovers):
-                self.inbox.catch_up(of_it)
+        name = node_of(key)
+        if alive and name in self.graph.nodes:
+            self._catch_up(name)
+            if name in elsewhere(self.graph, self.name):
+                # It may be seen a moment before it sends here again.
+                again = threading.Timer(SENDS_AGAIN_S, self._catch_up, (name,))
+                again.daemon = True
+                again.start()
+
+    def _catch_up(self, name: str) -> None:
+        """Ask a node that is back for what it sent unheard."""
+        for topic, of in outputs(self.graph.nodes[name]):
+            key = topic_key(self.graph.site, of, topic)
+            if any(matches(expr, key) for expr in self._recovers):
+                self.inbox.catch_up(key)
 
     @contextlib.contextmanager
     def beating(self, supervisor: int) -> Iterator[None]:
