@@ -10,17 +10,19 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
-from rsenf.bus.keys import camera_key, reference_key
+from rsenf.bus.keys import TOPICS, camera_key, reference_key, topic_of
 from rsenf.config import Graph
 from rsenf.config.graph import (
     DecodeNode,
     DiscoverNode,
     IdleNode,
+    LiveNode,
     MatchNode,
     Node,
     ReplayNode,
     RowsNode,
     TrackNode,
+    beside_rows,
     outputs,
 )
 from rsenf.config.model_file import load_model
@@ -28,16 +30,18 @@ from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.watch import WatchStage
 from rsenf.errors import InputError, UsageError
 from rsenf.idle import make_idle
+from rsenf.live import Live
 from rsenf.match.stage import Match
 from rsenf.record import Recording
 from rsenf.record.growing import ABOUT
 from rsenf.regress.history import History
 from rsenf.run.row_sampling import make_rows
 from rsenf.run.runner import Runner
+from rsenf.stage import Stage
 from rsenf.track import make_tracker
 
 # In the order of the data: who is named first was wrong first.
-ORDER = ("rows", "track", "idle", "match", "discover")
+ORDER = ("rows", "track", "idle", "match", "live", "alarm", "discover")
 
 
 @dataclass(frozen=True)
@@ -63,6 +67,28 @@ class Step:
     topic: str
     reads: tuple[str, ...]
     make_runner: Callable[[History], Runner]
+
+
+class Only:
+    """A stage with several topics, of which one is looked at.
+
+    Parameters
+    ----------
+    stage : Stage
+    kind : type
+        Of the messages of that topic.
+    """
+
+    def __init__(self, stage: Stage, kind: type[Any]) -> None:
+        self._stage, self._kind = stage, kind
+
+    def update(self, message: Any) -> list[Any]:
+        """Give the stage a message; return what it completes of the topic."""
+        return [m for m in self._stage.update(message) if isinstance(m, self._kind)]
+
+    def flush(self) -> list[Any]:
+        """Return what the end of the stream completes of it."""
+        return [m for m in self._stage.flush() if isinstance(m, self._kind)]
 
 
 def recorded_graph(recording: Recording) -> Graph:
@@ -95,7 +121,7 @@ def recorded_graph(recording: Recording) -> Graph:
 
 def steps_of(graph: Graph) -> list[Step]:
     """Return every stage of a graph, in the order of the data; those played are not its own."""
-    found = [step for name, node in graph.nodes.items() for step in _steps(graph.site, name, node)]
+    found = [step for name, node in graph.nodes.items() for step in _steps(graph, name, node)]
     return sorted(found, key=lambda step: ORDER.index(step.stage))
 
 
@@ -109,7 +135,8 @@ def played(graph: Graph) -> dict[str, str]:
     }
 
 
-def _steps(site: str, name: str, node: Node) -> Iterator[Step]:
+def _steps(graph: Graph, name: str, node: Node) -> Iterator[Step]:
+    site = graph.site
     if isinstance(node, ReplayNode):
         return
     for stage, camera in outputs(node):
@@ -121,15 +148,16 @@ def _steps(site: str, name: str, node: Node) -> Iterator[Step]:
 
         reads = {"rows": "video", "match": "track"}.get(stage, "rows")
         topics = [key(reads)]
-        if isinstance(node, MatchNode):
+        if isinstance(node, LiveNode):
+            topics += [key(topic) for topic in beside_rows(graph, camera)]
+        if isinstance(node, MatchNode | LiveNode):
             topics.append(reference_key(site, node.grid))
-        yield Step(stage, name, key(stage), tuple(topics), _maker(stage, key(stage), node))
+        yield Step(stage, name, key(stage), tuple(topics), _maker(stage, key(stage), node, topics))
 
 
-def _maker(stage: str, topic: str, node: Any) -> Callable[[History], Runner]:
+def _maker(stage: str, topic: str, node: Any, reads: list[str]) -> Callable[[History], Runner]:
     def make(history: History) -> Runner:
-        inputs = 2 if isinstance(node, MatchNode) else 1
-        return Runner(stage, lambda: _stage(node, topic, history), inputs)
+        return Runner(stage, lambda: _stage(node, topic, history), len(reads))
 
     return make
 
@@ -149,6 +177,9 @@ def _stage(node: Node, topic: str, history: History) -> Any:
             interim_every_s=node.interim_every_s,
             settings=node.match,
         )
+    if isinstance(node, LiveNode):
+        live = Live(node.live, start_utc_ns=node.start_utc_ns)
+        return Only(live, TOPICS[topic_of(topic)])
     if isinstance(node, DiscoverNode):
         pace = history.pace(topic)
         model = load_model(Path(node.model)) if node.model else PLAIN

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
@@ -17,7 +18,7 @@ from rsenf.bus.ring import ring_directory
 from rsenf.config import Graph
 from rsenf.config.graph import DecodeNode, ReferenceNode, ReplayNode, outputs
 from rsenf.errors import EXIT_USAGE, NodeFailed
-from rsenf.messages import DiscoveryVerdict, Health, IdleEstimate, MatchResult
+from rsenf.messages import Alarm, DiscoveryVerdict, Health, IdleEstimate, Liveness, MatchResult
 from rsenf.run.peers import LAST_WORDS
 
 # Told to stop, sources end their streams and everything after them finishes by itself; who hasn't
@@ -27,8 +28,9 @@ SOURCES_FIRST_S = 0.7
 KILL_AFTER_S = 1.7
 MOST_S = 20.0  # a camera may not be there for hours, which tells nothing of the machine
 POLL_S = 0.05
-# Topics whose latest message a run tells at its end.
-RESULTS = ("match", "idle", "discover")
+MOST_ALARMS = 100  # of a camera, that are told at the end
+# Topics whose latest messages a run tells at its end.
+RESULTS = ("match", "idle", "live", "alarm", "discover")
 
 
 @dataclass
@@ -85,6 +87,10 @@ class GraphRun:
         Latest match result of each camera.
     idle : dict
         Latest idle estimate of each camera.
+    live : dict
+        Latest verdict of each camera on whether it is live.
+    alarms : dict
+        Alarms that each camera gave, and their ends, in order.
     discovered : dict
         Latest verdict of each camera on what a model of it lacks.
     never_began : bool
@@ -99,6 +105,8 @@ class GraphRun:
     on_change: Callable[[NodeState], None]
     results: dict[str, MatchResult] = field(default_factory=dict)
     idle: dict[str, IdleEstimate] = field(default_factory=dict)
+    live: dict[str, Liveness] = field(default_factory=dict)
+    alarms: dict[str, deque[Alarm]] = field(default_factory=dict)
     discovered: dict[str, DiscoveryVerdict] = field(default_factory=dict)
     never_began: bool = False
     _words: Inbox = field(default_factory=Inbox)
@@ -192,9 +200,17 @@ class GraphRun:
             self._keep(source_of(received.key), received.message)
         return True
 
-    def _keep(self, source: str, message: MatchResult | IdleEstimate | DiscoveryVerdict) -> None:
+    def _keep(
+        self,
+        source: str,
+        message: MatchResult | IdleEstimate | Liveness | Alarm | DiscoveryVerdict,
+    ) -> None:
         if isinstance(message, IdleEstimate):
             self.idle[source] = message
+        elif isinstance(message, Liveness):
+            self.live[source] = message
+        elif isinstance(message, Alarm):
+            self.alarms.setdefault(source, deque(maxlen=MOST_ALARMS)).append(message)
         elif isinstance(message, DiscoveryVerdict):
             self.discovered[source] = message
         else:

@@ -73,8 +73,10 @@ class Runner:
         return out
 
     def _note(self, messages: list[Any]) -> list[Any]:
-        if messages:
-            self._sent = messages[-1].header
+        # Of its own topic: a stage may have another beside, with numbers of its own.
+        own = [m for m in messages if isinstance(m, TOPICS[self.topic])]
+        if own:
+            self._sent = own[-1].header
         return messages
 
 
