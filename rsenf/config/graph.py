@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from datetime import datetime
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -20,6 +21,7 @@ from rsenf.bus.keys import (
     NAME_PATTERN,
     NAME_RULE,
     REFERENCE,
+    ROOT,
     TOPICS,
     is_name,
     renamed,
@@ -35,6 +37,7 @@ from rsenf.timebase import since_1970_ns
 from rsenf.track.settings import TrackSettings
 
 N = TypeVar("N")
+_REFERENCE_KEY = f"{ROOT}/{NAME_PATTERN}/{REFERENCE}/{NAME_PATTERN}"
 
 
 def _named(text: str) -> str:
@@ -201,17 +204,39 @@ class DiscoverNode(Strict):
 
 
 class ReferenceNode(Strict):
-    """Publishes a grid's frequency from a file, or from the store."""
+    """Publishes a grid's frequency: of a file, of the store, or as it is measured."""
 
     kind: Literal["reference"]
     grid: Name
-    input: str = Field(description="path, or store:GRID[@STEP][?from=TIME&to=TIME]")
+    input: str = Field(
+        description="path, store:GRID[@STEP][?from=TIME&to=TIME], camera:NAME, sound:[DEVICE], "
+        "or topic:rsenf/SITE/reference/GRID"
+    )
+    follow: bool = Field(False, description="the file, CSV or WAV, grows: go on with it")
     store: str | None = Field(None, description="folder of the store; the user's when not given")
     timezone: str | None = None
     step_s: float | None = Field(None, gt=0)
     column: str | None = None
     nominal_hz: float | None = None
     stamp: Literal["start", "centre"] = "start"
+
+    @field_validator("input")
+    @classmethod
+    def _can_be_named(cls, read: str) -> str:
+        kind, _, name = read.partition(":")
+        if kind == "camera":
+            _not_reserved(_named(name))
+        if kind == "topic" and not re.fullmatch(_REFERENCE_KEY, name):
+            raise ValueError(f"no key of a reference: {ROOT}/SITE/{REFERENCE}/GRID")
+        return read
+
+    @property
+    def feed(self) -> tuple[str, str]:
+        """What goes on measuring, and its name: ('camera', NAME); ('', '') when nothing does."""
+        kind, _, name = self.input.partition(":")
+        if kind in ("camera", "sound", "topic"):
+            return kind, name
+        return ("file", self.input) if self.follow else ("", "")
 
 
 class MatchNode(Strict):
