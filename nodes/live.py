@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -10,8 +11,8 @@ from typing import Any
 from rsenf.bus.bus import Publisher
 from rsenf.bus.keys import camera_key, reference_key
 from rsenf.config.graph import LiveNode, beside_rows
-from rsenf.live import Live, Now
-from rsenf.messages import Alarm, Header, Mark
+from rsenf.live import Live, Silence
+from rsenf.messages import Alarm, Header
 from rsenf.run.node import NodeProcess, run_node
 from rsenf.run.pump import Lane, TellingLane, pump
 from rsenf.run.runner import Runner
@@ -19,32 +20,34 @@ from rsenf.run.runner import Runner
 
 @dataclass(kw_only=True)
 class LiveLane(TellingLane):
-    """A lane of two topics, whose stage is told the time: that no pictures come, nothing else says.
+    """A lane of two topics, whose stage is told when no pictures come.
 
     Parameters
     ----------
     alarms : Publisher
+    rows : str
+        Key of the pictures.
+    lost_s : float
+        Without any for so long, the stage is told; infinite for files, which come when they can.
     """
 
     alarms: Publisher
-    _alarms_sent: int = 0
+    rows: str
+    lost_s: float
 
     def send(self, messages: Iterable[Any]) -> None:
-        """Send each message to its topic, and end both."""
+        """Send each message to its topic."""
         for message in messages:
             if isinstance(message, Alarm):
                 self.alarms.send(message)
-                self._alarms_sent = message.header.seq + 1
-                continue
-            super().send([message])
-            if message.header.is_end:
-                end = message.header.numbered(self._alarms_sent, Mark.END)
-                self.alarms.send(Alarm(header=end))
+            else:
+                super().send([message])
 
     def give_up(self, run_id: str, hopeless: Callable[[str], bool]) -> None:
-        """Look at the clock as well."""
-        now = Header(run_id=run_id, arrival_time_ns=time.time_ns())
-        self.send(self.runner.feed(Now(now)))
+        """Notice silence as well."""
+        now = time.monotonic()
+        if self.rows in self.inputs and now - self._heard.get(self.rows, now) > self.lost_s:
+            self.send(self.runner.feed(Silence(Header(run_id=run_id))))
         super().give_up(run_id, hopeless)
 
 
@@ -57,6 +60,7 @@ def body(node: NodeProcess) -> None:
     latest: dict[str, str] = {}
     for camera in config.cameras:
         inputs = {reference: node.sender_of("reference", grid)}
+        rows = camera_key(site, camera, "rows")
         for topic in ("rows", *beside_rows(node.graph, camera)):
             key = node.subscribe(camera_key(site, camera, topic))
             inputs[key] = node.sender_of(topic, camera)
@@ -66,9 +70,12 @@ def body(node: NodeProcess) -> None:
                     "live",
                     lambda: Live(config.live, start_utc_ns=config.start_utc_ns),
                     inputs=len(inputs),
+                    beside="alarm",
                 ),
                 publisher=node.publisher(camera, "live"),
                 alarms=node.publisher(camera, "alarm"),
+                rows=rows,
+                lost_s=math.inf if config.start else config.live.lost_s,
                 inputs=inputs,
                 node=node,
                 camera=camera,

@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from rsenf.live.settings import Limits, LiveSettings
-from rsenf.live.stage import Live, Now
+from rsenf.live.stage import Live, Silence
 
-__all__ = ["Limits", "Live", "LiveSettings", "Now"]
+__all__ = ["Limits", "Live", "LiveSettings", "Silence"]

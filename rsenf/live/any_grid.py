@@ -51,6 +51,11 @@ class AnyGrid:
         self._bank.go_on(turn, self._lively2[:, None, None] * kick, 0.0)
         return self._bank.take(phase_rad, own_rad2)
 
+    @property
+    def was_out(self) -> bool:
+        """Whether no grid does what the last phase did."""
+        return self._bank.was_out
+
     def phase_after(self, passed_s: float) -> tuple[float, float]:
         """Phase foretold for some seconds after the last, and its variance."""
         turn, kick = _over(passed_s)

@@ -48,6 +48,11 @@ class Bank:
         Prior weights of the filters.
     share : float
         Of the weight, that goes back to the prior with each phase: the best one may change.
+
+    Attributes
+    ----------
+    was_out : bool
+        Whether the last phase was out of the way.
     """
 
     def __init__(self, spread: FloatArray, noise: Noise, weight: FloatArray, share: float) -> None:
@@ -56,6 +61,7 @@ class Bank:
         self._noise, self._share = noise, share
         self._prior = weight / weight.sum()
         self.weight = self._prior.copy()
+        self.was_out = False
         self.lose_phase()
 
     def lose_phase(self) -> None:
@@ -88,6 +94,7 @@ class Bank:
         self.cov -= np.where(lost[:, None, None], 0.0, learnt)
         self._restart(lost, phase_rad, noise)
         weight = np.exp(joint - total)
+        self.was_out = bool(weight @ lost > 0.5)
         self.weight = (1.0 - self._share) * weight + self._share * self._prior
         return total
 

@@ -7,6 +7,7 @@ after a day as after a minute: E. S. Page, "Continuous inspection schemes", Biom
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from rsenf.live.settings import LiveSettings
 from rsenf.messages.schema import FloatArray
 
 LONGEST_S = 60.0  # without a phase, after which the next one tells nothing
+WILD, SEEN = 5, 20  # so many of the last phases out of the way are too many
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,7 @@ class Evidence:
         self.follows, self.any_grid = Follows(settings, nominal_hz), AnyGrid()
         self.nats = 0.0
         self.last: Phase | None = None
+        self._out: deque[bool] = deque(maxlen=SEEN)
 
     @property
     def course(self) -> Course:
@@ -61,11 +64,23 @@ class Evidence:
             self.any_grid.lose_phase()
         if moved_rad is None or passed_s > LONGEST_S:
             self.follows.lose_phase()
-        known = moved_rad is not None and 0.0 < passed_s <= LONGEST_S
         moved = np.zeros(self.follows.lag_s.size) if moved_rad is None else moved_rad
         by_reference = self.follows.take(passed_s, phase.rad, phase.var_rad2, moved)
         by_any = self.any_grid.take(passed_s, phase.rad, phase.var_rad2)
-        if known:
-            now = self.nats + by_reference - by_any
-            self.nats = min(max(now, self._limits.least), self._limits.most)
+        if moved_rad is not None and 0.0 < passed_s <= LONGEST_S:
+            self._weigh(by_reference - by_any)
         self.last = phase
+
+    def _weigh(self, nats: float) -> None:
+        """Add what a phase tells; one that no grid would have tells of none."""
+        self._out.append(self.any_grid.was_out)
+        if self.is_wild:
+            self.nats = 0.0
+        elif not self.any_grid.was_out:
+            now = self.nats + nats
+            self.nats = min(max(now, self._limits.least), self._limits.most)
+
+    @property
+    def is_wild(self) -> bool:
+        """Whether the phases of late jump about as no grid does: then they are none."""
+        return sum(self._out) > WILD

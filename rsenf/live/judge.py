@@ -88,6 +88,8 @@ class Judge:
             self.standing = "live"
         elif nats <= limits.stale:
             self.standing = "stale"
+        elif self.evidence.is_wild:
+            self.standing = "undecided"
 
     def verdict(self, due_ns: int, tick: Tick) -> tuple[str, str]:
         """Return the verdict on what was up to a time, and the evidence in words."""
@@ -97,6 +99,8 @@ class Judge:
             return "undecided", "the flicker has only begun to be followed"
         if why := self._why_not_compared(due_ns, tick):
             return "undecided", why
+        if self.evidence.is_wild:
+            return "undecided", "the phase jumps about as no grid's does"
         nats = self.evidence.nats
         if self.standing == "live":
             course = self.evidence.course

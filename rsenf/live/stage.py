@@ -27,14 +27,15 @@ from rsenf.messages import (
 from rsenf.timebase import NS_PER_S, nanoseconds
 
 BEHIND_NS = 16 * NS_PER_S  # what a tracker knows of a second, it says at most so much later
-# Ticks that wait for what is late: estimates are so while a tracker still looks for flicker.
-ESTIMATES_PATIENCE, REFERENCE_PATIENCE = 3, 30
+# How long, by the pictures' arrival, is waited for what is late. Estimates are so while a tracker
+# still looks for flicker.
+ESTIMATES_PATIENCE_NS, REFERENCE_PATIENCE_NS = 3 * NS_PER_S, 30 * NS_PER_S
 LN10 = math.log(10.0)
 
 
 @dataclass(frozen=True)
-class Now:
-    """This host's clock, from whoever has one: without pictures nothing else tells of time."""
+class Silence:
+    """No pictures for ``lost_s``, by whoever has a clock: nothing else tells of it meanwhile."""
 
     header: Header
 
@@ -66,7 +67,7 @@ class Live:
         self._is_reference_late = self._is_lost = False
 
     def update(
-        self, message: RowBlock | EnfEstimate | IdleEstimate | ReferenceBlock | Now
+        self, message: RowBlock | EnfEstimate | IdleEstimate | ReferenceBlock | Silence
     ) -> list[Liveness | Alarm]:
         """Take a message in; return the verdicts and alarms that it completes."""
         if isinstance(message, ReferenceBlock):
@@ -77,9 +78,8 @@ class Live:
                 self._known = _run(message.header), message.end_pts_ns
         elif isinstance(message, IdleEstimate):
             self._idles.append(message)
-        elif isinstance(message, Now):
-            if self._ticker.is_silent(message.header.arrival_time_ns):
-                return self._drained() + self._lose()
+        elif isinstance(message, Silence):
+            return self._drained() + self._lose()
         elif tick := self._ticker.add(message):
             self._ticks.append(tick)
         return self._advance()
@@ -112,13 +112,15 @@ class Live:
         due_ns = tick.pts_ns - BEHIND_NS
         if due_ns <= tick.first_pts_ns:
             return True
-        waiting, newest = len(self._ticks), self._ticks[-1].run
-        has_estimates = waiting > ESTIMATES_PATIENCE
+        has_estimates = self._waited_ns(tick) > ESTIMATES_PATIENCE_NS
         if self._known is not None:
             run, end_ns = self._known
-            is_past = run == newest != tick.run
+            is_past = run == self._ticks[-1].run != tick.run
             has_estimates |= is_past or (run == tick.run and end_ns >= due_ns - NS_PER_S)
         return self._has_reference(tick, due_ns) and has_estimates
+
+    def _waited_ns(self, tick: Tick) -> int:
+        return self._ticks[-1].header.arrival_time_ns - tick.header.arrival_time_ns
 
     def _has_reference(self, tick: Tick, due_ns: int) -> bool:
         """Whether the reference is here, or has been waited for already."""
@@ -127,7 +129,7 @@ class Live:
         ahead_ns = nanoseconds(max(-self.settings.earliest_s, 0.0))
         if self._grid.covers(due_ns + tick.offset_ns + ahead_ns):
             self._is_reference_late = False
-        elif len(self._ticks) > REFERENCE_PATIENCE:
+        elif self._waited_ns(tick) > REFERENCE_PATIENCE_NS:
             self._is_reference_late = True
         else:
             return self._is_reference_late
@@ -200,7 +202,8 @@ class Live:
         repeats = judge.suspects.repeats if verdict == "stale" else None
         period_s = repeats.age_s if repeats else facts.period_s
         self._hold("loop", math.isfinite(period_s), tick, evidence, period_s)
-        return [*self._alarms.taken(), *self._say(verdict, evidence, tick)]
+        is_last = due_ns == tick.pts_ns
+        return [*self._alarms.taken(), *self._say(verdict, evidence, tick, always=is_last)]
 
     def _hold(
         self, kind: str, is_so: bool, tick: Tick, text: str, period_s: float = math.nan
@@ -222,10 +225,12 @@ class Live:
             )
         )
 
-    def _say(self, verdict: str, evidence: str, tick: Tick) -> list[Liveness | Alarm]:
+    def _say(
+        self, verdict: str, evidence: str, tick: Tick, *, always: bool = False
+    ) -> list[Liveness | Alarm]:
         said = self._said
         is_new = said is None or said.verdict != verdict
-        if said is not None and not is_new and not self._is_due_to_report(tick, said):
+        if said and not (is_new or always or self._is_due_to_report(tick, said)):
             return []
         course = self._judge.evidence.course if self._judge.evidence else None
         origin = self._judge.suspects.origin if verdict == "stale" else None
@@ -286,7 +291,7 @@ def _is_due(estimate: EnfEstimate, tick: Tick, due_ns: int) -> bool:
     if _run(estimate.header) != tick.run:
         return True
     later_ns = estimate.header.arrival_time_ns - tick.header.arrival_time_ns
-    return estimate.end_pts_ns <= due_ns and not 0 < later_ns < ESTIMATES_PATIENCE * NS_PER_S
+    return estimate.end_pts_ns <= due_ns and not 0 < later_ns < ESTIMATES_PATIENCE_NS
 
 
 def _idle_changed(change: Change, tick: Tick) -> Alarm:

@@ -12,7 +12,7 @@ from rsenf.live.host_time import HostTime
 from rsenf.live.picture import Picture, PictureFacts
 from rsenf.live.settings import LiveSettings
 from rsenf.messages import Header, RowBlock
-from rsenf.timebase import NS_PER_S, nanoseconds, seconds
+from rsenf.timebase import NS_PER_S, seconds
 
 
 @dataclass(frozen=True)
@@ -89,11 +89,6 @@ class Ticker:
         silent_s, self._silent_s = self._silent_s, 0.0
         offset_ns, facts = self._time.offset_ns, self._picture.facts
         return Tick(header, now_ns, self._first_ns, offset_ns, facts, silent_s)
-
-    def is_silent(self, utc_ns: int) -> bool:
-        """Whether there have been no pictures for too long, by this host's clock."""
-        came_ns = self._last[1] if self._last else 0
-        return came_ns > 0 and utc_ns - came_ns > nanoseconds(self._settings.lost_s)
 
     def _note_silence(self, block: RowBlock) -> None:
         if self._last is None:

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
-from rsenf.bus.keys import TOPICS, camera_key, reference_key, topic_of
+from rsenf.bus.keys import camera_key, reference_key
 from rsenf.config import Graph
 from rsenf.config.graph import (
     DecodeNode,
@@ -37,7 +37,6 @@ from rsenf.record.growing import ABOUT
 from rsenf.regress.history import History
 from rsenf.run.row_sampling import make_rows
 from rsenf.run.runner import Runner
-from rsenf.stage import Stage
 from rsenf.track import make_tracker
 
 # In the order of the data: who is named first was wrong first.
@@ -67,28 +66,6 @@ class Step:
     topic: str
     reads: tuple[str, ...]
     make_runner: Callable[[History], Runner]
-
-
-class Only:
-    """A stage with several topics, of which one is looked at.
-
-    Parameters
-    ----------
-    stage : Stage
-    kind : type
-        Of the messages of that topic.
-    """
-
-    def __init__(self, stage: Stage, kind: type[Any]) -> None:
-        self._stage, self._kind = stage, kind
-
-    def update(self, message: Any) -> list[Any]:
-        """Give the stage a message; return what it completes of the topic."""
-        return [m for m in self._stage.update(message) if isinstance(m, self._kind)]
-
-    def flush(self) -> list[Any]:
-        """Return what the end of the stream completes of it."""
-        return [m for m in self._stage.flush() if isinstance(m, self._kind)]
 
 
 def recorded_graph(recording: Recording) -> Graph:
@@ -157,6 +134,8 @@ def _steps(graph: Graph, name: str, node: Node) -> Iterator[Step]:
 
 def _maker(stage: str, topic: str, node: Any, reads: list[str]) -> Callable[[History], Runner]:
     def make(history: History) -> Runner:
+        if isinstance(node, LiveNode):
+            return Runner("live", lambda: _stage(node, topic, history), len(reads), beside="alarm")
         return Runner(stage, lambda: _stage(node, topic, history), len(reads))
 
     return make
@@ -178,8 +157,7 @@ def _stage(node: Node, topic: str, history: History) -> Any:
             settings=node.match,
         )
     if isinstance(node, LiveNode):
-        live = Live(node.live, start_utc_ns=node.start_utc_ns)
-        return Only(live, TOPICS[topic_of(topic)])
+        return Live(node.live, start_utc_ns=node.start_utc_ns)
     if isinstance(node, DiscoverNode):
         pace = history.pace(topic)
         model = load_model(Path(node.model)) if node.model else PLAIN

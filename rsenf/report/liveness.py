@@ -40,4 +40,3 @@ def alarm_json(alarm: Alarm) -> dict[str, Any]:
         "unit": alarm.unit,
         "text": alarm.text,
     }
-
