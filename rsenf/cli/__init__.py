@@ -30,6 +30,7 @@ VERBS = {
     "simulate": "film a lamp on a known grid with a simulated rolling-shutter camera",
     "bench": "measure every estimator on the same simulated clips",
     "run": "start the processes of a graph, show their state, stop them cleanly",
+    "dashboard": "show all feeds of a bus on a web page, live",
     "validate": "check a graph file, and name every problem with its line",
     "record": "write what is on a bus to an MCAP file, or to an archive of them",
     "doctor": "what is in a recording, is it whole, and if not: what was lost, what to do",
