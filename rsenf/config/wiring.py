@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from rsenf.bus.keys import matches
+from rsenf.bus.keys import matches, reference_key
 from rsenf.bus.zenoh_bus import setting_problem
 from rsenf.config.graph import (
     BusConfig,
@@ -17,6 +17,7 @@ from rsenf.config.graph import (
     MatchNode,
     Node,
     RecordNode,
+    ReferenceNode,
     ReplayNode,
     RowsNode,
     TrackNode,
@@ -47,6 +48,8 @@ def problems(graph: Graph) -> list[Problem]:
         found += [((*at, where), text) for where, text in _twice(graph, name, node)]
         found += [((*at, where), text) for where, text in _unread(graph, node)]
         found += [((*at, where), text) for where, text in _unfit(graph, node)]
+        if isinstance(node, ReferenceNode):
+            found += [((*at, *below), text) for below, text in _of_reference(graph, node)]
         # With a bus of somebody else's, what is missing here may be sent there.
         if not graph.bus.is_elsewhere:
             found += [((*at, where), text) for where, text in _unfed(graph, node)]
@@ -74,6 +77,13 @@ def _of_node(node: Node) -> Iterator[Problem]:
         yield from _of_record(node)
     if isinstance(node, FoxgloveNode | DashboardNode):
         yield from _key_expressions(("topics", key_expr) for key_expr in node.topics)
+
+
+def _of_reference(graph: Graph, node: ReferenceNode) -> Iterator[Problem]:
+    if node.follow and (node.feed[0] != "file" or node.input.startswith("store:")):
+        yield ("follow",), f"{node.input} is no file that grows"
+    if node.feed == ("topic", reference_key(graph.site, node.grid)):
+        yield ("input",), "that is this node's own topic"
 
 
 def _of_record(node: RecordNode) -> Iterator[Problem]:
@@ -148,3 +158,7 @@ def _unfed(graph: Graph, node: Node) -> Iterator[tuple[str, str]]:
                 yield "cameras", f"nobody sends the {topic} of camera {camera!r}"
     if isinstance(node, MatchNode) and not sender_of(graph, "reference", node.grid):
         yield "grid", f"nobody sends the reference {node.grid!r}"
+    if isinstance(node, ReferenceNode) and node.feed[0] == "camera":
+        camera = node.feed[1]
+        if not sender_of(graph, "track", camera):
+            yield "input", f"nobody sends the track of camera {camera!r}"
