@@ -269,7 +269,7 @@ class FoxgloveNode(Supervised):
     topics: tuple[str, ...] = Field(("**",), description="key expressions below the site")
 
 
-class DashboardNode(Strict):
+class DashboardNode(Supervised):
     """Shows all feeds on a web page."""
 
     kind: Literal["dashboard"]
