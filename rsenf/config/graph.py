@@ -135,6 +135,9 @@ class DecodeNode(Supervised):
     open_timeout_s: float = Field(10.0, gt=0)
     read_timeout_s: float = Field(10.0, gt=0)
     max_reconnects: int | None = Field(None, ge=0, description="live sources; none: keep trying")
+    backoff_initial_s: float = Field(1.0, gt=0, description="before it is tried again; doubled")
+    backoff_max_s: float = Field(30.0, gt=0, description="the longest pause between attempts")
+    wait_for_source: bool = Field(False, description="begin although the camera isn't there yet")
 
 
 class ReplayNode(Supervised):
