@@ -31,6 +31,8 @@ VERBS = {
     "bench": "measure every estimator on the same simulated clips",
     "run": "start the processes of a graph, show their state, stop them cleanly",
     "dashboard": "show all feeds of a bus on a web page, live",
+    "nodes": "tell which nodes are on a bus, and how each is doing",
+    "topic": "list the topics of a bus, print their messages, measure their rates",
     "validate": "check a graph file, and name every problem with its line",
     "record": "write what is on a bus to an MCAP file, or to an archive of them",
     "doctor": "what is in a recording, is it whole, and if not: what was lost, what to do",
