@@ -269,6 +269,21 @@ class FoxgloveNode(Supervised):
     topics: tuple[str, ...] = Field(("**",), description="key expressions below the site")
 
 
+class DashboardNode(Supervised):
+    """Shows all feeds on a web page."""
+
+    kind: Literal["dashboard"]
+    host: str = Field("127.0.0.1", description="address to listen at; this host alone unless given")
+    port: int = Field(8780, ge=0, le=65535, description="0: any that is free")
+    topics: tuple[str, ...] = Field(
+        ("*/rows", "*/track", "*/idle", "*/match", "*/live", "*/alarm", "*/video", "reference/*"),
+        description="key expressions below the site",
+    )
+    archive: str | None = Field(
+        None, description="folder of alarms' recordings; the record node's unless given"
+    )
+
+
 Node = Annotated[
     DecodeNode
     | ReplayNode
@@ -279,7 +294,8 @@ Node = Annotated[
     | ReferenceNode
     | MatchNode
     | RecordNode
-    | FoxgloveNode,
+    | FoxgloveNode
+    | DashboardNode,
     Field(discriminator="kind"),
 ]
 
