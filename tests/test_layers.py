@@ -45,6 +45,8 @@ ALLOWED: dict[str, set[str]] = {
     },
     "report": {*BASE, "rows", "flicker", "track", "idle", "match", "live", "model", "discrepancy"},
     "run": {*BASE, *SIGNAL, "bus", "config", "record", "reference"},
+    # Looks at what the others publish and record; runs nothing.
+    "dashboard": {*BASE, "bus", "config", "decode", "record"},
     # Every stage there is, with the settings of a recorded graph.
     "regress": {
         *BASE,
@@ -61,6 +63,7 @@ ALLOWED: dict[str, set[str]] = {
         *SIGNAL,
         "bus",
         "config",
+        "dashboard",
         "record",
         "reference",
         "regress",
@@ -70,7 +73,17 @@ ALLOWED: dict[str, set[str]] = {
         "cli",
         "discrepancy",
     },
-    "nodes": {*BASE, *SIGNAL, "bus", "config", "record", "reference", "run", "discrepancy"},
+    "nodes": {
+        *BASE,
+        *SIGNAL,
+        "bus",
+        "config",
+        "dashboard",
+        "record",
+        "reference",
+        "run",
+        "discrepancy",
+    },
 }
 # What a signal room must not touch, whatever it is imported through.
 NOT_FOR_SIGNALS = {"zenoh", "mcap", "yaml", "pydantic", "argparse", "rich", "subprocess"}

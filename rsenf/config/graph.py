@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import (
     AfterValidator,
     BaseModel,
-    ConfigDict,
     Discriminator,
     Field,
     Tag,
@@ -27,6 +26,7 @@ from rsenf.bus.keys import (
     renamed,
     topic_of,
 )
+from rsenf.config.supervised import Restart, Strict, Supervised
 from rsenf.discrepancy.settings import WatchSettings
 from rsenf.idle.settings import IdleSettings
 from rsenf.live.settings import LiveSettings
@@ -87,12 +87,6 @@ Camera = Annotated[Name, AfterValidator(_not_reserved)]
 Topic = Annotated[str, AfterValidator(_topic)]
 
 
-class Strict(BaseModel):
-    """Unknown keys are errors; what was read doesn't change."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
 class BusConfig(Strict):
     """How the nodes reach each other. Empty: a router of the run's own, on this host only."""
 
@@ -127,7 +121,7 @@ Input = Annotated[
 ]
 
 
-class DecodeNode(Strict):
+class DecodeNode(Supervised):
     """Opens a video, a camera or the simulator, and sends its frames."""
 
     kind: Literal["decode"]
@@ -144,9 +138,12 @@ class DecodeNode(Strict):
     open_timeout_s: float = Field(10.0, gt=0)
     read_timeout_s: float = Field(10.0, gt=0)
     max_reconnects: int | None = Field(None, ge=0, description="live sources; none: keep trying")
+    backoff_initial_s: float = Field(1.0, gt=0, description="before it is tried again; doubled")
+    backoff_max_s: float = Field(30.0, gt=0, description="the longest pause between attempts")
+    wait_for_source: bool = Field(False, description="begin although the camera isn't there yet")
 
 
-class ReplayNode(Strict):
+class ReplayNode(Supervised):
     """Puts topics of a recording back on the bus."""
 
     kind: Literal["replay"]
@@ -170,7 +167,7 @@ class ReplayNode(Strict):
         return rename
 
 
-class RowsNode(Strict):
+class RowsNode(Supervised):
     """Takes row means of the steady pixels."""
 
     kind: Literal["rows"]
@@ -178,7 +175,7 @@ class RowsNode(Strict):
     rows: RowsSettings = RowsSettings()
 
 
-class TrackNode(Strict):
+class TrackNode(Supervised):
     """Estimates the ENF."""
 
     kind: Literal["track"]
@@ -186,7 +183,7 @@ class TrackNode(Strict):
     track: TrackSettings = TrackSettings()
 
 
-class IdleNode(Strict):
+class IdleNode(Supervised):
     """Estimates the idle period of the cameras."""
 
     kind: Literal["idle"]
@@ -194,7 +191,7 @@ class IdleNode(Strict):
     idle: IdleSettings = IdleSettings()
 
 
-class DiscoverNode(Strict):
+class DiscoverNode(Supervised):
     """Watches for what a model of the cameras lacks, and names what changes."""
 
     kind: Literal["discover"]
@@ -203,7 +200,7 @@ class DiscoverNode(Strict):
     discover: WatchSettings = WatchSettings()
 
 
-class ReferenceNode(Strict):
+class ReferenceNode(Supervised):
     """Publishes a grid's frequency: of a file, of the store, or as it is measured."""
 
     kind: Literal["reference"]
@@ -239,7 +236,7 @@ class ReferenceNode(Strict):
         return ("file", self.input) if self.follow else ("", "")
 
 
-class MatchNode(Strict):
+class MatchNode(Supervised):
     """Compares ENF with a reference."""
 
     kind: Literal["match"]
@@ -250,7 +247,7 @@ class MatchNode(Strict):
     match: MatchSettings = MatchSettings()
 
 
-class LiveNode(Strict):
+class LiveNode(Supervised):
     """Tells whether feeds are live: whether their flicker follows the grid now."""
 
     kind: Literal["live"]
@@ -267,7 +264,7 @@ class LiveNode(Strict):
         return since_1970_ns(self.start) if self.start else 0
 
 
-class RecordNode(Strict):
+class RecordNode(Supervised):
     """Writes topics to an MCAP file, or to an archive of such files."""
 
     kind: Literal["record"]
@@ -283,13 +280,28 @@ class RecordNode(Strict):
     disk: DiskLimits = Field(DiskLimits(), description="how little of it may be left")
 
 
-class FoxgloveNode(Strict):
+class FoxgloveNode(Supervised):
     """Shows topics live in Foxglove, which connects by WebSocket."""
 
     kind: Literal["foxglove"]
     host: str = Field("127.0.0.1", description="address to listen at; this host alone unless given")
     port: int = Field(8765, ge=0, le=65535, description="0: any that is free")
     topics: tuple[str, ...] = Field(("**",), description="key expressions below the site")
+
+
+class DashboardNode(Supervised):
+    """Shows all feeds on a web page."""
+
+    kind: Literal["dashboard"]
+    host: str = Field("127.0.0.1", description="address to listen at; this host alone unless given")
+    port: int = Field(8780, ge=0, le=65535, description="0: any that is free")
+    topics: tuple[str, ...] = Field(
+        ("*/rows", "*/track", "*/idle", "*/match", "*/live", "*/alarm", "*/video", "reference/*"),
+        description="key expressions below the site",
+    )
+    archive: str | None = Field(
+        None, description="folder of alarms' recordings; the record node's unless given"
+    )
 
 
 Node = Annotated[
@@ -303,7 +315,8 @@ Node = Annotated[
     | MatchNode
     | LiveNode
     | RecordNode
-    | FoxgloveNode,
+    | FoxgloveNode
+    | DashboardNode,
     Field(discriminator="kind"),
 ]
 
@@ -314,11 +327,18 @@ class Graph(Strict):
     version: Literal[1] = Field(description="version of this file's format")
     site: Name
     bus: BusConfig = BusConfig()
+    restart: Restart | None = Field(
+        None, description="when nodes are started again; without, a death is the run's failure"
+    )
     nodes: dict[Name, Node] = Field(min_length=1)
 
     def of(self, kind: type[N]) -> list[N]:
         """Return the nodes of a kind, in the order of the file."""
         return [n for n in self.nodes.values() if isinstance(n, kind)]
+
+    def restart_of(self, name: str) -> Restart | None:
+        """Return when a node is started again: its own rule, or else the graph's."""
+        return self.nodes[name].restart or self.restart
 
 
 def outputs(node: Any) -> list[tuple[str, str]]:

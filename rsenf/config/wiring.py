@@ -8,6 +8,7 @@ from rsenf.bus.keys import matches, reference_key
 from rsenf.bus.zenoh_bus import setting_problem
 from rsenf.config.graph import (
     BusConfig,
+    DashboardNode,
     DecodeNode,
     DiscoverNode,
     FoxgloveNode,
@@ -75,7 +76,7 @@ def _of_node(node: Node) -> Iterator[Problem]:
         yield ("end_s",), f"{node.end_s:g} s isn't after start_s, {node.start_s:g} s"
     if isinstance(node, RecordNode):
         yield from _of_record(node)
-    if isinstance(node, FoxgloveNode):
+    if isinstance(node, FoxgloveNode | DashboardNode):
         yield from _key_expressions(("topics", key_expr) for key_expr in node.topics)
 
 
