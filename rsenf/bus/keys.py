@@ -79,6 +79,11 @@ def node_of(key: str) -> str:
     return key.split("/")[3]
 
 
+def site_of(key: str) -> str:
+    """Site that a key belongs to."""
+    return key.split("/")[1]
+
+
 def topic_of(key: str) -> str:
     """Last chunk of a camera's key, or 'reference'."""
     parts = key.split("/")

@@ -8,11 +8,13 @@ from rsenf.bus.keys import matches, reference_key
 from rsenf.bus.zenoh_bus import setting_problem
 from rsenf.config.graph import (
     BusConfig,
+    DashboardNode,
     DecodeNode,
     DiscoverNode,
     FoxgloveNode,
     Graph,
     IdleNode,
+    LiveNode,
     MatchNode,
     Node,
     RecordNode,
@@ -73,7 +75,7 @@ def _of_node(node: Node) -> Iterator[Problem]:
         yield ("end_s",), f"{node.end_s:g} s isn't after start_s, {node.start_s:g} s"
     if isinstance(node, RecordNode):
         yield from _of_record(node)
-    if isinstance(node, FoxgloveNode):
+    if isinstance(node, FoxgloveNode | DashboardNode):
         yield from _key_expressions(("topics", key_expr) for key_expr in node.topics)
 
 
@@ -154,7 +156,11 @@ def _unfed(graph: Graph, node: Node) -> Iterator[tuple[str, str]]:
         for camera in node.cameras:
             if not sender_of(graph, topic, camera):
                 yield "cameras", f"nobody sends the {topic} of camera {camera!r}"
-    if isinstance(node, MatchNode) and not sender_of(graph, "reference", node.grid):
+    if isinstance(node, LiveNode):
+        for camera, topic in ((c, t) for c in node.cameras for t in ("rows", "track")):
+            if not sender_of(graph, topic, camera):
+                yield "cameras", f"nobody sends the {topic} of camera {camera!r}"
+    if isinstance(node, MatchNode | LiveNode) and not sender_of(graph, "reference", node.grid):
         yield "grid", f"nobody sends the reference {node.grid!r}"
     if isinstance(node, ReferenceNode) and node.feed[0] == "camera":
         camera = node.feed[1]

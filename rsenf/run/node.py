@@ -230,7 +230,7 @@ def run_node(body: Callable[[NodeProcess], None]) -> NoReturn:
         code = _run(body, args)
     except BaseException:  # noqa: BLE001 - whatever it was, the process ends here
         with contextlib.suppress(Exception):
-            traceback.print_exc()
+            print(redact(traceback.format_exc()), file=sys.stderr)
     finally:
         end_process(code)
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rsenf.bus.keys import camera_key
 from rsenf.config.graph import ReferenceNode
@@ -16,6 +18,7 @@ from rsenf.reference.live import (
     follow_table,
     follow_wav,
 )
+from rsenf.reference.notes import Notes
 from rsenf.reference.options import ReadOptions
 from rsenf.run.node import NodeProcess
 from rsenf.run.pump import Lane, pump
@@ -43,24 +46,44 @@ def publish_feed(node: NodeProcess) -> None:
             camera_key(site, name, topic): node.sender_of(topic, name)
             for topic in ("rows", "track")
         }
-        _relay(node, senders, CameraReference(grid, step_s, node.run_id))
+        _relay(node, senders, CameraReference(grid, step_s, node.run_id), Notes())
     elif kind == "topic":
         site, grid_there = name.split("/")[1::2]
         sender = node.sender_of("reference", grid_there) if site == node.graph.site else ""
-        _relay(node, {name: sender}, RelayedReference(grid, node.run_id, config.nominal_hz))
+        stage = RelayedReference(grid, node.run_id, config.nominal_hz)
+        _relay(node, {name: sender}, stage, stage.notes)
     elif kind == "sound":
         _publish(node, _heard(node, config, name))
     else:
         _publish(node, _grown(node, config))
 
 
-def _relay(node: NodeProcess, senders: dict[str, str], stage: Stage) -> None:
+@dataclass(kw_only=True)
+class _NotedLane(Lane):
+    """A lane whose stage notes what it leaves out, for the node's state."""
+
+    node: NodeProcess
+    notes: Notes
+    _said: str = ""
+
+    def send(self, messages: Iterable[Any]) -> None:
+        """Send messages; say what is new to be noted."""
+        super().send(messages)
+        noted = "; ".join(self.notes.lines)
+        if noted != self._said:
+            self._said = noted
+            self.node.say("running", noted)
+
+
+def _relay(node: NodeProcess, senders: dict[str, str], stage: Stage, notes: Notes) -> None:
     """Turn other topics into the reference; each by its key and the node that sends it."""
-    lane = Lane(
+    lane = _NotedLane(
         # The reference goes on through the others' epochs: it is one stage for all of them.
         Runner("reference", lambda: stage, inputs=len(senders)),
         node.reference_publisher(node.config.grid),
         {node.subscribe(key): sender for key, sender in senders.items()},
+        node=node,
+        notes=notes,
     )
     node.ready()
     pump(node, [lane])

@@ -15,7 +15,7 @@ from run_samples import end_after, node_on
 
 from rsenf.bus.delivery import SIGNALS
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import camera_key, reference_key
+from rsenf.bus.keys import camera_key, health_key, reference_key
 from rsenf.bus.loopback import Loopback
 from rsenf.reference import Reference
 from rsenf.run import reference_feeds
@@ -81,8 +81,14 @@ def test_somebody_elses_topic() -> None:
         theirs = network.bus("other").publisher(key, SIGNALS)
         for k in (0, 10):
             theirs.send(block(k))
-        theirs.send(end_after(block(20)))
+        theirs.send(block(20, t0_ns=0))
+        theirs.send(end_after(block(21)))
         blocks = take(heard)
+        words = Inbox()
+        network.bus("looker").subscribe(words, health_key("lab", "grid"), SIGNALS)
+        said = words.receive(10)
+    assert said is not None
+    assert said.message.detail == "blocks left out: they tell no time: 1"
     assert [(b.first, b.grid, b.header.source) for b in blocks[:-1]] == [
         (0, "ce", "reference/ce"),
         (10, "ce", "reference/ce"),
