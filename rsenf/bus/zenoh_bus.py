@@ -12,7 +12,7 @@ import contextlib
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -132,10 +132,13 @@ class _ZenohPublisher(Publisher):
                 query.reply(
                     item.key, item.payload, encoding=item.encoding, attachment=self._attachment
                 )
+            if after is not None and not items:
+                query.reply_err(NOTHING_KEPT)
 
 
 # Parameters of a question for what was missed: places in the stream that it lies between.
 AFTER, BEFORE = "after", "before"
+NOTHING_KEPT = zenoh.ZBytes(b"nothing kept")
 _BLOCK = zenoh.CongestionControl.BLOCK
 
 
@@ -183,23 +186,27 @@ class ZenohBus:
         except zenoh.ZError as exc:
             raise no_key_expression(key_expr) from exc
         self._declared.append(subscriber)
-        subscription.catch_up(self._query(key_expr, HISTORY_TIMEOUT_S) if delivery.history else ())
+        replies = self._query(key_expr, HISTORY_TIMEOUT_S) if delivery.history else ()
+        subscription.catch_up(_envelope(reply.ok) for reply in replies if reply.ok)
 
-    def _ask(self, key: str, after: str, before: str) -> Iterator[Envelope]:
-        """What the senders of a key have kept between two places."""
-        asked = f"{key}?{AFTER}={after};{BEFORE}={before}"
+    def _ask(self, key: str, after: str, before: str) -> list[Envelope] | None:
+        """What the senders of a key have kept between two places; None when nobody answers."""
         with contextlib.suppress(zenoh.ZError):  # the session was closed meanwhile
-            yield from self._query(asked, RECOVERY_TIMEOUT_S)
+            replies = self._query(f"{key}?{AFTER}={after};{BEFORE}={before}", RECOVERY_TIMEOUT_S)
+            answers = list(replies)
+            said = [r for r in answers if r.ok or (r.err and r.err.payload == NOTHING_KEPT)]
+            return [_envelope(r.ok) for r in said if r.ok] if said else None
+        return None
 
-    def _query(self, selector: str, timeout_s: float) -> Iterator[Envelope]:
-        replies = self._session.get(
+    def _query(self, selector: str, timeout_s: float) -> Iterable[zenoh.Reply]:
+        replies: Iterable[zenoh.Reply] = self._session.get(
             selector,
             timeout=timeout_s,
             consolidation=zenoh.ConsolidationMode.NONE,
             target=zenoh.QueryTarget.ALL,
             congestion_control=_BLOCK,  # of the replies too
         )
-        return (_envelope(reply.ok) for reply in replies if reply.ok is not None)
+        return replies
 
     def declare_alive(self, key: str) -> None:
         """Show a liveliness token for as long as this process lives."""

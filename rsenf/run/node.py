@@ -170,7 +170,8 @@ class NodeProcess:
         """Ask a node that is back for what it sent unheard."""
         for topic, of in outputs(self.graph.nodes[name]):
             key = topic_key(self.graph.site, of, topic)
-            if any(matches(expr, key) for expr in self._recovers):
+            kept = delivery_of(topic).recovers
+            if kept and any(matches(expr, key) for expr in self._recovers):
                 self.inbox.catch_up(key)
 
     @contextlib.contextmanager
