@@ -17,8 +17,9 @@ LAMPS = ("led", "halogen", "incandescent", "cfl")
 DAYLIGHT_RATIO = (0.0, 0.8)
 # Few lines and narrow ones are cheap; sensors in the dark are noisier by far than those in the sun.
 LINES, COLUMNS, WHITE_E = 48, (32.0, 512.0), (500.0, 12000.0)
-# Share of the feeds whose codec follows flicker too slowly, and has its phase wander.
-CODED, GAIN, WANDER_RAD, WANDER_S = 0.5, (0.1, 1.0), (0.01, 0.15), (3.0, 15.0)
+# Share of the feeds whose codec follows flicker too slowly, and has its phase wander: by as much as
+# makes the ENF wrong by 0.1 to 3 mHz over a second, as it is in videos at 150k to 50k.
+CODED, GAIN, WANDER_RAD, WANDER_S = 0.5, (0.1, 1.0), (0.005, 0.06), (3.0, 15.0)
 IDLE_RATIO = (0.02, 0.6)
 # Clocks of cameras: most are within 30 ppm, and now and then one is at 100.
 CLOCK_PPM, CLOCK_FREEDOM = 25.0, 4
