@@ -12,6 +12,7 @@ from rsenf.run.recording import (
     Ending,
     InputHashes,
     disk_guard,
+    of_run,
     open_sink,
     record_until,
     run_info,
@@ -20,7 +21,7 @@ from rsenf.run.recording import (
 
 def body(node: NodeProcess) -> None:
     """Write until every stream of the graph has ended, or until told to stop."""
-    config: RecordNode = node.config
+    config: RecordNode = of_run(node.config, node.restarts)
     site = f"{ROOT}/{node.graph.site}"
 
     def warn(text: str) -> None:

@@ -1,4 +1,4 @@
-"""Reference: a grid's measured frequency from a file, onto the bus."""
+"""Reference: a grid's measured frequency from a file, or as it is measured, onto the bus."""
 
 from __future__ import annotations
 
@@ -6,11 +6,15 @@ from rsenf.config.graph import ReferenceNode
 from rsenf.messages import Header, Mark, ReferenceBlock
 from rsenf.reference import open_reference, reference_blocks
 from rsenf.run.node import NodeProcess, run_node
+from rsenf.run.reference_feeds import publish_feed
 
 
 def body(node: NodeProcess) -> None:
-    """Publish the whole reference, then its END mark."""
+    """Publish the whole reference, or what goes on measuring it; then its END mark."""
     config: ReferenceNode = node.config
+    if config.feed[0]:
+        publish_feed(node)
+        return
     reference = open_reference(
         config.input,
         store=config.store,

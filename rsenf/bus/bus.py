@@ -1,4 +1,4 @@
-"""What any bus offers, and what every bus does alike: history for those who join late."""
+"""What any bus offers, and what every bus does alike: the history of what was sent."""
 
 from __future__ import annotations
 
@@ -6,15 +6,21 @@ import threading
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Any, Protocol
 
 from rsenf.bus.delivery import Delivery
-from rsenf.bus.inbox import Envelope, Inbox
+from rsenf.bus.inbox import Inbox
+from rsenf.bus.sequence import Envelope, place_of
 from rsenf.messages import encode, encoding_of
+
+# What is kept of a topic is a few minutes, but no more memory than this: rows of 1080p are 0.26 MB
+# a second.
+KEPT_BYTES = 32 * 2**20
 
 
 class Publisher(ABC):
-    """Sends the messages of one key, and keeps the last of them for those who join late.
+    """Sends the messages of one key, and keeps the last of them for who was not there to hear.
 
     Parameters
     ----------
@@ -24,33 +30,79 @@ class Publisher(ABC):
         Class of the topic.
     sender : str
         Identity of this process on the bus.
+
+    Attributes
+    ----------
+    run_suffix : str
+        What is added to the run's identity in each message. A process that was started again
+        numbers its messages anew, so they must not pass for the ones before.
     """
 
     def __init__(self, key: str, delivery: Delivery, sender: str) -> None:
         self.sent = 0
-        self.key, self.delivery = key, delivery
-        self._sender = sender
-        self._kept: deque[Envelope] = deque(maxlen=delivery.history)
+        self.run_suffix = ""
+        self.key, self.delivery, self.sender = key, delivery, sender
+        self._kept: deque[tuple[str, Envelope]] = deque(maxlen=max(delivery.kept, delivery.history))
+        self._kept_bytes = 0
         self._lock = threading.Lock()
 
     def send(self, message: Any) -> None:
         """Send a message; waits for slow receivers when the topic is lossless."""
+        if self.run_suffix:
+            message = _of_run(message, message.header.run_id + self.run_suffix)
         item = Envelope(
             self.key,
             encoding_of(type(message)),
             encode(message),
-            self._sender,
+            self.sender,
             droppable=not self.delivery.lossless,
+            kept=self.keeps,
         )
-        with self._lock:
-            self._kept.append(item)
+        if self.keeps:
+            with self._lock:
+                self._keep(place_of(self.sender, message.header), item)
         self._put(item)
         self.sent += 1
 
+    @property
+    def keeps(self) -> bool:
+        """Whether it answers those who missed something."""
+        return self._kept.maxlen != 0
+
+    def _keep(self, place: str, item: Envelope) -> None:
+        if len(self._kept) == self._kept.maxlen:
+            self._forget_oldest()
+        self._kept.append((place, item))
+        self._kept_bytes += len(item.payload)
+        while self._kept_bytes > KEPT_BYTES and len(self._kept) > 1:
+            self._forget_oldest()
+
+    def _forget_oldest(self) -> None:
+        self._kept_bytes -= len(self._kept.popleft()[1].payload)
+
     def history(self) -> list[Envelope]:
-        """Messages kept, the oldest first."""
+        """Messages for who joins late, the oldest first."""
         with self._lock:
-            return list(self._kept)
+            items = [item for _, item in self._kept]
+        return items[-self.delivery.history :] if self.delivery.history else []
+
+    def between(self, after: str, before: str) -> list[Envelope]:
+        """Messages kept of those between two places in the stream, the oldest first.
+
+        Parameters
+        ----------
+        after : str
+            The last that came; what isn't kept any more, or is another sender's, is before all.
+        before : str
+            The first that came again; empty when none has. When it isn't kept any more, nothing
+            before it is.
+        """
+        with self._lock:
+            kept = list(self._kept)
+        places = [place for place, _ in kept]
+        first = places.index(after) + 1 if after in places else 0
+        last = len(kept) if not before else places.index(before) if before in places else 0
+        return [item for _, item in kept[first:last]]
 
     @property
     @abstractmethod
@@ -60,6 +112,10 @@ class Publisher(ABC):
     @abstractmethod
     def _put(self, item: Envelope) -> None:
         """Hand an envelope to the transport."""
+
+
+def _of_run(message: Any, run_id: str) -> Any:
+    return replace(message, header=replace(message.header, run_id=run_id))
 
 
 class Subscription:
@@ -72,6 +128,8 @@ class Subscription:
 
     def take(self, item: Envelope) -> None:
         """Take a live message. Called by the transport, which it makes wait."""
+        if not self._delivery.recovers:
+            item = replace(item, kept=False)
         with self._lock:
             if self._held is not None:
                 self._held.append(item)

@@ -18,8 +18,11 @@ class Delivery:
     queue : int
         Messages of a key that may wait at a receiver.
     history : int
-        Messages that a sender keeps for those who join late or again, and whether a receiver asks
+        Messages that a sender has for those who join late or again, and whether a receiver asks
         for them.
+    kept : int
+        Messages that a sender keeps for those who missed some, while a link was broken; as many
+        as the history unless given.
     urgent : bool
         Overtakes other topics on the way.
     """
@@ -27,15 +30,22 @@ class Delivery:
     lossless: bool
     queue: int
     history: int
+    kept: int = 0
     urgent: bool = False
+
+    @property
+    def recovers(self) -> bool:
+        """Whether a receiver asks for what it missed; who only looks doesn't."""
+        return self.lossless and self.history > 0
 
 
 # Recording and replay wait, live pictures don't; estimates are small and are kept.
 FRAMES_FILE = Delivery(lossless=True, queue=16, history=0)
 FRAMES_LIVE = Delivery(lossless=False, queue=16, history=0)
 VIDEO = Delivery(lossless=True, queue=64, history=0)
+# What is kept is some minutes: of blocks of 8 frames, 1200 are five at 30 frames a second.
 SIGNALS = Delivery(lossless=True, queue=1024, history=600)
-ROWS = Delivery(lossless=True, queue=256, history=64)
+ROWS = Delivery(lossless=True, queue=256, history=64, kept=1200)
 # A node's last word decides whether it has finished or was lost: it must not be dropped, and not
 # come long after the node's token has gone.
 HEALTH = Delivery(lossless=True, queue=256, history=1, urgent=True)

@@ -8,39 +8,19 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rsenf.bus.delivery import Delivery
 from rsenf.bus.keys import TOPICS, topic_of
+from rsenf.bus.sequence import Envelope, Sequence, place_of
 from rsenf.errors import SchemaMismatch
-from rsenf.messages import Header, class_for, decode
+from rsenf.messages import class_for, decode
 
-
-@dataclass(frozen=True)
-class Envelope:
-    """A message as it travels.
-
-    Parameters
-    ----------
-    key : str
-        Where it was sent to.
-    encoding : str
-        What it is said to be.
-    payload : bytes
-        The message.
-    sender : str
-        Session that sent it: one sender's numbers say nothing about another's.
-    droppable : bool
-        Whether the sender rather lost it than waited.
-    """
-
-    key: str
-    encoding: str
-    payload: bytes
-    sender: str
-    droppable: bool = False
+# Before each time that a sender is asked for what is missing: after a break of a link it may take
+# a moment until it can be reached.
+PAUSES_S = (0.0, 0.2, 0.6)
 
 
 @dataclass(frozen=True)
@@ -68,6 +48,8 @@ class Counters:
         Foreign, broken, or of another version.
     duplicates : int
         Came twice, as history and live.
+    recovered : int
+        Had not come, and were got from their sender afterwards.
     """
 
     received: int = 0
@@ -75,6 +57,7 @@ class Counters:
     missed: int = 0
     rejected: int = 0
     duplicates: int = 0
+    recovered: int = 0
 
 
 class Inbox:
@@ -82,15 +65,24 @@ class Inbox:
 
     A lossless topic makes its sender wait while its share of the queue is full; any other drops
     its oldest. Sequence numbers are checked when messages are taken out: what the history brought
-    twice is dropped, what never came is counted.
+    twice is dropped. What is missing is asked for, if its sender keeps it; what comes after it
+    waits meanwhile. What never came is counted.
+
+    Attributes
+    ----------
+    ask : callable
+        ``ask(key, after, before)`` returns what the senders of a key have kept between two places;
+        set by the bus.
     """
 
     def __init__(self) -> None:
         self.counters = Counters()
         self._items: deque[Envelope] = deque()
         self._waiting: Counter[str] = Counter()
-        self._dropped: Counter[tuple[str, str]] = Counter()
-        self._last: dict[tuple[str, str], tuple[str, int, int]] = {}
+        self._sequence = Sequence()
+        self._held: dict[str, list[Envelope]] = {}  # of keys of which something is asked for
+        self._again: set[str] = set()  # of those, who is to be asked once more
+        self.ask: Callable[[str, str, str], Iterable[Envelope]] = lambda *question: ()
         self._closed = False
         self._change = threading.Condition()
 
@@ -120,7 +112,7 @@ class Inbox:
         oldest = next(item for item in self._items if item.key == key)
         self._items.remove(oldest)
         self._waiting[key] -= 1
-        self._dropped[key, oldest.sender] += 1
+        self._sequence.dropped(oldest)
         self.counters.dropped += 1
 
     def receive(self, timeout_s: float) -> Received | None:
@@ -147,33 +139,60 @@ class Inbox:
             return item
 
     def _accept(self, item: Envelope) -> Received | None:
-        """Decode and check the sequence; None for what is foreign, broken or already seen."""
+        """Decode and check the sequence; None for what has to wait, is foreign, broken or old."""
         message = _opened(item)
         if message is None:
             self.counters.rejected += 1
             return None
         with self._change:
-            follows = self._follows((item.key, item.sender), message.header)
-        if not follows:
-            self.counters.duplicates += 1
-            return None
-        self.counters.received += 1
+            if item.key in self._held:
+                self._held[item.key].append(item)
+                return None
+            header, sequence = message.header, self._sequence
+            absent = sequence.absent(item, header)
+            if absent < 0:
+                self.counters.duplicates += 1
+                return None
+            if item.kept and not item.late and (absent or sequence.begins_epoch(item, header)):
+                self._held[item.key] = [replace(item, kept=False)]  # what isn't got now is lost
+                pauses_s = PAUSES_S if absent else PAUSES_S[:1]
+                self._recover(item.key, place_of(item.sender, header), pauses_s)
+                return None
+            self.counters.missed += sequence.took(item, header)
+            self.counters.received += 1
+            self.counters.recovered += item.late
         return Received(item.key, message, item.payload)
 
-    def _follows(self, stream: tuple[str, str], header: Header) -> bool:
-        """Count what is missing before a message; False when it came before."""
-        last, place = self._last.get(stream), (header.run_id, header.epoch, header.seq)
-        if last is not None and last[:2] == place[:2]:
-            absent = header.seq - last[2] - 1
-            if absent < 0:
-                return False
-            dropped = min(absent, self._dropped[stream])
-            self._dropped[stream] -= dropped
-            self.counters.missed += absent - dropped
-        else:
-            self._dropped.pop(stream, None)
-        self._last[stream] = place
-        return True
+    def catch_up(self, key: str) -> None:
+        """Ask for what may be missing at the end of a key: whoever sends it is back."""
+        with self._change:
+            if key in self._held:
+                self._again.add(key)
+            else:
+                self._held[key] = []
+                self._recover(key, "", PAUSES_S[:1])
+
+    def _recover(self, key: str, before: str, pauses_s: Iterable[float]) -> None:
+        """Get what is missing, in a thread: who receives is free to take all other keys."""
+        after = self._sequence.newest(key)
+
+        def work() -> None:
+            missing: list[Envelope] = []
+            for pause_s in pauses_s:
+                time.sleep(pause_s)
+                missing = [replace(item, late=True) for item in self.ask(key, after, before)]
+                if missing or self._closed:
+                    break
+            with self._change:
+                back = [*missing, *self._held.pop(key)]
+                self._items.extendleft(reversed(back))
+                self._waiting[key] += len(back)
+                self._change.notify_all()
+            if key in self._again:
+                self._again.discard(key)
+                self.catch_up(key)
+
+        threading.Thread(target=work, name="recovery", daemon=True).start()
 
     @property
     def depth(self) -> int:

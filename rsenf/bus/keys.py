@@ -59,6 +59,11 @@ def reference_key(site: str, grid: str) -> str:
     return f"{ROOT}/{site}/{REFERENCE}/{grid}"
 
 
+def topic_key(site: str, of: str, topic: str) -> str:
+    """Key of a camera's topic, or of a grid's reference."""
+    return reference_key(site, of) if topic == REFERENCE else camera_key(site, of, topic)
+
+
 def health_key(site: str, node: str) -> str:
     """Key of a node's health messages."""
     return f"{ROOT}/{site}/{NODES}/{node}/health"
@@ -72,6 +77,11 @@ def alive_key(site: str, node: str) -> str:
 def node_of(key: str) -> str:
     """Node that a health or liveliness key belongs to."""
     return key.split("/")[3]
+
+
+def site_of(key: str) -> str:
+    """Site that a key belongs to."""
+    return key.split("/")[1]
 
 
 def topic_of(key: str) -> str:

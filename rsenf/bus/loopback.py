@@ -7,8 +7,9 @@ from collections.abc import Callable
 
 from rsenf.bus.bus import Publisher, Subscription
 from rsenf.bus.delivery import Delivery
-from rsenf.bus.inbox import Envelope, Inbox
+from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import matches
+from rsenf.bus.sequence import Envelope
 
 
 class Loopback:
@@ -19,6 +20,7 @@ class Loopback:
         self.publishers: list[Publisher] = []
         self.tokens: list[str] = []
         self.watchers: list[tuple[str, Callable[[str, bool], None]]] = []
+        self.cut_off: set[str] = set()  # buses whose link to all others is broken
         self.lock = threading.RLock()
 
     def bus(self, name: str) -> LoopbackBus:
@@ -38,6 +40,8 @@ class _LoopbackPublisher(Publisher):
             return any(matches(expr, self.key) for expr, _ in self._network.subscriptions)
 
     def _put(self, item: Envelope) -> None:
+        if self.sender in self._network.cut_off:
+            return
         with self._network.lock:
             takers = [s for expr, s in self._network.subscriptions if matches(expr, item.key)]
         for subscription in takers:
@@ -60,12 +64,26 @@ class LoopbackBus:
 
     def subscribe(self, inbox: Inbox, key_expr: str, delivery: Delivery) -> None:
         """Let an inbox receive a key expression, its history included, in order."""
+        inbox.ask = self._ask
         subscription = Subscription(inbox, delivery)
         with self._network.lock:
             self._network.subscriptions.append((key_expr, subscription))
             senders = [p for p in self._network.publishers if matches(key_expr, p.key)]
         kept = [item for p in senders for item in p.history()] if delivery.history else []
         subscription.catch_up(kept)
+
+    def _ask(self, key: str, after: str, before: str) -> list[Envelope]:
+        """What the senders of a key have kept between two places."""
+        with self._network.lock:
+            senders = [p for p in self._network.publishers if p.key == key]
+        heard = [p for p in senders if p.sender not in self._network.cut_off]
+        return [item for p in heard for item in p.between(after, before)]
+
+    def cut(self, *, off: bool) -> None:
+        """Break the link to all others, without anybody's notice but for the tokens; or mend it."""
+        (self._network.cut_off.add if off else self._network.cut_off.discard)(self._name)
+        for key in self._tokens:
+            self._tell(key, alive=not off)
 
     def declare_alive(self, key: str) -> None:
         """Show a liveliness token until this bus is closed."""

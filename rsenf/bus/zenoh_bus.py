@@ -8,6 +8,7 @@ always closed, or the interpreter hangs at its exit.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import time
@@ -20,13 +21,18 @@ import zenoh
 
 from rsenf.bus.bus import Publisher, Subscription
 from rsenf.bus.delivery import Delivery
-from rsenf.bus.inbox import Envelope, Inbox
+from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import no_key_expression
+from rsenf.bus.sequence import Envelope
 from rsenf.errors import RsenfError, UsageError
 
 ECHO_KEY = "rsenf/@echo"
 ECHO_TIMEOUT_S, NO_ECHO_S = 1.0, 0.3
 HISTORY_TIMEOUT_S = 2.0
+# What was missed in a minute takes a while over a slow link.
+RECOVERY_TIMEOUT_S = 20.0
+# In the attachment of a message, after its sender: that it is kept for who misses it.
+KEPT = ";kept"
 CONNECT_TIMEOUT_MS = 3000
 # Zenoh closes a link on which a blocked sender waits longer than this, and later messages vanish
 # without a word. A slow recorder is no reason to lose data: an hour.
@@ -102,7 +108,8 @@ class _ZenohPublisher(Publisher):
             congestion_control=_BLOCK if delivery.lossless else zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.REAL_TIME if delivery.urgent else zenoh.Priority.DEFAULT,
         )
-        self._queryable = session.declare_queryable(key, self._answer) if delivery.history else None
+        self._attachment = self.sender + (KEPT if self.keeps else "")
+        self._queryable = session.declare_queryable(key, self._answer) if self.keeps else None
 
     @property
     def is_heard(self) -> bool:
@@ -111,25 +118,34 @@ class _ZenohPublisher(Publisher):
         return bool(status.matching)
 
     def _put(self, item: Envelope) -> None:
-        self._publisher.put(item.payload, encoding=item.encoding, attachment=item.sender)
+        self._publisher.put(item.payload, encoding=item.encoding, attachment=self._attachment)
 
     def _answer(self, query: zenoh.Query) -> None:
         with query:
-            for item in self.history():
-                query.reply(item.key, item.payload, encoding=item.encoding, attachment=item.sender)
+            asked = query.parameters
+            after, before = asked.get(AFTER), asked.get(BEFORE)
+            items = self.history() if after is None else self.between(after, before or "")
+            for item in items:
+                query.reply(
+                    item.key, item.payload, encoding=item.encoding, attachment=self._attachment
+                )
 
 
+# Parameters of a question for what was missed: places in the stream that it lies between.
+AFTER, BEFORE = "after", "before"
 _BLOCK = zenoh.CongestionControl.BLOCK
 
 
 def _envelope(sample: zenoh.Sample) -> Envelope:
     attachment = sample.attachment
+    said = attachment.to_bytes().decode(errors="replace") if attachment is not None else ""
     return Envelope(
         str(sample.key_expr),
         str(sample.encoding),
         sample.payload.to_bytes(),
-        attachment.to_bytes().decode(errors="replace") if attachment is not None else "",
+        said.removesuffix(KEPT),
         droppable=sample.congestion_control != _BLOCK,
+        kept=said.endswith(KEPT),
     )
 
 
@@ -155,6 +171,7 @@ class ZenohBus:
             When it is no key expression.
         """
         self._inboxes.append(inbox)
+        inbox.ask = self._ask
         subscription = Subscription(inbox, delivery)
         try:
             subscriber = self._session.declare_subscriber(
@@ -163,12 +180,18 @@ class ZenohBus:
         except zenoh.ZError as exc:
             raise no_key_expression(key_expr) from exc
         self._declared.append(subscriber)
-        subscription.catch_up(self._history(key_expr) if delivery.history else ())
+        subscription.catch_up(self._query(key_expr, HISTORY_TIMEOUT_S) if delivery.history else ())
 
-    def _history(self, key_expr: str) -> Iterator[Envelope]:
+    def _ask(self, key: str, after: str, before: str) -> Iterator[Envelope]:
+        """What the senders of a key have kept between two places."""
+        asked = f"{key}?{AFTER}={after};{BEFORE}={before}"
+        with contextlib.suppress(zenoh.ZError):  # the session was closed meanwhile
+            yield from self._query(asked, RECOVERY_TIMEOUT_S)
+
+    def _query(self, selector: str, timeout_s: float) -> Iterator[Envelope]:
         replies = self._session.get(
-            key_expr,
-            timeout=HISTORY_TIMEOUT_S,
+            selector,
+            timeout=timeout_s,
             consolidation=zenoh.ConsolidationMode.NONE,
             target=zenoh.QueryTarget.ALL,
             congestion_control=_BLOCK,  # of the replies too

@@ -6,7 +6,7 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -75,6 +75,14 @@ def note(text: str) -> None:
 def print_json(value: Any, *, indent: int | None = 2) -> None:
     """Print JSON; a NaN that slipped through is an error here, not a broken reader there."""
     print(json.dumps(value, indent=indent, allow_nan=False))
+
+
+def aligned(lines: Sequence[Sequence[str]]) -> str:
+    """Return lines of cells with their columns aligned; a line may have fewer than the first."""
+    rows = [[*line, *[""] * (len(lines[0]) - len(line))] for line in lines]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    padded = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in rows]
+    return "\n".join(line.rstrip() for line in padded)
 
 
 def positive(text: str) -> float:

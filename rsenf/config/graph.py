@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from datetime import datetime
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import (
     AfterValidator,
     BaseModel,
-    ConfigDict,
     Discriminator,
     Field,
     Tag,
@@ -19,19 +20,24 @@ from rsenf.bus.keys import (
     NAME_PATTERN,
     NAME_RULE,
     REFERENCE,
+    ROOT,
     TOPICS,
     is_name,
     renamed,
     topic_of,
 )
+from rsenf.config.supervised import Restart, Strict, Supervised
 from rsenf.discrepancy.settings import WatchSettings
 from rsenf.idle.settings import IdleSettings
+from rsenf.live.settings import LiveSettings
 from rsenf.match.settings import MatchSettings
 from rsenf.record.settings import AlarmSettings, DiskLimits, Retention, Rotation
 from rsenf.rows.settings import RowsSettings
+from rsenf.timebase import since_1970_ns
 from rsenf.track.settings import TrackSettings
 
 N = TypeVar("N")
+_REFERENCE_KEY = f"{ROOT}/{NAME_PATTERN}/{REFERENCE}/{NAME_PATTERN}"
 
 
 def _named(text: str) -> str:
@@ -81,12 +87,6 @@ Camera = Annotated[Name, AfterValidator(_not_reserved)]
 Topic = Annotated[str, AfterValidator(_topic)]
 
 
-class Strict(BaseModel):
-    """Unknown keys are errors; what was read doesn't change."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
 class BusConfig(Strict):
     """How the nodes reach each other. Empty: a router of the run's own, on this host only."""
 
@@ -121,7 +121,7 @@ Input = Annotated[
 ]
 
 
-class DecodeNode(Strict):
+class DecodeNode(Supervised):
     """Opens a video, a camera or the simulator, and sends its frames."""
 
     kind: Literal["decode"]
@@ -138,9 +138,12 @@ class DecodeNode(Strict):
     open_timeout_s: float = Field(10.0, gt=0)
     read_timeout_s: float = Field(10.0, gt=0)
     max_reconnects: int | None = Field(None, ge=0, description="live sources; none: keep trying")
+    backoff_initial_s: float = Field(1.0, gt=0, description="before it is tried again; doubled")
+    backoff_max_s: float = Field(30.0, gt=0, description="the longest pause between attempts")
+    wait_for_source: bool = Field(False, description="begin although the camera isn't there yet")
 
 
-class ReplayNode(Strict):
+class ReplayNode(Supervised):
     """Puts topics of a recording back on the bus."""
 
     kind: Literal["replay"]
@@ -164,7 +167,7 @@ class ReplayNode(Strict):
         return rename
 
 
-class RowsNode(Strict):
+class RowsNode(Supervised):
     """Takes row means of the steady pixels."""
 
     kind: Literal["rows"]
@@ -172,7 +175,7 @@ class RowsNode(Strict):
     rows: RowsSettings = RowsSettings()
 
 
-class TrackNode(Strict):
+class TrackNode(Supervised):
     """Estimates the ENF."""
 
     kind: Literal["track"]
@@ -180,7 +183,7 @@ class TrackNode(Strict):
     track: TrackSettings = TrackSettings()
 
 
-class IdleNode(Strict):
+class IdleNode(Supervised):
     """Estimates the idle period of the cameras."""
 
     kind: Literal["idle"]
@@ -188,7 +191,7 @@ class IdleNode(Strict):
     idle: IdleSettings = IdleSettings()
 
 
-class DiscoverNode(Strict):
+class DiscoverNode(Supervised):
     """Watches for what a model of the cameras lacks, and names what changes."""
 
     kind: Literal["discover"]
@@ -197,12 +200,16 @@ class DiscoverNode(Strict):
     discover: WatchSettings = WatchSettings()
 
 
-class ReferenceNode(Strict):
-    """Publishes a grid's frequency from a file, or from the store."""
+class ReferenceNode(Supervised):
+    """Publishes a grid's frequency: of a file, of the store, or as it is measured."""
 
     kind: Literal["reference"]
     grid: Name
-    input: str = Field(description="path, or store:GRID[@STEP][?from=TIME&to=TIME]")
+    input: str = Field(
+        description="path, store:GRID[@STEP][?from=TIME&to=TIME], camera:NAME, sound:[DEVICE], "
+        "or topic:rsenf/SITE/reference/GRID"
+    )
+    follow: bool = Field(False, description="the file, CSV or WAV, grows: go on with it")
     store: str | None = Field(None, description="folder of the store; the user's when not given")
     timezone: str | None = None
     step_s: float | None = Field(None, gt=0)
@@ -210,8 +217,26 @@ class ReferenceNode(Strict):
     nominal_hz: float | None = None
     stamp: Literal["start", "centre"] = "start"
 
+    @field_validator("input")
+    @classmethod
+    def _can_be_named(cls, read: str) -> str:
+        kind, _, name = read.partition(":")
+        if kind == "camera":
+            _not_reserved(_named(name))
+        if kind == "topic" and not re.fullmatch(_REFERENCE_KEY, name):
+            raise ValueError(f"no key of a reference: {ROOT}/SITE/{REFERENCE}/GRID")
+        return read
 
-class MatchNode(Strict):
+    @property
+    def feed(self) -> tuple[str, str]:
+        """What goes on measuring, and its name: ('camera', NAME); ('', '') when nothing does."""
+        kind, _, name = self.input.partition(":")
+        if kind in ("camera", "sound", "topic"):
+            return kind, name
+        return ("file", self.input) if self.follow else ("", "")
+
+
+class MatchNode(Supervised):
     """Compares ENF with a reference."""
 
     kind: Literal["match"]
@@ -222,7 +247,24 @@ class MatchNode(Strict):
     match: MatchSettings = MatchSettings()
 
 
-class RecordNode(Strict):
+class LiveNode(Supervised):
+    """Tells whether feeds are live: whether their flicker follows the grid now."""
+
+    kind: Literal["live"]
+    cameras: tuple[Camera, ...] = Field(min_length=1)
+    grid: Name
+    start: datetime | None = Field(
+        None, description="when a file's or a simulation's first picture was taken, UTC"
+    )
+    live: LiveSettings = LiveSettings()
+
+    @property
+    def start_utc_ns(self) -> int:
+        """The same in ns since 1970; 0 to go by when pictures arrive."""
+        return since_1970_ns(self.start) if self.start else 0
+
+
+class RecordNode(Supervised):
     """Writes topics to an MCAP file, or to an archive of such files."""
 
     kind: Literal["record"]
@@ -238,13 +280,28 @@ class RecordNode(Strict):
     disk: DiskLimits = Field(DiskLimits(), description="how little of it may be left")
 
 
-class FoxgloveNode(Strict):
+class FoxgloveNode(Supervised):
     """Shows topics live in Foxglove, which connects by WebSocket."""
 
     kind: Literal["foxglove"]
     host: str = Field("127.0.0.1", description="address to listen at; this host alone unless given")
     port: int = Field(8765, ge=0, le=65535, description="0: any that is free")
     topics: tuple[str, ...] = Field(("**",), description="key expressions below the site")
+
+
+class DashboardNode(Supervised):
+    """Shows all feeds on a web page."""
+
+    kind: Literal["dashboard"]
+    host: str = Field("127.0.0.1", description="address to listen at; this host alone unless given")
+    port: int = Field(8780, ge=0, le=65535, description="0: any that is free")
+    topics: tuple[str, ...] = Field(
+        ("*/rows", "*/track", "*/idle", "*/match", "*/live", "*/alarm", "*/video", "reference/*"),
+        description="key expressions below the site",
+    )
+    archive: str | None = Field(
+        None, description="folder of alarms' recordings; the record node's unless given"
+    )
 
 
 Node = Annotated[
@@ -256,8 +313,10 @@ Node = Annotated[
     | DiscoverNode
     | ReferenceNode
     | MatchNode
+    | LiveNode
     | RecordNode
-    | FoxgloveNode,
+    | FoxgloveNode
+    | DashboardNode,
     Field(discriminator="kind"),
 ]
 
@@ -268,11 +327,18 @@ class Graph(Strict):
     version: Literal[1] = Field(description="version of this file's format")
     site: Name
     bus: BusConfig = BusConfig()
+    restart: Restart | None = Field(
+        None, description="when nodes are started again; without, a death is the run's failure"
+    )
     nodes: dict[Name, Node] = Field(min_length=1)
 
     def of(self, kind: type[N]) -> list[N]:
         """Return the nodes of a kind, in the order of the file."""
         return [n for n in self.nodes.values() if isinstance(n, kind)]
+
+    def restart_of(self, name: str) -> Restart | None:
+        """Return when a node is started again: its own rule, or else the graph's."""
+        return self.nodes[name].restart or self.restart
 
 
 def outputs(node: Any) -> list[tuple[str, str]]:
@@ -287,12 +353,19 @@ def outputs(node: Any) -> list[tuple[str, str]]:
         return [(REFERENCE, b) if a == REFERENCE else (b, a) for a, b in sent]
     if isinstance(node, RowsNode | TrackNode | IdleNode | DiscoverNode | MatchNode):
         return [(node.kind, camera) for camera in node.cameras]
+    if isinstance(node, LiveNode):
+        return [(topic, camera) for camera in node.cameras for topic in ("live", "alarm")]
     return []
 
 
 def sender_of(graph: Graph, topic: str, name: str) -> str:
     """Node that sends a camera's topic or a grid's reference; '' when none of this graph does."""
     return next((n for n, node in graph.nodes.items() if (topic, name) in outputs(node)), "")
+
+
+def beside_rows(graph: Graph, camera: str) -> list[str]:
+    """Topics of a camera, beside its rows, that its liveness is judged by: those that are sent."""
+    return ["track", *(["idle"] if sender_of(graph, "idle", camera) else [])]
 
 
 def reader_of_frames(graph: Graph, camera: str) -> str:

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from rsenf.bus.keys import matches
+from rsenf.bus.keys import matches, reference_key
 from rsenf.bus.zenoh_bus import setting_problem
 from rsenf.config.graph import (
     BusConfig,
+    DashboardNode,
     DecodeNode,
     DiscoverNode,
     FoxgloveNode,
     Graph,
     IdleNode,
+    LiveNode,
     MatchNode,
     Node,
     RecordNode,
+    ReferenceNode,
     ReplayNode,
     RowsNode,
     TrackNode,
@@ -46,6 +49,8 @@ def problems(graph: Graph) -> list[Problem]:
         found += [((*at, where), text) for where, text in _twice(graph, name, node)]
         found += [((*at, where), text) for where, text in _unread(graph, node)]
         found += [((*at, where), text) for where, text in _unfit(graph, node)]
+        if isinstance(node, ReferenceNode):
+            found += [((*at, *below), text) for below, text in _of_reference(graph, node)]
         # With a bus of somebody else's, what is missing here may be sent there.
         if not graph.bus.is_elsewhere:
             found += [((*at, where), text) for where, text in _unfed(graph, node)]
@@ -71,8 +76,15 @@ def _of_node(node: Node) -> Iterator[Problem]:
         yield ("end_s",), f"{node.end_s:g} s isn't after start_s, {node.start_s:g} s"
     if isinstance(node, RecordNode):
         yield from _of_record(node)
-    if isinstance(node, FoxgloveNode):
+    if isinstance(node, FoxgloveNode | DashboardNode):
         yield from _key_expressions(("topics", key_expr) for key_expr in node.topics)
+
+
+def _of_reference(graph: Graph, node: ReferenceNode) -> Iterator[Problem]:
+    if node.follow and (node.feed[0] != "file" or node.input.startswith("store:")):
+        yield ("follow",), f"{node.input} is no file that grows"
+    if node.feed == ("topic", reference_key(graph.site, node.grid)):
+        yield ("input",), "that is this node's own topic"
 
 
 def _of_record(node: RecordNode) -> Iterator[Problem]:
@@ -145,5 +157,13 @@ def _unfed(graph: Graph, node: Node) -> Iterator[tuple[str, str]]:
         for camera in node.cameras:
             if not sender_of(graph, topic, camera):
                 yield "cameras", f"nobody sends the {topic} of camera {camera!r}"
-    if isinstance(node, MatchNode) and not sender_of(graph, "reference", node.grid):
+    if isinstance(node, LiveNode):
+        for camera, topic in ((c, t) for c in node.cameras for t in ("rows", "track")):
+            if not sender_of(graph, topic, camera):
+                yield "cameras", f"nobody sends the {topic} of camera {camera!r}"
+    if isinstance(node, MatchNode | LiveNode) and not sender_of(graph, "reference", node.grid):
         yield "grid", f"nobody sends the reference {node.grid!r}"
+    if isinstance(node, ReferenceNode) and node.feed[0] == "camera":
+        camera = node.feed[1]
+        if not sender_of(graph, "track", camera):
+            yield "input", f"nobody sends the track of camera {camera!r}"

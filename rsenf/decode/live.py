@@ -10,6 +10,7 @@ from rsenf.decode.source import Item, Stamp, VideoSource
 from rsenf.decode.spec import SourceSpec, StreamInfo
 from rsenf.decode.waiting import Stop
 from rsenf.errors import SourceLost
+from rsenf.timebase import NS_PER_S
 
 
 class Connection(Protocol):
@@ -31,6 +32,10 @@ class Connection(Protocol):
     @property
     def damaged(self) -> int:
         """Frames and packets that could not be used."""
+
+    @property
+    def overrun(self) -> int:
+        """Pictures dropped because whoever iterates didn't keep up."""
 
     @property
     def warnings(self) -> list[str]:
@@ -56,8 +61,9 @@ class LiveSource(VideoSource):
     Raises
     ------
     SourceLost
-        When the first connection can't be made and ``spec.wait_for_source`` is off; while
-        iterating, after ``spec.max_reconnects`` attempts in vain.
+        When the first connection can't be made, and ``spec.wait_for_source`` is off: with it, that
+        is tried when iterating begins, and again and again. While iterating, after
+        ``spec.max_reconnects`` attempts in vain.
     """
 
     def __init__(
@@ -74,17 +80,24 @@ class LiveSource(VideoSource):
         self._on_event = on_event
         self._epoch = 0
         self._reasons: list[str] = []  # why each connection was lost
-        self._damaged = 0
+        self._damaged = self._overrun = 0
         self._warnings: list[str] = []
+        self._there_ns = stamp.steady_ns()  # when there was something of it last
         self.info = StreamInfo(live=True)  # until the first connection
-        self._connection = self._first_connection()
+        self._connection = None if spec.wait_for_source else self._first_connection()
 
     def _first_connection(self) -> Connection | None:
         try:
             return self._attempt()
         except Disconnected as exc:
-            if not self._spec.wait_for_source:
-                raise self._lost(exc) from exc
+            raise self._lost(exc) from exc
+        except Stopped:
+            return None
+
+    def _awaited_connection(self) -> Connection | None:
+        try:
+            return self._attempt()
+        except Disconnected as exc:
             return self._reconnect(exc)
         except Stopped:
             return None
@@ -115,14 +128,19 @@ class LiveSource(VideoSource):
             except Stopped:
                 return None
             else:
-                self._on_event(f"{self._spec.name}: connected")
+                away_s = (self._stamp.steady_ns() - self._there_ns) / NS_PER_S
+                self._on_event(f"{self._spec.name}: connected; it was away for {away_s:.1f} s")
                 return connection
 
     def _items(self) -> Iterator[Item]:
+        if self._spec.wait_for_source:
+            self._connection = self._awaited_connection()
         while self._connection is not None:
             connection, self._connection = self._connection, None
             try:
-                yield from connection.items()
+                for item in connection.items():
+                    self._there_ns = self._stamp.steady_ns()
+                    yield item
             except Stopped:
                 return
             except Disconnected as exc:
@@ -130,6 +148,7 @@ class LiveSource(VideoSource):
             finally:
                 connection.close()
                 self._damaged += connection.damaged
+                self._overrun += connection.overrun
                 self._warnings = connection.warnings
             self._reasons.append(why.reason)
             self._epoch += 1
@@ -143,6 +162,8 @@ class LiveSource(VideoSource):
             lost.append(f"lost the source {len(self._reasons)} times, last: {self._reasons[-1]}")
         if self._damaged:
             lost.append(f"damaged frames and packets: {self._damaged}")
+        if self._overrun:
+            lost.append(f"pictures dropped for lack of time: {self._overrun}")
         return "; ".join(lost)
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import socket
+import time
 from collections.abc import Callable, Iterable, Iterator
 from urllib.parse import urlsplit
 
@@ -16,6 +17,7 @@ from rsenf.decode.source import Item, Stamp, VideoSource
 from rsenf.decode.spec import SourceSpec
 from rsenf.decode.stream import Packet, StreamDecoder
 from rsenf.decode.waiting import Stop
+from rsenf.messages import Frame
 
 _OPTIONS = {
     "rtsp_transport": "tcp",
@@ -46,9 +48,11 @@ class _RtspConnection:
 
     def __init__(self, spec: SourceSpec, stamp: Stamp, stop: Stop, epoch: int) -> None:
         self._timeout_s = spec.read_timeout_s
-        self._pump = Pump(lambda: _session(spec, stamp, epoch), stop)
+        self._pump = Pump(lambda: _session(spec, stamp, epoch), stop, _is_key)
+        self.overrun = 0
         try:
             self._decoder, packet, arrival_ns = self._pump.get(spec.open_timeout_s)
+            self._picture_s = time.monotonic()
             self._ahead = self._decoder.feed(packet, arrival_ns)
             while not self._decoder.started:
                 self._ahead += self._next_items()
@@ -69,10 +73,18 @@ class _RtspConnection:
             _, packet, arrival_ns = self._pump.get(self._timeout_s)
         except TimeoutError:
             raise Disconnected(f"it sent nothing for {self._timeout_s:g} s") from None
-        return self._decoder.feed(packet, arrival_ns)
+        self._decoder.skip(self._pump.skipped)
+        self.overrun += self._pump.skipped
+        items = self._decoder.feed(packet, arrival_ns)
+        if any(isinstance(item, Frame) for item in items):
+            self._picture_s = time.monotonic()
+        elif time.monotonic() - self._picture_s > self._timeout_s:
+            raise Disconnected(f"no picture of {self._timeout_s:g} s could be decoded")
+        return items
 
     def items(self) -> Iterator[Item]:
         """Yield packets and frames."""
+        self._pump.may_drop = True
         yield from self._ahead
         self._ahead = []
         while True:
@@ -91,6 +103,10 @@ class _RtspConnection:
     def close(self) -> None:
         """End the session, without waiting."""
         self._pump.close()
+
+
+def _is_key(item: tuple[StreamDecoder, Packet, int]) -> bool:
+    return item[1].is_keyframe
 
 
 def _session(

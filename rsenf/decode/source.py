@@ -23,11 +23,12 @@ Item = Frame | VideoPacket
 
 @dataclass(frozen=True)
 class Stamp:
-    """Who the messages come from, and this host's clock."""
+    """Who the messages come from, and this host's clocks: of the day, and one that nobody sets."""
 
     source: str
     run_id: str
     clock_ns: Callable[[], int]
+    steady_ns: Callable[[], int] = time.monotonic_ns
 
     def header(
         self, *, epoch: int, seq: int, frame: int, pts_ns: int, camera_ns: int, arrival_ns: int
@@ -107,6 +108,7 @@ def open_source(
     source: str,
     run_id: str,
     clock_ns: Callable[[], int],
+    steady_ns: Callable[[], int] = time.monotonic_ns,
     stop: Event | None = None,
     on_event: Callable[[str], None] = lambda line: None,
     capture_factory: CaptureFactory | None = None,
@@ -121,6 +123,8 @@ def open_source(
         For the headers of the frames.
     clock_ns : callable
         This host's wall clock, for the arrival times.
+    steady_ns : callable
+        A clock that nobody sets, for cameras that give no times of their own.
     stop : Event, optional
         Set it to end iterating, opening and waiting within a second.
     on_event : callable, optional
@@ -137,7 +141,7 @@ def open_source(
     SourceLost
         When a live source can't be reached. Iterating raises it when one is given up.
     """
-    stamp, stopped = Stamp(source, run_id, clock_ns), Stop(stop)
+    stamp, stopped = Stamp(source, run_id, clock_ns, steady_ns), Stop(stop)
     # Imported here: FFmpeg and OpenCV take a third of a second, and a source needs one of them.
     if spec.kind == "file":
         from rsenf.decode.file import FileSource

@@ -6,7 +6,12 @@ import re
 from dataclasses import dataclass, field
 from typing import Literal
 
+from rsenf.timebase import NS_PER_S
+
 Kind = Literal["file", "rtsp", "v4l2"]
+
+# A live stream whose clock leaps by more was set, or has paused for so long: it is another stream.
+LEAP_NS = 10 * NS_PER_S
 
 _URL = re.compile(r"([a-z][a-z0-9+.-]*://)(\S+)", re.IGNORECASE)
 

@@ -14,7 +14,7 @@ from rsenf.decode.describe import describe, fraction
 from rsenf.decode.luma import luma_plane
 from rsenf.decode.packets import PacketWriter
 from rsenf.decode.source import Item, Stamp
-from rsenf.decode.spec import SourceSpec
+from rsenf.decode.spec import LEAP_NS, SourceSpec
 from rsenf.messages import Frame, VideoPacket
 from rsenf.timebase import NS_PER_S
 
@@ -43,7 +43,7 @@ class StreamDecoder:
         Of the frames.
     live : bool
         A session that is joined while it runs: what can't be decoded before its first frame isn't
-        lost, and a clock that jumps back ends it.
+        lost, and a clock that jumps back, or far ahead, ends it.
 
     Attributes
     ----------
@@ -140,6 +140,11 @@ class StreamDecoder:
                 items.append(frame)
         return items
 
+    def skip(self, packets: int) -> None:
+        """Take note that packets were left out before the next one: a gap in the numbers."""
+        self._packet_number += packets
+        self._frame_number += packets
+
     def _count_damage(self, damaged: bool) -> None:
         self.damaged_packets += damaged and (self.started or not self._live)
 
@@ -180,6 +185,8 @@ class StreamDecoder:
             self.ended = f"the picture changes its size to {picture.width}×{picture.height}"
         elif pts_ns <= self._last_ns and self._live:
             self.ended = "its time stamps jump back"
+        elif pts_ns > self._last_ns + LEAP_NS and self._live:
+            self.ended = f"its time stamps leap by {(pts_ns - self._last_ns) / NS_PER_S:.0f} s"
         elif pts_ns <= self._last_ns:
             self.backward += 1
         if self.ended:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rsenf.decode.live import LiveSource
 from rsenf.decode.pump import Disconnected, Pump
 from rsenf.decode.source import Item, Stamp, VideoSource
-from rsenf.decode.spec import SourceSpec, StreamInfo
+from rsenf.decode.spec import LEAP_NS, SourceSpec, StreamInfo
 from rsenf.decode.waiting import Stop
 from rsenf.messages import Frame, VideoPacket
 
@@ -75,6 +75,7 @@ class _Shot:
     height_px: int
     rate_hz: float
     device_ns: int
+    steady_ns: int
     arrival_ns: int
 
     @property
@@ -82,7 +83,7 @@ class _Shot:
         return self.image.ndim < 3 and self.image.ravel()[:2].tobytes() == b"\xff\xd8"
 
 
-def _shots(url: str, factory: CaptureFactory, clock_ns: Callable[[], int]) -> Iterator[_Shot]:
+def _shots(url: str, factory: CaptureFactory, stamp: Stamp) -> Iterator[_Shot]:
     """Read pictures; runs in the pump's thread, which alone touches the device."""
     capture = factory(url)
     try:
@@ -93,11 +94,12 @@ def _shots(url: str, factory: CaptureFactory, clock_ns: Callable[[], int]) -> It
         rate_hz = capture.get(cv2.CAP_PROP_FPS)
         while True:
             good, image = capture.read()
-            arrival_ns = clock_ns()
+            steady_ns, arrival_ns = stamp.steady_ns(), stamp.clock_ns()
             if not good:
                 raise Disconnected("the camera gives no more pictures", _HINT)
             device_us = round(capture.get(cv2.CAP_PROP_POS_MSEC) * 1000)
-            yield _Shot(image, fourcc, height_px, rate_hz, device_us * _NS_PER_US, arrival_ns)
+            device_ns = device_us * _NS_PER_US
+            yield _Shot(image, fourcc, height_px, rate_hz, device_ns, steady_ns, arrival_ns)
     finally:
         capture.release()
 
@@ -106,7 +108,7 @@ class _CameraConnection:
     """An open camera.
 
     The time of a picture is the driver's, where that moves; else that of its arrival, counted from
-    the first.
+    the first by a clock that nobody sets.
     """
 
     def __init__(
@@ -116,7 +118,9 @@ class _CameraConnection:
         self._epoch = epoch
         self._timeout_s = spec.read_timeout_s
         self._with_packets = spec.with_packets
-        self._pump = Pump(lambda: _shots(spec.url, factory, stamp.clock_ns), stop)
+        self._pump = Pump(lambda: _shots(spec.url, factory, stamp), stop, lambda shot: True)
+        self._number = -1
+        self.overrun = 0
         try:
             # Two, to see whether the driver's clock moves.
             self._ahead = [self._next(spec.open_timeout_s), self._next(spec.read_timeout_s)]
@@ -125,7 +129,7 @@ class _CameraConnection:
             raise
         first, second = self._ahead
         self._by_device = 0 < first.device_ns < second.device_ns
-        self._origin_ns = 0 if self._by_device else first.arrival_ns
+        self._origin_ns = 0 if self._by_device else first.steady_ns
         luma = _luma(first)
         if luma is None:
             self._pump.close()
@@ -156,20 +160,29 @@ class _CameraConnection:
             raise Disconnected(f"no picture for {timeout_s:g} s", _HINT) from None
 
     def _all_shots(self) -> Iterator[_Shot]:
-        yield from self._ahead
+        """Yield every picture, and count those that were dropped before it."""
+        self._pump.may_drop = True
+        for shot in self._ahead:
+            self._number += 1
+            yield shot
         self._ahead = []
         while True:
-            yield self._next(self._timeout_s)
+            shot = self._next(self._timeout_s)
+            self.overrun += self._pump.skipped
+            self._number += 1 + self._pump.skipped
+            yield shot
 
     def items(self) -> Iterator[Item]:
         """Yield packets and frames."""
         last_ns = -1
-        for number, shot in enumerate(self._all_shots()):
-            time_ns = (shot.device_ns if self._by_device else shot.arrival_ns) - self._origin_ns
+        for shot in self._all_shots():
+            time_ns = (shot.device_ns if self._by_device else shot.steady_ns) - self._origin_ns
             if time_ns <= last_ns:
                 raise Disconnected("its clock jumps back")
+            if last_ns >= 0 and time_ns > last_ns + LEAP_NS:
+                raise Disconnected("its clock leaps")
             last_ns = time_ns
-            yield from self._shot_items(number, time_ns, shot)
+            yield from self._shot_items(self._number, time_ns, shot)
 
     def _shot_items(self, number: int, time_ns: int, shot: _Shot) -> Iterator[Item]:
         header = self._stamp.header(

@@ -86,14 +86,15 @@ class Match:
     def _begin(self) -> None:
         self._estimates: list[EnfEstimate] = []
         self._hypotheses = HypothesisStore()
-        self._epoch: int | None = None
+        self._epoch: tuple[str, int] | None = None
         self._due: list[int] = []  # numbers of estimates at which interim results are due
         self._published = 0
 
     def update(self, message: EnfEstimate | ReferenceBlock) -> list[Any]:
         """Take an estimate or a block of reference; return the results that it completes.
 
-        A new epoch of the estimates (a loop, a seek, a reconnection) concludes the one before.
+        A new epoch of the estimates (a loop, a seek, a reconnection) concludes the one before, and
+        so does a new run: a node before this one was started again.
         Interim results wait for a reference that is still on its way, so that they don't depend
         on which of the two streams runs ahead.
         """
@@ -101,10 +102,11 @@ class Match:
             self._take_block(message)
             return self._interim()
         out = []
-        if self._epoch not in (None, message.header.epoch):
+        epoch = (message.header.run_id, message.header.epoch)
+        if self._epoch not in (None, epoch):
             out = self.flush()
             self._begin()
-        self._epoch = message.header.epoch
+        self._epoch = epoch
         if message.rank != 0:
             if tracker_for(self.method):
                 self._hypotheses.add(message)

@@ -92,7 +92,7 @@ class Readings:
         days = read_days(self._path, options.timezone, options.step_s, self.notes)
         self.step_s, self._dated = days.step_s, days.dated
         for t_ns, freq_hz in days.each():
-            yield Stamped(t_ns, self._counted(freq_hz))
+            yield Stamped(t_ns, counted(freq_hz, self.notes))
 
     def _from_columns(self, columns: Iterable[Columns]) -> Iterator[Stamped]:
         parts = iter(columns)
@@ -111,31 +111,20 @@ class Readings:
         self._dated = False
         rows = 0
         for part in columns:
-            freq = self._counted(numbers(part.frequency))
+            freq = counted(numbers(part.frequency), self.notes)
             yield Stamped(np.arange(rows, rows + freq.size) * nanoseconds(self.step_s), freq)
             rows += freq.size
 
     def _timed(self, columns: Iterable[Columns]) -> Iterator[Stamped]:
-        times = TimeReader(self._path.name, self._options.timezone, self.notes)
-        rows = usable = 0
-        waiting: Columns | None = None
+        rows = TimedRows(self._path.name, self._options.timezone, self.notes)
         for new, more in _with_more(columns):
-            part = new if waiting is None else waiting + new
-            read = times.read(part.time, more=more)
-            now, waiting = part.split(read.t_ns.size)
-            freq = self._counted(numbers(now.frequency))
-            self._dated = times.absolute
-            self.notes.count("rows without a time that can be used, left out", (~read.ok).sum())
-            rows, usable = rows + read.ok.size, usable + int(read.ok.sum())
-            yield Stamped(read.t_ns[read.ok], freq[read.ok])
-        if usable < MIN_VALUES <= rows:
+            stamped = rows.read(new, more=more)
+            self._dated = rows.dated
+            yield stamped
+        if rows.usable < MIN_VALUES <= rows.rows:
             raise ReferenceFormatError(
-                f"{self._path.name}: rows with a time: {usable}", "at least two are needed"
+                f"{self._path.name}: rows with a time: {rows.usable}", "at least two are needed"
             )
-
-    def _counted(self, freq_hz: FloatArray) -> FloatArray:
-        self.notes.count("values that are no numbers, taken as gaps", np.isnan(freq_hz).sum())
-        return freq_hz
 
     def _plausible(self, parts: Iterable[Stamped]) -> Iterator[Stamped]:
         """Find the nominal frequency in the first part; let no others through."""
@@ -158,6 +147,52 @@ class Readings:
                     move_ns -= raster.step_ns // 2
                 raster = Raster(raster.t0_ns + move_ns, raster.step_ns)
             yield Piece(t_ns + move_ns, freq_hz, raster)
+
+
+class TimedRows:
+    """Rows of a table with a time column, part by part.
+
+    Parameters
+    ----------
+    where : str
+        Name of the file, for error messages.
+    timezone : str, optional
+        Of times that don't tell their own; UTC when not given.
+    notes : Notes
+
+    Attributes
+    ----------
+    rows, usable : int
+        So far; and those with a time.
+    """
+
+    def __init__(self, where: str, timezone: str | None, notes: Notes) -> None:
+        self._times = TimeReader(where, timezone, notes)
+        self._notes = notes
+        self._waiting: Columns | None = None
+        self.rows = self.usable = 0
+
+    @property
+    def dated(self) -> bool:
+        """Whether times are since 1970, from the first part on."""
+        return self._times.absolute
+
+    def read(self, new: Columns, *, more: bool) -> Stamped:
+        """Read the next rows; with ``more`` to come, as many as they can't change any more."""
+        part = new if self._waiting is None else self._waiting + new
+        read = self._times.read(part.time, more=more)
+        now, self._waiting = part.split(read.t_ns.size)
+        freq = counted(numbers(now.frequency), self._notes)
+        lost = int((~read.ok).sum())
+        self._notes.count("rows without a time that can be used, left out", lost)
+        self.rows, self.usable = self.rows + read.ok.size, self.usable + read.ok.size - lost
+        return Stamped(read.t_ns[read.ok], freq[read.ok])
+
+
+def counted(freq_hz: FloatArray, notes: Notes) -> FloatArray:
+    """Return frequencies as they are, and count those that aren't numbers."""
+    notes.count("values that are no numbers, taken as gaps", np.isnan(freq_hz).sum())
+    return freq_hz
 
 
 def _headed(parts: Iterable[Stamped]) -> Iterator[Stamped]:

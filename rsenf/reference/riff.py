@@ -31,16 +31,21 @@ class WavFile:
     start: int
     frames: int
 
-    def first_channel(self, frames: int) -> Iterator[FloatArray]:
-        """Yield the first channel, full scale 1, so many samples at a time."""
+    @property
+    def frame_bytes(self) -> int:
+        """Bytes of a sample of all channels."""
+        return self.bits // 8 * self.channels
+
+    def first_channel(self, frames: int, begin: int = 0) -> Iterator[FloatArray]:
+        """Yield the first channel from a sample on, full scale 1, so many samples at a time."""
         width = self.bits // 8
         with self.path.open("rb") as file:
-            file.seek(self.start)
-            for first in range(0, self.frames, frames):
+            file.seek(self.start + begin * self.frame_bytes)
+            for first in range(begin, self.frames, frames):
                 count = min(frames, self.frames - first)
-                raw = file.read(count * width * self.channels)
+                raw = file.read(count * self.frame_bytes)
                 cells = np.frombuffer(raw, np.uint8)
-                whole = cells.size // (width * self.channels) * width * self.channels
+                whole = cells.size // self.frame_bytes * self.frame_bytes
                 yield self._values(cells[:whole].reshape(-1, self.channels, width)[:, 0])
 
     def _values(self, cells: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> FloatArray:

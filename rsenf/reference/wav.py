@@ -8,6 +8,7 @@ without a tone has none worth having.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -51,13 +52,13 @@ def demodulate(path: Path, nominal_hz: float | None = None) -> Demodulated:
         When it can't be read, is shorter than two seconds, or no mains tone is in it.
     """
     wav = open_wav(path)
-    tones = [(n, h) for n, h in TONES if nominal_hz in (None, n) and 2.5 * n * h <= wav.rate_hz]
+    tones = tones_within(wav.rate_hz, nominal_hz)
     if wav.frames < 2 * wav.rate_hz or not tones:
         raise ReferenceFormatError(
             f"{path.name}: {wav.frames / wav.rate_hz:.1f} s at {wav.rate_hz} Hz",
             "the recording must last 2 s at 250 Hz or more",
         )
-    found = [_frequencies(z) for z in _basebands(wav, [n * h for n, h in tones])]
+    found = [frequencies(z) for z in _basebands(wav, [n * h for n, h in tones])]
     # Standard error as ENF, by which the second harmonic counts half.
     errors = [std / h for (_, std), (_, h) in zip(found, tones, strict=True)]
     best = int(np.argmin([np.median(e) for e in errors]))
@@ -77,6 +78,11 @@ def demodulate(path: Path, nominal_hz: float | None = None) -> Demodulated:
     )
 
 
+def tones_within(rate_hz: float, nominal_hz: float | None) -> list[tuple[float, int]]:
+    """Return nominal frequencies and harmonics that a signal of this rate may hold."""
+    return [(n, h) for n, h in TONES if nominal_hz in (None, n) and 2.5 * n * h <= rate_hz]
+
+
 def _basebands(wav: WavFile, carriers_hz: list[float]) -> NDArray[np.complex128]:
     """Sums over tenths of a second of the signal mixed down by each carrier.
 
@@ -84,23 +90,45 @@ def _basebands(wav: WavFile, carriers_hz: list[float]) -> NDArray[np.complex128]
     -------
     ndarray of complex, shape (carriers, tenths)
     """
-    parts = []
-    for samples in wav.first_channel(BLOCK_S * wav.rate_hz):
-        t_s = np.arange(samples.size) / wav.rate_hz
-        # Whole minutes hold whole periods of every carrier: each block starts at phase zero.
-        tenths = samples.size * SUMS_HZ // wav.rate_hz
-        edges = np.arange(tenths + 1) * wav.rate_hz // SUMS_HZ
-        if edges.size < 2:
-            break
-        used = samples[: edges[-1]] - samples.mean()
-        turns = [np.exp(-2j * np.pi * f * t_s[: edges[-1]]) for f in carriers_hz]
-        parts.append(np.array([np.add.reduceat(used * turn, edges[:-1]) for turn in turns]))
-    return np.concatenate(parts, axis=1)
+    # Whole minutes hold whole periods of every carrier: each block starts at phase zero.
+    blocks = wav.first_channel(BLOCK_S * wav.rate_hz)
+    return np.concatenate([tenths(x, wav.rate_hz, carriers_hz) for x in blocks], axis=1)
 
 
-def _frequencies(tenths: NDArray[np.complex128]) -> tuple[FloatArray, FloatArray]:
-    """Offset from the carrier in each whole second, and its standard error (Hz)."""
-    whole = tenths[: tenths.size // SUMS_HZ * SUMS_HZ].reshape(-1, SUMS_HZ)
+def tenths(
+    samples: FloatArray, rate_hz: int, carriers_hz: Sequence[float]
+) -> NDArray[np.complex128]:
+    """Sum a signal, mixed down by each carrier, over the whole tenths of a second in it.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (n,)
+        They begin with a whole second.
+    rate_hz : int
+        Samples a second.
+    carriers_hz : sequence of float
+        Whole numbers, so that they begin each second at phase zero.
+
+    Returns
+    -------
+    ndarray of complex, shape (carriers, tenths)
+    """
+    whole = samples.size * SUMS_HZ // rate_hz
+    edges = np.arange(whole + 1) * rate_hz // SUMS_HZ
+    if not whole:
+        return np.empty((len(carriers_hz), 0), np.complex128)
+    t_s = np.arange(edges[-1]) / rate_hz
+    used = samples[: edges[-1]] - samples.mean()
+    turns = [np.exp(-2j * np.pi * f * t_s) for f in carriers_hz]
+    return np.array([np.add.reduceat(used * turn, edges[:-1]) for turn in turns])
+
+
+def frequencies(sums: NDArray[np.complex128]) -> tuple[FloatArray, FloatArray]:
+    """Offset from the carrier in each whole second, and its standard error (Hz).
+
+    ``sums`` (n,) are of one carrier, by :func:`tenths`.
+    """
+    whole = sums[: sums.size // SUMS_HZ * SUMS_HZ].reshape(-1, SUMS_HZ)
     phase = np.unwrap(np.angle(whole), axis=1)
     t_s = (np.arange(SUMS_HZ) + 0.5) / SUMS_HZ - 0.5
     power = t_s @ t_s

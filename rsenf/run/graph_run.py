@@ -2,23 +2,36 @@
 
 from __future__ import annotations
 
+import dataclasses
+import os
 import signal
-import subprocess
+import socket
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import InitVar, dataclass, field
 
-from rsenf.bus.bus import Bus
-from rsenf.bus.delivery import LOOKING
+from rsenf.bus.bus import Bus, Publisher
+from rsenf.bus.delivery import HEALTH, LOOKING
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import camera_key, health_key, node_of, source_of
 from rsenf.bus.ring import ring_directory
 from rsenf.config import Graph
 from rsenf.config.graph import DecodeNode, ReferenceNode, ReplayNode, outputs
 from rsenf.errors import EXIT_USAGE, NodeFailed
-from rsenf.messages import DiscoveryVerdict, Health, IdleEstimate, MatchResult
-from rsenf.run.peers import LAST_WORDS
+from rsenf.messages import (
+    Alarm,
+    DiscoveryVerdict,
+    Header,
+    Health,
+    IdleEstimate,
+    Liveness,
+    MatchResult,
+)
+from rsenf.run.node_state import WENT_WRONG, NodeState, end_of
+from rsenf.run.peers import GIVEN_UP, LAST_WORDS
+from rsenf.run.revival import Revival, Spawn
 
 # Told to stop, sources end their streams and everything after them finishes by itself; who hasn't
 # by then is told too, and in the end made to. All within two seconds, unless the machine is so
@@ -27,39 +40,11 @@ SOURCES_FIRST_S = 0.7
 KILL_AFTER_S = 1.7
 MOST_S = 20.0  # a camera may not be there for hours, which tells nothing of the machine
 POLL_S = 0.05
-# Topics whose latest message a run tells at its end.
-RESULTS = ("match", "idle", "discover")
-
-
-@dataclass
-class NodeState:
-    """What is known of a node.
-
-    Attributes
-    ----------
-    state : str
-        'starting', 'running', 'done', 'failed', or 'lost' when its process ended without a word.
-    """
-
-    name: str
-    kind: str
-    state: str = "starting"
-    detail: str = ""
-    health: Health | None = None
-    process: subprocess.Popen[bytes] | None = None
-    exit_code: int | None = None
-    told: bool = False  # to stop
-    was_ready: bool = False
-
-    @property
-    def went_wrong(self) -> bool:
-        """Whether it failed or was lost."""
-        return self.state in ("lost", "failed")
-
-    def signal(self, number: signal.Signals) -> None:
-        """Send its process a signal, unless it has ended."""
-        if self.process and self.exit_code is None:
-            self.process.send_signal(number)
+# A node that hangs must not make its supervisor wait.
+TELLING = dataclasses.replace(HEALTH, lossless=False)
+MOST_ALARMS = 100  # of a camera, that are told at the end
+# Topics whose latest messages a run tells at its end.
+RESULTS = ("match", "idle", "live", "alarm", "discover")
 
 
 @dataclass
@@ -78,6 +63,8 @@ class GraphRun:
         State of each node by name.
     on_change : callable
         Told of every change of a node's state.
+    spawn : callable
+        Starts a node's process.
 
     Attributes
     ----------
@@ -85,6 +72,10 @@ class GraphRun:
         Latest match result of each camera.
     idle : dict
         Latest idle estimate of each camera.
+    live : dict
+        Latest verdict of each camera on whether it is live.
+    alarms : dict
+        Alarms that each camera gave, and their ends, in order.
     discovered : dict
         Latest verdict of each camera on what a model of it lacks.
     never_began : bool
@@ -97,13 +88,27 @@ class GraphRun:
     endpoint: str
     nodes: dict[str, NodeState]
     on_change: Callable[[NodeState], None]
+    spawn: InitVar[Spawn]
     results: dict[str, MatchResult] = field(default_factory=dict)
     idle: dict[str, IdleEstimate] = field(default_factory=dict)
+    live: dict[str, Liveness] = field(default_factory=dict)
+    alarms: dict[str, deque[Alarm]] = field(default_factory=dict)
     discovered: dict[str, DiscoveryVerdict] = field(default_factory=dict)
     never_began: bool = False
     _words: Inbox = field(default_factory=Inbox)
     _begun: float = field(default_factory=time.monotonic)
     _all_ready_s: float = 0.0  # after the beginning
+    _stopping: bool = False
+    _bus: Bus | None = None
+    _tellers: dict[str, Publisher] = field(default_factory=dict)
+
+    def __post_init__(self, spawn: Spawn) -> None:
+        self._revival = Revival(self.graph, self.nodes, spawn)
+
+    def start(self) -> None:
+        """Start every node."""
+        for node in self.nodes.values():
+            self._revival.start(node)
 
     @property
     def running(self) -> list[NodeState]:
@@ -112,24 +117,72 @@ class GraphRun:
 
     def wait(self, stop: threading.Event) -> None:
         """Watch until every process has ended; end them when asked to, or when one can't begin."""
-        while self.running and not stop.is_set() and not self.never_began:
+        while (self.running or self._revival.due) and not stop.is_set() and not self.never_began:
             self.watch(POLL_S)
         self.stop()
         self._listen_until_quiet()
 
     def watch(self, timeout_s: float) -> None:
         """Take in what the nodes say, and see which have ended."""
-        self._listen(timeout_s)
+        quiet = not self._listen(timeout_s)
         for node in self.running:
             assert node.process is not None
             code = node.process.poll()
             if code is not None:
                 self._listen_until_quiet()
                 node.exit_code = code
-                self._change(node, *_end_of(node, code))
+                self._ended(node, *end_of(node, code))
+        if self._stopping:
+            return
+        for node in self._revival.start_due():
+            self._change(node, "starting", f"for the {node.restarts + 1}. time")
+        hung = self._revival.kill_hung() if quiet else None
+        if hung:
+            self._change(hung, hung.state, "silent for too long: it hangs, and is killed")
+
+    def _ended(self, node: NodeState, state: str, detail: str) -> None:
+        """Take in the end of a process; what died is to be started again, where a rule says so."""
+        assert node.process is not None
+        assert node.exit_code is not None
+        again = ""
+        if state in WENT_WRONG and not self._stopping:
+            again = self._revival.plan(node, node.exit_code)
+        if again:
+            self._remove_rings(f"{self.run_id}-*-{node.process.pid}")
+            self._change(node, "restarting", f"{detail}; {again}")
+        else:
+            self._change(node, state, detail)
+        self._tell_others(node)
+
+    def _tell_others(self, node: NodeState) -> None:
+        """Say of a node what it can't say any more: those that read it wait for it, or don't."""
+        said = {"restarting": "restarting", "done": "done"}.get(node.state, GIVEN_UP)
+        if self._bus is None or self.graph.restart_of(node.name) is None:
+            return
+        key = health_key(self.graph.site, node.name)
+        teller = self._tellers.setdefault(node.name, self._bus.publisher(key, TELLING))
+        now_ns = time.time_ns()
+        teller.send(
+            Health(
+                header=Header(
+                    run_id=self.run_id, source=node.name, seq=teller.sent, arrival_time_ns=now_ns
+                ),
+                node=node.name,
+                kind=node.kind,
+                state=said,
+                detail=node.detail,
+                pid=os.getpid(),
+                host=socket.gethostname(),
+                time_ns=now_ns,
+                restarts=node.restarts,
+            )
+        )
 
     def stop(self) -> None:
         """Stop everything within two seconds: sources first, so that their streams end in order."""
+        self._stopping = True
+        for node in self._revival.forget():
+            self._change(node, "lost", node.detail.partition(";")[0])
         begun = time.monotonic()
         patience_s = min(max(KILL_AFTER_S, self._start_took_s), MOST_S)
         if not self.never_began:
@@ -144,7 +197,10 @@ class GraphRun:
         """End every process at once, and remove what they leave in shared memory."""
         for node in self.running:
             node.signal(signal.SIGKILL)
-        for ring in ring_directory().glob(f"rsenf-{self.run_id}-*"):
+        self._remove_rings(self.run_id)
+
+    def _remove_rings(self, of: str) -> None:
+        for ring in ring_directory().glob(f"rsenf-{of}-*"):
             ring.unlink(missing_ok=True)
 
     @property
@@ -182,7 +238,8 @@ class GraphRun:
             node = self.nodes.get(node_of(received.key))
             # On a bus of others there may be nodes of the same name.
             ours = received.message.header.run_id == self.run_id
-            if node is not None and ours and node.exit_code is None:
+            if node is not None and ours and _is_of(received.message, node):
+                self._revival.heard(node.name)
                 node.health = received.message
                 if received.message.state == "running" and not node.was_ready:
                     node.was_ready = True
@@ -192,9 +249,17 @@ class GraphRun:
             self._keep(source_of(received.key), received.message)
         return True
 
-    def _keep(self, source: str, message: MatchResult | IdleEstimate | DiscoveryVerdict) -> None:
+    def _keep(
+        self,
+        source: str,
+        message: MatchResult | IdleEstimate | Liveness | Alarm | DiscoveryVerdict,
+    ) -> None:
         if isinstance(message, IdleEstimate):
             self.idle[source] = message
+        elif isinstance(message, Liveness):
+            self.live[source] = message
+        elif isinstance(message, Alarm):
+            self.alarms.setdefault(source, deque(maxlen=MOST_ALARMS)).append(message)
         elif isinstance(message, DiscoveryVerdict):
             self.discovered[source] = message
         else:
@@ -203,13 +268,16 @@ class GraphRun:
     def _change(self, node: NodeState, state: str, detail: str) -> None:
         before = node.state, node.detail
         node.state, node.detail = state, detail
-        if node.went_wrong and not self._all_ready:
+        # One that has a rule may yet be started again, until its process has ended for good.
+        final = node.exit_code is not None or self.graph.restart_of(node.name) is None
+        if node.went_wrong and final and not self._all_ready:
             self.never_began = True
         if before != (state, detail):
             self.on_change(node)
 
     def listen_to(self, bus: Bus) -> None:
         """Subscribe to the health of the nodes, and to what a run says at its end."""
+        self._bus = bus
         site = self.graph.site
         bus.subscribe(self._words, health_key(site, "*"), LOOKING)
         for node in self.graph.nodes.values():
@@ -218,17 +286,10 @@ class GraphRun:
                     bus.subscribe(self._words, camera_key(site, camera, topic), LOOKING)
 
 
-def _end_of(node: NodeState, code: int) -> tuple[str, str]:
-    """Return the state and detail of a node whose process has ended with a code."""
-    if node.state == "failed" or (node.state == "done" and code >= 0):
-        return node.state, node.detail
-    if code == -signal.SIGTERM and node.told:  # before it could listen to signals
-        return "done", "stopped before it began"
-    if code == -signal.SIGKILL and node.told:
-        return "failed", "did not stop in time and was killed"
-    if code < 0:
-        return "lost", f"killed by signal {-code}"
-    return ("failed", f"exit code {code}") if code else ("done", node.detail)
+def _is_of(health: Health, node: NodeState) -> bool:
+    """Whether it is a word of the node's living process, not of the one before it."""
+    alive = node.exit_code is None
+    return alive and (node.process is None or health.pid == node.process.pid)
 
 
 def check_ended(run: GraphRun) -> int:

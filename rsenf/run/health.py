@@ -14,6 +14,7 @@ from rsenf.bus.bus import Publisher
 from rsenf.bus.inbox import Inbox
 from rsenf.config import redact
 from rsenf.messages import Header, Health
+from rsenf.run.latency import LastMinute
 from rsenf.run.peers import Peers
 
 EVERY_S = 1.0
@@ -35,6 +36,8 @@ class HealthReport:
         Who of the others is lost.
     sent : callable
         Tells how many messages the node has sent.
+    restarts : int
+        Times that the node was started before in this run.
     """
 
     def __init__(
@@ -46,22 +49,29 @@ class HealthReport:
         inbox: Inbox,
         peers: Peers,
         sent: Callable[[], int],
+        restarts: int = 0,
     ) -> None:
         self.state, self.detail = "starting", ""
         self._name, self._kind, self._run_id = name, kind, run_id
         self._publisher, self._inbox, self._peers, self._sent = publisher, inbox, peers, sent
         self._taken, self._rate = 0, _Rate()
         self._last_input_ns, self._latency_s = 0, 0.0
+        self._restarts = restarts
+        self._since_arrival, self._since_exposure = LastMinute(), LastMinute()
         self._seq = 0
         self._lock = threading.Lock()
         self._published_s, self._published_lost = 0.0, tuple[str, ...]()
 
     def note_input(self, header: Header) -> None:
-        """Count a message taken, and the time from the frame's arrival to here."""
+        """Count a message taken, and the time from its frame's exposure and arrival to here."""
         self._taken += 1
-        self._last_input_ns = time.time_ns()
+        self._last_input_ns, now_s = time.time_ns(), time.monotonic()
         if header.arrival_time_ns:
             self._latency_s = (self._last_input_ns - header.arrival_time_ns) / 1e9
+            self._since_arrival.note(now_s, self._latency_s)
+        if header.camera_time_ns:
+            exposed_s = (self._last_input_ns - header.camera_time_ns) / 1e9
+            self._since_exposure.note(now_s, exposed_s)
 
     def say(self, state: str, detail: str = "") -> None:
         """Change the state, and publish it at once."""
@@ -81,6 +91,8 @@ class HealthReport:
         counters, usage = self._inbox.counters, os.times()
         self._published_s, self._published_lost = time.monotonic(), self._peers.lost
         now_ns = time.time_ns()
+        arrival = self._since_arrival.p50_p95_s(self._published_s)
+        exposure = self._since_exposure.p50_p95_s(self._published_s)
         self._publisher.send(
             Health(
                 header=Header(
@@ -98,6 +110,7 @@ class HealthReport:
                 dropped=counters.dropped,
                 missed=counters.missed,
                 rejected=counters.rejected,
+                recovered=counters.recovered,
                 rate_hz=self._rate.per_s(self._taken),
                 queue_depth=self._inbox.depth,
                 latency_s=self._latency_s,
@@ -105,6 +118,11 @@ class HealthReport:
                 lost_peers=self._published_lost,
                 memory_bytes=_memory_bytes(),
                 cpu_s=usage.user + usage.system,
+                restarts=self._restarts,
+                latency_p50_s=arrival[0],
+                latency_p95_s=arrival[1],
+                exposure_p50_s=exposure[0],
+                exposure_p95_s=exposure[1],
             )
         )
         self._seq += 1

@@ -10,17 +10,26 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
 from rsenf.bus.bus import Bus, Publisher
 from rsenf.bus.delivery import HEALTH, LOOKING, Delivery, delivery_of
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import alive_key, camera_key, health_key, node_of, reference_key, topic_of
+from rsenf.bus.keys import (
+    alive_key,
+    camera_key,
+    health_key,
+    matches,
+    node_of,
+    reference_key,
+    topic_key,
+    topic_of,
+)
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph, load_graph, redact
-from rsenf.config.graph import sender_of
+from rsenf.config.graph import outputs, sender_of
 from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, RsenfError, UsageError
 from rsenf.run.at_end import end_process
 from rsenf.run.health import HealthReport
@@ -44,17 +53,31 @@ class NodeProcess:
         Identity of the run, carried by every message.
     bus : Bus
         Open bus.
+    restarts : int
+        Times that the node was started before in this run.
+    gone : sequence of str
+        Nodes of the graph that have ended already.
     """
 
-    def __init__(self, graph: Graph, name: str, run_id: str, bus: Bus) -> None:
-        self.graph, self.name, self.run_id = graph, name, run_id
+    def __init__(
+        self,
+        graph: Graph,
+        name: str,
+        run_id: str,
+        bus: Bus,
+        restarts: int = 0,
+        gone: Sequence[str] = (),
+    ) -> None:
+        self.graph, self.name, self.run_id, self.restarts = graph, name, run_id, restarts
         self.config: Any = graph.nodes[name]
         self.stop = threading.Event()
         self.inbox = Inbox()
-        self.peers = Peers(set(graph.nodes) - {name})
+        returning = [n for n in graph.nodes if graph.restart_of(n)]
+        self.peers = Peers(set(graph.nodes) - {name}, returning, gone)
         self.exit_code = 0
         self._bus = bus
         self._publishers: list[Publisher] = []
+        self._recovers: list[str] = []  # key expressions of which nothing is to be missed
         self._health = HealthReport(
             name,
             self.config.kind,
@@ -63,6 +86,7 @@ class NodeProcess:
             self.inbox,
             self.peers,
             lambda: sum(p.sent for p in self._publishers),
+            restarts,
         )
         self.say, self.note_input = self._health.say, self._health.note_input
         self._watch_peers()
@@ -79,12 +103,16 @@ class NodeProcess:
 
     def _open(self, key: str, delivery: Delivery) -> Publisher:
         publisher = self._bus.publisher(key, delivery)
+        publisher.run_suffix = f".{self.name}{self.restarts}" if self.restarts else ""
         self._publishers.append(publisher)
         return publisher
 
     def subscribe(self, key_expr: str, delivery: Delivery | None = None) -> str:
         """Let the inbox receive a key expression; returns it."""
-        self._bus.subscribe(self.inbox, key_expr, delivery or delivery_of(topic_of(key_expr)))
+        delivery = delivery or delivery_of(topic_of(key_expr))
+        self._bus.subscribe(self.inbox, key_expr, delivery)
+        if delivery.recovers:
+            self._recovers.append(key_expr)
         return key_expr
 
     def sender_of(self, topic: str, name: str) -> str:
@@ -101,14 +129,15 @@ class NodeProcess:
     def wait_for_peers(self) -> None:
         """Wait until all other nodes of the graph listen, so that nothing is sent into the void."""
         missing = self.peers.wait_for_all(PATIENCE_S, self.stop)
-        if missing and not self.stop.is_set():
+        # Who was started again finds the others as they are: some may have ended meanwhile.
+        if missing and not self.stop.is_set() and not self.restarts:
             self.say("waiting", f"for {', '.join(sorted(missing))}")
             self.peers.wait_for_all(float("inf"), self.stop)
             self.say("running")
 
     def _watch_peers(self) -> None:
         site, words = self.graph.site, Inbox()
-        self._bus.watch_alive(alive_key(site, "*"), self.peers.on_alive)
+        self._bus.watch_alive(alive_key(site, "*"), self._on_alive)
         self._bus.subscribe(words, health_key(site, "*"), LOOKING)
 
         def listen() -> None:
@@ -118,6 +147,15 @@ class NodeProcess:
                     self.peers.on_state(node_of(received.key), received.message.state)
 
         threading.Thread(target=listen, name="peers", daemon=True).start()
+
+    def _on_alive(self, key: str, alive: bool) -> None:
+        """Take in that a node has come or gone; ask one that has come for what it sent unheard."""
+        self.peers.on_alive(key, alive)
+        sent = outputs(self.graph.nodes.get(node_of(key))) if alive else []
+        for topic, of in sent:
+            of_it = topic_key(self.graph.site, of, topic)
+            if any(matches(expr, of_it) for expr in self._recovers):
+                self.inbox.catch_up(of_it)
 
     @contextlib.contextmanager
     def beating(self, supervisor: int) -> Iterator[None]:
@@ -176,7 +214,7 @@ def run_node(body: Callable[[NodeProcess], None]) -> NoReturn:
         code = _run(body, args)
     except BaseException:  # noqa: BLE001 - whatever it was, the process ends here
         with contextlib.suppress(Exception):
-            traceback.print_exc()
+            print(redact(traceback.format_exc()), file=sys.stderr)
     finally:
         end_process(code)
 
@@ -189,6 +227,8 @@ def _arguments() -> argparse.Namespace:
     # A source that is started again begins another stream: it must not go by the same identity.
     parser.add_argument("--run-id", default=secrets.token_hex(4), help="never the same twice")
     parser.add_argument("--replay", action="append", default=[], metavar="NODE=FILE")
+    parser.add_argument("--restarts", type=int, default=0, help="times it was started before")
+    parser.add_argument("--gone", action="append", default=[], help="node that has ended already")
     parser.add_argument("--supervisor", type=int, default=0, help="process to end with")
     return parser.parse_args()
 
@@ -200,7 +240,7 @@ def _run(body: Callable[[NodeProcess], None], args: argparse.Namespace) -> int:
         if args.node not in graph.nodes:
             raise UsageError(f"no node {args.node!r} in {args.graph}")
         with open_bus(bus_settings(graph, tuple(args.connect))) as bus:
-            node = NodeProcess(graph, args.node, args.run_id, bus)
+            node = NodeProcess(graph, args.node, args.run_id, bus, args.restarts, args.gone)
             _install_signals(node)
             with node.beating(args.supervisor):
                 return node.live(body)

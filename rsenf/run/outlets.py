@@ -10,6 +10,7 @@ from rsenf.bus.frames import FrameSender
 from rsenf.config.graph import DecodeNode, ReplayNode, reader_of_frames
 from rsenf.messages import Frame, Header, Mark
 from rsenf.run.node import NodeProcess
+from rsenf.run.peers import Peers
 from rsenf.run.row_sampling import make_rows
 from rsenf.run.runner import Runner
 
@@ -43,7 +44,20 @@ def open_frames(
     if config.frames == "ring" and not reader:
         return _Unread(frames)
     name = f"rsenf-{node.run_id}-{camera}" if config.frames == "ring" else ""
-    return FrameSender(frames, name, config.ring_slots, lambda: node.peers.gone_for_s(reader) > 0)
+    return FrameSender(frames, name, config.ring_slots, _Departed(node.peers, reader))
+
+
+class _Departed:
+    """Whether a reader keeps planes that it will never give back: it is away, or was meanwhile."""
+
+    def __init__(self, peers: Peers, reader: str) -> None:
+        self._peers, self._reader = peers, reader
+        self._seen = 0
+
+    def __call__(self) -> bool:
+        times, away = self._peers.departures(self._reader)
+        before, self._seen = self._seen, times
+        return away or times > before
 
 
 class _Fused:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import Counter
+from collections.abc import Iterable
 
 from rsenf.bus.keys import node_of
 
@@ -11,15 +13,32 @@ from rsenf.bus.keys import node_of
 # a word was lost. The word may come a moment after the token has gone.
 LAST_WORD_S = 0.6
 LAST_WORDS = ("done", "failed")
+# What the supervisor says of a node that it won't start again, or never could.
+GIVEN_UP = "lost"
 
 
 class Peers:
-    """Thread-safe picture of the other nodes."""
+    """Thread-safe picture of the other nodes.
 
-    def __init__(self, names: set[str]) -> None:
+    Parameters
+    ----------
+    names : set of str
+        Who they are.
+    returning : set of str
+        Those that are started again when they die.
+    gone : sequence of str
+        Those that had ended before this node began.
+    """
+
+    def __init__(
+        self, names: set[str], returning: Iterable[str] = (), gone: Iterable[str] = ()
+    ) -> None:
         self.names = names
+        self._returning = set(returning)
         self._alive: set[str] = set()
-        self._gone_since: dict[str, float] = {}
+        self._gone_since = dict.fromkeys(gone, time.monotonic())
+        self._final = set(gone)
+        self._departures: Counter[str] = Counter()
         self._finished: set[str] = set()
         self._change = threading.Condition()
 
@@ -31,16 +50,21 @@ class Peers:
                 self._alive.add(name)
                 self._gone_since.pop(name, None)
                 self._finished.discard(name)
+                self._final.discard(name)
             elif name in self._alive:
                 self._alive.discard(name)
+                self._departures[name] += 1
                 self._gone_since[name] = time.monotonic()
             self._change.notify_all()
 
     def on_state(self, name: str, state: str) -> None:
         """Take in what a node says of itself."""
         with self._change:
-            if state in LAST_WORDS:
-                self._finished.add(name)
+            if state in LAST_WORDS or state == GIVEN_UP:
+                if state != GIVEN_UP:
+                    self._finished.add(name)
+                if state != "failed":  # that is for the supervisor to say
+                    self._final.add(name)
                 if name not in self._alive:  # failed before it was ready, so there was no token
                     self._gone_since.setdefault(name, time.monotonic())
             self._change.notify_all()
@@ -75,7 +99,13 @@ class Peers:
             )
 
     def gone_for_s(self, name: str) -> float:
-        """Seconds since a node's token vanished, however it went; 0 while it is there."""
+        """Seconds since a node went, however; 0 while it is there, or is to be started again."""
         with self._change:
             since = self._gone_since.get(name)
-        return 0.0 if since is None else time.monotonic() - since
+            comes_back = name in self._returning - self._final
+        return 0.0 if since is None or comes_back else time.monotonic() - since
+
+    def departures(self, name: str) -> tuple[int, bool]:
+        """How often a node has gone, and whether it is away now."""
+        with self._change:
+            return self._departures[name], name in self._gone_since

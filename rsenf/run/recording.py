@@ -11,7 +11,7 @@ import yaml
 
 from rsenf.bus.delivery import Delivery
 from rsenf.bus.inbox import Inbox, Received
-from rsenf.bus.keys import camera_key, matches, reference_key
+from rsenf.bus.keys import matches, topic_key
 from rsenf.config import shown
 from rsenf.config.graph import Graph, RecordNode, outputs
 from rsenf.errors import InputError
@@ -93,8 +93,7 @@ class Ending:
         site = node.graph.site
         for name, config in node.graph.nodes.items():
             for topic, of in outputs(config):
-                grid = topic == "reference"
-                key = reference_key(site, of) if grid else camera_key(site, of, topic)
+                key = topic_key(site, of, topic)
                 if any(matches(expr, key) for expr in key_exprs):
                     self._open[key] = name
         # What only others send has no end that could be known.
@@ -117,6 +116,22 @@ class Ending:
             self._stop_by = min(self._stop_by, now + STOP_LINGER_S)
             return now > self._stop_by or (not self._open and node.inbox.depth == 0)
         return not self._open and not self._endless and node.inbox.depth == 0
+
+
+def of_run(config: RecordNode, restarts: int) -> RecordNode:
+    """Return what a recorder that was started again writes to: a file beside the one it left.
+
+    Parameters
+    ----------
+    config : RecordNode
+        What it was told.
+    restarts : int
+        Times it was started before in this run.
+    """
+    if config.out is None or not restarts:
+        return config
+    path = Path(config.out)
+    return config.model_copy(update={"out": str(path.with_suffix(f".{restarts}{path.suffix}"))})
 
 
 def open_sink(

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
 from rsenf.config.graph import DecodeNode, SimulatedInput
 from rsenf.decode.spec import SourceSpec, kind_of
+from rsenf.run.host_clock import HostClock
 
 if TYPE_CHECKING:
     from rsenf.decode.source import VideoSource
@@ -32,12 +32,19 @@ def open_input(config: DecodeNode, node: NodeProcess) -> VideoSource:
         open_timeout_s=config.open_timeout_s,
         read_timeout_s=config.read_timeout_s,
         max_reconnects=config.max_reconnects,
+        backoff_initial_s=config.backoff_initial_s,
+        backoff_max_s=config.backoff_max_s,
+        wait_for_source=config.wait_for_source,
     )
+
+    def say(line: str) -> None:
+        node.say("running", line)
+
     return open_source(
         spec,
         source=source,
         run_id=node.run_id,
-        clock_ns=time.time_ns,
+        clock_ns=HostClock(say),
         stop=node.stop,
-        on_event=lambda line: node.say("running", line),
+        on_event=say,
     )

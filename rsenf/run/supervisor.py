@@ -8,7 +8,7 @@ import secrets
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,9 @@ from rsenf.bus.zenoh_bus import MANY_LINKS, ONE_LINK, RUNTIME, BusSettings, open
 from rsenf.config import Graph
 from rsenf.config.graph import ReplayNode
 from rsenf.errors import NodeFailed
-from rsenf.run.graph_run import GraphRun, NodeState, check_ended
+from rsenf.run.graph_run import GraphRun, check_ended
 from rsenf.run.node import bus_settings
+from rsenf.run.node_state import NodeState
 from rsenf.run.replay.in_graph import ensure_playable
 
 __all__ = ["GraphRun", "NodeState", "check_ended", "start_graph"]
@@ -69,12 +70,16 @@ def start_graph(
     with open_bus(settings) as bus:
         endpoint = next(iter((*own_router, *settings.connect)), "multicast")
         nodes = {name: NodeState(name, config.kind) for name, config in graph.nodes.items()}
-        run = GraphRun(graph, run_id, endpoint, nodes, on_change)
+        threads = _threads(own_router, graph.bus.zenoh)
+
+        def spawn(node: NodeState) -> subprocess.Popen[bytes]:
+            gone = [n.name for n in nodes.values() if node.restarts and n.state == "done"]
+            return _spawn(node, path, run_id, own_router[:1], replayed or {}, threads, gone)
+
+        run = GraphRun(graph, run_id, endpoint, nodes, on_change, spawn)
         run.listen_to(bus)
         try:
-            threads = _threads(own_router, graph.bus.zenoh)
-            for node in nodes.values():
-                node.process = _spawn(node, path, run_id, own_router[:1], replayed or {}, threads)
+            run.start()
             yield run
             run.stop()
         finally:
@@ -105,10 +110,13 @@ def _spawn(
     router: tuple[str, ...],
     replayed: Mapping[str, str],
     threads: Mapping[str, str],
+    gone: Sequence[str],
 ) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", f"rsenf_nodes.{node.kind}"]
     command += ["--graph", str(path), "--node", node.name]
     command += ["--run-id", run_id, "--supervisor", str(os.getpid())]
+    command += ["--restarts", str(node.restarts)]
+    command += [word for name in gone for word in ("--gone", name)]
     for name, recording in replayed.items():
         command += ["--replay", f"{name}={recording}"]
     for endpoint in router:

@@ -14,16 +14,19 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from rsenf.messages import Health
-    from rsenf.run.graph_run import GraphRun, NodeState
+    from rsenf.run.graph_run import GraphRun
+    from rsenf.run.node_state import NodeState
 
 _COLOURS = {
-    "starting": "yellow", "waiting": "yellow", "running": "green", "done": "blue",
+    "starting": "yellow", "waiting": "yellow", "restarting": "yellow",
+    "running": "green", "done": "blue",
     "lost": "bold red", "failed": "bold red",
 }  # fmt: skip
 _COUNTS: dict[str, Callable[[Health], object]] = {
     "in/s": lambda h: f"{h.rate_hz:.1f}", "in": lambda h: h.messages_in,
     "out": lambda h: h.messages_out, "missed": lambda h: h.missed,
     "dropped": lambda h: h.dropped, "queue": lambda h: h.queue_depth,
+    "again": lambda h: h.restarts or "",
 }  # fmt: skip
 
 

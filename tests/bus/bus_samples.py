@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.bus.inbox import Envelope, Inbox
+from rsenf.bus.inbox import Inbox
+from rsenf.bus.sequence import Envelope
 from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, open_bus
 from rsenf.messages import EnfEstimate, Frame, Header, encode, encoding_of
 from rsenf.run.supervisor import free_endpoint

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from rsenf.bus.bus import Subscription
 from rsenf.bus.delivery import Delivery
-from rsenf.bus.inbox import Envelope, Inbox
+from rsenf.bus.inbox import Inbox
+from rsenf.bus.sequence import Envelope
 from rsenf.messages import Candidate, Frame, Header, Health, RowBlock, encode, encoding_of
 
 WAITING = Delivery(lossless=True, queue=3, history=5)

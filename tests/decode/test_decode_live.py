@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import av
@@ -29,6 +31,7 @@ class Connection:
     def __init__(self, epoch: int) -> None:
         self.info = StreamInfo(codec=f"epoch {epoch}", live=True)
         self.damaged = 1
+        self.overrun = 3
         self.warnings = ["a warning"]
         self.epoch = epoch
 
@@ -76,7 +79,8 @@ def test_attempts_are_spaced_ever_wider_and_end() -> None:
     assert not any("secret" in line for line in events)
     assert source.info.codec == "epoch 1"
     assert source.loss == (
-        "lost the source 2 times, last: it fell asleep; damaged frames and packets: 2"
+        "lost the source 2 times, last: it fell asleep; damaged frames and packets: 2; "
+        "pictures dropped for lack of time: 6"
     )
     assert source.warnings == ["a warning"]
 
@@ -126,10 +130,75 @@ def test_a_pump_passes_on_what_its_thread_raises() -> None:
         yield 1
         raise ZeroDivisionError
 
-    pump = Pump(broken, Stop())
+    pump = Pump(broken, Stop(), bool)
     assert pump.get(30) == 1
     with pytest.raises(ZeroDivisionError):
         pump.get(30)
-    ended = Pump(lambda: iter(()), Stop())
+    ended: Pump[int] = Pump(lambda: iter(()), Stop(), bool)
     with pytest.raises(Disconnected):
         ended.get(30)
+
+
+def test_who_stays_behind_is_given_what_is_new_from_a_key_picture_on() -> None:
+    now_s = [0.0]
+    ready, going = Event(), Event()
+
+    def pictures_of_a_camera() -> Iterator[int]:
+        for k in range(64):  # as many as may wait
+            yield k
+        ready.set()
+        going.wait(30)
+        now_s[0] = 1.0
+        yield 64  # waits, until it has waited for too long
+        for k in range(65, 90):
+            yield k
+        raise Disconnected("the end")
+
+    pump = Pump(pictures_of_a_camera, Stop(), lambda k: k % 20 == 0, lambda: now_s[0])
+    pump.may_drop = True
+    assert ready.wait(30)
+    going.set()
+    while pump._full_since_s is None:
+        time.sleep(0.001)
+    now_s[0] = 5.0
+    while pump._queue.qsize() == 64:
+        time.sleep(0.001)
+    assert pump.get(30) == 80
+    assert pump.skipped == 80
+    assert [pump.get(30) for _ in range(9)] == list(range(81, 90))
+    assert pump.skipped == 0
+
+
+def test_before_anybody_takes_pictures_none_is_dropped() -> None:
+    pump = Pump(lambda: iter(range(100)), Stop(), bool, iter(range(0, 10**6, 10)).__next__)
+    time.sleep(0.05)
+    assert [pump.get(30) for _ in range(100)] == list(range(100))
+
+
+def test_a_session_whose_clock_leaps_has_ended(tmp_path: Path) -> None:
+    path = make_clip(tmp_path / "clip.mp4", pictures(4), "mjpeg")
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        spec = SourceSpec(url="rtsp://cam", kind="rtsp", threads=1)
+        decoder = StreamDecoder(container, stream, spec, STAMP, live=True)
+        packets = [p for p in container.demux(stream) if p.size]
+        assert packets[2].pts is not None
+        assert stream.time_base is not None
+        packets[2].pts += int(60 / stream.time_base)
+        packets[2].dts = packets[2].pts
+        items = [i for p in packets[:3] for i in decoder.feed(p, 0)]
+    assert len(items) == 2
+    assert decoder.ended == "its time stamps leap by 60 s"
+
+
+def test_pictures_left_out_are_a_gap_in_the_numbers(tmp_path: Path) -> None:
+    path = make_clip(tmp_path / "clip.mp4", pictures(6), "mjpeg")
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        spec = SourceSpec(url="rtsp://cam", kind="rtsp", threads=1, with_packets=True)
+        decoder = StreamDecoder(container, stream, spec, STAMP, live=True)
+        packets = [p for p in container.demux(stream) if p.size]
+        items = decoder.feed(packets[0], 0)
+        decoder.skip(4)
+        items += decoder.feed(packets[5], 0)
+    assert [i.header.seq for i in items] == [0, 0, 5, 5]

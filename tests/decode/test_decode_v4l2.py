@@ -55,7 +55,10 @@ class FakeCapture:
 
 
 def open_fake(
-    *captures: FakeCapture, on_event: Callable[[str], None] = lambda line: None, **spec: Any
+    *captures: FakeCapture,
+    on_event: Callable[[str], None] = lambda line: None,
+    clock_ns: Callable[[], int] | None = None,
+    **spec: Any,
 ) -> VideoSource:
     given = iter(captures)
     clock: Iterator[int] = iter(range(10**18, 2 * 10**18, 33_000_000))
@@ -63,7 +66,8 @@ def open_fake(
         SourceSpec(url="0", kind="v4l2", **{"backoff_initial_s": 0.0, "max_reconnects": 0, **spec}),
         source="lab/usb",
         run_id="r",
-        clock_ns=lambda: next(clock),
+        clock_ns=clock_ns or (lambda: next(clock)),
+        steady_ns=lambda: sum(capture.taken for capture in captures) * 33_000_000,
         on_event=on_event,
         capture_factory=lambda url: next(given),
     )
@@ -145,6 +149,15 @@ def test_otherwise_the_time_of_arrival_from_the_first() -> None:
     assert [f.header.pts_ns for f in frames] == [n * 33_000_000 for n in range(4)]
     assert frames[0].header.arrival_time_ns == 10**18
     assert any("no times" in line for line in source.warnings)
+
+
+def test_a_host_clock_that_is_set_moves_no_picture() -> None:
+    images = [raw(y, "YUYV") for y in pictures(4, HEIGHT_PX, WIDTH_PX)]
+    wall = iter([10**18, 10**18, 5, 6, *[2 * 10**18] * 9])
+    frames = only_frames(items_until_lost(open_fake(FakeCapture(images), clock_ns=wall.__next__)))
+    assert [f.header.pts_ns for f in frames] == [n * 33_000_000 for n in range(4)]
+    assert {f.header.epoch for f in frames} == {0}
+    assert [f.header.arrival_time_ns for f in frames] == [10**18, 10**18, 5, 6]
 
 
 def test_a_camera_that_is_not_there_is_one_clear_error() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from rsenf.bus.loopback import Loopback
 from rsenf.config import Graph
 from rsenf.messages import EnfEstimate, Frame, Header, Mark, RowBlock
 from rsenf.run.node import NodeProcess
+from rsenf.run.node_state import NodeState
 
 GRAPH = {
     "version": 1,
@@ -27,9 +28,16 @@ GRAPH = {
 }
 
 
-def node_on(network: Loopback, name: str, graph: dict[str, Any] | None = None) -> NodeProcess:
+def node_on(
+    network: Loopback, name: str, graph: dict[str, Any] | None = None, **more: Any
+) -> NodeProcess:
     """A node as its process would make it."""
-    return NodeProcess(Graph.model_validate(graph or GRAPH), name, "r", network.bus(name))
+    return NodeProcess(Graph.model_validate(graph or GRAPH), name, "r", network.bus(name), **more)
+
+
+def nobody(node: NodeState) -> NoReturn:
+    """Stands for what starts a node's process, where none is to be started."""
+    raise AssertionError(f"{node.name} was started")
 
 
 def wall(count: int, *, epoch: int = 0, run_id: str = "r", first: int = 0) -> Iterator[Frame]:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import pytest
-from run_samples import GRAPH
+from run_samples import GRAPH, nobody
 
 from rsenf.bus.delivery import HEALTH
 from rsenf.bus.keys import health_key
 from rsenf.bus.loopback import Loopback
 from rsenf.config import Graph
 from rsenf.messages import Header, Health
-from rsenf.run.graph_run import GraphRun, NodeState
+from rsenf.run.graph_run import GraphRun
+from rsenf.run.node_state import NodeState
 
 
 class Said:
@@ -19,7 +20,7 @@ class Said:
     def __init__(self) -> None:
         graph, network = Graph.model_validate(GRAPH), Loopback()
         self.nodes = {name: NodeState(name, config.kind) for name, config in graph.nodes.items()}
-        self.run = GraphRun(graph, "1a2b", "", self.nodes, lambda node: None)
+        self.run = GraphRun(graph, "1a2b", "", self.nodes, lambda node: None, nobody)
         self.run.listen_to(network.bus("supervisor"))
         bus = network.bus("nodes")
         self._words = {n: bus.publisher(health_key(graph.site, n), HEALTH) for n in self.nodes}

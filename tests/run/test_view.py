@@ -6,11 +6,12 @@ import io
 
 import pytest
 from rich.console import Console
-from run_samples import GRAPH
+from run_samples import GRAPH, nobody
 
 from rsenf.config import Graph
 from rsenf.messages import Header, Health
-from rsenf.run.graph_run import GraphRun, NodeState
+from rsenf.run.graph_run import GraphRun
+from rsenf.run.node_state import NodeState
 from rsenf.run.view import LineView, TableView
 
 
@@ -18,7 +19,7 @@ from rsenf.run.view import LineView, TableView
 def run() -> GraphRun:
     graph = Graph.model_validate(GRAPH)
     nodes = {name: NodeState(name, config.kind) for name, config in graph.nodes.items()}
-    return GraphRun(graph, "1a2b", "tcp/127.0.0.1:7447", nodes, lambda node: None)
+    return GraphRun(graph, "1a2b", "tcp/127.0.0.1:7447", nodes, lambda node: None, nobody)
 
 
 def test_the_table(run: GraphRun) -> None:

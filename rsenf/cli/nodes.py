@@ -1,0 +1,89 @@
+"""Tell which nodes are on a bus, and how each is doing.
+
+    rsenf nodes --connect tcp/127.0.0.1:7447
+    rsenf nodes GRAPH.yaml
+
+States: as each says itself; 'silent' is there and says nothing (it hangs), 'lost' is gone without
+a word, 'absent' stands in the graph and was never seen. Late: median and slowest twentieth of the
+last minute, from the arrival of what was filmed to this node ('arrival'), and from its exposure by
+the camera's own clock, where the stream tells it ('exposure').
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rsenf.run.roster import Seen
+
+HEAD = ("node", "kind", "state", "in/s", "arrival s", "exposure s", "queue", "dropped", "missed",
+        "rejected", "again", "heard s", "MB", "")  # fmt: skip
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    from rsenf.cli.console import positive
+    from rsenf.cli.on_bus import add_bus_arguments
+
+    add_bus_arguments(parser, "graph")
+    parser.add_argument("--for-s", type=positive, default=1.5, metavar="S", help="look for (1.5)")
+    parser.add_argument("--json", action="store_true")
+
+
+def run(args: argparse.Namespace) -> int:
+    """List the nodes."""
+    import time
+
+    from rsenf.bus.zenoh_bus import open_bus
+    from rsenf.cli.console import aligned, note, print_json
+    from rsenf.cli.on_bus import bus_of
+    from rsenf.run.roster import Roster
+
+    settings, graph = bus_of(args)
+    with open_bus(settings) as bus:
+        roster = Roster(bus, graph.site if graph else args.site)
+        if graph:
+            roster.expect(graph.site, graph.nodes)
+        deadline = time.monotonic() + args.for_s
+        while (left_s := deadline - time.monotonic()) > 0:
+            roster.listen(left_s)
+    if args.json:
+        print_json(roster.as_json())
+        return 0
+    now_s, now_ns = time.monotonic(), time.time_ns()
+    nodes = roster.nodes()
+    if not nodes:
+        note("no node on this bus")
+        return 0
+    print(aligned([HEAD, *(_line(seen, now_s, now_ns) for seen in nodes)]))
+    return 0
+
+
+def _line(seen: Seen, now_s: float, now_ns: int) -> tuple[str, ...]:
+    """Return what is known of a node, in the order of the head."""
+    health = seen.health
+    if health is None:
+        return (f"{seen.site}/{seen.name}", "", seen.state(now_s))
+    heard_s = (now_ns - health.last_input_ns) / 1e9
+    return (
+        f"{seen.site}/{seen.name}",
+        health.kind,
+        seen.state(now_s),
+        f"{health.rate_hz:.1f}",
+        _late(health.latency_p50_s, health.latency_p95_s),
+        _late(health.exposure_p50_s, health.exposure_p95_s),
+        str(health.queue_depth),
+        str(health.dropped),
+        str(health.missed),
+        str(health.rejected),
+        str(health.restarts),
+        f"{heard_s:.1f}" if health.last_input_ns else "never",
+        f"{health.memory_bytes / 1e6:.0f}",
+        health.detail,
+    )
+
+
+def _late(median_s: float, p95_s: float) -> str:
+    return "–" if math.isnan(median_s) else f"{median_s:.2f} / {p95_s:.2f}"

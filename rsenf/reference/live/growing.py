@@ -1,0 +1,124 @@
+"""A reference that grows: every sample of its axis once, as a value or as a gap, and in order."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rsenf.messages import Header, ReferenceBlock
+from rsenf.messages.schema import FloatArray, Int64Array
+from rsenf.timebase import NS_PER_S, nanoseconds
+
+# An axis begins anew, rather than be filled with nothing, or wait until a clock that was set back
+# has caught up. Readings that bring their own time may be told twice, as by a file written anew.
+MAX_GAP_S, SET_BACK_S, STAMPED_BACK_S = 86400.0, 3.0, 60.0
+BLOCK = 3600  # samples of a message at most
+
+
+class Growing:
+    """Turns readings with their places on a uniform axis into blocks that follow each other.
+
+    Parameters
+    ----------
+    grid : str
+        Name of the grid.
+    step_s : float
+        Time between samples.
+    run_id : str
+        Identity of the run.
+
+    Attributes
+    ----------
+    t0_ns : int
+        Start of the axis, UTC since 1970; set by :meth:`begin`.
+    next : int
+        Sample that comes next.
+    late : int
+        Readings of samples that had been told already: left out.
+    """
+
+    def __init__(self, grid: str, step_s: float = 1.0, run_id: str = "") -> None:
+        self.grid, self.step_s, self.step_ns = grid, step_s, nanoseconds(step_s)
+        self.t0_ns = self.next = self.late = 0
+        self.nominal_hz = float("nan")
+        self._header = Header(run_id=run_id, source=f"reference/{grid}", epoch=-1)
+
+    def covers(self, earliest_ns: int, latest_ns: int, back_s: float = SET_BACK_S) -> bool:
+        """Whether times can go on this axis: not if the clock was set back, or on by far."""
+        next_ns = self.t0_ns + self.next * self.step_ns
+        back = latest_ns < next_ns - nanoseconds(max(back_s, 3 * self.step_s))
+        far = earliest_ns > next_ns + nanoseconds(MAX_GAP_S)
+        return self._header.epoch >= 0 and not back and not far
+
+    def begin(self, t0_ns: int, nominal_hz: float) -> None:
+        """Begin an axis, in an epoch of its own: the first, or one after the clock was set."""
+        self.t0_ns, self.nominal_hz, self.next = t0_ns, nominal_hz, 0
+        header = self._header
+        self._header = Header(run_id=header.run_id, source=header.source, epoch=header.epoch + 1)
+
+    def stamped(
+        self, t_ns: Int64Array, freq_hz: FloatArray, nominal_hz: float
+    ) -> list[ReferenceBlock]:
+        """Add readings, each to the sample that begins nearest to its time.
+
+        Parameters
+        ----------
+        t_ns : ndarray of int, shape (n,)
+            UTC since 1970. Where it leaps, the axis begins anew.
+        freq_hz : ndarray of float, shape (n,)
+            NaN for none.
+        nominal_hz : float
+            50 or 60.
+        """
+        leaps = np.abs(np.diff(t_ns)) > MAX_GAP_S * NS_PER_S
+        out: list[ReferenceBlock] = []
+        for part in np.split(np.arange(t_ns.size), np.flatnonzero(leaps) + 1):
+            if not part.size:
+                continue
+            earliest_ns, latest_ns = int(t_ns[part].min()), int(t_ns[part].max())
+            if not self.covers(earliest_ns, latest_ns, STAMPED_BACK_S):
+                self.begin(earliest_ns, nominal_hz)
+            index = (t_ns[part] - self.t0_ns + self.step_ns // 2) // self.step_ns
+            out += self.append(index, freq_hz[part])
+        return out
+
+    def append(self, index: Int64Array, freq_hz: FloatArray) -> list[ReferenceBlock]:
+        """Add readings; return them as blocks, what lies between as gaps.
+
+        Parameters
+        ----------
+        index : ndarray of int, shape (n,)
+            Their samples, in order. Of several readings of a sample the first counts.
+        freq_hz : ndarray of float, shape (n,)
+            NaN for none.
+        """
+        index, first = np.unique(index, return_index=True)
+        new = index >= self.next
+        self.late += freq_hz.size - int(new.sum())
+        index, freq_hz = index[new], freq_hz[first][new]
+        if not index.size:
+            return []
+        values = np.full(int(index[-1]) + 1 - self.next, np.nan)
+        values[index - self.next] = freq_hz
+        return [self._block(values[k : k + BLOCK]) for k in range(0, values.size, BLOCK)]
+
+    def _block(self, values: FloatArray) -> ReferenceBlock:
+        first, self.next = self.next, self.next + values.size
+        header = self._header
+        self._header = header.numbered(header.seq + 1)
+        return ReferenceBlock(
+            header=Header(
+                run_id=header.run_id,
+                source=header.source,
+                epoch=header.epoch,
+                seq=header.seq,
+                pts_ns=first * self.step_ns,
+            ),
+            grid=self.grid,
+            nominal_hz=self.nominal_hz,
+            t0_ns=self.t0_ns,
+            step_ns=self.step_ns,
+            first=first,
+            samples=values.size,
+            freq_hz=values,
+            readings=np.isfinite(values).astype(np.uint32),
+        )

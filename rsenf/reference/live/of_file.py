@@ -1,0 +1,152 @@
+"""A table that grows: its rows as they are written, through truncation and rotation."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from rsenf.errors import ReferenceFormatError, UsageError
+from rsenf.messages import ReferenceBlock
+from rsenf.messages.schema import FloatArray, Int64Array
+from rsenf.reference.axis import find_raster
+from rsenf.reference.live.growing import Growing
+from rsenf.reference.notes import Notes
+from rsenf.reference.options import ReadOptions
+from rsenf.reference.plausible import nominal_of, without_outliers
+from rsenf.reference.readings import TimedRows
+from rsenf.reference.table import table_columns
+from rsenf.timebase import NS_PER_S
+
+PIECE_BYTES = 1 << 22
+# A header and some rows: what the columns, and the step between rows, can be told by.
+ENOUGH_LINES = 5
+_LINE = re.compile(rb"^[^#\s].*\n", re.MULTILINE)  # but remarks
+_NO_LINES = (".gz", ".parquet", ".pq", ".npz", ".wav")
+
+Wait = Callable[[], bool]
+
+
+def follow_table(
+    path: Path, grid: str, options: ReadOptions, wait: Wait, run_id: str = ""
+) -> Iterator[ReferenceBlock]:
+    """Return a table's readings as blocks, and go on as it grows.
+
+    Parameters
+    ----------
+    path : Path
+        CSV with times of day; what stands in it already comes first.
+    grid : str
+        What to call the reference.
+    options : ReadOptions
+    wait : callable
+        Called when there is nothing new; waits a while, and returns whether to stop.
+    run_id : str
+        Identity of the run.
+
+    Raises
+    ------
+    UsageError
+        When there is no such file, or it is of a kind that doesn't grow line by line.
+    ReferenceFormatError
+        When it can't be read as a reference, or tells no times of day.
+    """
+    if not path.is_file():
+        raise UsageError(f"no reference file {path}", "look for a misspelling")
+    if path.suffix.lower() in _NO_LINES:
+        raise UsageError(f"{path.name} doesn't grow line by line", "only CSV and WAV are followed")
+    return _followed(path, grid, options, wait, run_id)
+
+
+def _followed(
+    path: Path, grid: str, options: ReadOptions, wait: Wait, run_id: str
+) -> Iterator[ReferenceBlock]:
+    growing: Growing | None = None
+    for text in _generations(path, wait):
+        notes = Notes()
+        rows = TimedRows(path.name, options.timezone, notes)
+        for columns in table_columns(text, path.name, options.column, notes):
+            if columns.time is None:
+                raise _undated(path)
+            t_ns, freq_hz = rows.read(columns, more=True)
+            if not rows.dated:
+                raise _undated(path)
+            if not t_ns.size:
+                continue
+            growing = growing or _begun(path, grid, options, run_id, t_ns, freq_hz)
+            if options.stamp == "centre":
+                t_ns = t_ns - growing.step_ns // 2
+            freq_hz = without_outliers(freq_hz, growing.nominal_hz, notes)
+            yield from growing.stamped(t_ns, freq_hz, growing.nominal_hz)
+
+
+def _begun(
+    path: Path,
+    grid: str,
+    options: ReadOptions,
+    run_id: str,
+    t_ns: Int64Array,
+    freq_hz: FloatArray,
+) -> Growing:
+    """Begin a reference by what the first rows tell: nominal frequency, step, and raster."""
+    nominal_hz = nominal_of(freq_hz, path.name, options.nominal_hz)
+    raster = find_raster(t_ns, options.step_s, path.name)
+    growing = Growing(grid, raster.step_ns / NS_PER_S, run_id)
+    centre_ns = raster.step_ns // 2 if options.stamp == "centre" else 0
+    growing.begin(raster.t0_ns - centre_ns, nominal_hz)
+    return growing
+
+
+def _undated(path: Path) -> ReferenceFormatError:
+    return ReferenceFormatError(
+        f"{path.name} has no times of day", "a file that grows must tell when each value was"
+    )
+
+
+def _generations(path: Path, wait: Wait) -> Iterator[Iterator[str]]:
+    """Yield the file's text, and again whenever it was truncated or another took its name."""
+    stopped = False
+
+    def pause() -> bool:
+        nonlocal stopped
+        stopped = stopped or wait()
+        return stopped
+
+    while not stopped:
+        try:
+            file = path.open("rb")
+        except OSError:  # between two of one name
+            pause()
+            continue
+        with file:
+            text = _whole_lines(file, path, pause)
+            if first := next(text, ""):
+                yield itertools.chain([first], text)
+
+
+def _whole_lines(file: BinaryIO, path: Path, pause: Wait) -> Iterator[str]:
+    """Yield what is new of a file in whole lines, until it is another file or to stop."""
+    rest, enough = b"", False
+    while True:
+        new = file.read(PIECE_BYTES)
+        rest += new
+        end = rest.rfind(b"\n") + 1
+        enough = enough or len(_LINE.findall(rest)) >= ENOUGH_LINES
+        if enough and end:
+            yield rest[:end].decode("utf-8-sig", errors="replace")
+            rest = rest[end:]
+        if not new and (is_another(path, file, file.tell()) or pause()):
+            return
+
+
+def is_another(path: Path, file: BinaryIO, least_bytes: int) -> bool:
+    """Whether a file, open, was truncated below a size, or another has taken its name."""
+    ours = os.fstat(file.fileno())
+    try:
+        now = path.stat()
+    except OSError:
+        return False  # taken away; the next may come
+    return now.st_ino != ours.st_ino or now.st_size < least_bytes

@@ -1,0 +1,73 @@
+"""Somebody's live reference, under a name of one's own: checked, on an axis of one's own."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rsenf.messages import ReferenceBlock
+from rsenf.reference.live.growing import Growing
+from rsenf.reference.notes import Notes
+from rsenf.reference.plausible import NOMINALS_HZ, without_outliers
+from rsenf.timebase import NS_PER_S
+
+MAX_SAMPLES = 1_000_000  # of a message
+MAX_STEP_NS = 60 * NS_PER_S
+
+
+class RelayedReference:
+    """From a reference to a reference. A :class:`rsenf.stage.Stage`.
+
+    Blocks that can't be a grid's frequency, tell no time, or are of another step than the first
+    are left out and counted.
+
+    Parameters
+    ----------
+    grid : str
+        What to call it.
+    run_id : str
+        Identity of the run.
+    nominal_hz : float, optional
+        What it must be; 50 or 60, as the first block says, when not given.
+
+    Attributes
+    ----------
+    notes : Notes
+        What was left out.
+    """
+
+    def __init__(self, grid: str, run_id: str = "", nominal_hz: float | None = None) -> None:
+        self._grid, self._run_id, self._nominal_hz = grid, run_id, nominal_hz
+        self._growing: Growing | None = None
+        self.notes = Notes()
+
+    def update(self, message: ReferenceBlock) -> list[ReferenceBlock]:
+        """Take a block; return it as one of this reference."""
+        if why := self._why_not(message):
+            self.notes.count(f"blocks left out: {why}", 1)
+            return []
+        if self._growing is None:
+            self._nominal_hz = message.nominal_hz
+            self._growing = Growing(self._grid, message.step_ns / NS_PER_S, self._run_id)
+        index = np.arange(message.first, message.first + message.samples)
+        freq_hz = without_outliers(message.freq_hz, message.nominal_hz, self.notes)
+        t_ns = message.t0_ns + index * message.step_ns
+        return self._growing.stamped(t_ns, freq_hz, message.nominal_hz)
+
+    def flush(self) -> list[ReferenceBlock]:
+        """Return nothing: each sample is told when it comes."""
+        return []
+
+    def _why_not(self, block: ReferenceBlock) -> str:
+        if block.t0_ns <= 0:
+            return "they tell no time"
+        if block.nominal_hz not in NOMINALS_HZ or self._nominal_hz not in (None, block.nominal_hz):
+            return "they are of another nominal frequency"
+        if not 0 < block.step_ns <= MAX_STEP_NS:
+            return "the time between their samples can't be"
+        if self._growing and block.step_ns != self._growing.step_ns:
+            return "the time between their samples changes"
+        if not 0 < block.samples == block.freq_hz.size <= MAX_SAMPLES or block.first < 0:
+            return "their samples can't be counted"
+        if block.t0_ns + (block.first + block.samples) * block.step_ns > 2**63 - 1:
+            return "they are of no time that can be"
+        return ""

@@ -1,0 +1,141 @@
+"""References that go on, on the bus: who measures them, and the loop that publishes them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rsenf.bus.keys import camera_key
+from rsenf.config.graph import ReferenceNode
+from rsenf.messages import Header, Mark, ReferenceBlock
+from rsenf.reference.live import (
+    CameraReference,
+    Growing,
+    RelayedReference,
+    SoundReference,
+    follow_table,
+    follow_wav,
+)
+from rsenf.reference.notes import Notes
+from rsenf.reference.options import ReadOptions
+from rsenf.run.node import NodeProcess
+from rsenf.run.pump import Lane, pump
+from rsenf.run.runner import Runner
+from rsenf.run.sound_card import listen
+from rsenf.stage import Stage
+
+POLL_S = 0.25  # how often a file is looked at
+
+
+def publish_feed(node: NodeProcess) -> None:
+    """Publish what goes on measuring, until it ends or the node is told to stop.
+
+    Raises
+    ------
+    UsageError
+        When it can't be opened.
+    """
+    config: ReferenceNode = node.config
+    kind, name = config.feed
+    site, grid = node.graph.site, config.grid
+    if kind == "camera":
+        step_s = config.step_s or 1.0
+        senders = {
+            camera_key(site, name, topic): node.sender_of(topic, name)
+            for topic in ("rows", "track")
+        }
+        _relay(node, senders, CameraReference(grid, step_s, node.run_id), Notes())
+    elif kind == "topic":
+        site, grid_there = name.split("/")[1::2]
+        sender = node.sender_of("reference", grid_there) if site == node.graph.site else ""
+        stage = RelayedReference(grid, node.run_id, config.nominal_hz)
+        _relay(node, {name: sender}, stage, stage.notes)
+    elif kind == "sound":
+        _publish(node, _heard(node, config, name))
+    else:
+        _publish(node, _grown(node, config))
+
+
+@dataclass(kw_only=True)
+class _NotedLane(Lane):
+    """A lane whose stage notes what it leaves out, for the node's state."""
+
+    node: NodeProcess
+    notes: Notes
+    _said: str = ""
+
+    def send(self, messages: Iterable[Any]) -> None:
+        """Send messages; say what is new to be noted."""
+        super().send(messages)
+        noted = "; ".join(self.notes.lines)
+        if noted != self._said:
+            self._said = noted
+            self.node.say("running", noted)
+
+
+def _relay(node: NodeProcess, senders: dict[str, str], stage: Stage, notes: Notes) -> None:
+    """Turn other topics into the reference; each by its key and the node that sends it."""
+    lane = _NotedLane(
+        # The reference goes on through the others' epochs: it is one stage for all of them.
+        Runner("reference", lambda: stage, inputs=len(senders)),
+        node.reference_publisher(node.config.grid),
+        {node.subscribe(key): sender for key, sender in senders.items()},
+        node=node,
+        notes=notes,
+    )
+    node.ready()
+    pump(node, [lane])
+
+
+def _publish(node: NodeProcess, blocks: Iterable[ReferenceBlock]) -> None:
+    """Publish blocks as they come, then an END mark."""
+    grid = node.config.grid
+    publisher = node.reference_publisher(grid)
+    node.ready()
+    header = Header(run_id=node.run_id, source=f"reference/{grid}", seq=-1)
+    for block in blocks:
+        header = block.header
+        node.note_input(header)
+        publisher.send(block)
+    publisher.send(ReferenceBlock(header=header.numbered(header.seq + 1, Mark.END)))
+
+
+def _grown(node: NodeProcess, config: ReferenceNode) -> Iterator[ReferenceBlock]:
+    """Return what a file holds, and goes on to hold."""
+    path, grid, nominal_hz = Path(config.input), config.grid, config.nominal_hz
+
+    def wait() -> bool:
+        return node.stop.wait(POLL_S)
+
+    if path.suffix.lower() == ".wav":
+        return follow_wav(path, grid, nominal_hz, wait, node.run_id)
+    options = ReadOptions(
+        timezone=config.timezone,
+        step_s=config.step_s,
+        column=config.column,
+        nominal_hz=nominal_hz,
+        stamp=config.stamp,
+    )
+    return follow_table(path, grid, options, wait, node.run_id)
+
+
+def _heard(node: NodeProcess, config: ReferenceNode, device: str) -> Iterator[ReferenceBlock]:
+    """Yield what a sound card hears, and say by which tone."""
+    growing = Growing(config.grid, run_id=node.run_id)
+    reference: SoundReference | None = None
+    tone = ""
+
+    def say(line: str) -> None:
+        node.say("running", line)
+
+    for sound in listen(device, node.stop, say):
+        if reference is None:
+            reference = SoundReference(growing, sound.rate_hz, config.nominal_hz)
+        elif sound.after_loss:
+            reference.lost()
+        yield from reference.take(sound.samples, sound.arrival_ns)
+        if reference.tone != tone:
+            tone = reference.tone
+            say(f"{tone} heard")

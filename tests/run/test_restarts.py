@@ -1,0 +1,269 @@
+"""Nodes that die or hang are started again: when, how often, and what the others make of it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from typing import Any
+
+import pytest
+from conftest import Film, Graphs
+from live_run import LiveRun
+from run_samples import GRAPH, block, node_on
+
+from rsenf.bus.delivery import SIGNALS
+from rsenf.bus.inbox import Inbox
+from rsenf.bus.keys import alive_key, camera_key, health_key
+from rsenf.bus.loopback import Loopback
+from rsenf.config import Graph
+from rsenf.config.graph import RecordNode
+from rsenf.config.supervised import Restart
+from rsenf.errors import EXIT_FAILED, EXIT_USAGE
+from rsenf.messages import Header, Health
+from rsenf.record import open_recording
+from rsenf.run.graph_run import GraphRun
+from rsenf.run.node_state import NodeState
+from rsenf.run.outlets import _Departed
+from rsenf.run.recording import of_run
+from rsenf.run.restarts import FIRST_WORD_S, Restarts
+from rsenf.run.revival import Revival
+
+RULE = {"limit": 2, "within_s": 60, "backoff_s": 1, "backoff_max_s": 3, "silent_s": 5}
+AGAIN = {**GRAPH, "restart": RULE}
+
+
+def test_pauses_grow_and_end_with_the_limit() -> None:
+    restarts = Restarts(Restart(limit=4, within_s=60, backoff_s=1, backoff_max_s=3))
+    assert [restarts.pause_s(t, -9) for t in (0, 1, 2, 3, 4)] == [1, 2, 3, 3, None]
+    assert restarts.pause_s(61.5, -9) == 3  # two of the four are long past
+    assert restarts.count == 5
+
+
+def test_what_is_wrongly_set_up_is_not_tried_again() -> None:
+    assert Restarts(Restart()).pause_s(0, EXIT_USAGE) is None
+    assert Restarts(Restart()).pause_s(0, EXIT_FAILED) == 0.5
+    assert Restarts(None).pause_s(0, EXIT_FAILED) is None
+
+
+def test_a_node_has_its_own_rule_or_the_graphs() -> None:
+    own = {"kind": "rows", "cameras": ["cam"], "restart": {"limit": 9}}
+    graph = Graph.model_validate({**AGAIN, "nodes": {**GRAPH["nodes"], "rows": own}})  # type: ignore[dict-item]
+    limits = [rule.limit if (rule := graph.restart_of(n)) else None for n in ("rows", "track")]
+    assert limits == [9, 2]
+    assert Graph.model_validate(GRAPH).restart_of("rows") is None
+
+
+class Process:
+    """Stands for a node's process."""
+
+    def __init__(self, pid: int) -> None:
+        self.pid, self.code, self.signals = pid, None, list[int]()
+
+    def poll(self) -> int | None:
+        return self.code
+
+    def send_signal(self, number: int) -> None:
+        self.signals.append(number)
+
+
+class Run:
+    """A run of the graph with a clock and processes of its own."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now_s, self.started = 0.0, list[str]()
+        graph = Graph.model_validate(AGAIN)
+        self.nodes = {name: NodeState(name, config.kind) for name, config in graph.nodes.items()}
+        self.network = Loopback()
+        self.run = GraphRun(graph, "r", "", self.nodes, lambda node: None, self._spawn)
+        self.run._revival = Revival(graph, self.nodes, self._spawn, lambda: self.now_s)
+        self.run.listen_to(self.network.bus("supervisor"))
+        monkeypatch.setattr("rsenf.run.graph_run.POLL_S", 0.0)
+        self.run.start()
+        self.seq = 0
+
+    def _spawn(self, node: NodeState) -> Any:
+        self.started.append(node.name)
+        return Process(100 + len(self.started))
+
+    def word(self, name: str, state: str = "running") -> None:
+        process = self.nodes[name].process
+        assert process is not None
+        bus, self.seq = self.network.bus(name), self.seq + 1
+        said = Health(
+            header=Header(run_id="r", seq=self.seq), node=name, state=state, pid=process.pid
+        )
+        bus.publisher(health_key("lab", name), SIGNALS).send(said)
+        self.run.watch(0)
+
+    def after(self, seconds: float) -> None:
+        """Let time pass in steps that are none of a supervisor that is held up."""
+        for _ in range(round(seconds * 2)):
+            self.now_s += 0.5
+            self.run.watch(0)
+
+    def dies(self, name: str, code: int = -9) -> None:
+        self.nodes[name].process.code = code  # type: ignore[union-attr, assignment]
+        self.run.watch(0)
+
+
+@pytest.fixture
+def supervised(monkeypatch: pytest.MonkeyPatch) -> Run:
+    run = Run(monkeypatch)
+    for name in run.nodes:
+        run.word(name)
+    run.started.clear()
+    return run
+
+
+def test_a_dead_node_is_started_again_until_the_limit(supervised: Run) -> None:
+    peers = node_on(supervised.network, "match", AGAIN).peers
+    token = supervised.network.bus("track")
+    token.declare_alive(alive_key("lab", "track"))
+    token.close()
+    supervised.dies("track")
+    assert supervised.nodes["track"].state == "restarting"
+    supervised.after(1.5)
+    assert supervised.started == ["track"]
+    assert (supervised.nodes["track"].state, supervised.nodes["track"].restarts) == ("starting", 1)
+    assert peers.gone_for_s("track") == 0  # it comes back
+    supervised.dies("track", EXIT_FAILED)
+    supervised.after(2.5)
+    assert supervised.started == ["track", "track"]
+    supervised.dies("track")
+    assert supervised.nodes["track"].state == "lost"
+    assert not supervised.run.never_began
+    supervised.after(10)
+    assert len(supervised.started) == 2
+    deadline = time.monotonic() + 20
+    while peers.gone_for_s("track") == 0:  # told that it doesn't
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_words_of_the_process_before_are_not_taken_for_the_new_ones(supervised: Run) -> None:
+    supervised.dies("track")
+    supervised.after(1.5)
+    late = Health(header=Header(run_id="r", seq=99), node="track", state="running", pid=103)
+    supervised.network.bus("x").publisher(health_key("lab", "track"), SIGNALS).send(late)
+    supervised.run.watch(0)
+    assert supervised.nodes["track"].state == "starting"
+
+
+def test_a_reference_that_was_sent_whole_is_sent_again_to_who_needs_it(supervised: Run) -> None:
+    supervised.word("grid", "done")
+    supervised.dies("grid", 0)
+    supervised.dies("track")
+    supervised.after(1.5)
+    assert supervised.started == ["track"]
+    supervised.dies("match")
+    supervised.after(1.5)
+    assert supervised.started == ["track", "match", "grid"]
+
+
+def test_only_the_first_that_falls_silent_is_killed(supervised: Run) -> None:
+    for _ in range(4):
+        for name in set(supervised.nodes) - {"record"}:
+            supervised.word(name)
+        supervised.after(1)
+    supervised.after(1.5)  # the others wait for it, and have been silent for a while too
+    signals = {n.name: n.process.signals for n in supervised.nodes.values()}  # type: ignore[union-attr]
+    assert signals == {**{name: [] for name in supervised.nodes}, "record": [signal.SIGKILL]}
+    supervised.after(3)
+    assert signals["record"] == [signal.SIGKILL]
+
+
+def test_a_supervisor_that_was_held_up_kills_nobody(supervised: Run) -> None:
+    supervised.now_s += 100
+    supervised.run.watch(0)
+    assert not any(n.process.signals for n in supervised.nodes.values())  # type: ignore[union-attr]
+
+
+def test_a_node_may_take_long_until_its_first_word(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Run(monkeypatch)
+    run.after(FIRST_WORD_S)
+    assert not any(n.process.signals for n in run.nodes.values())  # type: ignore[union-attr]
+    run.after(RULE["silent_s"] + 1)
+    assert sum(len(n.process.signals) for n in run.nodes.values()) == 1  # type: ignore[union-attr]
+
+
+def test_a_node_started_again_numbers_its_messages_as_another_run() -> None:
+    network, inbox = Loopback(), Inbox()
+    key = camera_key("lab", "cam", "rows")
+    network.bus("listener").subscribe(inbox, key, SIGNALS)
+    for restarts, first in ((0, 7), (2, 0)):
+        node = node_on(network, "rows", restarts=restarts)
+        publisher = node.publisher("cam", "rows")
+        for seq in (first, first + 1):
+            publisher.send(block(seq))
+    runs = [
+        (r.message.header.run_id, r.message.header.seq)
+        for r in iter(lambda: inbox.receive(0), None)
+    ]
+    assert runs == [("r", 7), ("r", 8), ("r.rows2", 0), ("r.rows2", 1)]
+    assert inbox.counters.duplicates == inbox.counters.missed == 0
+
+
+def test_a_node_started_again_does_not_wait_for_those_that_have_ended(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("rsenf.run.node.PATIENCE_S", 0.05)
+    node = node_on(Loopback(), "decode", AGAIN, restarts=1, gone=["grid"])
+    node.wait_for_peers()
+    assert node.peers.gone_for_s("grid") > 0
+    assert node.peers.gone_for_s("track") == 0
+
+
+def test_planes_that_a_reader_took_along_are_taken_back_once() -> None:
+    network = Loopback()
+    departed = _Departed(node_on(network, "decode", AGAIN).peers, "rows")
+    for again in (False, True):
+        rows = network.bus("rows")
+        rows.declare_alive(alive_key("lab", "rows"))
+        assert [departed(), departed()] == [again, False]
+        rows.close()
+    assert departed()
+    assert departed()
+
+
+def test_a_recorder_started_again_leaves_its_file_alone() -> None:
+    config = RecordNode(kind="record", out="/data/site.mcap", overwrite=True)
+    assert of_run(config, 0).out == "/data/site.mcap"
+    assert of_run(config, 2).out == "/data/site.2.mcap"
+    archive = RecordNode(kind="record", archive="/data")
+    assert of_run(archive, 2) is archive
+
+
+@pytest.mark.processes
+def test_killed_and_hung_nodes_come_back_and_the_stream_goes_on(
+    film: Film, graphs: Graphs, live_run: type[LiveRun]
+) -> None:
+    path = graphs.write(film, pace=True)
+    rule = "restart: {backoff_s: 0.1, silent_s: 3}\nnodes:"
+    path.write_text(path.read_text().replace("nodes:", rule, 1))
+    nodes = ("decode", "rows", "track", "idle", "match", "record")
+    run = live_run(path).until("running", *nodes).until("done", "grid")
+    first, deadline = dict(run.pids), time.monotonic() + 60
+    os.kill(first["idle"], signal.SIGSTOP)
+    for name in ("rows", "match", "record", "decode", "idle"):
+        if name != "idle":
+            os.kill(first[name], signal.SIGKILL)
+        while run.pids[name] == first[name]:
+            time.sleep(0.05)
+            assert time.monotonic() < deadline, "\n".join(run.lines)
+    time.sleep(2.0)
+    run.interrupt()
+    said = "\n".join(run.lines)
+    assert run.process.returncode == 0, said
+    assert "idle: restarting killed by signal 9; started again in 0.1 s, 1 of 5 within 300" in said
+    # The recorder left its first file, whose last words are lost, and went on in another.
+    assert not open_recording(graphs.out).complete
+    after = open_recording(graphs.folder / "out.1.mcap")
+    assert after.complete
+    runs: dict[str, list[str]] = {}
+    for topic, message, _ in after.messages():
+        runs.setdefault(topic.split("/")[-1], []).append(message.header.run_id.partition(".")[2])
+    assert runs["frames"][-1] == "decode1"
+    assert runs["rows"][-1] == "decode1.rows1"
+    assert runs["track"][-1] == "decode1.rows1"
+    assert runs["match"][-1].endswith("match1")
