@@ -16,6 +16,10 @@ Within a frame the rows follow each other: row ``l`` begins ``l`` line times aft
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from datetime import datetime
 
 NS_PER_S = 1_000_000_000
 
@@ -42,6 +46,14 @@ def seconds(t_ns: int) -> float:
 def nanoseconds(t_s: float) -> int:
     """Seconds as nanoseconds, rounded to the nearest."""
     return round(t_s * NS_PER_S)
+
+
+def since_1970_ns(moment: datetime) -> int:
+    """A moment as ns since 1970; UTC unless it tells its zone."""
+    from datetime import UTC, datetime, timedelta
+
+    moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+    return (moment - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
 
 
 def utc_text(t_ns: int) -> str | None:

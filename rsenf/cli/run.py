@@ -60,6 +60,11 @@ def run(args: argparse.Namespace) -> int:
                 note(line)
         for source, estimate in running.idle.items():
             print(f"{source}: {idle_words(estimate)}")
+        for source, verdict in running.live.items():
+            print(f"{source}: {verdict.in_short}")
+        for source, alarms in running.alarms.items():
+            for alarm in alarms:
+                print(f"{source}: {alarm.in_short}")
         for source, told in running.discovered.items():
             print(f"{source}: {told.in_short}")
     if failure:
@@ -72,6 +77,7 @@ def run(args: argparse.Namespace) -> int:
 def _as_json(running: GraphRun) -> dict[str, Any]:
     from rsenf.report.discovery import watch_json
     from rsenf.report.idle import idle_json
+    from rsenf.report.liveness import alarm_json, live_json
     from rsenf.report.verdict import verdict_json
 
     return {
@@ -87,6 +93,11 @@ def _as_json(running: GraphRun) -> dict[str, Any]:
         "idle": {
             source: idle_json(estimate, list(estimate.warnings))
             for source, estimate in running.idle.items()
+        },
+        "live": {source: live_json(verdict) for source, verdict in running.live.items()},
+        "alarms": {
+            source: [alarm_json(alarm) for alarm in alarms]
+            for source, alarms in running.alarms.items()
         },
         "discover": {source: watch_json(told) for source, told in running.discovered.items()},
     }

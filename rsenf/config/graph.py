@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from datetime import datetime
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import (
@@ -28,9 +29,11 @@ from rsenf.bus.keys import (
 from rsenf.config.supervised import Restart, Strict, Supervised
 from rsenf.discrepancy.settings import WatchSettings
 from rsenf.idle.settings import IdleSettings
+from rsenf.live.settings import LiveSettings
 from rsenf.match.settings import MatchSettings
 from rsenf.record.settings import AlarmSettings, DiskLimits, Retention, Rotation
 from rsenf.rows.settings import RowsSettings
+from rsenf.timebase import since_1970_ns
 from rsenf.track.settings import TrackSettings
 
 N = TypeVar("N")
@@ -244,6 +247,23 @@ class MatchNode(Supervised):
     match: MatchSettings = MatchSettings()
 
 
+class LiveNode(Supervised):
+    """Tells whether feeds are live: whether their flicker follows the grid now."""
+
+    kind: Literal["live"]
+    cameras: tuple[Camera, ...] = Field(min_length=1)
+    grid: Name
+    start: datetime | None = Field(
+        None, description="when a file's or a simulation's first picture was taken, UTC"
+    )
+    live: LiveSettings = LiveSettings()
+
+    @property
+    def start_utc_ns(self) -> int:
+        """The same in ns since 1970; 0 to go by when pictures arrive."""
+        return since_1970_ns(self.start) if self.start else 0
+
+
 class RecordNode(Supervised):
     """Writes topics to an MCAP file, or to an archive of such files."""
 
@@ -293,6 +313,7 @@ Node = Annotated[
     | DiscoverNode
     | ReferenceNode
     | MatchNode
+    | LiveNode
     | RecordNode
     | FoxgloveNode
     | DashboardNode,
@@ -332,12 +353,19 @@ def outputs(node: Any) -> list[tuple[str, str]]:
         return [(REFERENCE, b) if a == REFERENCE else (b, a) for a, b in sent]
     if isinstance(node, RowsNode | TrackNode | IdleNode | DiscoverNode | MatchNode):
         return [(node.kind, camera) for camera in node.cameras]
+    if isinstance(node, LiveNode):
+        return [(topic, camera) for camera in node.cameras for topic in ("live", "alarm")]
     return []
 
 
 def sender_of(graph: Graph, topic: str, name: str) -> str:
     """Node that sends a camera's topic or a grid's reference; '' when none of this graph does."""
     return next((n for n, node in graph.nodes.items() if (topic, name) in outputs(node)), "")
+
+
+def beside_rows(graph: Graph, camera: str) -> list[str]:
+    """Topics of a camera, beside its rows, that its liveness is judged by: those that are sent."""
+    return ["track", *(["idle"] if sender_of(graph, "idle", camera) else [])]
 
 
 def reader_of_frames(graph: Graph, camera: str) -> str:

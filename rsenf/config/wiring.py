@@ -14,6 +14,7 @@ from rsenf.config.graph import (
     FoxgloveNode,
     Graph,
     IdleNode,
+    LiveNode,
     MatchNode,
     Node,
     RecordNode,
@@ -156,7 +157,11 @@ def _unfed(graph: Graph, node: Node) -> Iterator[tuple[str, str]]:
         for camera in node.cameras:
             if not sender_of(graph, topic, camera):
                 yield "cameras", f"nobody sends the {topic} of camera {camera!r}"
-    if isinstance(node, MatchNode) and not sender_of(graph, "reference", node.grid):
+    if isinstance(node, LiveNode):
+        for camera, topic in ((c, t) for c in node.cameras for t in ("rows", "track")):
+            if not sender_of(graph, topic, camera):
+                yield "cameras", f"nobody sends the {topic} of camera {camera!r}"
+    if isinstance(node, MatchNode | LiveNode) and not sender_of(graph, "reference", node.grid):
         yield "grid", f"nobody sends the reference {node.grid!r}"
     if isinstance(node, ReferenceNode) and node.feed[0] == "camera":
         camera = node.feed[1]
