@@ -158,4 +158,7 @@ def _phase_of(estimate: EnfEstimate) -> Phase | None:
     own = float(estimate.amplitude_var_re[0] + estimate.amplitude_var_im[0]) / 2.0
     if not (power > 0.0 and math.isfinite(own)):
         return None
-    return Phase(int(estimate.amplitude_pts_ns[0]), math.atan2(im, re), own / power)
+    # Of the stream's clock, not of where its tracker began: that may be started again.
+    turns = round(estimate.carrier_hz) * estimate.origin_pts_ns % NS_PER_S / NS_PER_S
+    rad = math.remainder(math.atan2(im, re) - math.tau * turns, math.tau)
+    return Phase(int(estimate.amplitude_pts_ns[0]), rad, own / power)
