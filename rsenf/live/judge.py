@@ -104,7 +104,8 @@ class Judge:
         nats = self.evidence.nats
         if self.standing == "live":
             course = self.evidence.course
-            text = f"follows {self._grid.name}, {course.lag_s:+.1f} ± {course.lag_std_s:.1f} s late"
+            lag = f"{course.lag_s:+.1f} ± {course.lag_std_s:.1f} s"
+            text = f"follows {self._grid.name} at a lag of {lag}"
             return "live", f"{text}, clock {course.clock_ppm:+.1f} ± {course.clock_std_ppm:.1f} ppm"
         if self.standing == "stale":
             return "stale", f"does not follow {self._grid.name} now{self._story()}"
