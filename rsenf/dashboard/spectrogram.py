@@ -89,7 +89,10 @@ class Spectrogram:
         since_ns = now_ns - round(WINDOW_S * NS_PER_S)
         while self._series and self._series[0][0] < since_ns:
             self._series.popleft()
-        self.centre_pts_ns = (self._series[0][0] + now_ns) // 2
+        self.centre_pts_ns = now_ns - round(WINDOW_S * NS_PER_S / 2)
+        if self._series[0][0] - since_ns > NS_PER_S:
+            self.columns.add_blank(int(due))  # the window isn't full yet
+            return
         if has_gap:
             self.columns.add_blank(int(due) - 1)
             due = 1
