@@ -57,7 +57,17 @@ ALLOWED: dict[str, set[str]] = {
         "run",
         "discrepancy",
     },
-    "bench": {*BASE, *SIGNAL, "discrepancy", "config", "record", "reference", "report", "run"},
+    "bench": {
+        *BASE,
+        *SIGNAL,
+        "live",
+        "discrepancy",
+        "config",
+        "record",
+        "reference",
+        "report",
+        "run",
+    },
     "cli": {
         *BASE,
         *SIGNAL,

@@ -24,6 +24,7 @@ VERBS = {
     "verify": "when was this video taken? Compare its ENF with a grid reference",
     "track": "print the ENF of a video, one value a second",
     "idle": "estimate a camera's idle period and read-out time, or compare two recordings'",
+    "live": "was this feed live? Its flicker against the grid, second by second",
     "tables": "print the paper's idle tables and line figures, with its errata and a simulation",
     "reference": "keep years of grid frequency in a store: import, list, info, export",
     "discover": "find what a model of the capture lacks of a recording, and add it",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rsenf.config import redact
 from rsenf.dashboard.enf_series import EnfSeries, Point
-from rsenf.dashboard.plain import in_ms, rounded
+from rsenf.dashboard.plain import in_ms, rounded, sensible
 from rsenf.dashboard.preview import Preview
 from rsenf.dashboard.references import References
 from rsenf.dashboard.row_strip import RowStrip
@@ -32,6 +32,7 @@ from rsenf.record.timeline import Timeline
 from rsenf.timebase import NS_PER_S
 
 KEPT_STREAMS = 20
+LONGEST_LAG_S = 1e9  # some thirty years
 
 
 class Feed:
@@ -109,20 +110,22 @@ class Feed:
         if message.rank:
             return
         self._enf = message
-        if math.isfinite(message.nominal_hz):
+        if 40 < message.nominal_hz < 70:
             self.spectrogram.nominal_hz = message.nominal_hz
         header = message.header
         start_ns = self.timeline.log_time_ns(EnfEstimate, header) - header.pts_ns
-        self._first_frame_ns = start_ns + message.origin_pts_ns
+        self._first_frame_ns = sensible(start_ns + message.origin_pts_ns)
         centre_ns = start_ns + (message.start_pts_ns + message.end_pts_ns) // 2
         nan = float("nan")
+        if not sensible(centre_ns):
+            return
         enf_hz, var = (message.enf_hz, message.enf_var_hz2) if message.usable else (nan, nan)
         std_hz = math.sqrt(var) if var >= 0 else nan
         self.series.add(Point(centre_ns, enf_hz, std_hz, message.snr_db))
 
     def _take_idle(self, message: IdleEstimate) -> None:
         self._idle = message
-        if message.verdict == "estimated":
+        if message.verdict == "estimated" and 0 <= message.idle_ratio < 1:
             sign = -1.0 if message.direction == "reverse" else 1.0
             self.spectrogram.read_out_ratio = sign * (1.0 - message.idle_ratio)
 
@@ -202,6 +205,8 @@ class Feed:
             return *by_clock, "clock"
         match = self._match
         if match is None or match.decision != "match" or not self._first_frame_ns:
+            return None
+        if not abs(match.lag_s) < LONGEST_LAG_S:
             return None
         return match.grid, self._first_frame_ns - round(match.lag_s * 1e9), "match"
 

@@ -12,6 +12,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.dashboard.row_strip import row_level
 from rsenf.dashboard.tail import BLANK, Columns
 from rsenf.messages import RowBlock
 from rsenf.timebase import NS_PER_S
@@ -56,10 +57,9 @@ class Spectrogram:
 
     def update(self, block: RowBlock) -> None:
         """Take a block in, and draw what seconds it completes."""
-        level = np.asarray(block.level, np.float64).reshape(block.frames, block.rows, -1)
+        level = row_level(block)
         if not level.size:
             return
-        level = np.nan_to_num(level.mean(axis=2))
         mean = level.mean(axis=0)
         if self._base is None or self._base.size != mean.size:
             self._base = mean
@@ -89,7 +89,10 @@ class Spectrogram:
         since_ns = now_ns - round(WINDOW_S * NS_PER_S)
         while self._series and self._series[0][0] < since_ns:
             self._series.popleft()
-        self.centre_pts_ns = (self._series[0][0] + now_ns) // 2
+        self.centre_pts_ns = now_ns - round(WINDOW_S * NS_PER_S / 2)
+        if self._series[0][0] - since_ns > NS_PER_S:
+            self.columns.add_blank(int(due))  # the window isn't full yet
+            return
         if has_gap:
             self.columns.add_blank(int(due) - 1)
             due = 1

@@ -7,12 +7,8 @@ beyond that.
 
 from __future__ import annotations
 
-from collections import deque
-
 from rsenf.messages import Header
-from rsenf.timebase import nanoseconds
-
-SPAN_NS = nanoseconds(60.0)
+from rsenf.timebase import ArrivalClock
 
 
 class HostTime:
@@ -28,12 +24,12 @@ class HostTime:
     def __init__(self, start_utc_ns: int = 0) -> None:
         self._start_ns = start_utc_ns
         self._offset_ns: int | None = None
-        self._least: deque[tuple[int, int]] = deque()  # time and offset, both rising
+        self._arrivals = ArrivalClock()
         self._begun_ns: int | None = None  # arrival of the first picture of all
 
     def begin(self, header: Header) -> None:
         """Begin an epoch: the stream's clock may have been set anew."""
-        self._least.clear()
+        self._arrivals = ArrivalClock()
         self._offset_ns = None
         if not self._start_ns:
             return
@@ -46,16 +42,8 @@ class HostTime:
         """Take in when something arrived, or what the camera's clock said."""
         if self._start_ns:
             return
-        came_ns = header.arrival_time_ns or header.camera_time_ns
-        if not came_ns:
-            return
-        offset_ns = came_ns - header.pts_ns
-        while self._least and self._least[-1][1] >= offset_ns:
-            self._least.pop()
-        self._least.append((header.pts_ns, offset_ns))
-        while self._least[0][0] < header.pts_ns - SPAN_NS:
-            self._least.popleft()
-        self._offset_ns = self._least[0][1]
+        self._arrivals.note(header.pts_ns, header.arrival_time_ns or header.camera_time_ns)
+        self._offset_ns = self._arrivals.offset_ns
 
     @property
     def offset_ns(self) -> int | None:

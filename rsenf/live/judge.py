@@ -104,7 +104,8 @@ class Judge:
         nats = self.evidence.nats
         if self.standing == "live":
             course = self.evidence.course
-            text = f"follows {self._grid.name}, {course.lag_s:+.1f} ± {course.lag_std_s:.1f} s late"
+            lag = f"{course.lag_s:+.1f} ± {course.lag_std_s:.1f} s"
+            text = f"follows {self._grid.name} at a lag of {lag}"
             return "live", f"{text}, clock {course.clock_ppm:+.1f} ± {course.clock_std_ppm:.1f} ppm"
         if self.standing == "stale":
             return "stale", f"does not follow {self._grid.name} now{self._story()}"
@@ -158,4 +159,7 @@ def _phase_of(estimate: EnfEstimate) -> Phase | None:
     own = float(estimate.amplitude_var_re[0] + estimate.amplitude_var_im[0]) / 2.0
     if not (power > 0.0 and math.isfinite(own)):
         return None
-    return Phase(int(estimate.amplitude_pts_ns[0]), math.atan2(im, re), own / power)
+    # Of the stream's clock, not of where its tracker began: that may be started again.
+    turns = round(estimate.carrier_hz) * estimate.origin_pts_ns % NS_PER_S / NS_PER_S
+    rad = math.remainder(math.atan2(im, re) - math.tau * turns, math.tau)
+    return Phase(int(estimate.amplitude_pts_ns[0]), rad, own / power)

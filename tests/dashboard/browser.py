@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import json
 import shutil
 import subprocess
@@ -37,6 +38,7 @@ class Browser:
         self.complaints: list[str] = []
         self.requests: list[str] = []
         self._number = 0
+        self._open = contextlib.ExitStack()
         self._folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         words = [
             chromium(), "--headless=new", "--no-sandbox", "--disable-gpu", "--mute-audio",
@@ -59,7 +61,9 @@ class Browser:
         port = port_file.read_text().split()[0]
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/json", timeout=10) as answer:
             pages = [p for p in json.load(answer) if p["type"] == "page"]
-        self._socket = connect(pages[0]["webSocketDebuggerUrl"], max_size=None)
+        # What it tells waits until something is asked: no reason to hang up.
+        opened = connect(pages[0]["webSocketDebuggerUrl"], max_size=None, ping_interval=None)
+        self._socket = self._open.enter_context(opened)
         for domain in ("Page", "Runtime", "Log", "Network", "Performance"):
             self.call(f"{domain}.enable")
         return self
@@ -70,7 +74,7 @@ class Browser:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._socket.close()
+        self._open.close()
         self._process.terminate()
         try:
             self._process.wait(5)

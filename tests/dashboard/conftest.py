@@ -10,6 +10,7 @@ from messages_of import SITE, Camera, grid_hz
 
 from rsenf.bus.delivery import LOOKING, SIGNALS
 from rsenf.bus.inbox import Inbox
+from rsenf.bus.keys import health_key
 from rsenf.bus.loopback import Loopback
 from rsenf.dashboard.server import DashboardServer
 from rsenf.dashboard.site import Site
@@ -25,7 +26,8 @@ class Served:
         self.site = Site(wiring, time.time_ns)
         network = Loopback()
         self._bus, self._inbox = network.bus("sender"), Inbox()
-        network.bus("dashboard").subscribe(self._inbox, f"rsenf/{SITE}/**", LOOKING)
+        for key_expr in (f"rsenf/{SITE}/**", health_key(SITE, "*")):
+            network.bus("dashboard").subscribe(self._inbox, key_expr, LOOKING)
         self._publishers = {}
         self.server = DashboardServer(self.site, "127.0.0.1", 0)
 

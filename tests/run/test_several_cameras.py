@@ -5,7 +5,9 @@ from __future__ import annotations
 import base64
 import json
 import os
+import re
 import time
+import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import quote
@@ -38,6 +40,7 @@ nodes:
   shut: {kind: decode, camera: shut, input: "${SHUT}", threads: 1, frames: fused,
          wait_for_source: true, backoff_initial_s: 0.2, backoff_max_s: 0.5}
   track: {kind: track, cameras: [door, yard, shut]}
+  page: {kind: dashboard, port: 0}
   record: {kind: record, out: "${OUT}"}
 """
 
@@ -77,6 +80,20 @@ def contents(recording: Path) -> Iterator[bytes]:
         yield from (found.data for found in reader.iter_attachments())
 
 
+def shown(said: str) -> bytes:
+    """What the dashboard serves: its page, and what it tells a browser that looks at a camera."""
+    client = pytest.importorskip("websockets.sync.client")
+    found = re.search(r"http://[\d.:]+/", said)
+    assert found is not None, said
+    with urllib.request.urlopen(found[0], timeout=20) as page:
+        parts = [page.read()]
+    with client.connect(found[0].replace("http", "ws") + "news") as socket:
+        for camera in ("door", "shut"):
+            socket.send(json.dumps({"feed": f"lab/{camera}"}))
+            parts += [str(socket.recv(timeout=20)).encode() for _ in range(2)]
+    return b"\n".join(parts)
+
+
 def until(inbox: Inbox, camera: str, epoch: int, *, within_s: float = 60.0) -> list[bytes]:
     """Wait for rows of an epoch; return all that was heard meanwhile."""
     heard, deadline = [], time.monotonic() + within_s
@@ -108,7 +125,7 @@ def test_cameras_with_passwords(tmp_path: Path, live_run: type[LiveRun]) -> None
         assert ENCODED in door.url
         assert environment["SHUT"] != door.url
         run = live_run(path, "--json", env=environment)
-        run.until("running", "door", "yard", "shut", "track", "record")
+        run.until("running", "door", "yard", "shut", "track", "record", "page")
         with open_bus(BusSettings(connect=(run.endpoint,))) as bus:
             for key in (camera_key("lab", "*", "rows"), health_key("lab", "*")):
                 bus.subscribe(inbox, key, LOOKING)
@@ -116,7 +133,7 @@ def test_cameras_with_passwords(tmp_path: Path, live_run: type[LiveRun]) -> None
             door.kill()
             with RtspServer(port=door.port, **login):
                 heard += until(inbox, "door", 1)
-                seen = command_lines()
+                seen, page = command_lines(), shown("\n".join(run.lines))
                 run.interrupt()
     assert run.process.stdout is not None
     printed = run.process.stdout.read()
@@ -128,7 +145,9 @@ def test_cameras_with_passwords(tmp_path: Path, live_run: type[LiveRun]) -> None
     assert nodes["yard"]["exit_code"] == 0
 
     assert b"rsenf_nodes.decode" in seen
+    assert b"lab/door" in page
     assert leaks(seen) == []
+    assert leaks(page) == []
     assert leaks(printed.encode()) == []
     assert leaks(said.encode()) == []
     assert [leaks(payload) for payload in heard if leaks(payload)] == []

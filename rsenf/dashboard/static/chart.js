@@ -44,7 +44,7 @@ export class Chart {
       news.enf_hz.map((hz, i) => (known(hz) ? hz + sigma * (news.std_hz[i] || 0) : null));
     const end = t.length ? t[t.length - 1] : news.now_ms / 1000;
     this.chart.batch(() => {
-      this.chart.setData([t, around(1), around(-1), news.enf_hz, news.reference_hz], false);
+      this.chart.setData([t, news.reference_hz, around(1), around(-1), news.enf_hz], false);
       this.chart.setScale("x", { min: end - SPAN_S[news.series], max: end + 1 });
     });
     this.words.textContent = this.summary();
@@ -85,21 +85,22 @@ export class Chart {
       width: this.parent.clientWidth || 300,
       height: HEIGHT,
       tzDate: (s) => uPlot.tzDate(new Date(1000 * s), "Etc/UTC"),
+      padding: [8, 0, 0, 0],
       legend: { show: false },
       cursor: { drag: { x: false, y: false }, points: { size: 5 } },
       scales: { x: { time: true }, y: { range: (_, low, high) => widened(low, high) } },
       axes: [
-        { ...axis, space: 70, values: (_, splits) => splits.map((s) => clock(1000 * s).slice(0, 5)) },
+        { ...axis, space: 70, size: 28, values: (_, splits) => splits.map((s) => clock(1000 * s).slice(0, 5)) },
         { ...axis, size: LEFT, values: (_, splits) => splits.map((hz) => hz.toFixed(3)) },
       ],
       series: [
         {},
+        { ...line, stroke: colour("--reference"), width: 4 }, // beneath, so that both are seen
         { ...line, stroke: "transparent" },
         { ...line, stroke: "transparent" },
-        { ...line, stroke: colour("--enf"), width: 1.5 },
-        { ...line, stroke: colour("--reference"), width: 1.25, dash: [5, 4] },
+        { ...line, stroke: colour("--enf"), width: 1.25 },
       ],
-      bands: [{ series: [1, 2], fill: colour("--band") }],
+      bands: [{ series: [2, 3], fill: colour("--band") }],
       hooks: {
         draw: [(chart) => this.drawBegan(chart)],
         setCursor: [(chart) => (this.words.textContent = this.readOut(chart.cursor.idx))],

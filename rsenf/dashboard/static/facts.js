@@ -24,8 +24,8 @@ export function showFacts(page, card, now) {
 
 function evidence(card) {
   if (card.live) {
-    const origin = card.live.origin_ms ? ` The picture is of ${moment(card.live.origin_ms)}.` : "";
-    return card.live.evidence + origin;
+    const origin = card.live.origin_ms ? `the picture is of ${moment(card.live.origin_ms)}` : "";
+    return [card.live.evidence, origin].filter(Boolean).join("; ");
   }
   if (card.is_judged === false) return "No node of this graph judges whether this feed is live (kind: live).";
   return card.is_judged ? "" : "No verdict has been received: perhaps nobody judges this feed.";
@@ -34,6 +34,8 @@ function evidence(card) {
 function factsOf(card, now) {
   const { live, idle, match } = card;
   const wrong = healthOf(card, now);
+  const width = idle && known(idle.low) ? Math.max(100 * (idle.high - idle.low), 1e-4) : 1;
+  const digits = Math.min(Math.max(1 - Math.floor(Math.log10(width)), 1), 4);
   const nodes = Object.entries(card.nodes).map(([name, state]) => `${name} ${state || "not heard of"}`);
   return [
     { name: "ENF now", value: known(card.enf_hz) ? number(card.enf_hz, 5, "Hz") : "none usable",
@@ -44,8 +46,8 @@ function factsOf(card, now) {
       more: live && known(live.log10_lr) ? `log10 LR ${number(live.log10_lr, 1)} for live` : "" },
     { name: "Camera's clock", value: within(live?.clock_ppm ?? match?.clock_ppm, live?.clock_std_ppm, 1, "ppm"),
       more: "positive is fast" },
-    { name: "Idle period", value: idle && known(idle.ratio) ? `${number(100 * idle.ratio, 2, "%")}` : idle?.verdict.replace("_", " ") ?? "–",
-      more: idle && known(idle.low) ? `${number(100 * idle.low, 2)} to ${number(100 * idle.high, 2, "%")} (95 %)` : idle?.reason ?? "",
+    { name: "Idle period", value: idle && known(idle.ratio) ? `${number(100 * idle.ratio, digits, "%")}` : idle?.verdict.replace("_", " ") ?? "–",
+      more: idle && known(idle.low) ? `${number(100 * idle.low, digits)} to ${number(100 * idle.high, digits, "%")} (95 %)` : idle?.reason ?? "",
       interval: idle && known(idle.low) ? [idle.low, idle.high] : null },
     { name: "Match", value: match ? match.decision.replace("_", " ") : "–",
       more: match ? [known(match.log10_lr) ? `log10 LR ${number(match.log10_lr, 1)}` : "",

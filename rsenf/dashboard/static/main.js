@@ -11,7 +11,7 @@ import { camera, clock, number, say, verdictOf, VERDICTS } from "./words.js";
 
 const VERSION = 1;
 const page = Object.fromEntries([...document.querySelectorAll("[id]")].map((e) => [e.id, e]));
-const state = { cards: new Map(), feeds: [], alarms: [], nodes: [], hasArchive: false, ahead: 0 };
+const state = { cards: new Map(), feeds: [], alarms: [], nodes: [], hasArchive: false, leftOut: false, ahead: 0 };
 const chart = new Chart(page.chart, page["chart-words"]);
 const spectrogram = new Picture(page.spectrogram);
 const strip = new Picture(page.strip, { grey: true });
@@ -35,6 +35,7 @@ function onNews(news) {
   if (news.site) {
     state.feeds = news.site.feeds;
     state.hasArchive = news.site.has_archive;
+    state.leftOut = news.site.left_out;
     for (const name of state.cards.keys()) if (!state.feeds.includes(name)) state.cards.delete(name);
   }
   if (news.nodes) state.nodes = news.nodes.list;
@@ -96,6 +97,7 @@ function draw() {
   const about = { alone: alone(), selected: selected(), now: now(), hasArchive: state.hasArchive };
   say(page.site, alone() && state.feeds.length ? state.feeds[0].split("/")[0] : "");
   page["no-feeds"].hidden = cards.length > 0;
+  page["left-out"].hidden = !state.leftOut;
   showCards(page.cards, cards, about);
   page["no-alarms"].hidden = state.alarms.length > 0;
   showAlarms(page["alarm-list"], state.alarms, about);
