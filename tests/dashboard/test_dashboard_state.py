@@ -213,6 +213,19 @@ def test_an_alarm_comes_once_and_ends():
     assert [a["active"] for a in shown.news()["alarms"]["list"]] == [True, False]
 
 
+def test_an_alarm_ends_with_its_stream_or_when_it_comes_again():
+    shown, camera = Shown(), Camera("door", grid_hz(60))
+    shown.put(camera.alarm(0, 7, kind="stale"), camera.alarm(1, 7, kind="lost"))
+    camera.epoch = 1  # the camera came back, and its clock begins anew
+    shown.put(camera.alarm(2, 1, kind="stale", active=False), camera.alarm(3, 4, kind="lost"))
+    alarms = shown.news()["alarms"]["list"]
+    assert [(a["kind"], a["active"]) for a in alarms] == [
+        ("lost", True), ("lost", False), ("stale", False),
+    ]  # fmt: skip
+    assert alarms[2]["start_ms"] == START_NS // 1_000_000 + 7000
+    assert alarms[2]["end_ms"] >= alarms[2]["start_ms"]
+
+
 def test_no_secret_is_told():
     shown, camera = Shown(), Camera("door", grid_hz(60))
     secret = "rtsp://admin:hunter2@10.0.0.7/cam password=hunter2"
