@@ -13,7 +13,7 @@ from rsenf.reference.live import CameraReference
 
 
 def together(witness: Camera, judged: Camera, seconds: int) -> Iterator[Any]:
-    """What the judge of one camera is told, with the reference that the other makes, as it comes."""
+    """What the judge of one camera is told, and the reference that the other makes."""
     stage = CameraReference("ce")
 
     def witnessed() -> Iterator[tuple[int, int, Any]]:
