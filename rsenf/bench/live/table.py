@@ -9,14 +9,15 @@ import numpy as np
 
 from rsenf.bench.bounds import count_bound, rate_interval
 from rsenf.bench.live.correlation import LIMIT
-from rsenf.bench.live.onsets import false_and_delay
+from rsenf.bench.live.onsets import false_and_delay, onsets
 from rsenf.bench.live.plan import ATTACKS
 from rsenf.bench.results import Record
 
 Row = dict[str, Any]
 Times = Callable[[Record], Sequence[float]]
 
-VERDICT, ALARMS, CORRELATION = "verdict", "verdict or alarm", f"correlation < {LIMIT:g}"
+VERDICT, ALARMS, NOT_LIVE = "verdict", "verdict or alarm", "no longer live"
+CORRELATION = f"correlation < {LIMIT:g}"
 
 
 def times_of_rules() -> dict[str, Times]:
@@ -24,8 +25,15 @@ def times_of_rules() -> dict[str, Times]:
     return {
         VERDICT: lambda r: r["wrong_s"],
         ALARMS: lambda r: r["alarm_s"],
+        NOT_LIVE: lambda r: _not_live(r["verdicts"]),
         CORRELATION: lambda r: dict(map(tuple, r["wrong_at_correlation"]))[LIMIT],
     }
+
+
+def _not_live(verdicts: Sequence[tuple[float, str]]) -> list[float]:
+    """When a feed that was called live was so no longer, whatever it was called then."""
+    first = next((n for n, (_, said) in enumerate(verdicts) if said == "live"), len(verdicts))
+    return onsets((t_s, said != "live") for t_s, said in verdicts[first:])
 
 
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
