@@ -46,10 +46,18 @@ class Feed:
         To compare its ENF with.
     clock_ns : callable
         Wall clock, UTC since 1970, in ns.
+    claimed_ns : int
+        When its first frame is said to have been taken, UTC; 0 for now, as it comes.
     """
 
-    def __init__(self, name: str, references: References, clock_ns: Callable[[], int]) -> None:
-        self.name = name
+    def __init__(
+        self,
+        name: str,
+        references: References,
+        clock_ns: Callable[[], int],
+        claimed_ns: int = 0,
+    ) -> None:
+        self.name, self._claimed_ns = name, claimed_ns
         self.preview, self.series = Preview(), EnfSeries()
         self.strip, self.spectrogram = RowStrip(), Spectrogram()
         self.timeline = Timeline(clock_ns)
@@ -200,9 +208,11 @@ class Feed:
 
     def _placed_reference(self) -> tuple[str, int, str] | None:
         """Grid to draw, when its first sample was by the feed's clock, and how that is known."""
-        by_clock = self._references.by_clock(self.series.last_ns)
-        if by_clock is not None:
-            return *by_clock, "clock"
+        claimed_ns = self._claimed_ns - self._first_frame_ns if self._claimed_ns else 0
+        found = self._references.by_clock(self.series.last_ns + claimed_ns)
+        if found is not None:
+            grid, t0_ns = found
+            return grid, t0_ns - claimed_ns, "claim" if claimed_ns else "clock"
         match = self._match
         if match is None or match.decision != "match" or not self._first_frame_ns:
             return None
@@ -214,9 +224,14 @@ class Feed:
         live = self._live
         if live is None:
             return None
+        # The judge of a file goes by when it is said to be of, the page by when it was played.
+        since_ns = live.since_ns
+        if self._claimed_ns:
+            first_ns = self._first_frame_ns
+            since_ns = first_ns + since_ns - self._claimed_ns if first_ns else 0
         return {
             "verdict": live.verdict,
-            "since_ms": in_ms(live.since_ns),
+            "since_ms": in_ms(since_ns),
             "lag_s": rounded(live.lag_s, 2),
             "lag_std_s": rounded(live.lag_std_s, 2),
             "clock_ppm": rounded(live.clock_ppm, 1),
