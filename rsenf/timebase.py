@@ -15,9 +15,15 @@ Within a frame the rows follow each other: row ``l`` begins ``l`` line times aft
 
 from __future__ import annotations
 
+from collections import deque
 from fractions import Fraction
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from datetime import datetime
 
 NS_PER_S = 1_000_000_000
+ARRIVAL_MEMORY_NS = 60 * NS_PER_S
 
 
 def pts_to_ns(pts: int, time_base: Fraction) -> int:
@@ -44,6 +50,14 @@ def nanoseconds(t_s: float) -> int:
     return round(t_s * NS_PER_S)
 
 
+def since_1970_ns(moment: datetime) -> int:
+    """A moment as ns since 1970; UTC unless it tells its zone."""
+    from datetime import UTC, datetime, timedelta
+
+    moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+    return (moment - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
+
+
 def utc_text(t_ns: int) -> str | None:
     """ISO 8601 with milliseconds; None for an unknown time."""
     if not t_ns:
@@ -61,3 +75,30 @@ def row_time_s(frame_time_s: float, row: int, rows: int, read_out_time_s: float)
     ``T_ro = (1 − ρ) / F_r`` for an idle ratio ``ρ``.
     """
     return frame_time_s + row * read_out_time_s / rows
+
+
+class ArrivalClock:
+    """What to add to a stream's clock for the clock of the day, by when its messages arrived.
+
+    It is the least of what those of the last minute show: none arrives before it was taken, and
+    some without delay.
+    """
+
+    def __init__(self) -> None:
+        self._offsets: deque[tuple[int, int]] = deque()  # stream clock and offset, both rising
+
+    def note(self, pts_ns: int, arrival_ns: int) -> None:
+        """Take in that data of this time on the stream's clock arrived then; 0 is unknown."""
+        offsets, offset_ns = self._offsets, arrival_ns - pts_ns
+        if not arrival_ns:
+            return
+        while offsets and offsets[-1][1] >= offset_ns:
+            offsets.pop()
+        offsets.append((pts_ns, offset_ns))
+        while offsets[0][0] < pts_ns - ARRIVAL_MEMORY_NS:
+            offsets.popleft()
+
+    @property
+    def offset_ns(self) -> int | None:
+        """The least delay; None when nothing told when it arrived."""
+        return self._offsets[0][1] if self._offsets else None

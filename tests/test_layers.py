@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 
 BASE = {"errors", "timebase", "stage", "whole_file", "messages"}
-SIGNAL = {"decode", "rows", "flicker", "track", "idle", "match", "model"}
+SIGNAL = {"decode", "rows", "flicker", "track", "idle", "match", "model", "live"}
 # Room -> rooms of rsenf it may import, besides itself.
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
@@ -23,6 +23,8 @@ ALLOWED: dict[str, set[str]] = {
     "track": {*BASE, "flicker"},
     "idle": {*BASE, "flicker"},
     "match": {*BASE, "flicker"},
+    # A live feed is followed by what recordings are matched by.
+    "live": {*BASE, "flicker", "match"},
     "reference": {*BASE, "flicker", "track"},
     "discrepancy": {*BASE, "rows", "flicker", "track", "idle", "match", "model"},
     "record": BASE,
@@ -36,12 +38,15 @@ ALLOWED: dict[str, set[str]] = {
         "track",
         "idle",
         "match",
+        "live",
         "model",
         "discrepancy",
         "record",
     },
-    "report": {*BASE, "rows", "flicker", "track", "idle", "match", "model", "discrepancy"},
+    "report": {*BASE, "rows", "flicker", "track", "idle", "match", "live", "model", "discrepancy"},
     "run": {*BASE, *SIGNAL, "bus", "config", "record", "reference"},
+    # Looks at what the others publish and record; runs nothing.
+    "dashboard": {*BASE, "bus", "config", "decode", "record"},
     # Every stage there is, with the settings of a recorded graph.
     "regress": {
         *BASE,
@@ -52,12 +57,23 @@ ALLOWED: dict[str, set[str]] = {
         "run",
         "discrepancy",
     },
-    "bench": {*BASE, *SIGNAL, "discrepancy", "config", "record", "reference", "report", "run"},
+    "bench": {
+        *BASE,
+        *SIGNAL,
+        "live",
+        "discrepancy",
+        "config",
+        "record",
+        "reference",
+        "report",
+        "run",
+    },
     "cli": {
         *BASE,
         *SIGNAL,
         "bus",
         "config",
+        "dashboard",
         "record",
         "reference",
         "regress",
@@ -67,7 +83,17 @@ ALLOWED: dict[str, set[str]] = {
         "cli",
         "discrepancy",
     },
-    "nodes": {*BASE, *SIGNAL, "bus", "config", "record", "reference", "run", "discrepancy"},
+    "nodes": {
+        *BASE,
+        *SIGNAL,
+        "bus",
+        "config",
+        "dashboard",
+        "record",
+        "reference",
+        "run",
+        "discrepancy",
+    },
 }
 # What a signal room must not touch, whatever it is imported through.
 NOT_FOR_SIGNALS = {"zenoh", "mcap", "yaml", "pydantic", "argparse", "rich", "subprocess"}

@@ -61,6 +61,16 @@ def rate_bound(events: int, trials: int) -> float:
     return float(betaincinv(events + 1, trials - events, CONFIDENCE))
 
 
+def count_bound(events: int) -> float:
+    """Mean number of events that so few refute with 95 % confidence, one-sided, of a Poisson law.
+
+    Over the time watched, it bounds the rate (Garwood 1936).
+    """
+    from scipy.special import gammaincinv
+
+    return float(gammaincinv(events + 1, CONFIDENCE))
+
+
 def rate_interval(events: int, trials: int) -> tuple[float, float]:
     """Rates that so many events are consistent with, 95 %, two-sided (Clopper and Pearson)."""
     from scipy.special import betaincinv

@@ -10,6 +10,8 @@
                          plain FFT correlation
     rsenf bench discover   effects hidden in recordings: found and named rightly, wrongly or not at
                          all; false alarms; by how much the gap shrinks
+    rsenf bench live     honest feeds and looped, spliced, delayed or exchanged ones: how soon the
+                         live verdict tells, and how often falsely, beside a sliding correlation
 
 Each clip is filmed once by the capture model, encoded at every bit rate in the same pass by x264,
 decoded and sampled; all methods see the same rows. With --out, results are kept clip by clip, and
@@ -32,7 +34,8 @@ RECORDING_TIME = "recording-time"
 CALIBRATION = "calibration"
 SEARCH = "search"
 DISCOVER = "discover"
-_TABLES = ("idle", "enf", "claims", RECORDING_TIME, CALIBRATION, SEARCH, DISCOVER)
+LIVE = "live"
+_TABLES = ("idle", "enf", "claims", RECORDING_TIME, CALIBRATION, SEARCH, DISCOVER, LIVE)
 # Measured grids are not part of the project; in a checkout they lie beside it.
 _GRIDS = Path("../shared/data")
 _QUICK: dict[str, Any] = {
@@ -62,10 +65,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="recording-time: make the films and try nothing yet; or try those that are there",
     )  # fmt: skip
     parser.add_argument(
-        "--fit", type=Path, metavar="FILE.json", help="calibration: make a new one, into a file"
-    )
+        "--fit", type=Path, metavar="FILE.json",
+        help="calibration, live: make a new one, into a file",
+    )  # fmt: skip
     parser.add_argument(
-        "--picture", type=Path, metavar="FILE.png", help="calibration, discover: draw it"
+        "--picture", type=Path, metavar="FILE.png", help="calibration, discover, live: draw it"
     )
     parser.add_argument("--repeat", type=count, metavar="N", help="search: times each (3)")
     parser.add_argument("--hide", type=_words, metavar="LIST", help="discover: these effects only")
@@ -128,6 +132,10 @@ def run(args: argparse.Namespace) -> int:
         from rsenf.cli import bench_discover
 
         return bench_discover.run(args)
+    if args.table == LIVE:
+        from rsenf.cli import bench_live
+
+        return bench_live.run(args)
     plan = _plan(args)
     clips = plan.nothing() if args.table == "claims" else plan.lit()
     if args.out:

@@ -21,6 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("graph", type=Path, metavar="GRAPH.yaml")
     parser.add_argument("--replay", action="append", default=[], type=named, metavar="NODE=FILE",
                         help="play a node's recorded output in its place")  # fmt: skip
+    parser.add_argument("--host", default="", metavar="NAME",
+                        help="which of the hosts that the graph is split over")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="end state and results as JSON")
     parser.add_argument("--quiet", action="store_true", help="say only what goes wrong")
 
@@ -41,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     failure: NodeFailed | None = None
     with (
         view_of(graph, quiet=args.quiet) as view,
-        start_graph(graph, args.graph, view.update, replayed) as running,
+        start_graph(graph, args.graph, view.update, replayed, args.host) as running,
         interruptible(running.kill) as stop,
     ):
         view.started(running)
@@ -60,6 +62,11 @@ def run(args: argparse.Namespace) -> int:
                 note(line)
         for source, estimate in running.idle.items():
             print(f"{source}: {idle_words(estimate)}")
+        for source, verdict in running.live.items():
+            print(f"{source}: {verdict.in_short}")
+        for source, alarms in running.alarms.items():
+            for alarm in alarms:
+                print(f"{source}: {alarm.in_short}")
         for source, told in running.discovered.items():
             print(f"{source}: {told.in_short}")
     if failure:
@@ -72,6 +79,7 @@ def run(args: argparse.Namespace) -> int:
 def _as_json(running: GraphRun) -> dict[str, Any]:
     from rsenf.report.discovery import watch_json
     from rsenf.report.idle import idle_json
+    from rsenf.report.liveness import alarm_json, live_json
     from rsenf.report.verdict import verdict_json
 
     return {
@@ -87,6 +95,11 @@ def _as_json(running: GraphRun) -> dict[str, Any]:
         "idle": {
             source: idle_json(estimate, list(estimate.warnings))
             for source, estimate in running.idle.items()
+        },
+        "live": {source: live_json(verdict) for source, verdict in running.live.items()},
+        "alarms": {
+            source: [alarm_json(alarm) for alarm in alarms]
+            for source, alarms in running.alarms.items()
         },
         "discover": {source: watch_json(told) for source, told in running.discovered.items()},
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from datetime import datetime
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import (
@@ -28,9 +29,11 @@ from rsenf.bus.keys import (
 from rsenf.config.supervised import Restart, Strict, Supervised
 from rsenf.discrepancy.settings import WatchSettings
 from rsenf.idle.settings import IdleSettings
+from rsenf.live.settings import LiveSettings
 from rsenf.match.settings import MatchSettings
 from rsenf.record.settings import AlarmSettings, DiskLimits, Retention, Rotation
 from rsenf.rows.settings import RowsSettings
+from rsenf.timebase import since_1970_ns
 from rsenf.track.settings import TrackSettings
 
 N = TypeVar("N")
@@ -98,6 +101,19 @@ class BusConfig(Strict):
     def is_elsewhere(self) -> bool:
         """Whether the bus is somebody else's, rather than a router of the run's own."""
         return bool(self.connect) or self.multicast
+
+
+class HostConfig(Strict):
+    """One of the hosts that a graph is split over: it runs its nodes, and a router for them."""
+
+    nodes: tuple[Name, ...] = Field((), description="which run here; none: a router alone")
+    address: str | None = Field(
+        None, description="endpoint that other hosts link to: tcp/192.0.2.7:7447, or tls/NAME:7447"
+    )
+    listen: tuple[str, ...] = Field(
+        (), description="endpoints to open for them, where these differ from the address"
+    )
+    links: tuple[Name, ...] = Field((), description="hosts to link to, by their address")
 
 
 class SimulatedInput(Strict):
@@ -245,6 +261,23 @@ class MatchNode(Supervised):
     match: MatchSettings = MatchSettings()
 
 
+class LiveNode(Supervised):
+    """Tells whether feeds are live: whether their flicker follows the grid now."""
+
+    kind: Literal["live"]
+    cameras: tuple[Camera, ...] = Field(min_length=1)
+    grid: Name
+    start: datetime | None = Field(
+        None, description="when a file's or a simulation's first picture was taken, UTC"
+    )
+    live: LiveSettings = LiveSettings()
+
+    @property
+    def start_utc_ns(self) -> int:
+        """The same in ns since 1970; 0 to go by when pictures arrive."""
+        return since_1970_ns(self.start) if self.start else 0
+
+
 class RecordNode(Supervised):
     """Writes topics to an MCAP file, or to an archive of such files."""
 
@@ -270,6 +303,21 @@ class FoxgloveNode(Supervised):
     topics: tuple[str, ...] = Field(("**",), description="key expressions below the site")
 
 
+class DashboardNode(Supervised):
+    """Shows all feeds on a web page."""
+
+    kind: Literal["dashboard"]
+    host: str = Field("127.0.0.1", description="address to listen at; this host alone unless given")
+    port: int = Field(8780, ge=0, le=65535, description="0: any that is free")
+    topics: tuple[str, ...] = Field(
+        ("*/rows", "*/track", "*/idle", "*/match", "*/live", "*/alarm", "*/video", "reference/*"),
+        description="key expressions below the site",
+    )
+    archive: str | None = Field(
+        None, description="folder of alarms' recordings; the record node's unless given"
+    )
+
+
 Node = Annotated[
     DecodeNode
     | ReplayNode
@@ -279,8 +327,10 @@ Node = Annotated[
     | DiscoverNode
     | ReferenceNode
     | MatchNode
+    | LiveNode
     | RecordNode
-    | FoxgloveNode,
+    | FoxgloveNode
+    | DashboardNode,
     Field(discriminator="kind"),
 ]
 
@@ -291,6 +341,7 @@ class Graph(Strict):
     version: Literal[1] = Field(description="version of this file's format")
     site: Name
     bus: BusConfig = BusConfig()
+    hosts: dict[Name, HostConfig] = Field({}, description="that the nodes are split over")
     restart: Restart | None = Field(
         None, description="when nodes are started again; without, a death is the run's failure"
     )
@@ -305,6 +356,17 @@ class Graph(Strict):
         return self.nodes[name].restart or self.restart
 
 
+def host_of(graph: Graph, node: str) -> str:
+    """Host that a node runs on; '' where the graph isn't split."""
+    return next((name for name, host in graph.hosts.items() if node in host.nodes), "")
+
+
+def elsewhere(graph: Graph, node: str) -> set[str]:
+    """Nodes that run on other hosts than a node."""
+    here = host_of(graph, node)
+    return {name for name in graph.nodes if host_of(graph, name) != here}
+
+
 def outputs(node: Any) -> list[tuple[str, str]]:
     """Return what a node sends: pairs of topic and camera, or 'reference' and grid."""
     if isinstance(node, DecodeNode):
@@ -317,12 +379,19 @@ def outputs(node: Any) -> list[tuple[str, str]]:
         return [(REFERENCE, b) if a == REFERENCE else (b, a) for a, b in sent]
     if isinstance(node, RowsNode | TrackNode | IdleNode | DiscoverNode | MatchNode):
         return [(node.kind, camera) for camera in node.cameras]
+    if isinstance(node, LiveNode):
+        return [(topic, camera) for camera in node.cameras for topic in ("live", "alarm")]
     return []
 
 
 def sender_of(graph: Graph, topic: str, name: str) -> str:
     """Node that sends a camera's topic or a grid's reference; '' when none of this graph does."""
     return next((n for n, node in graph.nodes.items() if (topic, name) in outputs(node)), "")
+
+
+def beside_rows(graph: Graph, camera: str) -> list[str]:
+    """Topics of a camera, beside its rows, that its liveness is judged by: those that are sent."""
+    return ["track", *(["idle"] if sender_of(graph, "idle", camera) else [])]
 
 
 def reader_of_frames(graph: Graph, camera: str) -> str:

@@ -8,11 +8,13 @@ from rsenf.bus.keys import matches, reference_key
 from rsenf.bus.zenoh_bus import setting_problem
 from rsenf.config.graph import (
     BusConfig,
+    DashboardNode,
     DecodeNode,
     DiscoverNode,
     FoxgloveNode,
     Graph,
     IdleNode,
+    LiveNode,
     MatchNode,
     Node,
     RecordNode,
@@ -24,6 +26,7 @@ from rsenf.config.graph import (
     reader_of_frames,
     sender_of,
 )
+from rsenf.config.hosts import Problem, host_problems
 from rsenf.config.replayed import overwriting
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS as IDLE_METHODS
@@ -31,14 +34,12 @@ from rsenf.match import METHODS as MATCH_METHODS
 from rsenf.match import tracker_for
 from rsenf.track import METHODS as TRACK_METHODS
 
-Problem = tuple[tuple[str, ...], str]
-
 _READS = {"rows": "frames", "track": "rows", "idle": "rows", "discover": "rows", "match": "track"}
 
 
 def problems(graph: Graph) -> list[Problem]:
     """What doesn't fit together: where in the file, and what."""
-    found = list(_of_bus(graph.bus))
+    found = [*_of_bus(graph.bus), *host_problems(graph)]
     for name, recorder in overwriting(graph):
         found.append((("nodes", name, "out"), f"{recorder.out} is played by this graph"))
     for name, node in graph.nodes.items():
@@ -74,7 +75,7 @@ def _of_node(node: Node) -> Iterator[Problem]:
         yield ("end_s",), f"{node.end_s:g} s isn't after start_s, {node.start_s:g} s"
     if isinstance(node, RecordNode):
         yield from _of_record(node)
-    if isinstance(node, FoxgloveNode):
+    if isinstance(node, FoxgloveNode | DashboardNode):
         yield from _key_expressions(("topics", key_expr) for key_expr in node.topics)
 
 
@@ -155,7 +156,11 @@ def _unfed(graph: Graph, node: Node) -> Iterator[tuple[str, str]]:
         for camera in node.cameras:
             if not sender_of(graph, topic, camera):
                 yield "cameras", f"nobody sends the {topic} of camera {camera!r}"
-    if isinstance(node, MatchNode) and not sender_of(graph, "reference", node.grid):
+    if isinstance(node, LiveNode):
+        for camera, topic in ((c, t) for c in node.cameras for t in ("rows", "track")):
+            if not sender_of(graph, topic, camera):
+                yield "cameras", f"nobody sends the {topic} of camera {camera!r}"
+    if isinstance(node, MatchNode | LiveNode) and not sender_of(graph, "reference", node.grid):
         yield "grid", f"nobody sends the reference {node.grid!r}"
     if isinstance(node, ReferenceNode) and node.feed[0] == "camera":
         camera = node.feed[1]

@@ -210,7 +210,10 @@ def refine(data: RowLogs, start: Flicker, steps: int, noise_ratio: float = 1.0) 
     damping = 1e-3
     for _ in range(steps):
         stiff = normal + np.diag(damping * np.diag(normal))
-        step = np.asarray(np.linalg.solve(stiff, gradient), np.float64)
+        try:
+            step = np.asarray(np.linalg.solve(stiff, gradient), np.float64)
+        except np.linalg.LinAlgError:
+            break  # nothing tells these unknowns apart: a picture that is the same for a minute
         tried = Point(data, now.flicker.moved(step), noise_ratio)
         gain = now.cost(now.noise_var, prior) - tried.cost(now.noise_var, prior)
         if gain <= 0.0:

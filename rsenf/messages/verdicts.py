@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from rsenf.messages.header import Header
 from rsenf.messages.schema import FloatArray, field, message
+from rsenf.timebase import seconds
 
 NAN = float("nan")
 
@@ -26,6 +27,11 @@ class Liveness:
     origin_utc_ns: int = field(9, "stale: when the picture was taken, if found; 0 is unknown", 0)
     evidence: str = field(10, "in words", "")
 
+    @property
+    def in_short(self) -> str:
+        """Verdict on one line, for logs."""
+        return f"{self.verdict}: {self.evidence}"
+
 
 @message(version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -42,6 +48,13 @@ class Alarm:
     limit: float = field(8, "its limit", NAN)
     unit: str = field(9, "unit of value and limit", "")
     text: str = field(10, "one line for a person", "")
+
+    @property
+    def in_short(self) -> str:
+        """What happened, and when by the stream, on one line."""
+        if not self.active:
+            return f"{self.kind} ended at {seconds(self.end_pts_ns):.1f} s"
+        return f"{self.severity} {self.kind} at {seconds(self.start_pts_ns):.1f} s: {self.text}"
 
 
 @message(version=1)

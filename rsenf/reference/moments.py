@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 
 from rsenf.errors import UsageError
-
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+from rsenf.timebase import since_1970_ns
 
 
 def utc_ns(text: str, what: str) -> int:
@@ -27,5 +26,4 @@ def utc_ns(text: str, what: str) -> int:
         moment = datetime.fromisoformat(text)
     except ValueError:
         raise UsageError(f"{what} {text!r} is not a time", "e.g. 2022-09-17T14:05:00Z") from None
-    moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-    return (moment - _EPOCH) // timedelta(microseconds=1) * 1000
+    return since_1970_ns(moment)

@@ -16,11 +16,13 @@ from rsenf.config.graph import (
     DecodeNode,
     DiscoverNode,
     IdleNode,
+    LiveNode,
     MatchNode,
     Node,
     ReplayNode,
     RowsNode,
     TrackNode,
+    beside_rows,
     outputs,
 )
 from rsenf.config.model_file import load_model
@@ -28,6 +30,7 @@ from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.watch import WatchStage
 from rsenf.errors import InputError, UsageError
 from rsenf.idle import make_idle
+from rsenf.live import Live
 from rsenf.match.stage import Match
 from rsenf.record import Recording
 from rsenf.record.growing import ABOUT
@@ -37,7 +40,7 @@ from rsenf.run.runner import Runner
 from rsenf.track import make_tracker
 
 # In the order of the data: who is named first was wrong first.
-ORDER = ("rows", "track", "idle", "match", "discover")
+ORDER = ("rows", "track", "idle", "match", "live", "alarm", "discover")
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ def recorded_graph(recording: Recording) -> Graph:
 
 def steps_of(graph: Graph) -> list[Step]:
     """Return every stage of a graph, in the order of the data; those played are not its own."""
-    found = [step for name, node in graph.nodes.items() for step in _steps(graph.site, name, node)]
+    found = [step for name, node in graph.nodes.items() for step in _steps(graph, name, node)]
     return sorted(found, key=lambda step: ORDER.index(step.stage))
 
 
@@ -109,7 +112,8 @@ def played(graph: Graph) -> dict[str, str]:
     }
 
 
-def _steps(site: str, name: str, node: Node) -> Iterator[Step]:
+def _steps(graph: Graph, name: str, node: Node) -> Iterator[Step]:
+    site = graph.site
     if isinstance(node, ReplayNode):
         return
     for stage, camera in outputs(node):
@@ -121,15 +125,18 @@ def _steps(site: str, name: str, node: Node) -> Iterator[Step]:
 
         reads = {"rows": "video", "match": "track"}.get(stage, "rows")
         topics = [key(reads)]
-        if isinstance(node, MatchNode):
+        if isinstance(node, LiveNode):
+            topics += [key(topic) for topic in beside_rows(graph, camera)]
+        if isinstance(node, MatchNode | LiveNode):
             topics.append(reference_key(site, node.grid))
-        yield Step(stage, name, key(stage), tuple(topics), _maker(stage, key(stage), node))
+        yield Step(stage, name, key(stage), tuple(topics), _maker(stage, key(stage), node, topics))
 
 
-def _maker(stage: str, topic: str, node: Any) -> Callable[[History], Runner]:
+def _maker(stage: str, topic: str, node: Any, reads: list[str]) -> Callable[[History], Runner]:
     def make(history: History) -> Runner:
-        inputs = 2 if isinstance(node, MatchNode) else 1
-        return Runner(stage, lambda: _stage(node, topic, history), inputs)
+        if isinstance(node, LiveNode):
+            return Runner("live", lambda: _stage(node, topic, history), len(reads), beside="alarm")
+        return Runner(stage, lambda: _stage(node, topic, history), len(reads))
 
     return make
 
@@ -149,6 +156,8 @@ def _stage(node: Node, topic: str, history: History) -> Any:
             interim_every_s=node.interim_every_s,
             settings=node.match,
         )
+    if isinstance(node, LiveNode):
+        return Live(node.live, start_utc_ns=node.start_utc_ns)
     if isinstance(node, DiscoverNode):
         pace = history.pace(topic)
         model = load_model(Path(node.model)) if node.model else PLAIN

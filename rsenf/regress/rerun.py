@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from rsenf.bus.keys import TOPICS, topic_of
 from rsenf.errors import InputError
 from rsenf.messages import Header, VideoPacket
 from rsenf.record import Recording, open_recording
@@ -128,7 +129,7 @@ class StepRun:
         verdict = self._verdict
         if self._ended and not verdict.unjudged:
             while not self._runner.ended:
-                self._again += self._runner.end(self._ended)
+                self._add(self._runner.end(self._ended))
             self._compare()
             for message, log_time_ns, _ in self._recorded:
                 verdict.lack(message.header, log_time_ns)
@@ -147,11 +148,16 @@ class StepRun:
 
     def _feed(self, inputs: Iterable[Any]) -> None:
         for one in inputs:
-            self._again += self._runner.feed(one)
+            self._add(self._runner.feed(one))
         if self._pictures.mistimed and not self._blind:
             why = "an older version of rsenf recorded its video without the times of its pictures"
             self._verdict = TopicVerdict(self._step.topic, self._step.stage, unjudged=why)
             self._blind = True
+
+    def _add(self, messages: Iterable[Any]) -> None:
+        """Keep those of its topic: a stage may have another beside."""
+        kind = TOPICS[topic_of(self._step.topic)]
+        self._again += [message for message in messages if isinstance(message, kind)]
 
     def _compare(self) -> None:
         while self._recorded and self._again and not self._blind:

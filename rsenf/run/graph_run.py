@@ -8,6 +8,7 @@ import signal
 import socket
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import InitVar, dataclass, field
 
@@ -19,7 +20,15 @@ from rsenf.bus.ring import ring_directory
 from rsenf.config import Graph
 from rsenf.config.graph import DecodeNode, ReferenceNode, ReplayNode, outputs
 from rsenf.errors import EXIT_USAGE, NodeFailed
-from rsenf.messages import DiscoveryVerdict, Header, Health, IdleEstimate, MatchResult
+from rsenf.messages import (
+    Alarm,
+    DiscoveryVerdict,
+    Header,
+    Health,
+    IdleEstimate,
+    Liveness,
+    MatchResult,
+)
 from rsenf.run.node_state import WENT_WRONG, NodeState, end_of
 from rsenf.run.peers import GIVEN_UP, LAST_WORDS
 from rsenf.run.revival import Revival, Spawn
@@ -33,8 +42,9 @@ MOST_S = 20.0  # a camera may not be there for hours, which tells nothing of the
 POLL_S = 0.05
 # A node that hangs must not make its supervisor wait.
 TELLING = dataclasses.replace(HEALTH, lossless=False)
-# Topics whose latest message a run tells at its end.
-RESULTS = ("match", "idle", "discover")
+MOST_ALARMS = 100  # of a camera, that are told at the end
+# Topics whose latest messages a run tells at its end.
+RESULTS = ("match", "idle", "live", "alarm", "discover")
 
 
 @dataclass
@@ -62,6 +72,10 @@ class GraphRun:
         Latest match result of each camera.
     idle : dict
         Latest idle estimate of each camera.
+    live : dict
+        Latest verdict of each camera on whether it is live.
+    alarms : dict
+        Alarms that each camera gave, and their ends, in order.
     discovered : dict
         Latest verdict of each camera on what a model of it lacks.
     never_began : bool
@@ -77,6 +91,8 @@ class GraphRun:
     spawn: InitVar[Spawn]
     results: dict[str, MatchResult] = field(default_factory=dict)
     idle: dict[str, IdleEstimate] = field(default_factory=dict)
+    live: dict[str, Liveness] = field(default_factory=dict)
+    alarms: dict[str, deque[Alarm]] = field(default_factory=dict)
     discovered: dict[str, DiscoveryVerdict] = field(default_factory=dict)
     never_began: bool = False
     _words: Inbox = field(default_factory=Inbox)
@@ -100,8 +116,13 @@ class GraphRun:
         return [n for n in self.nodes.values() if n.process and n.exit_code is None]
 
     def wait(self, stop: threading.Event) -> None:
-        """Watch until every process has ended; end them when asked to, or when one can't begin."""
-        while (self.running or self._revival.due) and not stop.is_set() and not self.never_began:
+        """Watch until every process has ended; end them when asked to, or when one can't begin.
+
+        A host without nodes is a router, which runs until it is stopped.
+        """
+        while not (stop.is_set() or self.never_began):
+            if self.nodes and not (self.running or self._revival.due):
+                break
             self.watch(POLL_S)
         self.stop()
         self._listen_until_quiet()
@@ -233,9 +254,17 @@ class GraphRun:
             self._keep(source_of(received.key), received.message)
         return True
 
-    def _keep(self, source: str, message: MatchResult | IdleEstimate | DiscoveryVerdict) -> None:
+    def _keep(
+        self,
+        source: str,
+        message: MatchResult | IdleEstimate | Liveness | Alarm | DiscoveryVerdict,
+    ) -> None:
         if isinstance(message, IdleEstimate):
             self.idle[source] = message
+        elif isinstance(message, Liveness):
+            self.live[source] = message
+        elif isinstance(message, Alarm):
+            self.alarms.setdefault(source, deque(maxlen=MOST_ALARMS)).append(message)
         elif isinstance(message, DiscoveryVerdict):
             self.discovered[source] = message
         else:
@@ -256,8 +285,8 @@ class GraphRun:
         self._bus = bus
         site = self.graph.site
         bus.subscribe(self._words, health_key(site, "*"), LOOKING)
-        for node in self.graph.nodes.values():
-            for topic, camera in outputs(node):
+        for name in self.nodes:
+            for topic, camera in outputs(self.graph.nodes[name]):
                 if topic in RESULTS:
                     bus.subscribe(self._words, camera_key(site, camera, topic), LOOKING)
 

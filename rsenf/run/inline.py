@@ -10,10 +10,12 @@ from typing import Any
 from rsenf.bus.keys import TOPICS
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import (
+    Alarm,
     EnfEstimate,
     Frame,
     Header,
     IdleEstimate,
+    Liveness,
     Mark,
     MatchResult,
     ReferenceBlock,
@@ -26,6 +28,7 @@ from rsenf.run.runner import Chain, Runner
 from rsenf.stage import Stage
 from rsenf.track import TrackSettings, make_tracker
 
+JUDGED_BY = ("rows", "track", "idle")
 Message = Frame | RowBlock | EnfEstimate
 
 
@@ -41,6 +44,9 @@ class Analysis:
         The last of each stretch of the recording, by its epoch.
     results : list of MatchResult
         One for each stretch of the recording.
+    verdicts : list of Liveness
+    alarms : list of Alarm
+        With their ends.
     stretches_s : list of float
         Length of each stretch; a source that restarted has several.
     row_reasons : Counter of str
@@ -54,6 +60,8 @@ class Analysis:
     estimates: list[EnfEstimate] = field(default_factory=list)
     idle_by_epoch: dict[int, IdleEstimate] = field(default_factory=dict)
     results: list[MatchResult] = field(default_factory=list)
+    verdicts: list[Liveness] = field(default_factory=list)
+    alarms: list[Alarm] = field(default_factory=list)
     stretches_s: list[float] = field(default_factory=list)
     row_reasons: Counter[str] = field(default_factory=Counter)
     loss: str = ""
@@ -91,6 +99,7 @@ def analyse(
     track: TrackSettings | None = None,
     idle: IdleSettings | None = None,
     make_match: Callable[[], Stage] | None = None,
+    make_live: Callable[[], Stage] | None = None,
     reference: Sequence[ReferenceBlock] = (),
     progress: Callable[[float], None] = lambda seconds: None,
     tap: Callable[[str, Any], None] = lambda topic, message: None,
@@ -106,8 +115,10 @@ def analyse(
         nothing of the idle period.
     make_match : callable, optional
         Builds the match stage, after track; none to stop at the estimates.
+    make_live : callable, optional
+        Builds the judge of liveness, of what all the other stages send.
     reference : sequence of ReferenceBlock
-        What the match stage compares with.
+        What the match stage and the judge compare with.
     progress : callable, optional
         Told how many seconds of the recording are done.
     tap : callable, optional
@@ -120,7 +131,12 @@ def analyse(
     """
     out = Analysis()
 
+    judge = _judge_of(make_live, reference)
+
     def listen(topic: str, message: Any) -> None:
+        if judge and topic in JUDGED_BY:
+            for told in judge.feed(message):
+                listen("alarm" if isinstance(told, Alarm) else "live", told)
         if message.header.is_end:
             return
         tap(topic, message)
@@ -132,6 +148,10 @@ def analyse(
             out.idle_by_epoch[message.header.epoch] = message
         if isinstance(message, MatchResult):
             out.results.append(message)
+        if isinstance(message, Liveness):
+            out.verdicts.append(message)
+        if isinstance(message, Alarm):
+            out.alarms.append(message)
 
     tracked = recording.begins_with == "track"
     sampler = Chain(_row_runners(recording, rows))
@@ -185,6 +205,19 @@ def _match_runners(
         match.feed(block)
     match.end(Header())
     return [match]
+
+
+def _judge_of(
+    make_live: Callable[[], Stage] | None, reference: Sequence[ReferenceBlock]
+) -> Runner | None:
+    """Return the judge of liveness with its reference, if asked for."""
+    if not make_live:
+        return None
+    judge = Runner("live", make_live, inputs=1 + len(JUDGED_BY), beside="alarm")
+    for block in reference:
+        judge.feed(block)
+    judge.end(Header())
+    return judge
 
 
 def _end_after(last: Message | None, recording: Input) -> Message:

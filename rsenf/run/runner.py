@@ -29,16 +29,21 @@ class Runner:
     inputs : int
         Streams that must have ended before the stage has: 1, or 2 with a reference. A stage with
         a reference keeps it across epochs, and tells them apart by itself.
+    beside : str
+        Another topic that some of the stage's messages go to, with numbers of its own.
     """
 
-    def __init__(self, topic: str, make_stage: Callable[[], Stage], inputs: int = 1) -> None:
-        self.topic = topic
+    def __init__(
+        self, topic: str, make_stage: Callable[[], Stage], inputs: int = 1, beside: str = ""
+    ) -> None:
+        self.topic, self._beside = topic, beside
         self._make_stage = make_stage
         self._stage = make_stage()
         self._inputs, self._open = inputs, inputs
         self._last: dict[type[Any], Header] = {}  # of the messages in, by what they are
         self._fed: Header | None = None  # of the last message in
         self._sent: Header | None = None  # of the last message out, in the same epoch
+        self._sent_beside: Header | None = None
         self.ended = False
 
     def feed(self, message: Any) -> list[Any]:
@@ -72,7 +77,12 @@ class Runner:
         last, seq = self._fed or header, 0
         if self._sent:
             last, seq = self._sent, self._sent.seq + 1
-        return [*out, TOPICS[self.topic](header=last.numbered(seq, Mark.END))]
+        out.append(TOPICS[self.topic](header=last.numbered(seq, Mark.END)))
+        if self._beside:
+            own = self._sent_beside
+            seq = own.seq + 1 if own and own.epoch == last.epoch else 0
+            out.append(TOPICS[self._beside](header=last.numbered(seq, Mark.END)))
+        return out
 
     def _renew(self, header: Header) -> list[Any]:
         """Finish the epoch before and start anew, when this message begins another."""
@@ -85,8 +95,11 @@ class Runner:
         return out
 
     def _note(self, messages: list[Any]) -> list[Any]:
-        if messages:
-            self._sent = messages[-1].header
+        for message in messages:
+            if self._beside and isinstance(message, TOPICS[self._beside]):
+                self._sent_beside = message.header
+            else:
+                self._sent = message.header
         return messages
 
 

@@ -8,6 +8,7 @@ system's Python, which has GStreamer's bindings): the server itself. It needs De
 from __future__ import annotations
 
 import argparse
+import os
 import shutil
 import signal
 import subprocess
@@ -74,16 +75,19 @@ class RtspServer:
             __file__,
             *("--codec", codec, "--port", str(port), "--rate", rate_hz),
             *("--width", str(width_px), "--height", str(height_px)),
-            *(("--user", user, "--password", password) if user else ()),
             *(("--audio",) if audio else ()),
             *(("--file", str(file)) if file else ()),
         ]
+        # Not among the arguments, which everybody can see.
+        self._environment = {**os.environ, "RTSP_USER": user, "RTSP_PASSWORD": password}
         self._login = f"{quote(user)}:{quote(password, safe='')}@" if user else ""
         self.port = port
         self.url = ""
 
     def __enter__(self) -> RtspServer:
-        self._process = subprocess.Popen(self._command, stdout=subprocess.PIPE, text=True)
+        self._process = subprocess.Popen(
+            self._command, stdout=subprocess.PIPE, text=True, env=self._environment
+        )
         assert self._process.stdout is not None
         self.port = int(self._process.stdout.readline())  # printed once it listens
         self.url = f"rtsp://{self._login}127.0.0.1:{self.port}/cam"
@@ -134,8 +138,6 @@ def _serve() -> int:
     parser.add_argument("--rate", default="30/1")
     parser.add_argument("--width", type=int, default=320)
     parser.add_argument("--height", type=int, default=240)
-    parser.add_argument("--user", default="")
-    parser.add_argument("--password", default="")
     parser.add_argument("--audio", action="store_true")
     parser.add_argument("--file", default="")
     args = parser.parse_args()
@@ -165,11 +167,12 @@ def _serve() -> int:
     factory = GstRtspServer.RTSPMediaFactory.new()
     factory.set_launch(_launch_line(args))
     factory.set_shared(not args.file)
-    if args.user:
+    user, password = (os.environ.get(f"RTSP_{word}", "") for word in ("USER", "PASSWORD"))
+    if user:
         auth = GstRtspServer.RTSPAuth.new()
         token = GstRtspServer.RTSPToken.new()
         token.set_string(GstRtspServer.RTSP_TOKEN_MEDIA_FACTORY_ROLE, "viewer")
-        auth.add_basic(GstRtspServer.RTSPAuth.make_basic(args.user, args.password), token)
+        auth.add_basic(GstRtspServer.RTSPAuth.make_basic(user, password), token)
         server.set_auth(auth)
         factory.add_role_from_structure(
             Gst.Structure.from_string(

@@ -90,3 +90,10 @@ def test_prior_knows_nothing_of_level_and_slope() -> None:
     line = np.zeros(len(prior))
     line[:30] = 3.0 - 0.2 * t_s
     np.testing.assert_allclose(prior @ line, 0.0, atol=1e-6)
+
+
+def test_a_picture_that_never_changes_ends_the_fit_where_it_began() -> None:
+    data, flicker = small(1)
+    still = RowLogs(np.zeros_like(data.value), data.t_s, data.weight, data.row_weight, data.place)
+    dark = Flicker(flicker.phase_rad, 1.7, 0.0, np.zeros(2, np.complex128), np.zeros(0))
+    assert refine(still, dark, steps=3).flicker is dark

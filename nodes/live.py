@@ -1,0 +1,90 @@
+"""Live: rows, estimates and a grid's reference in; verdicts on liveness and alarms out."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from rsenf.bus.bus import Publisher
+from rsenf.bus.keys import camera_key, reference_key
+from rsenf.config.graph import LiveNode, beside_rows
+from rsenf.live import Live, Silence
+from rsenf.messages import Alarm, Header
+from rsenf.run.node import NodeProcess, run_node
+from rsenf.run.pump import Lane, TellingLane, pump
+from rsenf.run.runner import Runner
+
+
+@dataclass(kw_only=True)
+class LiveLane(TellingLane):
+    """A lane of two topics, whose stage is told when no pictures come.
+
+    Parameters
+    ----------
+    alarms : Publisher
+    rows : str
+        Key of the pictures.
+    lost_s : float
+        Without any for so long, the stage is told; infinite for files, which come when they can.
+    """
+
+    alarms: Publisher
+    rows: str
+    lost_s: float
+
+    def send(self, messages: Iterable[Any]) -> None:
+        """Send each message to its topic."""
+        for message in messages:
+            if isinstance(message, Alarm):
+                self.alarms.send(message)
+            else:
+                super().send([message])
+
+    def give_up(self, run_id: str, hopeless: Callable[[str], bool]) -> None:
+        """Notice silence as well."""
+        now = time.monotonic()
+        if self.rows in self.inputs and now - self._heard.get(self.rows, now) > self.lost_s:
+            self.send(self.runner.feed(Silence(Header(run_id=run_id))))
+        super().give_up(run_id, hopeless)
+
+
+def body(node: NodeProcess) -> None:
+    """Judge every camera until all have ended."""
+    config: LiveNode = node.config
+    site, grid = node.graph.site, config.grid
+    reference = node.subscribe(reference_key(site, grid))
+    lanes: list[Lane] = []
+    latest: dict[str, str] = {}
+    for camera in config.cameras:
+        inputs = {reference: node.sender_of("reference", grid)}
+        rows = camera_key(site, camera, "rows")
+        for topic in ("rows", *beside_rows(node.graph, camera)):
+            key = node.subscribe(camera_key(site, camera, topic))
+            inputs[key] = node.sender_of(topic, camera)
+        lanes.append(
+            LiveLane(
+                runner=Runner(
+                    "live",
+                    lambda: Live(config.live, start_utc_ns=config.start_utc_ns),
+                    inputs=len(inputs),
+                    beside="alarm",
+                ),
+                publisher=node.publisher(camera, "live"),
+                alarms=node.publisher(camera, "alarm"),
+                rows=rows,
+                lost_s=math.inf if config.start else config.live.lost_s,
+                inputs=inputs,
+                node=node,
+                camera=camera,
+                latest=latest,
+            )
+        )
+    node.ready()
+    pump(node, lanes)
+
+
+if __name__ == "__main__":
+    run_node(body)

@@ -1,0 +1,99 @@
+"""Which feeds there are: honest ones, and one kind of attack each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rsenf.errors import UsageError
+from rsenf.model.seeds import generator
+
+HONEST, FROZEN, LOOP, SPLICE, REPLAY, OTHER = KINDS = (
+    "honest",
+    "frozen",
+    "loop",
+    "splice",
+    "replay",
+    "other_camera",
+)
+ATTACKS = KINDS[1:]
+# How many feeds of each kind in a round: attacks are over soon, rare false alarms need hours.
+HONEST_EACH = 4
+ROUND = HONEST_EACH + len(ATTACKS)
+BEGIN_S = (180.0, 420.0)  # of an attack
+LAST_S = 180.0  # how long one is watched
+
+
+@dataclass(frozen=True)
+class Feed:
+    """A feed to be watched; all else about it is drawn from its seed.
+
+    Parameters
+    ----------
+    kind : str
+        Of :data:`KINDS`.
+    part : {'fit', 'test'}
+        Which measured grids its light follows: see :mod:`rsenf.bench.calibration.grids`.
+    seed : int
+    duration_s : float
+        Of an honest one; others are as long as their attack has to be watched.
+    """
+
+    kind: str
+    part: str
+    seed: int
+    duration_s: float
+
+    @property
+    def key(self) -> str:
+        """Name that tells it from any other, fit for a file."""
+        return f"{self.part}-{self.kind}-{self.seed}-{self.duration_s:g}s"
+
+    @property
+    def attack_s(self) -> float | None:
+        """When the first false picture comes; None of an honest feed."""
+        if self.kind == HONEST:
+            return None
+        return float(generator(self.seed, "live attack begins").uniform(*BEGIN_S))
+
+    @property
+    def length_s(self) -> float:
+        """How long it is watched."""
+        attack_s = self.attack_s
+        return self.duration_s if attack_s is None else attack_s + LAST_S
+
+
+@dataclass(frozen=True, kw_only=True)
+class LivePlan:
+    """How many feeds, from which seed on.
+
+    Kinds take turns, so that a run that is stopped is even.
+
+    Parameters
+    ----------
+    part : {'fit', 'test'}
+    first_seed, clips : int
+    duration_s : float
+        Of an honest feed.
+
+    Raises
+    ------
+    UsageError
+        For feeds that are too short to be judged.
+    """
+
+    part: str = "test"
+    first_seed: int = 0
+    clips: int = 10 * ROUND
+    duration_s: float = 900.0
+
+    def __post_init__(self) -> None:
+        if self.duration_s < 60:
+            raise UsageError(f"feeds of {self.duration_s:g} s", "a minute at least")
+
+    def feeds(self) -> list[Feed]:
+        """Return the feeds, in the order in which they are watched."""
+        turns = (HONEST,) * (HONEST_EACH - 1) + ATTACKS + (HONEST,)
+        return [
+            Feed(turns[n % ROUND], self.part, self.first_seed + n, self.duration_s)
+            for n in range(self.clips)
+        ]

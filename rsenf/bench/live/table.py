@@ -1,0 +1,139 @@
+"""Records to rates of false alarms, delays and the trade-off between the two."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from rsenf.bench.bounds import count_bound, rate_interval
+from rsenf.bench.live.correlation import LIMIT
+from rsenf.bench.live.onsets import false_and_delay
+from rsenf.bench.live.plan import ATTACKS
+from rsenf.bench.results import Record
+
+Row = dict[str, Any]
+Times = Callable[[Record], Sequence[float]]
+
+VERDICT, ALARMS, CORRELATION = "verdict", "verdict or alarm", f"correlation < {LIMIT:g}"
+
+
+def times_of_rules() -> dict[str, Times]:
+    """Where each rule's alarms are in a record."""
+    return {
+        VERDICT: lambda r: r["wrong_s"],
+        ALARMS: lambda r: r["alarm_s"],
+        CORRELATION: lambda r: dict(map(tuple, r["wrong_at_correlation"]))[LIMIT],
+    }
+
+
+def tabulated(records: Sequence[Record]) -> dict[str, Any]:
+    """Return the tables and what they were made from, as plain values."""
+    rules = times_of_rules()
+    return {
+        "table": "live",
+        "feeds": len(records),
+        "parts": sorted({r["part"] for r in records}),
+        "seeds": sorted({r["seed"] for r in records}),
+        "grids": sorted({r["truth"]["grid"] for r in records}),
+        "limits_nats": sorted({r["limit_nats"] for r in records}),
+        "versions": [dict(v) for v in sorted({tuple(r["versions"].items()) for r in records})],
+        "honest": [_honest(name, records, times) for name, times in rules.items()],
+        "live_share": _live_share(records),
+        "false": _false(records),
+        "attacks": [
+            row
+            for kind in ATTACKS
+            for row in _attack(kind, [r for r in records if r["kind"] == kind])
+        ],
+        "trade_off": {
+            "nats": _trade_off(records, "wrong_at_nats"),
+            "correlation": _trade_off(records, "wrong_at_correlation"),
+        },
+    }
+
+
+def _hours(records: Sequence[Record]) -> float:
+    return float(sum(r["honest_s"] for r in records)) / 3600.0
+
+
+def _rate(false: int, hours: float) -> Row:
+    return {
+        "hours": hours,
+        "false": false,
+        "per_hour": false / hours if hours else None,
+        "bound_per_hour": count_bound(false) / hours if hours else None,
+    }
+
+
+def _honest(rule: str, records: Sequence[Record], times: Times) -> Row:
+    false = sum(false_and_delay(times(r), r["attack_s"])[0] for r in records)
+    return {"rule": rule, **_rate(false, _hours(records))}
+
+
+def _live_share(records: Sequence[Record]) -> float | None:
+    """Of the honest time in which a verdict could be expected, the share that was called live."""
+    settled_s = sum(r["settled_s"] for r in records)
+    return sum(r["live_s"] for r in records) / settled_s if settled_s else None
+
+
+def _false(records: Sequence[Record]) -> list[Row]:
+    """Say where the live stage was wrong about honest pictures: to be looked at one by one."""
+    return [
+        {"key": r["key"], "t_s": t_s, "said": said}
+        for r in records
+        for t_s, said in [
+            *((t, "stale or frozen") for t in r["wrong_s"]),
+            *((t, f"{kind}: {text}") for t, kind, text in r["alarms"]),
+        ]
+        if t_s < r["honest_s"]
+    ]
+
+
+def _attack(kind: str, records: Sequence[Record]) -> list[Row]:
+    return [
+        {"kind": kind, "rule": rule, **_found(records, times)}
+        for rule, times in times_of_rules().items()
+        if records
+    ]
+
+
+def _found(records: Sequence[Record], times: Times) -> Row:
+    """Detections and their delays, from the first false picture to the alarm."""
+    delays = [false_and_delay(times(r), r["attack_s"])[1] for r in records]
+    found = [d for d in delays if d is not None]
+    low, high = rate_interval(len(found), len(records)) if records else (0.0, 1.0)
+    return {
+        "attacks": len(records),
+        "live_before": sum(r["before"] == "live" for r in records),
+        "found": len(found),
+        "found_low": low,
+        "found_high": high,
+        "delay_median_s": float(np.median(found)) if found else None,
+        "delay_90_s": float(np.quantile(found, 0.9)) if found else None,
+    }
+
+
+def alarms_at(records: Sequence[Record], field: str) -> list[tuple[float, int, Row]]:
+    """Return, for each limit tried, the false alarms and what was found of all attacks."""
+    limits = [limit for limit, _ in records[0][field]] if records else []
+    out = []
+    for n, limit in enumerate(limits):
+
+        def times(record: Record, n: int = n) -> Sequence[float]:
+            found: Sequence[float] = record[field][n][1]
+            return found
+
+        false = sum(false_and_delay(times(r), r["attack_s"])[0] for r in records)
+        attacks = [r for r in records if r["attack_s"] is not None]
+        out.append((limit, false, _found(attacks, times)))
+    return out
+
+
+def _trade_off(records: Sequence[Record], field: str) -> list[Row]:
+    hours = _hours(records)
+    return [
+        {"limit": limit, **_rate(false, hours), **found}
+        for limit, false, found in alarms_at(records, field)
+    ]

@@ -1,0 +1,96 @@
+"""The tables as text and as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+
+from rsenf.bench.live.table import Row
+from rsenf.bench.text import aligned, markdown
+
+Table = tuple[str, Sequence[str], list[list[str]]]
+Written = Callable[[Sequence[str], Iterable[Sequence[str]]], str]
+
+_NONE = "–"
+_NOTE = """\
+Delay: from the first false picture to the alarm at the monitor, all buffers of the trackers in it;
+median and 90 % of those found. live before: attacks on feeds that were called live when they began.
+below: the rate that so few false alarms refute with 95 % confidence (Poisson). Honest hours are all
+feeds up to their attack. Alarms within a minute of another count as one false alarm.
+verdict: stale or frozen. nats: evidence from the surest "live" down to "stale"."""
+
+
+def text(document: Row) -> str:
+    """Return the tables of :func:`rsenf.bench.live.table.tabulated` for a terminal."""
+    return _written(document, aligned, "{}")
+
+
+def page(document: Row) -> str:
+    """Return the same tables in Markdown."""
+    return _written(document, markdown, "**{}**")
+
+
+def _written(document: Row, written: Written, heading: str) -> str:
+    parts = [
+        f"{heading.format(title)}\n\n{written(head, lines)}"
+        for title, head, lines in _tables(document)
+        if lines
+    ]
+    return "\n\n".join([*parts, _NOTE, _made_from(document)])
+
+
+def _tables(document: Row) -> Iterator[Table]:
+    yield (
+        "Honest feeds",
+        ("rule", "hours", "false alarms", "an hour", "below"),
+        [[row["rule"], *_rates(row)] for row in document["honest"]],
+    )
+    yield (
+        "Attacks",
+        ("attack", "rule", "feeds", "live before", "found", "95 % interval", "delay", "90 %"),
+        [[row["kind"], row["rule"], str(row["attacks"]), str(row["live_before"]), *_found(row)]
+         for row in document["attacks"]],
+    )  # fmt: skip
+    for name, rows in document["trade_off"].items():
+        yield (
+            f"Trade-off by {name}",
+            (name, "hours", "false alarms", "an hour", "below", "found", "95 % interval", "delay",
+             "90 %"),
+            [[f"{row['limit']:g}", *_rates(row), *_found(row)] for row in rows],
+        )  # fmt: skip
+    yield (
+        "False alarms of the live stage",
+        ("feed", "at", "said"),
+        [[row["key"], f"{row['t_s']:.0f} s", row["said"]] for row in document["false"]],
+    )
+
+
+def _rates(row: Row) -> list[str]:
+    return [f"{row['hours']:.1f}", str(row["false"]), _number(row["per_hour"]),
+            _number(row["bound_per_hour"])]  # fmt: skip
+
+
+def _found(row: Row) -> list[str]:
+    interval = f"{100 * row['found_low']:.0f} to {100 * row['found_high']:.0f} %"
+    return [f"{row['found']}/{row['attacks']}", interval, _seconds(row["delay_median_s"]),
+            _seconds(row["delay_90_s"])]  # fmt: skip
+
+
+def _number(value: float | None) -> str:
+    return _NONE if value is None else f"{value:.2g}"
+
+
+def _seconds(value: float | None) -> str:
+    return _NONE if value is None else f"{value:.0f} s"
+
+
+def _made_from(document: Row) -> str:
+    told = [f"feeds: {document['feeds']}"]
+    if document["seeds"]:
+        told.append(f"seeds {document['seeds'][0]} to {document['seeds'][-1]}")
+        told.append(f"grids: {', '.join(document['grids'])}")
+        told.append("limit: " + ", ".join(f"{n:.1f} nats" for n in document["limits_nats"]))
+    if document["live_share"] is not None:
+        told.append(f"called live in {100 * document['live_share']:.1f} % of the honest time")
+    if len(document["versions"]) > 1:
+        told.append(f"made by {len(document['versions'])} versions of the program")
+    return "; ".join(told)

@@ -1,0 +1,96 @@
+"""Show all feeds of a bus on a web page, until Ctrl-C.
+
+    rsenf dashboard --connect tcp/127.0.0.1:7447
+    rsenf dashboard configs/live.yaml
+
+It looks at a bus that is there, and changes nothing. 'rsenf run' says where its bus is; a graph
+file tells it too, where its bus listens at a fixed address or is somebody else's, and which nodes
+serve which feed. A graph with a 'dashboard' node shows the page by itself.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rsenf.bus.zenoh_bus import BusSettings
+    from rsenf.config.graph import Graph
+
+POLL_S = 0.1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    parser.add_argument("graph", type=Path, nargs="?", metavar="GRAPH.yaml")
+    parser.add_argument("--connect", action="append", default=[], metavar="ENDPOINT",
+                        help="of the bus, for example tcp/127.0.0.1:7447")  # fmt: skip
+    parser.add_argument("--host", default="127.0.0.1", metavar="ADDRESS",
+                        help="to listen at (127.0.0.1: this host alone)")  # fmt: skip
+    parser.add_argument("--port", type=int, default=8780, metavar="N", help="(8780; 0: any free)")
+    parser.add_argument("--archive", metavar="DIR", help="with the recordings of alarms")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Show a bus."""
+    import time
+
+    from rsenf.bus.delivery import LOOKING
+    from rsenf.bus.inbox import Inbox
+    from rsenf.bus.keys import ROOT, health_key
+    from rsenf.bus.zenoh_bus import open_bus
+    from rsenf.cli.console import note, say
+    from rsenf.config import load_graph
+    from rsenf.config.graph import DashboardNode
+    from rsenf.dashboard.server import DashboardServer, open_to_all
+    from rsenf.dashboard.site import Site
+    from rsenf.dashboard.wiring import Wiring, key_expressions, wiring_of
+    from rsenf.errors import EXIT_DONE, UsageError
+    from rsenf.run.signals import interruptible
+
+    if not 0 <= args.port <= 65535:
+        raise UsageError(f"port {args.port}: from 0 to 65535")
+    graph = load_graph(args.graph) if args.graph else None
+    site = graph.site if graph else "*"
+    wiring = (
+        wiring_of(graph, args.archive)
+        if graph
+        else Wiring(archive=Path(args.archive) if args.archive else None)
+    )
+    topics = DashboardNode(kind="dashboard").topics
+    key_exprs = [f"{ROOT}/{site}/{below}" for below in topics]
+    inbox = Inbox()
+    with (
+        interruptible(lambda: None) as stop,
+        open_bus(_bus(graph, tuple(args.connect))) as bus,
+        Site(wiring, time.time_ns) as shown,
+        DashboardServer(shown, args.host, args.port) as server,
+    ):
+        for key_expr in (*key_exprs, *key_expressions(wiring), health_key(site, "*")):
+            bus.subscribe(inbox, key_expr, LOOKING)
+        if warning := open_to_all(args.host):
+            note(warning)
+        say(f"{server.url}   Ctrl-C ends it")
+        while not stop.is_set():
+            received = inbox.receive(POLL_S)
+            if received is not None:
+                shown.update(received.key, received.message)
+    return EXIT_DONE
+
+
+def _bus(graph: Graph | None, connect: tuple[str, ...]) -> BusSettings:
+    """How to reach the bus: as told, or as the graph file says."""
+    from rsenf.bus.zenoh_bus import BusSettings
+    from rsenf.errors import UsageError
+    from rsenf.run.node import bus_settings
+
+    if graph is None:
+        if not connect:
+            raise UsageError("where is the bus?", "give --connect ENDPOINT, or a graph file")
+        return BusSettings(connect=connect)
+    if not (connect or graph.bus.is_elsewhere or graph.bus.listen):
+        raise UsageError(
+            "this graph's bus has no fixed address", "'rsenf run' says where it is: --connect"
+        )
+    return bus_settings(graph, connect or graph.bus.listen)

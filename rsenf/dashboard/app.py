@@ -1,0 +1,127 @@
+"""The page over HTTP: its files, its news by WebSocket, pictures and recordings."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from pathlib import Path
+from threading import Event
+from typing import TYPE_CHECKING
+
+from rsenf.dashboard.guard import Guard
+from rsenf.dashboard.recordings import file_named, files_about
+from rsenf.dashboard.session import Session
+from rsenf.dashboard.site import Site
+from rsenf.errors import UsageError
+
+if TYPE_CHECKING:
+    from starlette.requests import Request
+    from starlette.responses import Response
+    from starlette.websockets import WebSocket
+
+STATIC = Path(__file__).with_name("static")
+EVERY_S = 0.5
+LARGEST_QUESTION = 1000
+
+
+def make_app(site: Site, host: str, stop: Event) -> Guard:
+    """Make the ASGI application.
+
+    Parameters
+    ----------
+    site : Site
+        What to show.
+    host : str
+        Address that is listened at.
+    stop : Event
+        Ends the connections.
+
+    Raises
+    ------
+    UsageError
+        When the packages it needs aren't installed.
+    """
+    try:
+        from starlette.applications import Starlette
+        from starlette.routing import Mount, Route, WebSocketRoute
+        from starlette.staticfiles import StaticFiles
+    except ImportError as exc:
+        raise missing(exc) from exc
+    pages = _Pages(site, stop)
+    routes = [
+        Route("/pictures/{feed:path}.jpg", pages.picture),
+        Route("/alarms/{number:int}/recordings", pages.about_alarm),
+        Route("/recordings/{name:path}", pages.recording),
+        WebSocketRoute("/news", pages.news),
+        Mount("/", StaticFiles(directory=STATIC, html=True)),
+    ]
+    return Guard(Starlette(routes=routes), host)
+
+
+def missing(exc: ImportError) -> UsageError:
+    """Return the error for a package that isn't installed."""
+    return UsageError(
+        f"the dashboard needs the package {exc.name}", "pip install 'rsenf[dashboard]'"
+    )
+
+
+class _Pages:
+    """What isn't a file of the page."""
+
+    def __init__(self, site: Site, stop: Event) -> None:
+        self._site, self._stop = site, stop
+
+    async def picture(self, request: Request) -> Response:
+        from starlette.responses import Response
+
+        jpeg = self._site.picture(request.path_params["feed"])
+        return Response(jpeg, 200 if jpeg else 404, media_type="image/jpeg")
+
+    async def about_alarm(self, request: Request) -> Response:
+        from starlette.responses import JSONResponse
+
+        archive, raised = self._site.wiring.archive, self._site.alarm(request.path_params["number"])
+        if raised is None:
+            return JSONResponse({"files": []}, 404)
+        files = await asyncio.to_thread(files_about, archive, raised) if archive else []
+        return JSONResponse({"files": files})
+
+    async def recording(self, request: Request) -> Response:
+        from starlette.responses import FileResponse, Response
+
+        archive, name = self._site.wiring.archive, request.path_params["name"]
+        path = await asyncio.to_thread(file_named, archive, name) if archive else None
+        if path is None or not path.is_file():
+            return Response("no such recording\n", 404, media_type="text/plain")
+        return FileResponse(path, filename=path.name, media_type="application/octet-stream")
+
+    async def news(self, socket: WebSocket) -> None:
+        from starlette.websockets import WebSocketDisconnect
+
+        session = Session(self._site)
+        await socket.accept()
+        asked = asyncio.Event()
+
+        async def listen() -> None:
+            with contextlib.suppress(WebSocketDisconnect):
+                while True:
+                    text = await socket.receive_text()
+                    if len(text) <= LARGEST_QUESTION:
+                        session.ask(text)
+                        asked.set()
+
+        listening = asyncio.create_task(listen())
+        try:
+            while not (self._stop.is_set() or listening.done()):
+                asked.clear()
+                if news := await asyncio.to_thread(session.news):
+                    await socket.send_text(news)
+                # Whoever asks is told at once; news by itself waits for its turn.
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(asked.wait(), EVERY_S)
+        except (WebSocketDisconnect, RuntimeError):  # it has gone while it was told
+            pass
+        finally:
+            listening.cancel()
+            with contextlib.suppress(Exception):
+                await socket.close(1001)

@@ -1,0 +1,68 @@
+"""The nodes of a bus by what they say of themselves, and those that have fallen silent."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rsenf.config import redact
+from rsenf.dashboard.plain import in_ms, rounded
+from rsenf.messages import Health
+from rsenf.timebase import NS_PER_S
+
+KEPT_NODES = 256
+LAST_WORDS = ("done", "failed")
+# Health comes every second; a node that says nothing this long is told from one that is well.
+SILENT_NS = 4 * NS_PER_S
+
+
+class NodeBoard:
+    """The latest word of each node."""
+
+    def __init__(self) -> None:
+        self._latest: dict[str, Health] = {}
+        self._starts: dict[str, int] = {}
+
+    def update(self, message: Health) -> None:
+        """Take in a word of health."""
+        name, before = message.node, self._latest.get(message.node)
+        if before is None and len(self._latest) >= KEPT_NODES:
+            return
+        if before is None or _process(before) != _process(message):
+            self._starts[name] = self._starts.get(name, 0) + 1
+        self._latest[name] = message
+
+    def state(self, name: str, now_ns: int) -> str:
+        """State of a node; 'silent' when it should have spoken, '' when it is unknown."""
+        health = self._latest.get(name)
+        if health is None:
+            return ""
+        is_late = now_ns - health.time_ns > SILENT_NS
+        return "silent" if is_late and health.state not in LAST_WORDS else health.state
+
+    def plain(self, now_ns: int) -> list[dict[str, Any]]:
+        """All nodes for JSON."""
+        return [
+            {
+                "name": name,
+                "kind": health.kind,
+                "state": self.state(name, now_ns),
+                "detail": redact(health.detail),
+                "host": health.host,
+                "rate_hz": rounded(health.rate_hz, 1),
+                "latency_s": rounded(health.latency_s, 2) if health.last_input_ns else None,
+                "dropped": health.dropped,
+                "missed": health.missed,
+                "rejected": health.rejected,
+                "queue": health.queue_depth,
+                "memory_mb": rounded(health.memory_bytes / 1e6, 0),
+                "cpu_s": rounded(health.cpu_s, 0),
+                "starts": self._starts[name],
+                "heard_ms": in_ms(health.time_ns),
+                "lost_peers": list(health.lost_peers),
+            }
+            for name, health in sorted(self._latest.items())
+        ]
+
+
+def _process(health: Health) -> tuple[str, str, int]:
+    return health.header.run_id, health.host, health.pid

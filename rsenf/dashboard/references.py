@@ -1,0 +1,93 @@
+"""The grids' frequency, as far as it is published, looked up by time."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.dashboard.plain import LATEST_NS, sensible
+from rsenf.messages import ReferenceBlock
+
+KEPT_SAMPLES = 100_000  # of each grid, somewhat more than a day of seconds
+KEPT_GRIDS = 16
+
+
+class GridReference:
+    """The newest samples of one grid.
+
+    Attributes
+    ----------
+    t0_ns : int
+        Start of its first sample, UTC; 0 is unknown.
+    """
+
+    def __init__(self) -> None:
+        self.t0_ns = 0
+        self._step_ns = 0
+        self._blocks: deque[tuple[int, NDArray[np.float32]]] = deque()  # first sample's number
+        self._samples = 0
+        self._table: tuple[NDArray[np.int64], NDArray[np.float32]] | None = None
+
+    def add(self, block: ReferenceBlock) -> None:
+        """Add a block; one of another axis begins anew, and one of no sensible axis is let go."""
+        if not (0 < block.step_ns < LATEST_NS and 0 <= block.first < LATEST_NS // block.step_ns):
+            return
+        if (sensible(block.t0_ns), block.step_ns) != (self.t0_ns, self._step_ns):
+            self.t0_ns, self._step_ns = sensible(block.t0_ns), block.step_ns
+            self._blocks.clear()
+            self._samples = 0
+        # What is no frequency of a grid is a gap.
+        freq_hz = np.where(np.abs(block.freq_hz) < 1000, block.freq_hz, np.nan).astype(np.float32)
+        if not freq_hz.size:
+            return
+        self._blocks.append((block.first, freq_hz))
+        self._samples += freq_hz.size
+        while self._samples - self._blocks[0][1].size > KEPT_SAMPLES:
+            self._samples -= self._blocks.popleft()[1].size
+        self._table = None
+
+    def at(self, since_start_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Frequency at times since the reference's first sample; NaN where there is none."""
+        found = np.full(since_start_ns.shape, np.nan)
+        if not self._blocks:
+            return found
+        number, freq_hz = self._looked_up()
+        wanted = since_start_ns // self._step_ns
+        place = np.clip(np.searchsorted(number, wanted), 0, number.size - 1)
+        there = number[place] == wanted
+        found[there] = freq_hz[place[there]]
+        return found
+
+    def _looked_up(self) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+        if self._table is None:
+            number = np.concatenate([first + np.arange(f.size) for first, f in self._blocks])
+            freq_hz = np.concatenate([f for _, f in self._blocks])
+            order = np.argsort(number, kind="stable")
+            self._table = number[order], freq_hz[order]
+        return self._table
+
+
+class References:
+    """All grids by name."""
+
+    def __init__(self) -> None:
+        self._grids: dict[str, GridReference] = {}
+
+    def add(self, block: ReferenceBlock) -> None:
+        """Add a block to its grid."""
+        if block.grid in self._grids or len(self._grids) < KEPT_GRIDS:
+            self._grids.setdefault(block.grid, GridReference()).add(block)
+
+    def by_clock(self, t_ns: int) -> tuple[str, int] | None:
+        """Grid that is known at a time of day, and when its reference begins."""
+        for name, grid in self._grids.items():
+            if grid.t0_ns and np.isfinite(grid.at(np.array([t_ns - grid.t0_ns]))[0]):
+                return name, grid.t0_ns
+        return None
+
+    def at(self, name: str, t_ns: NDArray[np.int64], first_sample_ns: int) -> NDArray[np.float64]:
+        """Frequency at times, given when its first sample would be by their clock."""
+        grid = self._grids.get(name)
+        return np.full(t_ns.shape, np.nan) if grid is None else grid.at(t_ns - first_sample_ns)

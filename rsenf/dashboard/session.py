@@ -1,0 +1,107 @@
+"""What one browser has been told, and what is news to it."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from typing import Any
+
+from rsenf.dashboard.enf_series import KEPT, RECENT
+from rsenf.dashboard.site import Site
+
+VERSION = 1
+UNSEEN = (0, 0)
+SILENCE_NS = 5_000_000_000  # after which a word is sent all the same: the connection stands
+
+
+class Session:
+    """One connection of a browser. It is told everything at first, then only what has changed.
+
+    Parameters
+    ----------
+    site : Site
+        What there is to tell.
+    """
+
+    def __init__(self, site: Site) -> None:
+        self._site = site
+        self._told: dict[str, str] = {}
+        self._watched, self._series = "", RECENT
+        self._seen = {"strip": UNSEEN, "spectrogram": UNSEEN}
+        # Asked in one thread, answered in another.
+        self._asked: deque[str] = deque(maxlen=1)
+        self._told_ns = 0
+
+    def ask(self, text: str) -> None:
+        """Say which feed the browser shows in full: ``{"feed": NAME, "series": "recent"}``."""
+        self._asked.append(text)
+
+    def _turn_to(self, text: str) -> None:
+        """Turn to the feed that is asked for; what can't be read is no question."""
+        try:
+            asked = json.loads(text)
+            name, series = str(asked["feed"]), str(asked.get("series", RECENT))
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            return
+        if name != self._watched:
+            self._seen = dict.fromkeys(self._seen, UNSEEN)
+        self._watched, self._series = name, series if series in KEPT else RECENT
+        self._told.pop("chart", None)
+
+    def news(self) -> str:
+        """What has changed since the last call, as JSON; mostly empty for nothing."""
+        site = self._site
+        while self._asked:
+            self._turn_to(self._asked.pop())
+        with site.lock:
+            fresh = self._changed("card/", {n: site.card(n) for n in site.feed_names})
+            parts = {
+                "cards": list(fresh.values()),
+                **self._changed("", self._boards()),
+                **self._detail(),
+            }
+        parts = {name: part for name, part in parts.items() if part != []}
+        now_ns = site.clock_ns()
+        if not parts and 0 <= now_ns - self._told_ns < SILENCE_NS:
+            return ""
+        self._told_ns = now_ns
+        told = {"version": VERSION, "now_ms": now_ns // 1_000_000, **parts}
+        return json.dumps(told, allow_nan=False, separators=(",", ":"))
+
+    def _boards(self) -> dict[str, Any]:
+        site = self._site
+        return {
+            "nodes": {"list": site.nodes.plain(site.clock_ns())},
+            "alarms": {"list": site.alarms.plain()},
+            "site": {
+                "feeds": site.feed_names,
+                "left_out": site.feeds_left_out > 0,
+                "has_archive": site.wiring.archive is not None,
+            },
+        }
+
+    def _detail(self) -> dict[str, Any]:
+        """The feed that is shown in full."""
+        feed = self._site.feed(self._watched)
+        if feed is None:
+            return {}
+        found = self._changed("", {"chart": {"feed": feed.name, **feed.chart(self._series)}})
+        pictures = {
+            "strip": (feed.strip.columns.seen, feed.strip_plain),
+            "spectrogram": (feed.spectrogram.columns.seen, feed.spectrogram_plain),
+        }
+        for name, (there, plain) in pictures.items():
+            if there != self._seen[name]:
+                found[name] = {"feed": feed.name, **plain(self._seen[name])}
+                self._seen[name] = there
+        return found
+
+    def _changed(self, prefix: str, parts: dict[str, Any]) -> dict[str, Any]:
+        """Return those parts that aren't as they were told."""
+        fresh = {}
+        for name, part in parts.items():
+            text = json.dumps(part, allow_nan=False)
+            if self._told.get(prefix + name) != text:
+                self._told[prefix + name] = text
+                fresh[name] = part
+        return fresh

@@ -1,0 +1,113 @@
+"""Everything that the page shows, fed with every message. Safe to use from several threads."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any
+
+from rsenf.bus.keys import source_of, topic_of
+from rsenf.dashboard.alarm_board import AlarmBoard, Raised
+from rsenf.dashboard.feed import Feed
+from rsenf.dashboard.node_board import NodeBoard
+from rsenf.dashboard.references import References
+from rsenf.dashboard.wiring import Wiring
+from rsenf.messages import Alarm, Health, ReferenceBlock
+
+KEPT_FEEDS = 64
+
+
+class Site:
+    """The state of all feeds and nodes.
+
+    Parameters
+    ----------
+    wiring : Wiring
+        What is known beforehand.
+    clock_ns : callable
+        Wall clock, UTC since 1970, in ns.
+    """
+
+    def __init__(self, wiring: Wiring, clock_ns: Callable[[], int]) -> None:
+        self.wiring, self.clock_ns = wiring, clock_ns
+        self.lock = threading.RLock()
+        self.alarms, self.nodes = AlarmBoard(), NodeBoard()
+        self._references = References()
+        self._feeds: dict[str, Feed] = {}
+        self.feeds_left_out = 0
+        for name in wiring.nodes:
+            self._feed(name)
+
+    def __enter__(self) -> Site:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def update(self, key: str, message: Any) -> None:
+        """Take in a message as it came from the bus."""
+        with self.lock:
+            if isinstance(message, Health):
+                self.nodes.update(message)
+            elif isinstance(message, ReferenceBlock):
+                self._references.add(message)
+            elif topic_of(key) != "health" and (feed := self._feed(source_of(key))):
+                if isinstance(message, Alarm):
+                    self.alarms.update(
+                        feed.name,
+                        message,
+                        lambda: feed.timeline.log_time_ns(Alarm, message.header),
+                    )
+                else:
+                    feed.update(message)
+
+    def _feed(self, name: str) -> Feed | None:
+        if name not in self._feeds:
+            if len(self._feeds) >= KEPT_FEEDS:
+                self.feeds_left_out += 1
+                return None
+            claimed_ns = self.wiring.claimed_ns.get(name, 0)
+            self._feeds[name] = Feed(name, self._references, self.clock_ns, claimed_ns)
+        return self._feeds[name]
+
+    def feed(self, name: str) -> Feed | None:
+        """Return a feed that is known."""
+        return self._feeds.get(name)
+
+    @property
+    def feed_names(self) -> list[str]:
+        """Feeds in the order of the graph file, then of their coming."""
+        return list(self._feeds)
+
+    def card(self, name: str) -> dict[str, Any]:
+        """One feed at a glance, for JSON."""
+        now_ns, known = self.clock_ns(), self.wiring.judged
+        states = {n: self.nodes.state(n, now_ns) for n in self.wiring.nodes.get(name, [])}
+        return {
+            **self._feeds[name].card(),
+            "is_judged": None if known is None else name in known,
+            "nodes": states,
+            "alarms": self.alarms.active(name),
+        }
+
+    def alarm(self, number: int) -> Raised | None:
+        """Return an alarm by its number."""
+        with self.lock:
+            return self.alarms[number]
+
+    def picture(self, name: str) -> bytes:
+        """A feed's newest picture, as JPEG; empty for none."""
+        with self.lock:
+            feed = self._feeds.get(name)
+            return feed.preview.jpeg if feed else b""
+
+    def close(self) -> None:
+        """Let go of what is held."""
+        for feed in self._feeds.values():
+            feed.close()

@@ -1,0 +1,61 @@
+"""Which alarms of a camera are on, and the messages that say so when that changes."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from rsenf.messages import Alarm, Header
+from rsenf.timebase import NS_PER_S
+
+QUIET_NS = 30 * NS_PER_S  # what happens in an instant is over when it hasn't come again so long
+
+
+class Alarms:
+    """The alarms of one camera."""
+
+    def __init__(self) -> None:
+        self._on: dict[str, tuple[Alarm, int | None]] = {}
+        self._out: list[Alarm] = []
+        self._numbers: dict[tuple[str, int], int] = {}
+
+    def happened(self, alarm: Alarm, now_ns: int) -> None:
+        """Say that something happened; it is over by itself, a while later."""
+        self._raise(alarm, now_ns + QUIET_NS)
+
+    def holds(self, alarm: Alarm) -> None:
+        """Say that something is so, until :meth:`over`."""
+        self._raise(alarm, None)
+
+    def _raise(self, alarm: Alarm, until_ns: int | None) -> None:
+        if alarm.kind not in self._on:
+            self._send(alarm)
+        first = self._on[alarm.kind][0] if alarm.kind in self._on else alarm
+        self._on[alarm.kind] = first, until_ns
+
+    def over(self, kind: str, header: Header, now_ns: int) -> None:
+        """Say that something is so no longer; nothing if it wasn't."""
+        if kind in self._on:
+            alarm, _ = self._on.pop(kind)
+            self._send(dataclasses.replace(alarm, header=header, active=False, end_pts_ns=now_ns))
+
+    def pass_by(self, header: Header, now_ns: int) -> None:
+        """End what has been quiet for long, by the stream's clock."""
+        for kind, (_, until_ns) in list(self._on.items()):
+            if until_ns is not None and now_ns >= until_ns:
+                self.over(kind, header, now_ns)
+
+    def new_epoch(self, header: Header, now_ns: int) -> None:
+        """End what was of pictures before: the stream's clock begins anew."""
+        for kind in list(self._on):
+            self.over(kind, header, now_ns)
+
+    def taken(self) -> list[Alarm]:
+        """Return what is to be said since last asked."""
+        out, self._out = self._out, []
+        return out
+
+    def _send(self, alarm: Alarm) -> None:
+        run = alarm.header.run_id, alarm.header.epoch
+        seq = self._numbers.get(run, 0)
+        self._numbers[run] = seq + 1
+        self._out.append(dataclasses.replace(alarm, header=alarm.header.numbered(seq)))

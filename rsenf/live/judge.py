@@ -1,0 +1,165 @@
+"""The judge of one epoch: estimates in, second by second; what they say of the feed."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from rsenf.live.evidence import Evidence, Phase
+from rsenf.live.growing import GrowingGrid
+from rsenf.live.jumps import Jump, Jumps
+from rsenf.live.light import Change, FlickerSize
+from rsenf.live.past import OwnPast
+from rsenf.live.settings import LiveSettings
+from rsenf.live.stale import Suspects
+from rsenf.live.ticks import Tick
+from rsenf.messages import EnfEstimate
+from rsenf.timebase import NS_PER_S, seconds
+
+SEEN = 20  # estimates by which is told whether there is a signal
+LEAST_USABLE = 0.3
+FORGET_NS = 30 * NS_PER_S  # without a second that could be compared, nothing is known of now
+
+
+class Judge:
+    """Of one epoch.
+
+    Parameters
+    ----------
+    settings : LiveSettings
+    grid : GrowingGrid
+    own : OwnPast
+
+    Attributes
+    ----------
+    standing : str
+        By the phases so far: 'live', 'stale' or 'undecided'.
+    suspects : Suspects
+    """
+
+    def __init__(self, settings: LiveSettings, grid: GrowingGrid, own: OwnPast) -> None:
+        self._settings, self._grid, self._own = settings, grid, own
+        self._seen: deque[EnfEstimate] = deque(maxlen=SEEN)
+        self._jumps, self._size = Jumps(), FlickerSize()
+        self._compared_ns: int | None = None
+        self.evidence: Evidence | None = None
+        self.suspects = Suspects(settings, own)
+        self.standing = "undecided"
+
+    def take(self, estimate: EnfEstimate, tick: Tick) -> tuple[Jump | None, Change | None]:
+        """Take an estimate in; return what happened to the phase, and to the flicker's size."""
+        self._seen.append(estimate)
+        phase = _phase_of(estimate)
+        if phase is None:
+            return None, None
+        if self.evidence is None:
+            self.evidence = Evidence(self._settings, estimate.nominal_hz)
+        jump = self._jumps.take(phase, self.evidence)
+        before = self.evidence.nats
+        self.evidence.take(phase, self._moved(estimate, phase, tick))
+        self._stand()
+        if self.standing != "stale" and self.evidence.nats >= before:
+            self.suspects.clear()
+        elif jump:
+            self.suspects.jumped()
+        self.suspects.add(estimate)
+        if tick.offset_ns is not None:
+            self._own.add(estimate, tick.offset_ns)
+        return jump, self._size.take(estimate)
+
+    def _moved(self, estimate: EnfEstimate, phase: Phase, tick: Tick) -> np.ndarray | None:
+        assert self.evidence is not None
+        last, lag_s = self.evidence.last, self.evidence.follows.lag_s
+        fits = self._grid.nominal_hz == estimate.nominal_hz
+        if last is None or tick.offset_ns is None or not fits:
+            return None
+        passed_s = seconds(phase.t_ns - last.t_ns)
+        moved = self._grid.moved(last.t_ns + tick.offset_ns, passed_s, lag_s)
+        if moved is not None:
+            self._compared_ns = phase.t_ns
+        return moved
+
+    def _stand(self) -> None:
+        assert self.evidence is not None
+        limits, nats = self._settings.limits, self.evidence.nats
+        if nats >= limits.live:
+            self.standing = "live"
+        elif nats <= limits.stale:
+            self.standing = "stale"
+        elif self.evidence.is_wild:
+            self.standing = "undecided"
+
+    def verdict(self, due_ns: int, tick: Tick) -> tuple[str, str]:
+        """Return the verdict on what was up to a time, and the evidence in words."""
+        if unusable := self._why_no_signal(due_ns, tick):
+            return unusable
+        if self.evidence is None:
+            return "undecided", "the flicker has only begun to be followed"
+        if why := self._why_not_compared(due_ns, tick):
+            return "undecided", why
+        if self.evidence.is_wild:
+            return "undecided", "the phase jumps about as no grid's does"
+        nats = self.evidence.nats
+        if self.standing == "live":
+            course = self.evidence.course
+            lag = f"{course.lag_s:+.1f} ± {course.lag_std_s:.1f} s"
+            text = f"follows {self._grid.name} at a lag of {lag}"
+            return "live", f"{text}, clock {course.clock_ppm:+.1f} ± {course.clock_std_ppm:.1f} ppm"
+        if self.standing == "stale":
+            return "stale", f"does not follow {self._grid.name} now{self._story()}"
+        leaning = "for" if nats > 0 else "against"
+        return "undecided", f"{abs(nats):.0f} nats {leaning} following {self._grid.name} so far"
+
+    def _story(self) -> str:
+        origin, repeats = self.suspects.origin, self.suspects.repeats
+        if repeats is not None:
+            return f"; it repeats itself after {repeats.age_s:.1f} s"
+        if origin is not None:
+            return f"; its picture is {origin.age_s:.1f} ± {origin.std_s:.1f} s old"
+        return ""
+
+    def _why_no_signal(self, due_ns: int, tick: Tick) -> tuple[str, str] | None:
+        usable = sum(e.usable for e in self._seen)
+        if len(self._seen) >= SEEN // 2 and usable < LEAST_USABLE * len(self._seen):
+            return "no_signal", self._seen[-1].reason or "no usable flicker"
+        late_ns = due_ns - (self._seen[-1].end_pts_ns if self._seen else tick.first_pts_ns)
+        if late_ns > FORGET_NS:
+            return "no_signal", f"no flicker found for {seconds(late_ns):.0f} s"
+        return None
+
+    def _why_not_compared(self, due_ns: int, tick: Tick) -> str:
+        """Why phases couldn't be compared with the reference lately; empty where they were."""
+        if self._compared_ns is not None and due_ns - self._compared_ns <= FORGET_NS:
+            return ""
+        if not self._grid.is_there:
+            return "no reference with a known time"
+        if tick.offset_ns is None:
+            return "nothing tells when the pictures came"
+        newest = self._seen[-1]
+        if newest.usable and newest.nominal_hz != self._grid.nominal_hz:
+            return f"light of a {newest.nominal_hz:.0f} Hz grid, reference of another"
+        if newest.usable and _phase_of(newest) is None:
+            return f"estimates by {newest.method!r} carry no phase"
+        behind_s = seconds(due_ns + tick.offset_ns - self._grid.end_ns())
+        if behind_s > 0:
+            return f"{self._grid.name} ended {behind_s:.0f} s ago"
+        return f"{self._grid.name} has a gap"
+
+
+def _phase_of(estimate: EnfEstimate) -> Phase | None:
+    """Phase of an estimate's own second; None where it has none that may be used."""
+    if not estimate.usable or estimate.points != 1:
+        return None
+    if estimate.carrier_hz != 2.0 * estimate.nominal_hz:
+        return None
+    re, im = float(estimate.amplitude_re[0]), float(estimate.amplitude_im[0])
+    power = re**2 + im**2
+    own = float(estimate.amplitude_var_re[0] + estimate.amplitude_var_im[0]) / 2.0
+    if not (power > 0.0 and math.isfinite(own)):
+        return None
+    # Of the stream's clock, not of where its tracker began: that may be started again.
+    turns = round(estimate.carrier_hz) * estimate.origin_pts_ns % NS_PER_S / NS_PER_S
+    rad = math.remainder(math.atan2(im, re) - math.tau * turns, math.tau)
+    return Phase(int(estimate.amplitude_pts_ns[0]), rad, own / power)

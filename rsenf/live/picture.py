@@ -1,0 +1,116 @@
+"""What the rows themselves show, without any reference: a picture that stands, or comes again.
+
+Light and sensor noise make every frame differ from every other. Rows that are alike to the last
+bit are the same picture: the one before (frozen), or one of long ago (a loop).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.messages import RowBlock
+from rsenf.messages.schema import Float32Array
+from rsenf.timebase import nanoseconds, seconds
+
+KEEP_NS = nanoseconds(3600.0)
+LEAST_PERIOD_NS = nanoseconds(1.0)
+SAME_RATIO = 0.9  # of the frames: a codec's key frames are coded anew
+ALIKE_LEVELS = 1e-4
+JITTER_NS = nanoseconds(0.1)  # by which the period may differ from frame to frame
+
+
+@dataclass(frozen=True)
+class PictureFacts:
+    """What was seen of the pictures up to a time.
+
+    Attributes
+    ----------
+    frozen_since_ns : int or None
+        Stream clock since when the picture stands.
+    loop_since_ns : int or None
+        Stream clock since when pictures come again.
+    period_s : float
+        After how long they do; NaN while they don't.
+    """
+
+    frozen_since_ns: int | None = None
+    loop_since_ns: int | None = None
+    period_s: float = float("nan")
+
+
+class Picture:
+    """Looks at one epoch's row blocks.
+
+    Parameters
+    ----------
+    frozen_s, loop_s : float
+        How long either must last to be said.
+    """
+
+    def __init__(self, frozen_s: float, loop_s: float) -> None:
+        self._frozen_ns, self._loop_ns = nanoseconds(frozen_s), nanoseconds(loop_s)
+        self._before: Float32Array | None = None
+        self._same: deque[tuple[int, bool]] = deque()
+        self._seen: dict[bytes, int] = {}
+        self._order: deque[tuple[int, bytes]] = deque()
+        self._again: tuple[int, int, int] | None = None  # since, until, period
+        self._began_ns: int | None = None
+        self.facts = PictureFacts()
+
+    def add(self, block: RowBlock) -> None:
+        """Look at a block's frames."""
+        for pts_ns, level in zip(block.frame_pts_ns.tolist(), block.level, strict=True):
+            if self._began_ns is None:
+                self._began_ns = pts_ns
+            is_same = self._is_same(level)
+            self._same.append((pts_ns, is_same))
+            while self._same[0][0] < pts_ns - self._frozen_ns:
+                self._same.popleft()
+            if not is_same:
+                self._look_up(pts_ns, level)
+            self._before = level
+        if block.frames:
+            self._conclude(int(block.frame_pts_ns[-1]))
+
+    def _is_same(self, level: Float32Array) -> bool:
+        before = self._before
+        if before is None or before.shape != level.shape:
+            return False
+        return float(np.abs(level - before).max()) < ALIKE_LEVELS
+
+    def _look_up(self, pts_ns: int, level: Float32Array) -> None:
+        """See whether just this frame was there before, and as long ago as those before it."""
+        digest = hashlib.blake2b(level.tobytes(), digest_size=8).digest()
+        then_ns = self._seen.get(digest)
+        if then_ns is not None and pts_ns - then_ns >= LEAST_PERIOD_NS:
+            self._note_again(pts_ns, pts_ns - then_ns)
+        self._seen[digest] = pts_ns
+        self._order.append((pts_ns, digest))
+        while self._order[0][0] < pts_ns - KEEP_NS:
+            old_ns, old = self._order.popleft()
+            if self._seen[old] == old_ns:
+                del self._seen[old]
+
+    def _note_again(self, pts_ns: int, period_ns: int) -> None:
+        since_ns = pts_ns
+        if self._again is not None:
+            began_ns, until_ns, before_ns = self._again
+            if pts_ns - until_ns < self._loop_ns and abs(period_ns - before_ns) < JITTER_NS:
+                since_ns = began_ns
+        self._again = since_ns, pts_ns, period_ns
+
+    def _conclude(self, now_ns: int) -> None:
+        period_s, loop_since, frozen_since = float("nan"), None, None
+        if self._again is not None:
+            since_ns, until_ns, period_ns = self._again
+            if until_ns - since_ns >= self._loop_ns and now_ns - until_ns < 3 * self._loop_ns:
+                loop_since, period_s = since_ns, seconds(period_ns)
+        full = self._began_ns is not None and now_ns - self._began_ns >= self._frozen_ns
+        if full and sum(same for _, same in self._same) >= SAME_RATIO * len(self._same):
+            stood = self.facts.frozen_since_ns
+            frozen_since = stood if stood is not None else self._same[0][0]
+        self.facts = PictureFacts(frozen_since, loop_since, period_s)

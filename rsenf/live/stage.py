@@ -1,0 +1,319 @@
+"""Is this feed live? Rows, estimates and a reference in; verdicts and alarms out."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from rsenf.live.alarms import Alarms
+from rsenf.live.growing import GrowingGrid
+from rsenf.live.judge import Judge
+from rsenf.live.jumps import Jump
+from rsenf.live.light import Change, IdlePeriod
+from rsenf.live.past import OwnPast
+from rsenf.live.settings import LiveSettings
+from rsenf.live.ticks import Tick, Ticker
+from rsenf.messages import (
+    Alarm,
+    EnfEstimate,
+    Header,
+    IdleEstimate,
+    Liveness,
+    ReferenceBlock,
+    RowBlock,
+)
+from rsenf.timebase import NS_PER_S, nanoseconds
+
+BEHIND_NS = 16 * NS_PER_S  # what a tracker knows of a second, it says at most so much later
+# How long, by the pictures' arrival, is waited for what is late. Estimates are so while a tracker
+# still looks for flicker.
+ESTIMATES_PATIENCE_NS, REFERENCE_PATIENCE_NS = 3 * NS_PER_S, 30 * NS_PER_S
+LN10 = math.log(10.0)
+
+
+@dataclass(frozen=True)
+class Silence:
+    """No pictures for ``lost_s``, by whoever has a clock: nothing else tells of it meanwhile."""
+
+    header: Header
+
+
+class Live:
+    """Judges one camera. A :class:`rsenf.stage.Stage`.
+
+    Parameters
+    ----------
+    settings : LiveSettings, optional
+    start_utc_ns : int
+        When the first picture was taken, where arrival doesn't tell: recordings, simulations.
+    """
+
+    def __init__(self, settings: LiveSettings | None = None, *, start_utc_ns: int = 0) -> None:
+        self.settings = settings or LiveSettings()
+        self._ticker = Ticker(self.settings, start_utc_ns)
+        self._grid = GrowingGrid(self.settings.keep_hours)
+        self._own = OwnPast(self.settings.keep_hours)
+        self._idle_period, self._alarms = IdlePeriod(), Alarms()
+        self._ticks: deque[Tick] = deque()
+        self._estimates: deque[EnfEstimate] = deque()
+        self._idles: deque[IdleEstimate] = deque()
+        self._known: tuple[tuple[str, int], int] | None = None  # run and end of the newest estimate
+        self._frames: deque[tuple[int, int]] = deque()  # time and number of each tick's last frame
+        self._judge = Judge(self.settings, self._grid, self._own)
+        self._done: Tick | None = None
+        self._said: Liveness | None = None
+        self._is_reference_late = self._is_lost = False
+
+    def update(
+        self, message: RowBlock | EnfEstimate | IdleEstimate | ReferenceBlock | Silence
+    ) -> list[Liveness | Alarm]:
+        """Take a message in; return the verdicts and alarms that it completes."""
+        if isinstance(message, ReferenceBlock):
+            self._grid.add(message)
+        elif isinstance(message, EnfEstimate):
+            if message.rank == 0:
+                self._estimates.append(message)
+                self._known = _run(message.header), message.end_pts_ns
+        elif isinstance(message, IdleEstimate):
+            self._idles.append(message)
+        elif isinstance(message, Silence):
+            return self._drained() + self._lose()
+        elif tick := self._ticker.add(message):
+            self._ticks.append(tick)
+        return self._advance()
+
+    def flush(self) -> list[Liveness | Alarm]:
+        """Return the verdict on what is left."""
+        out = self._drained()
+        if self._done is not None:
+            end = dataclasses.replace(self._done, silent_s=0.0)
+            out += self._process(end, end.pts_ns)
+        return out
+
+    def _drained(self) -> list[Liveness | Alarm]:
+        """Do all ticks that wait."""
+        out: list[Liveness | Alarm] = []
+        while self._ticks:
+            tick = self._ticks.popleft()
+            out += self._process(tick, tick.pts_ns - BEHIND_NS)
+        return out
+
+    def _advance(self) -> list[Liveness | Alarm]:
+        out: list[Liveness | Alarm] = []
+        while self._ticks and self._is_ready(self._ticks[0]):
+            tick = self._ticks.popleft()
+            out += self._process(tick, tick.pts_ns - BEHIND_NS)
+        return out
+
+    def _is_ready(self, tick: Tick) -> bool:
+        """Whether all is here that a tick is judged by, or has been waited for long enough."""
+        due_ns = tick.pts_ns - BEHIND_NS
+        if due_ns <= tick.first_pts_ns:
+            return True
+        has_estimates = self._waited_ns(tick) > ESTIMATES_PATIENCE_NS
+        if self._known is not None:
+            run, end_ns = self._known
+            is_past = run == self._ticks[-1].run != tick.run
+            has_estimates |= is_past or (run == tick.run and end_ns >= due_ns - NS_PER_S)
+        return self._has_reference(tick, due_ns) and has_estimates
+
+    def _waited_ns(self, tick: Tick) -> int:
+        return self._ticks[-1].header.arrival_time_ns - tick.header.arrival_time_ns
+
+    def _has_reference(self, tick: Tick, due_ns: int) -> bool:
+        """Whether the reference is here, or has been waited for already."""
+        if tick.offset_ns is None:
+            return True
+        ahead_ns = nanoseconds(max(-self.settings.earliest_s, 0.0))
+        if self._grid.covers(due_ns + tick.offset_ns + ahead_ns):
+            self._is_reference_late = False
+        elif self._waited_ns(tick) > REFERENCE_PATIENCE_NS:
+            self._is_reference_late = True
+        else:
+            return self._is_reference_late
+        return True
+
+    def _process(self, tick: Tick, due_ns: int) -> list[Liveness | Alarm]:
+        out: list[Liveness | Alarm] = []
+        if tick.silent_s and not self._is_lost:
+            out += self._lose()
+        if self._done is None or self._done.run != tick.run:
+            self._begin_epoch(tick)
+        if self._is_lost:
+            self._is_lost = False
+            self._alarms.over("lost", tick.header, tick.pts_ns)
+        self._done = tick
+        self._grid.forget_before(tick.utc_ns)
+        self._take_idle(tick, due_ns)
+        while self._estimates and _is_due(self._estimates[0], tick, due_ns):
+            self._take(self._estimates.popleft(), tick)
+        self._alarms.pass_by(tick.header, tick.pts_ns)
+        said = self._conclude(tick, due_ns)
+        return [*out, *self._alarms.taken(), *said]
+
+    def _begin_epoch(self, tick: Tick) -> None:
+        """Judge anew: nothing of before tells what feed this is."""
+        if self._done is not None:
+            self._alarms.new_epoch(self._done.header, self._done.pts_ns)
+            while self._estimates and _run(self._estimates[0].header) == self._done.run:
+                self._estimates.popleft()
+        self._judge = Judge(self.settings, self._grid, self._own)
+        self._frames.clear()
+        self._said = None
+
+    def _take_idle(self, tick: Tick, due_ns: int) -> None:
+        self._frames.append((tick.pts_ns, tick.header.frame_last))
+        while len(self._frames) > 1 and self._frames[1][0] <= due_ns:
+            self._frames.popleft()
+        at_ns, frame = self._frames[0]
+        while self._idles and at_ns <= due_ns:
+            header = self._idles[0].header
+            if _run(header) == tick.run and header.frame_last > frame:
+                return
+            change = self._idle_period.take(self._idles.popleft())
+            if change:
+                self._alarms.happened(_idle_changed(change, tick), tick.pts_ns)
+
+    def _take(self, estimate: EnfEstimate, tick: Tick) -> None:
+        if _run(estimate.header) != tick.run:
+            return
+        jump, change = self._judge.take(estimate, tick)
+        if jump:
+            self._alarms.happened(_phase_jump(jump, tick), tick.pts_ns)
+        if change:
+            self._alarms.happened(_light_changed(change, estimate, tick), tick.pts_ns)
+
+    def _conclude(self, tick: Tick, due_ns: int) -> list[Liveness | Alarm]:
+        judge, facts = self._judge, tick.facts
+        verdict, evidence = judge.verdict(due_ns, tick)
+        if verdict == "stale":
+            judge.suspects.search(tick, self._grid)
+            verdict, evidence = judge.verdict(due_ns, tick)
+        if facts.loop_since_ns is not None:
+            again = f"its pictures come again after {facts.period_s:.2f} s, alike to the last bit"
+            verdict, evidence = "stale", again
+        if facts.frozen_since_ns is not None:
+            stood_s = (tick.pts_ns - facts.frozen_since_ns) / NS_PER_S
+            verdict, evidence = "frozen", f"the same picture for {stood_s:.0f} s"
+        self._hold("frozen", verdict == "frozen", tick, evidence)
+        self._hold("stale", verdict == "stale", tick, evidence)
+        repeats = judge.suspects.repeats if verdict == "stale" else None
+        period_s = repeats.age_s if repeats else facts.period_s
+        self._hold("loop", math.isfinite(period_s), tick, evidence, period_s)
+        is_last = due_ns == tick.pts_ns
+        return [*self._alarms.taken(), *self._say(verdict, evidence, tick, always=is_last)]
+
+    def _hold(
+        self, kind: str, is_so: bool, tick: Tick, text: str, period_s: float = math.nan
+    ) -> None:
+        if not is_so:
+            self._alarms.over(kind, tick.header, tick.pts_ns)
+            return
+        unit = "s" if math.isfinite(period_s) else ""
+        self._alarms.holds(
+            Alarm(
+                header=tick.header,
+                kind=kind,
+                severity="alarm",
+                start_pts_ns=tick.pts_ns,
+                end_pts_ns=tick.pts_ns,
+                value=period_s,
+                unit=unit,
+                text=text,
+            )
+        )
+
+    def _say(
+        self, verdict: str, evidence: str, tick: Tick, *, always: bool = False
+    ) -> list[Liveness | Alarm]:
+        said = self._said
+        is_new = said is None or said.verdict != verdict
+        if said and not (is_new or always or self._is_due_to_report(tick, said)):
+            return []
+        course = self._judge.evidence.course if self._judge.evidence else None
+        origin = self._judge.suspects.origin if verdict == "stale" else None
+        message = Liveness(
+            header=tick.header.numbered(said.header.seq + 1 if said else 0),
+            verdict=verdict,
+            since_ns=tick.utc_ns if said is None or is_new else said.since_ns,
+            log10_lr=self._judge.evidence.nats / LN10 if self._judge.evidence else math.nan,
+            evidence=evidence,
+        )
+        if course and verdict == "live":
+            message = dataclasses.replace(message, **dataclasses.asdict(course))
+        if origin:
+            taken_ns = tick.utc_ns - nanoseconds(origin.age_s)
+            message = dataclasses.replace(
+                message, lag_s=origin.age_s, lag_std_s=origin.std_s, origin_utc_ns=taken_ns
+            )
+        self._said = message
+        return [message]
+
+    def _is_due_to_report(self, tick: Tick, said: Liveness) -> bool:
+        since_ns = tick.header.pts_ns - said.header.pts_ns
+        # Half a second less: ticks come with blocks of frames, a little unevenly.
+        return since_ns >= nanoseconds(self.settings.report_every_s) - NS_PER_S // 2
+
+    def _lose(self) -> list[Liveness | Alarm]:
+        """Say once that no pictures come; nothing in it tells when that was noticed."""
+        tick = self._done
+        if tick is None or self._is_lost:
+            return []
+        self._is_lost = True
+        limit_s = self.settings.lost_s
+        text = f"no picture for more than {limit_s:g} s"
+        self._alarms.holds(
+            Alarm(
+                header=tick.header,
+                kind="lost",
+                severity="alarm",
+                start_pts_ns=tick.pts_ns,
+                end_pts_ns=tick.pts_ns,
+                limit=limit_s,
+                unit="s",
+                text=text,
+            )
+        )
+        return [*self._alarms.taken(), *self._say("undecided", text, tick)]
+
+
+def _run(header: Header) -> tuple[str, int]:
+    return header.run_id, header.epoch
+
+
+def _is_due(estimate: EnfEstimate, tick: Tick, due_ns: int) -> bool:
+    """Whether an estimate belongs to a tick: by time, and known already when it was made.
+
+    A tracker that has just found flicker tells of all the seconds before at once.
+    """
+    if _run(estimate.header) != tick.run:
+        return True
+    later_ns = estimate.header.arrival_time_ns - tick.header.arrival_time_ns
+    return estimate.end_pts_ns <= due_ns and not 0 < later_ns < ESTIMATES_PATIENCE_NS
+
+
+def _idle_changed(change: Change, tick: Tick) -> Alarm:
+    text = f"idle period {100 * change.before:.1f} % before, {100 * change.value:.1f} % now"
+    return Alarm(
+        header=tick.header, kind="idle_changed", start_pts_ns=tick.pts_ns, end_pts_ns=tick.pts_ns,
+        value=change.value, limit=change.limit, text=f"{text}: another camera, or another mode",
+    )  # fmt: skip
+
+
+def _phase_jump(jump: Jump, tick: Tick) -> Alarm:
+    text = f"the phase jumped by {jump.rad:+.2f} rad: a splice, or frames lost or sent twice"
+    return Alarm(
+        header=tick.header, kind="phase_jump", start_pts_ns=jump.t_ns, end_pts_ns=jump.t_ns,
+        value=jump.rad, limit=jump.limit_rad, unit="rad", text=text,
+    )  # fmt: skip
+
+
+def _light_changed(change: Change, estimate: EnfEstimate, tick: Tick) -> Alarm:
+    at_ns = estimate.start_pts_ns
+    text = f"the flicker is {change.value:.2f} times what it was: another lamp, or another view"
+    return Alarm(
+        header=tick.header, kind="light_changed", start_pts_ns=at_ns, end_pts_ns=at_ns,
+        value=change.value, limit=change.limit, text=text,
+    )  # fmt: skip

@@ -1,0 +1,102 @@
+"""The beat of the stage: one tick for each second of pictures, and what was known by then.
+
+Verdicts are made tick by tick from messages up to a fixed time before it, whatever order they came
+in from different processes: so streams and files, live and played again, give the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rsenf.live.host_time import HostTime
+from rsenf.live.picture import Picture, PictureFacts
+from rsenf.live.settings import LiveSettings
+from rsenf.messages import Header, RowBlock
+from rsenf.timebase import NS_PER_S, seconds
+
+
+@dataclass(frozen=True)
+class Tick:
+    """A second of pictures is there.
+
+    Attributes
+    ----------
+    header : Header
+        Of the block that completed it.
+    pts_ns : int
+        Its last frame.
+    first_pts_ns : int
+        First frame of the epoch.
+    offset_ns : int or None
+        UTC less the stream's clock; None while it isn't known.
+    facts : PictureFacts
+    silent_s : float
+        Without pictures just before; 0 for nothing worth telling.
+    """
+
+    header: Header
+    pts_ns: int
+    first_pts_ns: int
+    offset_ns: int | None
+    facts: PictureFacts
+    silent_s: float = 0.0
+
+    @property
+    def run(self) -> tuple[str, int]:
+        """Run and epoch."""
+        return self.header.run_id, self.header.epoch
+
+    @property
+    def begins(self) -> bool:
+        """Whether it is of its epoch's first second."""
+        return self.pts_ns - self.first_pts_ns < NS_PER_S
+
+    @property
+    def utc_ns(self) -> int:
+        """Its last frame by this host's clock; 0 for unknown."""
+        return 0 if self.offset_ns is None else self.pts_ns + self.offset_ns
+
+
+class Ticker:
+    """Makes ticks of row blocks."""
+
+    def __init__(self, settings: LiveSettings, start_utc_ns: int) -> None:
+        self._settings = settings
+        self._time = HostTime(start_utc_ns)
+        self._picture = Picture(settings.frozen_s, settings.loop_s)
+        self._run: tuple[str, int] | None = None
+        self._first_ns = self._next_ns = 0
+        self._last: tuple[int, int] | None = None  # stream clock and arrival of the last block
+        self._silent_s = 0.0
+
+    def add(self, block: RowBlock) -> Tick | None:
+        """Take a block in; return the tick it completes."""
+        if not block.frames:
+            return None
+        header, now_ns = block.header, int(block.frame_pts_ns[-1])
+        self._note_silence(block)
+        if (header.run_id, header.epoch) != self._run:
+            self._run = header.run_id, header.epoch
+            self._first_ns = self._next_ns = int(block.frame_pts_ns[0])
+            self._time.begin(header)
+            self._picture = Picture(self._settings.frozen_s, self._settings.loop_s)
+        self._time.add(header)
+        self._picture.add(block)
+        self._last = now_ns, header.arrival_time_ns
+        if now_ns < self._next_ns:
+            return None
+        self._next_ns = now_ns + NS_PER_S - (now_ns - self._first_ns) % NS_PER_S
+        silent_s, self._silent_s = self._silent_s, 0.0
+        offset_ns, facts = self._time.offset_ns, self._picture.facts
+        return Tick(header, now_ns, self._first_ns, offset_ns, facts, silent_s)
+
+    def _note_silence(self, block: RowBlock) -> None:
+        if self._last is None:
+            return
+        header = block.header
+        if (header.run_id, header.epoch) == self._run:
+            silent_ns = int(block.frame_pts_ns[0]) - self._last[0]
+        else:
+            silent_ns = header.arrival_time_ns - self._last[1] if self._last[1] else 0
+        if seconds(silent_ns) > self._settings.lost_s:
+            self._silent_s = seconds(silent_ns)

@@ -1,0 +1,42 @@
+"""Verdicts on liveness and alarms as JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rsenf.messages import Alarm, Liveness
+from rsenf.report.verdict import number
+from rsenf.timebase import seconds, utc_text
+
+
+def live_json(told: Liveness) -> dict[str, Any]:
+    """Return a verdict as it is printed; what isn't known is None."""
+    return {
+        "t_s": seconds(told.header.pts_ns),
+        "epoch": told.header.epoch,
+        "verdict": told.verdict,
+        "since_utc": utc_text(told.since_ns),
+        "lag_s": number(told.lag_s),
+        "lag_std_s": number(told.lag_std_s),
+        "clock_ppm": number(told.clock_ppm),
+        "clock_std_ppm": number(told.clock_std_ppm),
+        "log10_lr": number(told.log10_lr),
+        "origin_utc": utc_text(told.origin_utc_ns),
+        "evidence": told.evidence,
+    }
+
+
+def alarm_json(alarm: Alarm) -> dict[str, Any]:
+    """Return an alarm, or its end."""
+    return {
+        "start_s": seconds(alarm.start_pts_ns),
+        "end_s": None if alarm.active else seconds(alarm.end_pts_ns),
+        "epoch": alarm.header.epoch,
+        "kind": alarm.kind,
+        "severity": alarm.severity,
+        "active": alarm.active,
+        "value": number(alarm.value),
+        "limit": number(alarm.limit),
+        "unit": alarm.unit,
+        "text": alarm.text,
+    }

@@ -1,0 +1,213 @@
+"""Verdicts on feeds that are live, and on those that only look like it."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+from live_feeds import AHEAD_S, GRID_S, NS, START_S, T0_NS, Camera, looped, reference, said
+
+from rsenf.errors import UsageError
+from rsenf.live import Limits, Live, LiveSettings, Silence
+from rsenf.messages import EnfEstimate, Header, ReferenceBlock, RowBlock, canonical
+
+
+@pytest.mark.parametrize("clock_ppm", [-90.0, 0.0, 70.0])
+def test_an_honest_feed_is_live_with_its_lag_and_its_clock(clock_ppm: float) -> None:
+    told = said([reference(), *Camera(clock_ppm=clock_ppm, late_s=1.3).messages(240)])
+    assert told.story == ["undecided", "live"]
+    assert told.alarms == []
+    assert told.first("live").header.pts_ns < 90 * NS
+    end = told.verdicts[-1]
+    assert abs(end.clock_ppm - clock_ppm) < 4 * end.clock_std_ppm < 8
+    assert abs(end.lag_s - 1.3) < 4 * end.lag_std_s < 2
+    assert end.since_ns == told.first("live").since_ns
+    assert end.log10_lr > 10
+    assert len(told.verdicts) == 241  # one a second, and one at the end
+
+
+def test_a_loop_is_stale_and_its_past_is_found() -> None:
+    """Coded anew, so that no picture is to the last bit as it was."""
+    camera = Camera(filmed=looped(160, 100))
+    told = said([reference(), *camera.messages(300)])
+    assert told.story == ["undecided", "live", "stale"]
+    assert told.first("stale").header.pts_ns < (160 + AHEAD_S + 75) * NS
+    found = next(v for v in told.verdicts if v.origin_utc_ns)
+    assert found.lag_s == pytest.approx(100.3, abs=0.5)  # in the first round
+    (loop,) = told.alarms_of("loop")
+    assert loop.value == pytest.approx(100, abs=1)
+    assert [a.active for a in told.alarms_of("stale")] == [True]
+
+
+def test_pictures_that_come_again_are_a_loop_at_once() -> None:
+    loop = looped(100, 40)
+    told = said([reference(), *Camera(filmed=loop, picture=loop).messages(150)])
+    assert told.first("stale").header.pts_ns <= 103 * NS
+    (alarm,) = told.alarms_of("loop")
+    assert (alarm.value, alarm.unit, alarm.severity) == (40.0, "s", "alarm")
+    assert "40.00 s" in told.verdicts[-1].evidence
+
+
+def test_a_delayed_replay_was_never_live_and_its_time_is_found() -> None:
+    told = said([reference(), *Camera(filmed=lambda t: t - 300.0).messages(200)])
+    assert told.story == ["undecided", "stale"]
+    end = told.verdicts[-1]
+    assert end.lag_s == pytest.approx(300.3, abs=1.0)
+    taken_s = (end.origin_utc_ns - T0_NS) / NS
+    assert taken_s == pytest.approx(START_S + end.header.pts_ns / NS - 300, abs=1.5)
+
+
+def test_who_cuts_back_to_the_present_is_live_again() -> None:
+    camera = Camera(filmed=lambda t: t if not 120 <= t < 200 else t - 100)
+    told = said([reference(), *camera.messages(340)])
+    assert told.story == ["undecided", "live", "stale", "live"]
+    assert [a.active for a in told.alarms_of("stale")] == [True, False]
+
+
+def test_a_splice_is_a_jump_and_then_goes_on() -> None:
+    camera = Camera(filmed=lambda t: t if t < 120 else t + 1 / 30)
+    told = said([reference(), *camera.messages(220)])
+    assert told.story == ["undecided", "live"]
+    on, off = told.alarms_of("phase_jump")
+    assert (on.active, off.active) == (True, False)
+    assert abs(on.start_pts_ns - 120 * NS) <= NS
+    assert on.value == pytest.approx(2 * np.pi * (100 / 30 - 3), abs=0.3)
+    assert abs(on.value) > on.limit
+
+
+def test_one_second_that_went_wrong_is_no_jump() -> None:
+    bad = dataclasses.replace
+    messages = list(Camera().messages(120))
+    for i, m in enumerate(messages):
+        if isinstance(m, EnfEstimate) and m.start_pts_ns == 80 * NS:
+            messages[i] = bad(m, amplitude_re=-m.amplitude_re, amplitude_im=-m.amplitude_im)
+    assert said([reference(), *messages]).alarms == []
+
+
+def test_a_picture_that_stands_is_frozen_and_then_not() -> None:
+    camera = Camera(picture=lambda t: 100.0 if 100 <= t < 130 else t)
+    told = said([reference(), *camera.messages(150)])
+    assert told.story == ["undecided", "live", "frozen", "live"]
+    assert told.first("frozen").header.pts_ns <= 107 * NS
+    assert [a.active for a in told.alarms_of("frozen")] == [True, False]
+
+
+def test_another_lamp_and_the_dark() -> None:
+    lamp = Camera(size=lambda t: 6.0 if t < 100 else 2.0)
+    told = said([reference(), *lamp.messages(200)])
+    assert told.first("live")
+    assert told.alarms_of("light_changed")[0].value == pytest.approx(1 / 3, rel=0.05)
+    dark = said([reference(), *Camera(usable=lambda t: t < 80).messages(160)])
+    assert dark.story == ["undecided", "live", "no_signal"]
+    assert dark.verdicts[-1].evidence == "no mains flicker stands out"
+
+
+def test_reconnecting_is_judged_anew_and_no_alarm() -> None:
+    first, again = Camera(), Camera(epoch=1, start_s=START_S + 123.0, late_s=0.9, seed=2)
+    told = said([reference(), *first.messages(120), *again.messages(120)])
+    assert told.story == ["undecided", "live", "undecided", "live"]
+    assert told.alarms == []
+    seqs = [v.header.seq for v in told.verdicts if v.header.epoch == 1]
+    assert seqs == list(range(len(seqs)))
+    replayed = Camera(epoch=1, start_s=START_S + 123.0, filmed=lambda t: t - 123.0)
+    told = said([reference(), *first.messages(120), *replayed.messages(120)])
+    assert told.story == ["undecided", "live", "undecided", "stale"]
+
+
+def test_silence_is_lost_until_a_picture_comes() -> None:
+    live, cam = Live(), Camera()
+    messages = [reference(), *cam.messages(60)]
+    out = [one for message in messages for one in live.update(message)]
+    assert live.update(Silence(Header()))[0].kind == "lost"
+    assert live.update(Silence(Header())) == []  # said once
+    back = Camera(epoch=1, start_s=START_S + 90)
+    told = said(back.messages(20), live)
+    assert [a.active for a in told.alarms_of("lost")] == [False]
+    # Nobody may have had a clock: then it is said when the pictures are back.
+    unwatched = said([*messages, *back.messages(20)])
+    assert [a.active for a in unwatched.alarms_of("lost")] == [True, False]
+    assert out[-1].verdict == "live"
+
+
+def test_a_reference_that_pauses_leaves_it_undecided_and_no_alarm() -> None:
+    def growing() -> Any:
+        for message in Camera().messages(330):
+            if isinstance(message, RowBlock):
+                now = int(START_S) + message.header.pts_ns // NS
+                paused = START_S + 100 < now < START_S + 200
+                if not paused and now != START_S + 200:
+                    yield reference(now - 1, now, total=0)
+                if now == START_S + 200:  # what was missed, at once
+                    yield reference(now - 100, now, total=0)
+            yield message
+
+    told = said([reference(0, int(START_S), total=0), *growing()])
+    assert told.story == ["undecided", "live", "undecided", "live"]
+    assert "ended" in told.verdicts[160].evidence
+    assert told.alarms == []
+
+
+def test_no_reference_or_another_grid_s_is_undecided() -> None:
+    alone = said(Camera().messages(120))
+    assert alone.story == ["undecided"]
+    assert alone.verdicts[-1].evidence == "no reference with a known time"
+    other = dataclasses.replace(reference(), nominal_hz=60.0)
+    assert said([other, *Camera().messages(120)]).story == ["undecided"]
+    timeless = dataclasses.replace(reference(), t0_ns=0)
+    assert said([timeless, *Camera().messages(60)]).story == ["undecided"]
+
+
+def test_the_future_of_a_reference_counts_for_nothing() -> None:
+    """A file holds all of it at once; a topic only what has been."""
+    camera = Camera(filmed=looped(100, 60))
+    whole = said([reference(), *camera.messages(200)])
+    cut = reference(0, int(START_S) + 205)
+    changed = dataclasses.replace(
+        reference(), freq_hz=np.concatenate([cut.freq_hz, np.full(GRID_S - cut.samples, 50.2)])
+    )
+    assert [canonical(v) for v in said([changed, *camera.messages(200)]).verdicts] == [
+        canonical(v) for v in whole.verdicts
+    ]
+
+
+def test_the_order_of_streams_makes_no_difference() -> None:
+    """Rows, estimates and reference come from different processes."""
+    camera = Camera(filmed=looped(100, 60))
+    messages = list(camera.messages(200))
+    one = said([reference(), *messages])
+    for late_s in ({RowBlock: 0.0, EnfEstimate: 2.4}, {RowBlock: 2.4, EnfEstimate: 0.0}):
+        order = sorted(messages, key=lambda m: m.header.arrival_time_ns / NS + late_s[type(m)])
+        pieces = [reference(first, first + 100) for first in range(0, GRID_S, 100)]
+        other = said([*order[:20], *pieces, *order[20:]])
+        assert [canonical(v) for v in other.verdicts] == [canonical(v) for v in one.verdicts]
+        assert [canonical(a) for a in other.alarms] == [canonical(a) for a in one.alarms]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_is_never_live(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    messages = list(Camera(seed=seed).messages(200))
+    for i, m in enumerate(messages):
+        if isinstance(m, EnfEstimate):
+            turn = rng.uniform(0, 2 * np.pi)
+            made = {"amplitude_re": np.cos([turn]), "amplitude_im": np.sin([turn])}
+            messages[i] = dataclasses.replace(m, **made)
+    assert "live" not in said([reference(), *messages]).story
+
+
+def test_empty_blocks_and_no_blocks_say_nothing() -> None:
+    assert Live().flush() == []
+    assert Live().update(RowBlock(header=Header())) == []
+    assert Live().update(ReferenceBlock(header=Header())) == []
+    assert Live().update(Silence(Header())) == []
+
+
+def test_settings_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(UsageError, match="stale < 0 < live"):
+        Limits(live=-1, stale=-2, most=3, least=-3)
+    with pytest.raises(UsageError, match="lost_s"):
+        LiveSettings(lost_s=0)
+    with pytest.raises(UsageError, match="3 to 1 s old"):
+        LiveSettings(earliest_s=3, latest_s=1)
