@@ -17,6 +17,7 @@ from rsenf.messages.schema import Float32Array
 from rsenf.timebase import nanoseconds, seconds
 
 KEEP_NS = nanoseconds(3600.0)
+REMEMBER_NS = nanoseconds(0.1)  # one frame in so long a time: a loop shows all of them again
 LEAST_PERIOD_NS = nanoseconds(1.0)
 SAME_RATIO = 0.9  # of the frames: a codec's key frames are coded anew
 ALIKE_LEVELS = 1e-4
@@ -88,9 +89,10 @@ class Picture:
         then_ns = self._seen.get(digest)
         if then_ns is not None and pts_ns - then_ns >= LEAST_PERIOD_NS:
             self._note_again(pts_ns, pts_ns - then_ns)
-        self._seen[digest] = pts_ns
-        self._order.append((pts_ns, digest))
-        while self._order[0][0] < pts_ns - KEEP_NS:
+        if not self._order or pts_ns - self._order[-1][0] >= REMEMBER_NS:
+            self._seen[digest] = pts_ns
+            self._order.append((pts_ns, digest))
+        while self._order and self._order[0][0] < pts_ns - KEEP_NS:
             old_ns, old = self._order.popleft()
             if self._seen[old] == old_ns:
                 del self._seen[old]
