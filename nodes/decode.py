@@ -19,9 +19,11 @@ def body(node: NodeProcess) -> None:
         source = stack.enter_context(open_input(config, node))
         outlet = open_outlet(node, config, live=source.info.live)
         stack.callback(outlet.close)
-        video = node.publisher(config.camera, "video") if config.record_video else None
+        live = source.info.live or config.pace
+        far = live and bool(node.graph.hosts)
+        video = node.publisher(config.camera, "video", live=far) if config.record_video else None
         node.ready()
-        node.wait_for_peers()
+        node.wait_for_peers(live=live)
         frame = packet = Header(
             run_id=node.run_id, source=f"{node.graph.site}/{config.camera}", seq=-1
         )

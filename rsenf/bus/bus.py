@@ -128,17 +128,20 @@ class Subscription:
 
     def take(self, item: Envelope) -> None:
         """Take a live message. Called by the transport, which it makes wait."""
-        if not self._delivery.recovers:
-            item = replace(item, kept=False)
+        item = self._for_me(item)
         with self._lock:
             if self._held is not None:
                 self._held.append(item)
                 return
         self._inbox.put(item, self._delivery)
 
+    def _for_me(self, item: Envelope) -> Envelope:
+        """Who only looks doesn't ask for what it missed."""
+        return item if self._delivery.recovers else replace(item, kept=False)
+
     def catch_up(self, history: Iterable[Envelope]) -> None:
         """Take the history, then what has come meanwhile."""
-        self._inbox.put_all(history)
+        self._inbox.put_all(map(self._for_me, history))
         # Under the lock, so that no newer message can overtake those held.
         with self._lock:
             held, self._held = self._held, None

@@ -43,12 +43,14 @@ class Delivery:
 FRAMES_FILE = Delivery(lossless=True, queue=16, history=0)
 FRAMES_LIVE = Delivery(lossless=False, queue=16, history=0)
 VIDEO = Delivery(lossless=True, queue=64, history=0)
-# What is kept is some minutes: of blocks of 8 frames, 1200 are five at 30 frames a second.
+# Between hosts a live camera doesn't wait for its pictures to be sent.
+VIDEO_LIVE = Delivery(lossless=False, queue=512, history=0)
 SIGNALS = Delivery(lossless=True, queue=1024, history=600)
+# What is kept is some minutes: of blocks of 8 frames, 1200 are five at 30 frames a second.
 ROWS = Delivery(lossless=True, queue=256, history=64, kept=1200)
 # A node's last word decides whether it has finished or was lost: it must not be dropped, and not
 # come long after the node's token has gone.
-HEALTH = Delivery(lossless=True, queue=256, history=1, urgent=True)
+HEALTH = Delivery(lossless=True, queue=256, history=1, kept=300, urgent=True)
 # For those who only look: they never make a sender wait.
 LOOKING = Delivery(lossless=False, queue=256, history=1)
 
@@ -57,4 +59,6 @@ def delivery_of(topic: str, *, live: bool = False) -> Delivery:
     """Delivery class of a topic of a live source or of a file."""
     if topic == "frames":
         return FRAMES_LIVE if live else FRAMES_FILE
+    if topic == "video" and live:
+        return VIDEO_LIVE
     return {"video": VIDEO, "rows": ROWS, "health": HEALTH}.get(topic, SIGNALS)

@@ -18,9 +18,10 @@ from rsenf.bus.sequence import Envelope, Sequence, place_of
 from rsenf.errors import SchemaMismatch
 from rsenf.messages import class_for, decode
 
-# Before each time that a sender is asked for what is missing: after a break of a link it may take
-# a moment until it can be reached.
-PAUSES_S = (0.0, 0.2, 0.6)
+# Before each time that a sender is asked for what is missing, until it answers: after a break of
+# a link it may take a moment until it can be reached.
+PAUSES_S = (0.0, 0.2, 0.6, 1.2, 2.0)
+Ask = Callable[[str, str, str], Iterable[Envelope] | None]
 
 
 @dataclass(frozen=True)
@@ -71,8 +72,8 @@ class Inbox:
     Attributes
     ----------
     ask : callable
-        ``ask(key, after, before)`` returns what the senders of a key have kept between two places;
-        set by the bus.
+        ``ask(key, after, before)`` returns what the senders of a key have kept between two places,
+        or None when nobody answers; set by the bus.
     """
 
     def __init__(self) -> None:
@@ -82,7 +83,7 @@ class Inbox:
         self._sequence = Sequence()
         self._held: dict[str, list[Envelope]] = {}  # of keys of which something is asked for
         self._again: set[str] = set()  # of those, who is to be asked once more
-        self.ask: Callable[[str, str, str], Iterable[Envelope]] = lambda *question: ()
+        self.ask: Ask = lambda *question: None
         self._closed = False
         self._change = threading.Condition()
 
@@ -128,15 +129,18 @@ class Inbox:
 
     def _next(self, deadline: float) -> Envelope | None:
         with self._change:
-            while not self._items:
-                left = deadline - time.monotonic()
-                if left <= 0 or self._closed:
-                    return None
-                self._change.wait(left)
-            item = self._items.popleft()
-            self._waiting[item.key] -= 1
-            self._change.notify_all()
-            return item
+            while True:
+                while not self._items:
+                    left = deadline - time.monotonic()
+                    if left <= 0 or self._closed:
+                        return None
+                    self._change.wait(left)
+                item = self._items.popleft()
+                self._waiting[item.key] -= 1
+                self._change.notify_all()
+                if item.key not in self._held:
+                    return item
+                self._held[item.key].append(item)
 
     def _accept(self, item: Envelope) -> Received | None:
         """Decode and check the sequence; None for what has to wait, is foreign, broken or old."""
@@ -155,8 +159,7 @@ class Inbox:
                 return None
             if item.kept and not item.late and (absent or sequence.begins_epoch(item, header)):
                 self._held[item.key] = [replace(item, kept=False)]  # what isn't got now is lost
-                pauses_s = PAUSES_S if absent else PAUSES_S[:1]
-                self._recover(item.key, place_of(item.sender, header), pauses_s)
+                self._recover(item.key, place_of(item.sender, header))
                 return None
             self.counters.missed += sequence.took(item, header)
             self.counters.received += 1
@@ -170,18 +173,19 @@ class Inbox:
                 self._again.add(key)
             else:
                 self._held[key] = []
-                self._recover(key, "", PAUSES_S[:1])
+                self._recover(key, "")
 
-    def _recover(self, key: str, before: str, pauses_s: Iterable[float]) -> None:
+    def _recover(self, key: str, before: str) -> None:
         """Get what is missing, in a thread: who receives is free to take all other keys."""
         after = self._sequence.newest(key)
 
         def work() -> None:
             missing: list[Envelope] = []
-            for pause_s in pauses_s:
+            for pause_s in PAUSES_S:
                 time.sleep(pause_s)
-                missing = [replace(item, late=True) for item in self.ask(key, after, before)]
-                if missing or self._closed:
+                answer = self.ask(key, after, before)
+                if answer is not None or self._closed:
+                    missing = [replace(item, late=True) for item in answer or ()]
                     break
             with self._change:
                 back = [*missing, *self._held.pop(key)]

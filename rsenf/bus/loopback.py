@@ -72,12 +72,12 @@ class LoopbackBus:
         kept = [item for p in senders for item in p.history()] if delivery.history else []
         subscription.catch_up(kept)
 
-    def _ask(self, key: str, after: str, before: str) -> list[Envelope]:
+    def _ask(self, key: str, after: str, before: str) -> list[Envelope] | None:
         """What the senders of a key have kept between two places."""
         with self._network.lock:
             senders = [p for p in self._network.publishers if p.key == key]
         heard = [p for p in senders if p.sender not in self._network.cut_off]
-        return [item for p in heard for item in p.between(after, before)]
+        return [item for p in heard for item in p.between(after, before)] if heard else None
 
     def cut(self, *, off: bool) -> None:
         """Break the link to all others, without anybody's notice but for the tokens; or mend it."""

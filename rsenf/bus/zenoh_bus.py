@@ -12,7 +12,7 @@ import contextlib
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -33,7 +33,7 @@ HISTORY_TIMEOUT_S = 2.0
 RECOVERY_TIMEOUT_S = 20.0
 # In the attachment of a message, after its sender: that it is kept for who misses it.
 KEPT = ";kept"
-CONNECT_TIMEOUT_MS = 3000
+CONNECT_TIMEOUT_MS, RETRY_MS = 3000, 1000
 # Zenoh closes a link on which a blocked sender waits longer than this, and later messages vanish
 # without a word. A slow recorder is no reason to lose data: an hour.
 WAIT_BEFORE_CLOSE_US = 3_600_000_000
@@ -54,7 +54,8 @@ class BusSettings:
     mode : {'client', 'router', 'peer'}
         'client' connects to a router; ``rsenf run`` opens one of its own in mode 'router'.
     connect, listen : tuple of str
-        Zenoh endpoints, for example ``tcp/127.0.0.1:7447``.
+        Zenoh endpoints, for example ``tcp/127.0.0.1:7447``. A router connects to other routers,
+        and again and again to those that aren't there.
     multicast : bool
         Look for routers and peers in the local network.
     zenoh : mapping
@@ -78,14 +79,16 @@ def setting_problem(path: str, value: Any) -> str:
 
 
 def _config(settings: BusSettings) -> zenoh.Config:
+    patient = settings.mode == "router"
     values: dict[str, Any] = {
         "mode": settings.mode,
         "connect/endpoints": list(settings.connect),
         "listen/endpoints": list(settings.listen),
         "scouting/multicast/enabled": settings.multicast,
         "scouting/gossip/enabled": settings.multicast,
-        "connect/timeout_ms": CONNECT_TIMEOUT_MS,
-        "connect/exit_on_failure": True,
+        "connect/timeout_ms": -1 if patient else CONNECT_TIMEOUT_MS,
+        "connect/exit_on_failure": not patient,
+        "connect/retry": {"period_init_ms": RETRY_MS, "period_increase_factor": 1},
         "transport/shared_memory/enabled": False,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": WAIT_BEFORE_CLOSE_US,
         # Without anybody to look for, opening needn't wait half a second for answers.
@@ -129,10 +132,13 @@ class _ZenohPublisher(Publisher):
                 query.reply(
                     item.key, item.payload, encoding=item.encoding, attachment=self._attachment
                 )
+            if after is not None and not items:
+                query.reply_err(NOTHING_KEPT)
 
 
 # Parameters of a question for what was missed: places in the stream that it lies between.
 AFTER, BEFORE = "after", "before"
+NOTHING_KEPT = zenoh.ZBytes(b"nothing kept")
 _BLOCK = zenoh.CongestionControl.BLOCK
 
 
@@ -180,23 +186,27 @@ class ZenohBus:
         except zenoh.ZError as exc:
             raise no_key_expression(key_expr) from exc
         self._declared.append(subscriber)
-        subscription.catch_up(self._query(key_expr, HISTORY_TIMEOUT_S) if delivery.history else ())
+        replies = self._query(key_expr, HISTORY_TIMEOUT_S) if delivery.history else ()
+        subscription.catch_up(_envelope(reply.ok) for reply in replies if reply.ok)
 
-    def _ask(self, key: str, after: str, before: str) -> Iterator[Envelope]:
-        """What the senders of a key have kept between two places."""
-        asked = f"{key}?{AFTER}={after};{BEFORE}={before}"
+    def _ask(self, key: str, after: str, before: str) -> list[Envelope] | None:
+        """What the senders of a key have kept between two places; None when nobody answers."""
         with contextlib.suppress(zenoh.ZError):  # the session was closed meanwhile
-            yield from self._query(asked, RECOVERY_TIMEOUT_S)
+            replies = self._query(f"{key}?{AFTER}={after};{BEFORE}={before}", RECOVERY_TIMEOUT_S)
+            answers = list(replies)
+            said = [r for r in answers if r.ok or (r.err and r.err.payload == NOTHING_KEPT)]
+            return [_envelope(r.ok) for r in said if r.ok] if said else None
+        return None
 
-    def _query(self, selector: str, timeout_s: float) -> Iterator[Envelope]:
-        replies = self._session.get(
+    def _query(self, selector: str, timeout_s: float) -> Iterable[zenoh.Reply]:
+        replies: Iterable[zenoh.Reply] = self._session.get(
             selector,
             timeout=timeout_s,
             consolidation=zenoh.ConsolidationMode.NONE,
             target=zenoh.QueryTarget.ALL,
             congestion_control=_BLOCK,  # of the replies too
         )
-        return (_envelope(reply.ok) for reply in replies if reply.ok is not None)
+        return replies
 
     def declare_alive(self, key: str) -> None:
         """Show a liveliness token for as long as this process lives."""
@@ -224,15 +234,16 @@ class ZenohBus:
         """Release the inboxes and see off what was sent; :func:`open_bus` closes the session.
 
         A session that closes forgets what still waits to be sent. A question of the lowest priority
-        goes after all of it on the same link, so its answer means that the router has everything.
+        goes after all of it on the same link, so its answer means that the router has everything;
+        and the routers of other hosts, to which it goes on.
         """
         for inbox in self._inboxes:
             inbox.close()
         replies = self._session.get(
             ECHO_KEY, timeout=ECHO_TIMEOUT_S, priority=zenoh.Priority.BACKGROUND,
-            congestion_control=_BLOCK,
+            target=zenoh.QueryTarget.ALL, congestion_control=_BLOCK,
         )  # fmt: skip
-        if not any(reply.ok is not None for reply in replies):
+        if not [reply for reply in replies if reply.ok is not None]:  # waits for all of them
             time.sleep(NO_ECHO_S)  # somebody else's router: nothing to do but give it time
 
 

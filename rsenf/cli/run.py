@@ -21,6 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("graph", type=Path, metavar="GRAPH.yaml")
     parser.add_argument("--replay", action="append", default=[], type=named, metavar="NODE=FILE",
                         help="play a node's recorded output in its place")  # fmt: skip
+    parser.add_argument("--host", default="", metavar="NAME",
+                        help="which of the hosts that the graph is split over")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="end state and results as JSON")
     parser.add_argument("--quiet", action="store_true", help="say only what goes wrong")
 
@@ -41,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     failure: NodeFailed | None = None
     with (
         view_of(graph, quiet=args.quiet) as view,
-        start_graph(graph, args.graph, view.update, replayed) as running,
+        start_graph(graph, args.graph, view.update, replayed, args.host) as running,
         interruptible(running.kill) as stop,
     ):
         view.started(running)

@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Check a graph."""
     from rsenf.config import load_graph, redact
-    from rsenf.config.graph import outputs
+    from rsenf.config.graph import host_of, outputs
 
     graph = load_graph(args.graph)
     _check_recordings(graph)
@@ -30,7 +30,8 @@ def run(args: argparse.Namespace) -> int:
     print(f"{args.graph}: fine. Site {graph.site!r}, {len(graph.nodes)} nodes:")
     for name, node in graph.nodes.items():
         sent = ", ".join(f"{topic} of {of}" for topic, of in outputs(node)) or "nothing"
-        print(f"  {name:12} {node.kind:10} sends {sent}")
+        where = f"on {host_of(graph, name)}: " if graph.hosts else ""
+        print(f"  {name:12} {node.kind:10} {where}sends {sent}")
     return 0
 
 

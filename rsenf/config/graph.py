@@ -102,6 +102,19 @@ class BusConfig(Strict):
         return bool(self.connect) or self.multicast
 
 
+class HostConfig(Strict):
+    """One of the hosts that a graph is split over: it runs its nodes, and a router for them."""
+
+    nodes: tuple[Name, ...] = Field((), description="which run here; none: a router alone")
+    address: str | None = Field(
+        None, description="endpoint that other hosts link to: tcp/192.0.2.7:7447, or tls/NAME:7447"
+    )
+    listen: tuple[str, ...] = Field(
+        (), description="endpoints to open for them, where these differ from the address"
+    )
+    links: tuple[Name, ...] = Field((), description="hosts to link to, by their address")
+
+
 class SimulatedInput(Strict):
     """The simulator in place of a camera."""
 
@@ -327,6 +340,7 @@ class Graph(Strict):
     version: Literal[1] = Field(description="version of this file's format")
     site: Name
     bus: BusConfig = BusConfig()
+    hosts: dict[Name, HostConfig] = Field({}, description="that the nodes are split over")
     restart: Restart | None = Field(
         None, description="when nodes are started again; without, a death is the run's failure"
     )
@@ -339,6 +353,17 @@ class Graph(Strict):
     def restart_of(self, name: str) -> Restart | None:
         """Return when a node is started again: its own rule, or else the graph's."""
         return self.nodes[name].restart or self.restart
+
+
+def host_of(graph: Graph, node: str) -> str:
+    """Host that a node runs on; '' where the graph isn't split."""
+    return next((name for name, host in graph.hosts.items() if node in host.nodes), "")
+
+
+def elsewhere(graph: Graph, node: str) -> set[str]:
+    """Nodes that run on other hosts than a node."""
+    here = host_of(graph, node)
+    return {name for name in graph.nodes if host_of(graph, name) != here}
 
 
 def outputs(node: Any) -> list[tuple[str, str]]:

@@ -26,6 +26,7 @@ from rsenf.config.graph import (
     reader_of_frames,
     sender_of,
 )
+from rsenf.config.hosts import Problem, host_problems
 from rsenf.config.replayed import overwriting
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS as IDLE_METHODS
@@ -33,14 +34,12 @@ from rsenf.match import METHODS as MATCH_METHODS
 from rsenf.match import tracker_for
 from rsenf.track import METHODS as TRACK_METHODS
 
-Problem = tuple[tuple[str, ...], str]
-
 _READS = {"rows": "frames", "track": "rows", "idle": "rows", "discover": "rows", "match": "track"}
 
 
 def problems(graph: Graph) -> list[Problem]:
     """What doesn't fit together: where in the file, and what."""
-    found = list(_of_bus(graph.bus))
+    found = [*_of_bus(graph.bus), *host_problems(graph)]
     for name, recorder in overwriting(graph):
         found.append((("nodes", name, "out"), f"{recorder.out} is played by this graph"))
     for name, node in graph.nodes.items():

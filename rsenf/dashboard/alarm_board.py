@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
+import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -27,7 +27,7 @@ class AlarmBoard:
     """The latest alarms. One that is said again, or said to have ended, is the same alarm."""
 
     def __init__(self) -> None:
-        self._raised: OrderedDict[tuple[Any, ...], Raised] = OrderedDict()
+        self._raised: dict[int, Raised] = {}  # by number, so in the order of their coming
         self._number = 0
 
     def update(self, feed: str, message: Alarm, log_time_ns: Callable[[], int]) -> None:
@@ -44,23 +44,43 @@ class AlarmBoard:
         header = message.header
         if header.mark != Mark.DATA:
             return
-        key = feed, message.kind, header.run_id, header.epoch, message.start_pts_ns
-        before = self._raised.get(key)
-        if before is None:
-            self._number += 1
         offset_ns = log_time_ns() - header.pts_ns
-        self._raised[key] = Raised(
-            before.number if before else self._number,
+        start_ns = offset_ns + message.start_pts_ns
+        number = self._known(feed, message)
+        if number is None:
+            self._end_those_before(feed, message.kind)
+            self._number += 1
+            number = self._number
+        before = self._raised.get(number)
+        self._raised[number] = Raised(
+            number,
             feed,
             message,
-            before.start_ns if before else offset_ns + message.start_pts_ns,
-            offset_ns + max(message.end_pts_ns, message.start_pts_ns),
+            before.start_ns if before else start_ns,
+            max(offset_ns + message.end_pts_ns, before.start_ns if before else start_ns),
         )
         while len(self._raised) > KEPT_ALARMS:
-            self._raised.popitem(last=False)
+            del self._raised[min(self._raised)]
+
+    def _known(self, feed: str, message: Alarm) -> int | None:
+        """Number of the alarm that is said again, or that is said to have ended."""
+        for number, raised in reversed(self._raised.items()):
+            if (raised.feed, raised.message.kind) != (feed, message.kind):
+                continue
+            # What ends it may be that the stream's clock has begun anew: no time tells which.
+            is_end = raised.message.active and not message.active
+            return number if is_end or _began(raised.message) == _began(message) else None
+        return None
+
+    def _end_those_before(self, feed: str, kind: str) -> None:
+        """End what nobody will end any more: of a kind there is one at a time."""
+        for number, raised in self._raised.items():
+            if raised.message.active and (raised.feed, raised.message.kind) == (feed, kind):
+                over = dataclasses.replace(raised.message, active=False)
+                self._raised[number] = raised._replace(message=over)
 
     def __getitem__(self, number: int) -> Raised | None:
-        return next((r for r in self._raised.values() if r.number == number), None)
+        return self._raised.get(number)
 
     def active(self, feed: str) -> int:
         """How many of a camera have not ended."""
@@ -68,8 +88,11 @@ class AlarmBoard:
 
     def plain(self) -> list[dict[str, Any]]:
         """All of them for JSON, the newest first."""
-        newest_first = sorted(self._raised.values(), key=lambda r: r.number, reverse=True)
-        return [_plain(raised) for raised in newest_first]
+        return [_plain(raised) for raised in reversed(self._raised.values())]
+
+
+def _began(message: Alarm) -> tuple[str, int, int]:
+    return message.header.run_id, message.header.epoch, message.start_pts_ns
 
 
 def _plain(raised: Raised) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rsenf.config import redact
 from rsenf.dashboard.enf_series import EnfSeries, Point
-from rsenf.dashboard.plain import in_ms, rounded
+from rsenf.dashboard.plain import in_ms, rounded, sensible
 from rsenf.dashboard.preview import Preview
 from rsenf.dashboard.references import References
 from rsenf.dashboard.row_strip import RowStrip
@@ -32,6 +32,7 @@ from rsenf.record.timeline import Timeline
 from rsenf.timebase import NS_PER_S
 
 KEPT_STREAMS = 20
+LONGEST_LAG_S = 1e9  # some thirty years
 
 
 class Feed:
@@ -45,10 +46,18 @@ class Feed:
         To compare its ENF with.
     clock_ns : callable
         Wall clock, UTC since 1970, in ns.
+    claimed_ns : int
+        When its first frame is said to have been taken, UTC; 0 for now, as it comes.
     """
 
-    def __init__(self, name: str, references: References, clock_ns: Callable[[], int]) -> None:
-        self.name = name
+    def __init__(
+        self,
+        name: str,
+        references: References,
+        clock_ns: Callable[[], int],
+        claimed_ns: int = 0,
+    ) -> None:
+        self.name, self._claimed_ns = name, claimed_ns
         self.preview, self.series = Preview(), EnfSeries()
         self.strip, self.spectrogram = RowStrip(), Spectrogram()
         self.timeline = Timeline(clock_ns)
@@ -109,20 +118,22 @@ class Feed:
         if message.rank:
             return
         self._enf = message
-        if math.isfinite(message.nominal_hz):
+        if 40 < message.nominal_hz < 70:
             self.spectrogram.nominal_hz = message.nominal_hz
         header = message.header
         start_ns = self.timeline.log_time_ns(EnfEstimate, header) - header.pts_ns
-        self._first_frame_ns = start_ns + message.origin_pts_ns
+        self._first_frame_ns = sensible(start_ns + message.origin_pts_ns)
         centre_ns = start_ns + (message.start_pts_ns + message.end_pts_ns) // 2
         nan = float("nan")
+        if not sensible(centre_ns):
+            return
         enf_hz, var = (message.enf_hz, message.enf_var_hz2) if message.usable else (nan, nan)
         std_hz = math.sqrt(var) if var >= 0 else nan
         self.series.add(Point(centre_ns, enf_hz, std_hz, message.snr_db))
 
     def _take_idle(self, message: IdleEstimate) -> None:
         self._idle = message
-        if message.verdict == "estimated":
+        if message.verdict == "estimated" and 0 <= message.idle_ratio < 1:
             sign = -1.0 if message.direction == "reverse" else 1.0
             self.spectrogram.read_out_ratio = sign * (1.0 - message.idle_ratio)
 
@@ -197,11 +208,15 @@ class Feed:
 
     def _placed_reference(self) -> tuple[str, int, str] | None:
         """Grid to draw, when its first sample was by the feed's clock, and how that is known."""
-        by_clock = self._references.by_clock(self.series.last_ns)
-        if by_clock is not None:
-            return *by_clock, "clock"
+        claimed_ns = self._claimed_ns - self._first_frame_ns if self._claimed_ns else 0
+        found = self._references.by_clock(self.series.last_ns + claimed_ns)
+        if found is not None:
+            grid, t0_ns = found
+            return grid, t0_ns - claimed_ns, "claim" if claimed_ns else "clock"
         match = self._match
         if match is None or match.decision != "match" or not self._first_frame_ns:
+            return None
+        if not abs(match.lag_s) < LONGEST_LAG_S:
             return None
         return match.grid, self._first_frame_ns - round(match.lag_s * 1e9), "match"
 
@@ -209,9 +224,14 @@ class Feed:
         live = self._live
         if live is None:
             return None
+        # The judge of a file goes by when it is said to be of, the page by when it was played.
+        since_ns = live.since_ns
+        if self._claimed_ns:
+            first_ns = self._first_frame_ns
+            since_ns = first_ns + since_ns - self._claimed_ns if first_ns else 0
         return {
             "verdict": live.verdict,
-            "since_ms": in_ms(live.since_ns),
+            "since_ms": in_ms(since_ns),
             "lag_s": rounded(live.lag_s, 2),
             "lag_std_s": rounded(live.lag_std_s, 2),
             "clock_ppm": rounded(live.clock_ppm, 1),

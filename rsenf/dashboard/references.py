@@ -7,6 +7,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.dashboard.plain import LATEST_NS, sensible
 from rsenf.messages import ReferenceBlock
 
 KEPT_SAMPLES = 100_000  # of each grid, somewhat more than a day of seconds
@@ -30,13 +31,16 @@ class GridReference:
         self._table: tuple[NDArray[np.int64], NDArray[np.float32]] | None = None
 
     def add(self, block: ReferenceBlock) -> None:
-        """Add a block; one of another axis begins anew."""
-        if (block.t0_ns, block.step_ns) != (self.t0_ns, self._step_ns):
-            self.t0_ns, self._step_ns = block.t0_ns, block.step_ns
+        """Add a block; one of another axis begins anew, and one of no sensible axis is let go."""
+        if not (0 < block.step_ns < LATEST_NS and 0 <= block.first < LATEST_NS // block.step_ns):
+            return
+        if (sensible(block.t0_ns), block.step_ns) != (self.t0_ns, self._step_ns):
+            self.t0_ns, self._step_ns = sensible(block.t0_ns), block.step_ns
             self._blocks.clear()
             self._samples = 0
-        freq_hz = np.asarray(block.freq_hz, np.float32)
-        if not freq_hz.size or self._step_ns <= 0:
+        # What is no frequency of a grid is a gap.
+        freq_hz = np.where(np.abs(block.freq_hz) < 1000, block.freq_hz, np.nan).astype(np.float32)
+        if not freq_hz.size:
             return
         self._blocks.append((block.first, freq_hz))
         self._samples += freq_hz.size

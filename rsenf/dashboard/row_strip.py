@@ -43,9 +43,10 @@ class RowStrip:
 
     def update(self, block: RowBlock) -> None:
         """Add a block."""
-        level = _fewer_rows(block)
+        level = row_level(block)
         if not level.size:
             return
+        level = _fewer_rows(level)
         duration_s = _duration_s(block)
         self.frame_rate_hz = block.frames / duration_s
         if self._base is None or self._base.size != level.shape[1]:
@@ -69,14 +70,19 @@ class RowStrip:
             self._next_frame = number + 1
 
 
-def _fewer_rows(block: RowBlock) -> NDArray[np.float64]:
-    """Level by frame and shown row, all strips together; rows without a level have their mean."""
+def row_level(block: RowBlock) -> NDArray[np.float64]:
+    """Level by frame and row, all strips together, whatever was sent: from 0 to 255."""
     level = np.asarray(block.level, np.float64).reshape(block.frames, block.rows, -1)
-    level = np.nan_to_num(level.mean(axis=2), nan=0.0)
     if not level.size:
         return np.zeros((0, 0))
-    edges = np.unique(np.arange(min(ROWS, block.rows)) * block.rows // min(ROWS, block.rows))
-    counts = np.diff([*edges.tolist(), block.rows])
+    return np.asarray(np.clip(np.nan_to_num(level), 0.0, 255.0).mean(axis=2))
+
+
+def _fewer_rows(level: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Means of neighbouring rows."""
+    rows = level.shape[1]
+    edges = np.unique(np.arange(min(ROWS, rows)) * rows // min(ROWS, rows))
+    counts = np.diff([*edges.tolist(), rows])
     return np.asarray(np.add.reduceat(level, edges, axis=1) / counts)
 
 

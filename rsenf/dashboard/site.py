@@ -72,7 +72,8 @@ class Site:
             if len(self._feeds) >= KEPT_FEEDS:
                 self.feeds_left_out += 1
                 return None
-            self._feeds[name] = Feed(name, self._references, self.clock_ns)
+            claimed_ns = self.wiring.claimed_ns.get(name, 0)
+            self._feeds[name] = Feed(name, self._references, self.clock_ns, claimed_ns)
         return self._feeds[name]
 
     def feed(self, name: str) -> Feed | None:

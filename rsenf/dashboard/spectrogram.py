@@ -12,6 +12,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.dashboard.row_strip import row_level
 from rsenf.dashboard.tail import BLANK, Columns
 from rsenf.messages import RowBlock
 from rsenf.timebase import NS_PER_S
@@ -56,10 +57,9 @@ class Spectrogram:
 
     def update(self, block: RowBlock) -> None:
         """Take a block in, and draw what seconds it completes."""
-        level = np.asarray(block.level, np.float64).reshape(block.frames, block.rows, -1)
+        level = row_level(block)
         if not level.size:
             return
-        level = np.nan_to_num(level.mean(axis=2))
         mean = level.mean(axis=0)
         if self._base is None or self._base.size != mean.size:
             self._base = mean

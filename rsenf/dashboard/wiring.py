@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rsenf.bus.keys import ROOT
-from rsenf.config.graph import DecodeNode, Graph, RecordNode, outputs
+from rsenf.config.graph import DecodeNode, Graph, LiveNode, RecordNode, outputs
 
 
 @dataclass(frozen=True)
@@ -23,12 +23,15 @@ class Wiring:
         Feeds whose frames lie in shared memory of some host.
     archive : Path or None
         Where recordings of alarms are.
+    claimed_ns : dict
+        When feeds that aren't live, files or simulations, are said to begin, UTC.
     """
 
     nodes: dict[str, list[str]] = field(default_factory=dict)
     judged: frozenset[str] | None = None
     in_ring: tuple[str, ...] = ()
     archive: Path | None = None
+    claimed_ns: dict[str, int] = field(default_factory=dict)
 
 
 def key_expressions(wiring: Wiring) -> list[str]:
@@ -59,4 +62,10 @@ def wiring_of(graph: Graph, archive: str | None = None) -> Wiring:
         frozenset(f"{graph.site}/{camera}" for topic, camera in every if topic == "live"),
         tuple(f"{graph.site}/{d.camera}" for d in graph.of(DecodeNode) if d.frames == "ring"),
         Path(folder) if folder else None,
+        {
+            f"{graph.site}/{camera}": live.start_utc_ns
+            for live in graph.of(LiveNode)
+            for camera in live.cameras
+            if live.start_utc_ns
+        },
     )

@@ -116,8 +116,13 @@ class GraphRun:
         return [n for n in self.nodes.values() if n.process and n.exit_code is None]
 
     def wait(self, stop: threading.Event) -> None:
-        """Watch until every process has ended; end them when asked to, or when one can't begin."""
-        while (self.running or self._revival.due) and not stop.is_set() and not self.never_began:
+        """Watch until every process has ended; end them when asked to, or when one can't begin.
+
+        A host without nodes is a router, which runs until it is stopped.
+        """
+        while not (stop.is_set() or self.never_began):
+            if self.nodes and not (self.running or self._revival.due):
+                break
             self.watch(POLL_S)
         self.stop()
         self._listen_until_quiet()
@@ -280,8 +285,8 @@ class GraphRun:
         self._bus = bus
         site = self.graph.site
         bus.subscribe(self._words, health_key(site, "*"), LOOKING)
-        for node in self.graph.nodes.values():
-            for topic, camera in outputs(node):
+        for name in self.nodes:
+            for topic, camera in outputs(self.graph.nodes[name]):
                 if topic in RESULTS:
                     bus.subscribe(self._words, camera_key(site, camera, topic), LOOKING)
 

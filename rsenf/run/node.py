@@ -29,7 +29,7 @@ from rsenf.bus.keys import (
 )
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph, load_graph, redact
-from rsenf.config.graph import outputs, sender_of
+from rsenf.config.graph import elsewhere, outputs, sender_of
 from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, RsenfError, UsageError
 from rsenf.run.at_end import end_process
 from rsenf.run.health import HealthReport
@@ -37,6 +37,7 @@ from rsenf.run.peers import Peers
 
 PATIENCE_S = 3.0
 BEAT_S = 0.1
+SENDS_AGAIN_S = 2.0
 ALONE_S = 10.0  # that a node has to end in when the process that started it is gone
 
 
@@ -72,7 +73,8 @@ class NodeProcess:
         self.config: Any = graph.nodes[name]
         self.stop = threading.Event()
         self.inbox = Inbox()
-        returning = [n for n in graph.nodes if graph.restart_of(n)]
+        far = elsewhere(graph, name)
+        returning = far.union(n for n in graph.nodes if graph.restart_of(n))
         self.peers = Peers(set(graph.nodes) - {name}, returning, gone)
         self.exit_code = 0
         self._bus = bus
@@ -126,13 +128,17 @@ class NodeProcess:
         self._bus.declare_alive(alive_key(self.graph.site, self.name))
         self.say("running")
 
-    def wait_for_peers(self) -> None:
-        """Wait until all other nodes of the graph listen, so that nothing is sent into the void."""
-        missing = self.peers.wait_for_all(PATIENCE_S, self.stop)
+    def wait_for_peers(self, *, live: bool = False) -> None:
+        """Wait until all other nodes of the graph listen, so that nothing is sent into the void.
+
+        A live source doesn't wait for those of other hosts: what it sends is kept for them.
+        """
+        names = self.peers.names - (elsewhere(self.graph, self.name) if live else set())
+        missing = self.peers.wait_for(names, PATIENCE_S, self.stop)
         # Who was started again finds the others as they are: some may have ended meanwhile.
         if missing and not self.stop.is_set() and not self.restarts:
             self.say("waiting", f"for {', '.join(sorted(missing))}")
-            self.peers.wait_for_all(float("inf"), self.stop)
+            self.peers.wait_for(names, float("inf"), self.stop)
             self.say("running")
 
     def _watch_peers(self) -> None:
@@ -149,13 +155,24 @@ class NodeProcess:
         threading.Thread(target=listen, name="peers", daemon=True).start()
 
     def _on_alive(self, key: str, alive: bool) -> None:
-        """Take in that a node has come or gone; ask one that has come for what it sent unheard."""
+        """Take in that a node has come or gone."""
         self.peers.on_alive(key, alive)
-        sent = outputs(self.graph.nodes.get(node_of(key))) if alive else []
-        for topic, of in sent:
-            of_it = topic_key(self.graph.site, of, topic)
-            if any(matches(expr, of_it) for expr in self._recovers):
-                self.inbox.catch_up(of_it)
+        name = node_of(key)
+        if alive and name in self.graph.nodes:
+            self._catch_up(name)
+            if name in elsewhere(self.graph, self.name):
+                # It may be seen a moment before it sends here again.
+                again = threading.Timer(SENDS_AGAIN_S, self._catch_up, (name,))
+                again.daemon = True
+                again.start()
+
+    def _catch_up(self, name: str) -> None:
+        """Ask a node that is back for what it sent unheard."""
+        for topic, of in outputs(self.graph.nodes[name]):
+            key = topic_key(self.graph.site, of, topic)
+            kept = delivery_of(topic).recovers
+            if kept and any(matches(expr, key) for expr in self._recovers):
+                self.inbox.catch_up(key)
 
     @contextlib.contextmanager
     def beating(self, supervisor: int) -> Iterator[None]:

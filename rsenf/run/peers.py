@@ -25,7 +25,7 @@ class Peers:
     names : set of str
         Who they are.
     returning : set of str
-        Those that are started again when they die.
+        Those that are started again when they die, or whose link may come back.
     gone : sequence of str
         Those that had ended before this node began.
     """
@@ -69,11 +69,11 @@ class Peers:
                     self._gone_since.setdefault(name, time.monotonic())
             self._change.notify_all()
 
-    def wait_for_all(self, timeout_s: float, stop: threading.Event) -> set[str]:
-        """Wait until every node of the graph has been seen; returns those that have not."""
+    def wait_for(self, names: set[str], timeout_s: float, stop: threading.Event) -> set[str]:
+        """Wait until these nodes have been seen; returns those that have not."""
         deadline = time.monotonic() + timeout_s
         with self._change:
-            while (missing := self.missing) and not stop.is_set():
+            while (missing := names & self.missing) and not stop.is_set():
                 left = deadline - time.monotonic()
                 if left <= 0:
                     break
@@ -99,7 +99,7 @@ class Peers:
             )
 
     def gone_for_s(self, name: str) -> float:
-        """Seconds since a node went, however; 0 while it is there, or is to be started again."""
+        """Seconds since a node went, however; 0 while it is there, or may come back."""
         with self._change:
             since = self._gone_since.get(name)
             comes_back = name in self._returning - self._final

@@ -82,8 +82,8 @@ class Revival:
         grids = {getattr(self._graph.nodes[node.name], "grid", None) for node in started}
         for name, config in self._graph.nodes.items():
             if isinstance(config, ReferenceNode) and config.grid in grids:
-                sender = self._nodes[name]
-                if sender.state == "done" and sender.exit_code is not None:
+                sender = self._nodes.get(name)  # None: on another host
+                if sender and sender.state == "done" and sender.exit_code is not None:
                     sender.restarts += 1
                     started.append(sender)
         for node in started:

@@ -15,8 +15,8 @@ from typing import Any
 
 from rsenf.bus.zenoh_bus import MANY_LINKS, ONE_LINK, RUNTIME, BusSettings, open_bus
 from rsenf.config import Graph
-from rsenf.config.graph import ReplayNode
-from rsenf.errors import NodeFailed
+from rsenf.config.graph import ReplayNode, host_of
+from rsenf.errors import NodeFailed, UsageError
 from rsenf.run.graph_run import GraphRun, check_ended
 from rsenf.run.node import bus_settings
 from rsenf.run.node_state import NodeState
@@ -40,8 +40,9 @@ def start_graph(
     path: Path,
     on_change: Callable[[NodeState], None] = lambda node: None,
     replayed: Mapping[str, str] | None = None,
+    host: str = "",
 ) -> Iterator[GraphRun]:
-    """Start every node of a graph as a process, for the duration of a ``with`` block.
+    """Start the nodes of a graph as processes, for the duration of a ``with`` block.
 
     Parameters
     ----------
@@ -53,23 +54,28 @@ def start_graph(
         Told of every change of a node's state.
     replayed : mapping, optional
         What was given to :func:`rsenf.config.load_graph` beside the file.
+    host : str, optional
+        Which of the graph's hosts this is: its nodes are started, or, where there are none, its
+        router alone. Empty for a graph that isn't split over hosts.
 
     Raises
     ------
+    UsageError
+        When the graph has no such host, or needs one.
     RsenfError
         When the bus can't be opened, or a recording can't be played. No node was started, then.
     """
-    for name, config in graph.nodes.items():
+    check_host(graph, host)
+    here = {name: node for name, node in graph.nodes.items() if host_of(graph, name) == host}
+    for name, config in here.items():
         if isinstance(config, ReplayNode):
             ensure_playable(name, config, graph.site)
     run_id = secrets.token_hex(4)
     own_router = () if graph.bus.is_elsewhere else graph.bus.listen or (free_endpoint(),)
-    settings = bus_settings(graph)
-    if own_router:
-        settings = BusSettings(mode="router", listen=own_router, zenoh=graph.bus.zenoh)
+    settings = router_settings(graph, own_router, host) if own_router else bus_settings(graph)
     with open_bus(settings) as bus:
         endpoint = next(iter((*own_router, *settings.connect)), "multicast")
-        nodes = {name: NodeState(name, config.kind) for name, config in graph.nodes.items()}
+        nodes = {name: NodeState(name, config.kind) for name, config in here.items()}
         threads = _threads(own_router, graph.bus.zenoh)
 
         def spawn(node: NodeState) -> subprocess.Popen[bytes]:
@@ -88,6 +94,40 @@ def start_graph(
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     assert node.process is not None
                     node.process.wait(_END_TIMEOUT_S)
+
+
+def check_host(graph: Graph, host: str) -> None:
+    """Raise a UsageError when a graph isn't split so that this could be one of its hosts."""
+    if host and host not in graph.hosts:
+        known = ", ".join(graph.hosts)
+        raise UsageError(f"no host {host!r} in this graph", f"one of {known}" if known else "")
+    if graph.hosts and not host:
+        raise UsageError("the graph is split over hosts", f"--host {'|'.join(graph.hosts)}")
+
+
+def router_settings(graph: Graph, own: tuple[str, ...], host: str) -> BusSettings:
+    """How to open a run's own router: for its nodes, and for the routers of other hosts.
+
+    Parameters
+    ----------
+    graph : Graph
+        The graph.
+    own : tuple of str
+        Endpoints for the nodes.
+    host : str
+        Which of its hosts this is; '' where it isn't split.
+    """
+    zenoh = graph.bus.zenoh
+    if not host:
+        return BusSettings(mode="router", listen=own, zenoh=zenoh)
+    this = graph.hosts[host]
+    addresses = (graph.hosts[other].address for other in this.links)
+    return BusSettings(
+        mode="router",
+        listen=(*own, *(this.listen or filter(None, (this.address,)))),
+        connect=tuple(filter(None, addresses)),
+        zenoh=zenoh,
+    )
 
 
 def free_endpoint() -> str:

@@ -16,6 +16,7 @@ from rsenf.bus import bus as bus_module
 from rsenf.bus.bus import Bus, Publisher
 from rsenf.bus.delivery import LOOKING, SIGNALS, Delivery
 from rsenf.bus.inbox import Inbox
+from rsenf.bus.keys import alive_key
 from rsenf.bus.loopback import Loopback
 from rsenf.messages import Mark
 
@@ -94,10 +95,14 @@ def test_who_came_while_the_link_was_broken_is_heard_from_the_beginning(
     a, b = two
     inbox = Inbox()
     b.subscribe(inbox, "rsenf/lab/*/track", SIGNALS)
+    seen = threading.Event()
+    b.watch_alive(alive_key("lab", "*"), lambda key, alive: seen.set())
     publisher = a.publisher(TRACK, SIGNALS)
     with broken(publisher):
         publisher.send(estimate(0))
         publisher.send(estimate(1))
+    a.declare_alive(alive_key("lab", "track"))
+    assert seen.wait(20)
     inbox.catch_up(TRACK)
     publisher.send(estimate(2))
     assert seqs(take(inbox, 3)) == [0, 1, 2]
@@ -166,7 +171,7 @@ def test_a_sender_that_keeps_nothing_is_never_asked() -> None:
 def test_a_sender_that_does_not_answer_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rsenf.bus.inbox.PAUSES_S", (0.0, 0.01))
     inbox, asked = Inbox(), []
-    inbox.ask = lambda *question: asked.append(question) or ()
+    inbox.ask = lambda *question: asked.append(question)
     for seq in (0, 5, 6):
         inbox.put(envelope(estimate(seq), kept=True), SIGNALS)
     assert seqs(take(inbox, 3)) == [0, 5, 6]

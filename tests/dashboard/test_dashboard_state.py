@@ -110,6 +110,19 @@ def test_the_reference_lies_under_it_by_the_clock_else_by_the_match():
         assert chart["reference_hz"] == pytest.approx(freq_hz[100:130], abs=1e-5)
 
 
+def test_a_file_lies_on_the_reference_of_when_it_is_said_to_be():
+    freq_hz, said_ns = grid_hz(400), START_NS - 10**6 * S
+    shown = Shown(Wiring({DOOR: []}, claimed_ns={DOOR: said_ns + 50 * S}))
+    camera = Camera("door", freq_hz[50:])
+    shown.put(reference(freq_hz, said_ns), *(camera.enf(second) for second in range(30)))
+    key, live = camera.live(30, "stale")
+    shown.put((key, dataclasses.replace(live, since_ns=said_ns + 60 * S)))
+    news = shown.news()
+    assert news["chart"]["placed"] == {"grid": "ce", "how": "claim"}
+    assert news["chart"]["reference_hz"] == pytest.approx(freq_hz[50:80], abs=1e-5)
+    assert news["cards"][0]["live"]["since_ms"] == START_NS // 1_000_000 + 10_000
+
+
 def test_without_a_time_in_common_no_reference_is_drawn():
     shown, camera = Shown(), Camera("door", grid_hz(30))
     shown.put(reference(grid_hz(99), START_NS - 10**6 * S), camera.enf(0), camera.enf(1))
@@ -211,6 +224,19 @@ def test_an_alarm_comes_once_and_ends():
     assert news["alarms"]["list"][1]["start_ms"] == START_NS // 1_000_000 + 7000
     shown.put(camera.alarm(3, 7, active=False))
     assert [a["active"] for a in shown.news()["alarms"]["list"]] == [True, False]
+
+
+def test_an_alarm_ends_with_its_stream_or_when_it_comes_again():
+    shown, camera = Shown(), Camera("door", grid_hz(60))
+    shown.put(camera.alarm(0, 7, kind="stale"), camera.alarm(1, 7, kind="lost"))
+    camera.epoch = 1  # the camera came back, and its clock begins anew
+    shown.put(camera.alarm(2, 1, kind="stale", active=False), camera.alarm(3, 4, kind="lost"))
+    alarms = shown.news()["alarms"]["list"]
+    assert [(a["kind"], a["active"]) for a in alarms] == [
+        ("lost", True), ("lost", False), ("stale", False),
+    ]  # fmt: skip
+    assert alarms[2]["start_ms"] == START_NS // 1_000_000 + 7000
+    assert alarms[2]["end_ms"] >= alarms[2]["start_ms"]
 
 
 def test_no_secret_is_told():

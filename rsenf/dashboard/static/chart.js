@@ -2,7 +2,9 @@
 
 import { clock, known, number } from "./words.js";
 
-const SPAN_S = { recent: 600, hour: 3600 };
+const SPAN_S = { recent: [120, 600], hour: [600, 3600] }; // shown at least and at most
+const WHERE = { clock: "at the same time", match: "at the time that was matched",
+  claim: "at the time that is claimed" };
 const HEIGHT = 230;
 const LEFT = 64; // as wide as the labels beside the pictures below
 
@@ -13,6 +15,7 @@ export class Chart {
     this.parent = parent;
     this.words = words;
     this.chart = null;
+    this.span_s = null;
     this.began = [];
     new ResizeObserver(() => this.fit()).observe(parent);
   }
@@ -21,6 +24,7 @@ export class Chart {
     this.chart?.destroy();
     this.chart = null;
     this.news = null;
+    this.span_s = null;
     this.words.textContent = "";
   }
 
@@ -43,9 +47,12 @@ export class Chart {
     const around = (sigma) =>
       news.enf_hz.map((hz, i) => (known(hz) ? hz + sigma * (news.std_hz[i] || 0) : null));
     const end = t.length ? t[t.length - 1] : news.now_ms / 1000;
+    const [least, most] = SPAN_S[news.series];
+    const there = 60 * Math.ceil((end - (t.length ? t[0] : end)) / 60 + 0.2);
+    this.span_s = Math.min(Math.max(there, least), most);
     this.chart.batch(() => {
       this.chart.setData([t, news.reference_hz, around(1), around(-1), news.enf_hz], false);
-      this.chart.setScale("x", { min: end - SPAN_S[news.series], max: end + 1 });
+      this.chart.setScale("x", { min: end - this.span_s, max: end + 1 });
     });
     this.words.textContent = this.summary();
   }
@@ -61,7 +68,7 @@ export class Chart {
     const missing = enf_hz.length && enf_hz.filter(known).length / enf_hz.length;
     const usable = enf_hz.length ? `${Math.round(100 * missing)} % of it usable. ` : "";
     if (!placed) return `${usable}No reference is known for this time.`;
-    const where = placed.how === "clock" ? "at the same time" : "at the time that was matched";
+    const where = WHERE[placed.how];
     if (!both.length) return `${usable}Reference ${placed.grid}, ${where}: no values in common yet.`;
     const rms = Math.sqrt(both.reduce((sum, [a, b]) => sum + (a - b) ** 2, 0) / both.length);
     return `${usable}Reference ${placed.grid}, ${where}: ${number(1000 * rms, 2, "mHz")} rms apart.`;
@@ -90,7 +97,7 @@ export class Chart {
       cursor: { drag: { x: false, y: false }, points: { size: 5 } },
       scales: { x: { time: true }, y: { range: (_, low, high) => widened(low, high) } },
       axes: [
-        { ...axis, space: 70, size: 28, values: (_, splits) => splits.map((s) => clock(1000 * s).slice(0, 5)) },
+        { ...axis, space: 70, size: 28, values: (_, splits, __, ___, step) => splits.map((s) => clock(1000 * s).slice(0, step < 60 ? 8 : 5)) },
         { ...axis, size: LEFT, values: (_, splits) => splits.map((hz) => hz.toFixed(3)) },
       ],
       series: [

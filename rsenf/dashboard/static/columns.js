@@ -40,28 +40,29 @@ export class Picture {
     this.canvas.getContext("2d").clearRect(0, 0, this.canvas.width, this.canvas.height);
   }
 
-  add(news, shift = 0) {
+  // Shows the newest columns, as many as asked for, moved to the left by so many.
+  add(news, shift = 0, shown = news.keep) {
     if (news.reset || news.height !== this.height) this.columns = [];
     const data = Uint8Array.from(atob(news.data), (c) => c.charCodeAt(0));
     for (let i = 0; i < news.columns; i++) {
       this.columns.push(data.subarray(i * news.height, (i + 1) * news.height));
     }
     this.columns.splice(0, Math.max(0, this.columns.length - news.keep));
-    [this.height, this.keep, this.shift] = [news.height, news.keep, shift];
+    [this.height, this.shown, this.shift] = [news.height, shown, shift];
     this.draw();
   }
 
   draw() {
     if (!this.height) return;
-    const { canvas, columns, height, keep } = this;
-    if (canvas.width !== keep || canvas.height !== height) [canvas.width, canvas.height] = [keep, height];
-    const image = new ImageData(keep, height);
+    const { canvas, columns, height, shown } = this;
+    if (canvas.width !== shown || canvas.height !== height) [canvas.width, canvas.height] = [shown, height];
+    const image = new ImageData(shown, height);
     const pixels = new Uint32Array(image.data.buffer);
-    const first = keep - this.shift - columns.length;
+    const first = shown - this.shift - columns.length;
     columns.forEach((column, i) => {
       const x = first + i;
       if (x < 0) return;
-      for (let y = 0; y < height; y++) pixels[y * keep + x] = this.table[column[y]];
+      for (let y = 0; y < height; y++) pixels[y * shown + x] = this.table[column[y]];
     });
     canvas.getContext("2d").putImageData(image, 0, 0);
   }

@@ -7,7 +7,7 @@ import { Picture } from "./columns.js";
 import { showFacts } from "./facts.js";
 import { connect } from "./link.js";
 import { showNodes } from "./nodes.js";
-import { camera, clock, number, say, verdictOf, VERDICTS } from "./words.js";
+import { camera, clock, lasting, number, say, verdictOf, VERDICTS } from "./words.js";
 
 const VERSION = 1;
 const page = Object.fromEntries([...document.querySelectorAll("[id]")].map((e) => [e.id, e]));
@@ -59,11 +59,12 @@ function takeAlarms(alarms) {
 
 function takeSpectrogram(news) {
   const behind = chart.end_ms && news.t_ms ? Math.round((chart.end_ms - news.t_ms) / 1000) : 0;
-  spectrogram.add(news, Math.min(Math.max(behind, 0), 60));
+  const shown = series() === "recent" ? chart.span_s || news.keep : news.keep;
+  spectrogram.add(news, Math.min(Math.max(behind, 0), 60), shown);
   const [low, high] = page.spectrogram.parentElement.querySelectorAll("span");
   say(low, (news.nominal_hz - 0.2).toFixed(1));
   say(high, (news.nominal_hz + 0.2).toFixed(1));
-  say(page["spectrogram-words"], `10 min, power about ${number(news.nominal_hz, 0, "Hz")}, 50 dB above the rest`);
+  say(page["spectrogram-words"], `${lasting(1000 * shown)}, power about ${number(news.nominal_hz, 0, "Hz")}, 50\u202fdB above the rest`);
 }
 
 function takeStrip(news) {
