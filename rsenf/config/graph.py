@@ -116,6 +116,20 @@ class HostConfig(Strict):
     links: tuple[Name, ...] = Field((), description="hosts to link to, by their address")
 
 
+class TlsConfig(Strict):
+    """Certificates that hosts show each other. Paths; each host has files of its own."""
+
+    ca: str = Field(description="certificate of the authority that signs all others")
+    certificate: str = Field(description="of this host; its common name is the host's name")
+    key: str = Field(description="private key of this host")
+
+
+class Access(Strict):
+    """What somebody with a certificate may send who is no host of the graph; all may listen."""
+
+    publish: tuple[str, ...] = Field((), description="key expressions below the site")
+
+
 class SimulatedInput(Strict):
     """The simulator in place of a camera."""
 
@@ -342,6 +356,10 @@ class Graph(Strict):
     site: Name
     bus: BusConfig = BusConfig()
     hosts: dict[Name, HostConfig] = Field({}, description="that the nodes are split over")
+    tls: TlsConfig | None = Field(None, description="certificates for the links between hosts")
+    access: dict[Name, Access] = Field(
+        {}, description="who else may send what, by the common name of the certificate"
+    )
     restart: Restart | None = Field(
         None, description="when nodes are started again; without, a death is the run's failure"
     )
