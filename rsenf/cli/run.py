@@ -7,6 +7,7 @@ seconds; a second Ctrl-C ends everything at once.
 from __future__ import annotations
 
 import argparse
+import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +35,7 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.errors import EXIT_DONE, NodeFailed
     from rsenf.report.idle import idle_words
     from rsenf.report.verdict import verdict_words
+    from rsenf.run.refusals import telling_refusals
     from rsenf.run.signals import interruptible
     from rsenf.run.supervisor import check_ended, start_graph
     from rsenf.run.view import view_of
@@ -41,7 +43,9 @@ def run(args: argparse.Namespace) -> int:
     replayed = dict(args.replay)
     graph = load_graph(args.graph, replayed)
     failure: NodeFailed | None = None
+    refusals = telling_refusals(say) if graph.tls else contextlib.nullcontext()
     with (
+        refusals,
         view_of(graph, quiet=args.quiet) as view,
         start_graph(graph, args.graph, view.update, replayed, args.host) as running,
         interruptible(running.kill) as stop,

@@ -23,6 +23,7 @@ from rsenf.messages.schema import FloatArray
 STATES = 6
 _GRID = slice(2, None)  # the states of the grid itself
 SHARE = 1e-3
+LONG_S = 5.0
 
 
 class AnyGrid:
@@ -76,11 +77,17 @@ def _drift() -> FloatArray:
 def _over(passed_s: float) -> tuple[FloatArray, FloatArray]:
     """Transition and covariance of the kicks over a time.
 
+    Long ones are made of two halves: the exponential holds what inertia does backwards in time,
+    which after a minute is beyond any number of digits.
+
     C. F. Van Loon, "Computing integrals involving the matrix exponential", IEEE Trans. Automatic
     Control 23, 1978.
     """
     from scipy.linalg import expm
 
+    if passed_s > LONG_S:
+        turn, kick = _over(passed_s / 2.0)
+        return turn @ turn, turn @ kick @ turn.T + kick
     a, kicks = _drift(), np.zeros((STATES, STATES))
     kicks[2, 2], kicks[3, 3] = (2.0 * std**2 / memory_s for std, memory_s in WALKS)
     block = np.zeros((2 * STATES, 2 * STATES))

@@ -75,7 +75,11 @@ class Bank:
         self.mean = self.mean @ turn.T
         self.mean[:, 0] += moved_rad
         self.cov = turn @ self.cov @ turn.T + kick
-        self.cov[:, 0, 0] = np.minimum(self.cov[:, 0, 0], UNKNOWN_RAD2)
+        # The phase can't be less known than not at all. What it has in common with the other states
+        # shrinks with it: a covariance that doesn't hold together makes the filters run away.
+        shrunk = np.sqrt(np.minimum(UNKNOWN_RAD2 / self.cov[:, 0, 0], 1.0))[:, None]
+        self.cov[:, 0, :] *= shrunk
+        self.cov[:, :, 0] *= shrunk
 
     def take(self, phase_rad: float, own_rad2: float) -> float:
         """Take a phase in; return its log-likelihood given those before (nats)."""
