@@ -94,6 +94,7 @@ class BusConfig(Strict):
     listen: tuple[str, ...] = Field((), description="endpoints that the run's own router opens")
     mode: Literal["client", "peer"] = "client"
     multicast: bool = False
+    largest_mb: float = Field(64.0, gt=0, description="larger messages are refused, and counted")
     zenoh: dict[str, Any] = Field({}, description="any Zenoh settings by path, for example TLS")
 
     @property
