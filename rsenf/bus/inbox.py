@@ -17,7 +17,10 @@ from rsenf.bus.keys import TOPICS, topic_of
 from rsenf.bus.sequence import Envelope, Sequence, place_of
 from rsenf.errors import SchemaMismatch
 from rsenf.messages import class_for, decode
+from rsenf.messages.plausible import implausible
 
+# A luma plane of 8K is 33 MB; all else is far smaller.
+LARGEST_BYTES = 64 * 2**20
 # Before each time that a sender is asked for what is missing, until it answers: after a break of
 # a link it may take a moment until it can be reached.
 PAUSES_S = (0.0, 0.2, 0.6, 1.2, 2.0)
@@ -46,7 +49,7 @@ class Counters:
     missed : int
         Never came, by sequence number, without being dropped here.
     rejected : int
-        Foreign, broken, or of another version.
+        Foreign, broken, too large, of another version, or not to be believed.
     duplicates : int
         Came twice, as history and live.
     recovered : int
@@ -69,6 +72,11 @@ class Inbox:
     twice is dropped. What is missing is asked for, if its sender keeps it; what comes after it
     waits meanwhile. What never came is counted.
 
+    Parameters
+    ----------
+    largest_bytes : int
+        Largest message that is taken.
+
     Attributes
     ----------
     ask : callable
@@ -76,7 +84,8 @@ class Inbox:
         or None when nobody answers; set by the bus.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, largest_bytes: int = LARGEST_BYTES) -> None:
+        self._largest_bytes = largest_bytes
         self.counters = Counters()
         self._items: deque[Envelope] = deque()
         self._waiting: Counter[str] = Counter()
@@ -90,6 +99,8 @@ class Inbox:
     def put(self, item: Envelope, delivery: Delivery) -> None:
         """Add an envelope, by the rules of its delivery class. Called by the transport."""
         with self._change:
+            if self._is_too_large(item):
+                return
             while self._waiting[item.key] >= delivery.queue and not self._closed:
                 if item.droppable or not delivery.lossless:
                     self._drop_oldest(item.key)
@@ -101,7 +112,14 @@ class Inbox:
         """Add envelopes, however many wait: whoever asks for a history isn't reading yet."""
         for item in items:
             with self._change:
-                self._add(item)
+                if not self._is_too_large(item):
+                    self._add(item)
+
+    def _is_too_large(self, item: Envelope) -> bool:
+        """Count and refuse what nobody could have meant, before it takes its place in memory."""
+        too_large = len(item.payload) > self._largest_bytes
+        self.counters.rejected += too_large
+        return too_large
 
     def _add(self, item: Envelope) -> None:
         if not self._closed:
@@ -216,11 +234,11 @@ class Inbox:
 
 
 def _opened(item: Envelope) -> Any:
-    """Return the message in an envelope; None when it isn't what its topic carries."""
+    """Return the message in an envelope; None when it isn't what its topic can carry."""
     try:
         cls = class_for(item.encoding)
         message = decode(cls, item.payload)
     except SchemaMismatch:
         return None
     fits = TOPICS.get(topic_of(item.key), cls) is cls
-    return message if fits and getattr(message, "header", None) is not None else None
+    return message if fits and not implausible(message) else None

@@ -7,6 +7,7 @@ seconds; a second Ctrl-C ends everything at once.
 from __future__ import annotations
 
 import argparse
+import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="play a node's recorded output in its place")  # fmt: skip
     parser.add_argument("--host", default="", metavar="NAME",
                         help="which of the hosts that the graph is split over")  # fmt: skip
+    parser.add_argument("--metrics", metavar="HOST:PORT",
+                        help="serve /metrics, /healthz, /readyz, as at 127.0.0.1:9464")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="end state and results as JSON")
     parser.add_argument("--quiet", action="store_true", help="say only what goes wrong")
 
@@ -34,6 +37,7 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.errors import EXIT_DONE, NodeFailed
     from rsenf.report.idle import idle_words
     from rsenf.report.verdict import verdict_words
+    from rsenf.run.refusals import telling_refusals
     from rsenf.run.signals import interruptible
     from rsenf.run.supervisor import check_ended, start_graph
     from rsenf.run.view import view_of
@@ -41,9 +45,12 @@ def run(args: argparse.Namespace) -> int:
     replayed = dict(args.replay)
     graph = load_graph(args.graph, replayed)
     failure: NodeFailed | None = None
+    refusals = telling_refusals(say) if graph.tls else contextlib.nullcontext()
     with (
+        refusals,
         view_of(graph, quiet=args.quiet) as view,
         start_graph(graph, args.graph, view.update, replayed, args.host) as running,
+        _metrics(running, args.metrics),
         interruptible(running.kill) as stop,
     ):
         view.started(running)
@@ -74,6 +81,15 @@ def run(args: argparse.Namespace) -> int:
     if interrupted:
         say("stopped")
     return code or EXIT_DONE
+
+
+def _metrics(running: GraphRun, where: str | None) -> contextlib.AbstractContextManager[object]:
+    """Serve metrics, where they are asked for."""
+    if where is None:
+        return contextlib.nullcontext()
+    from rsenf.run.metrics import serving_metrics
+
+    return serving_metrics(running, where)
 
 
 def _as_json(running: GraphRun) -> dict[str, Any]:

@@ -94,6 +94,7 @@ class BusConfig(Strict):
     listen: tuple[str, ...] = Field((), description="endpoints that the run's own router opens")
     mode: Literal["client", "peer"] = "client"
     multicast: bool = False
+    largest_mb: float = Field(64.0, gt=0, description="larger messages are refused, and counted")
     zenoh: dict[str, Any] = Field({}, description="any Zenoh settings by path, for example TLS")
 
     @property
@@ -113,6 +114,20 @@ class HostConfig(Strict):
         (), description="endpoints to open for them, where these differ from the address"
     )
     links: tuple[Name, ...] = Field((), description="hosts to link to, by their address")
+
+
+class TlsConfig(Strict):
+    """Certificates that hosts show each other: paths, in which {host} is the host's name."""
+
+    ca: str = Field(description="certificate of the authority that signs all others")
+    certificate: str = Field(description="of this host; its common name is the host's name")
+    key: str = Field(description="private key of this host")
+
+
+class Access(Strict):
+    """What somebody with a certificate may send who is no host of the graph; all may listen."""
+
+    publish: tuple[str, ...] = Field((), description="key expressions below the site")
 
 
 class SimulatedInput(Strict):
@@ -341,6 +356,10 @@ class Graph(Strict):
     site: Name
     bus: BusConfig = BusConfig()
     hosts: dict[Name, HostConfig] = Field({}, description="that the nodes are split over")
+    tls: TlsConfig | None = Field(None, description="certificates for the links between hosts")
+    access: dict[Name, Access] = Field(
+        {}, description="who else may send what, by the common name of the certificate"
+    )
     restart: Restart | None = Field(
         None, description="when nodes are started again; without, a death is the run's failure"
     )

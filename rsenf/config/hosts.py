@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from rsenf.bus.keys import matches
 from rsenf.bus.zenoh_bus import setting_problem
 from rsenf.config.graph import BusConfig, DecodeNode, Graph, ReplayNode, host_of, outputs
 from rsenf.config.graph import reader_of_frames as reader_of
+from rsenf.errors import UsageError
 
 Problem = tuple[tuple[str, ...], str]
 
 
 def host_problems(graph: Graph) -> Iterator[Problem]:
     """Yield where in the file something doesn't fit, and what."""
+    yield from _unsecured(graph)
     if not graph.hosts:
         return
     for key in sorted(graph.bus.model_fields_set - {"zenoh"}):
@@ -53,6 +56,23 @@ def _unlinked(graph: Graph) -> Iterator[Problem]:
     for name in graph.hosts:
         if name not in reached:
             yield ("hosts", name), f"no links lead from here to host {first!r}"
+
+
+def _unsecured(graph: Graph) -> Iterator[Problem]:
+    if graph.tls and not graph.hosts:
+        yield ("tls",), "is for the links between 'hosts', and the graph has none"
+    if graph.access and not graph.tls:
+        yield ("access",), "nobody can be told apart without 'tls'"
+    for name, host in graph.hosts.items() if graph.tls else ():
+        for endpoint in filter(None, (host.address, *host.listen)):
+            if not endpoint.startswith(("tls/", "quic/")):
+                yield ("hosts", name, "address"), f"{endpoint!r} goes past the certificates: tls/…"
+    for name, access in graph.access.items():
+        for below in access.publish:
+            try:
+                matches(below, "any")
+            except UsageError as exc:
+                yield ("access", name, "publish"), str(exc)
 
 
 def _reached_from(graph: Graph, first: str) -> set[str]:

@@ -22,6 +22,7 @@ NOMINALS_HZ = (50.0, 60.0)
 HARMONICS = 3
 # Frames held back until the frame rate is known well enough.
 RATE_NEEDS_S = 1.0
+LEAST_RATE_HZ, MOST_RATE_HZ = 0.1, 1e5  # beyond these it is no camera's
 LOOK_S = 20  # window in which flicker is looked for
 SHORT_S = 8  # the same for a clip that is shorter
 HOLD_S = 60  # seconds are held back so long while nothing is found
@@ -88,7 +89,12 @@ class FlickerFollower:
             if not final or pts.size < 2:
                 return False
             enough = pts.size - 1
-        self._rate_hz = float((numbers[enough] - numbers[0]) * 1e9 / (pts[enough] - pts[0]))
+        lasted_s = (pts[enough] - pts[0]) / 1e9
+        frames = int(numbers[enough] - numbers[0])
+        if not LEAST_RATE_HZ * lasted_s < frames < MOST_RATE_HZ * lasted_s:
+            del self._waiting[0]  # a clock that stood still or leapt: begin after it
+            return False
+        self._rate_hz = frames / lasted_s
         most_turns = HARMONICS * 2.0 * max(self._nominals) / self._rate_hz
         self._basis = ProfileBasis(self._waiting[0].rows, most_turns)
         self._buffer = SlowTime(self._basis.columns, int(pts[0]))

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from rsenf.flicker.lines import alias_hz
-from rsenf.flicker.zero_alias import ZeroAlias, separate
+from rsenf.flicker.zero_alias import MIN_BINS, ZeroAlias, separate
 from rsenf.idle.limits import MIN_FLICKER_RATIO, NO_FLICKER, STILL, TOO_SHORT, WEAK
 from rsenf.idle.seen import Finding, Seen
 
@@ -27,6 +27,8 @@ def still(seen: Seen) -> Finding:
     if seen.binned_s < SHORTEST_S:
         return TOO_SHORT
     level, t_s, frames = seen.bins.means()
+    if len(t_s) < MIN_BINS:  # of a stream with great gaps
+        return TOO_SHORT
     fit = separate(level, t_s, frames)
     if fit is None or not fit.is_flicker:
         return NO_FLICKER

@@ -16,7 +16,7 @@ class Alarms:
     def __init__(self) -> None:
         self._on: dict[str, tuple[Alarm, int | None]] = {}
         self._out: list[Alarm] = []
-        self._numbers: dict[tuple[str, int], int] = {}
+        self._sent: Header | None = None
 
     def happened(self, alarm: Alarm, now_ns: int) -> None:
         """Say that something happened; it is over by itself, a while later."""
@@ -55,7 +55,7 @@ class Alarms:
         return out
 
     def _send(self, alarm: Alarm) -> None:
-        run = alarm.header.run_id, alarm.header.epoch
-        seq = self._numbers.get(run, 0)
-        self._numbers[run] = seq + 1
-        self._out.append(dataclasses.replace(alarm, header=alarm.header.numbered(seq)))
+        last, header = self._sent, alarm.header
+        is_new = last is None or (last.run_id, last.epoch) != (header.run_id, header.epoch)
+        self._sent = header.numbered(0 if last is None or is_new else last.seq + 1)
+        self._out.append(dataclasses.replace(alarm, header=self._sent))

@@ -57,10 +57,9 @@ class Judge:
         if self.evidence is None:
             self.evidence = Evidence(self._settings, estimate.nominal_hz)
         jump = self._jumps.take(phase, self.evidence)
-        before = self.evidence.nats
         self.evidence.take(phase, self._moved(estimate, phase, tick))
         self._stand()
-        if self.standing != "stale" and self.evidence.nats >= before:
+        if self.evidence.nats >= self._settings.limits.most:
             self.suspects.clear()
         elif jump:
             self.suspects.jumped()

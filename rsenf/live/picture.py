@@ -17,9 +17,12 @@ from rsenf.messages.schema import Float32Array
 from rsenf.timebase import nanoseconds, seconds
 
 KEEP_NS = nanoseconds(3600.0)
+REMEMBER_NS = nanoseconds(0.1)  # one frame in so long a time: a loop shows all of them again
 LEAST_PERIOD_NS = nanoseconds(1.0)
 SAME_RATIO = 0.9  # of the frames: a codec's key frames are coded anew
 ALIKE_LEVELS = 1e-4
+# A loop that was coded anew shows some of its pictures as they were, and others not quite.
+HOLD_NS = nanoseconds(30.0)
 JITTER_NS = nanoseconds(0.1)  # by which the period may differ from frame to frame
 
 
@@ -58,6 +61,7 @@ class Picture:
         self._seen: dict[bytes, int] = {}
         self._order: deque[tuple[int, bytes]] = deque()
         self._again: tuple[int, int, int] | None = None  # since, until, period
+        self._loop: tuple[int, int, int] | None = None  # the same, while it is said to be one
         self._began_ns: int | None = None
         self.facts = PictureFacts()
 
@@ -88,9 +92,10 @@ class Picture:
         then_ns = self._seen.get(digest)
         if then_ns is not None and pts_ns - then_ns >= LEAST_PERIOD_NS:
             self._note_again(pts_ns, pts_ns - then_ns)
-        self._seen[digest] = pts_ns
-        self._order.append((pts_ns, digest))
-        while self._order[0][0] < pts_ns - KEEP_NS:
+        if not self._order or pts_ns - self._order[-1][0] >= REMEMBER_NS:
+            self._seen[digest] = pts_ns
+            self._order.append((pts_ns, digest))
+        while self._order and self._order[0][0] < pts_ns - KEEP_NS:
             old_ns, old = self._order.popleft()
             if self._seen[old] == old_ns:
                 del self._seen[old]
@@ -104,13 +109,19 @@ class Picture:
         self._again = since_ns, pts_ns, period_ns
 
     def _conclude(self, now_ns: int) -> None:
-        period_s, loop_since, frozen_since = float("nan"), None, None
+        frozen_since = None
         if self._again is not None:
             since_ns, until_ns, period_ns = self._again
-            if until_ns - since_ns >= self._loop_ns and now_ns - until_ns < 3 * self._loop_ns:
-                loop_since, period_s = since_ns, seconds(period_ns)
+            if until_ns - since_ns >= self._loop_ns:
+                began_ns = since_ns if self._loop is None else self._loop[0]
+                self._loop = began_ns, until_ns, period_ns
+        if self._loop is not None and now_ns - self._loop[1] > HOLD_NS:
+            self._loop = None
         full = self._began_ns is not None and now_ns - self._began_ns >= self._frozen_ns
         if full and sum(same for _, same in self._same) >= SAME_RATIO * len(self._same):
             stood = self.facts.frozen_since_ns
             frozen_since = stood if stood is not None else self._same[0][0]
-        self.facts = PictureFacts(frozen_since, loop_since, period_s)
+        self.facts = PictureFacts(frozen_since)
+        if self._loop is not None:
+            began_ns, _, period_ns = self._loop
+            self.facts = PictureFacts(frozen_since, began_ns, seconds(period_ns))

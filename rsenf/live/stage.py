@@ -30,6 +30,7 @@ BEHIND_NS = 16 * NS_PER_S  # what a tracker knows of a second, it says at most s
 # How long, by the pictures' arrival, is waited for what is late. Estimates are so while a tracker
 # still looks for flicker.
 ESTIMATES_PATIENCE_NS, REFERENCE_PATIENCE_NS = 3 * NS_PER_S, 30 * NS_PER_S
+MOST_WAITING = 3600
 LN10 = math.log(10.0)
 
 
@@ -57,8 +58,9 @@ class Live:
         self._own = OwnPast(self.settings.keep_hours)
         self._idle_period, self._alarms = IdlePeriod(), Alarms()
         self._ticks: deque[Tick] = deque()
-        self._estimates: deque[EnfEstimate] = deque()
-        self._idles: deque[IdleEstimate] = deque()
+        # As many as an hour has: without pictures they would wait for ever.
+        self._estimates: deque[EnfEstimate] = deque(maxlen=MOST_WAITING)
+        self._idles: deque[IdleEstimate] = deque(maxlen=MOST_WAITING)
         self._known: tuple[tuple[str, int], int] | None = None  # run and end of the newest estimate
         self._frames: deque[tuple[int, int]] = deque()  # time and number of each tick's last frame
         self._judge = Judge(self.settings, self._grid, self._own)
@@ -120,6 +122,8 @@ class Live:
         return self._has_reference(tick, due_ns) and has_estimates
 
     def _waited_ns(self, tick: Tick) -> int:
+        if len(self._ticks) > MOST_WAITING:
+            return max(ESTIMATES_PATIENCE_NS, REFERENCE_PATIENCE_NS) + 1
         return self._ticks[-1].header.arrival_time_ns - tick.header.arrival_time_ns
 
     def _has_reference(self, tick: Tick, due_ns: int) -> bool:
@@ -197,33 +201,37 @@ class Live:
         if facts.frozen_since_ns is not None:
             stood_s = (tick.pts_ns - facts.frozen_since_ns) / NS_PER_S
             verdict, evidence = "frozen", f"the same picture for {stood_s:.0f} s"
-        self._hold("frozen", verdict == "frozen", tick, evidence)
-        self._hold("stale", verdict == "stale", tick, evidence)
+        since_ns = judge.suspects.since_ns
+        self._hold("frozen", verdict == "frozen", tick, evidence, facts.frozen_since_ns)
+        self._hold("stale", verdict == "stale", tick, evidence, facts.loop_since_ns or since_ns)
         repeats = judge.suspects.repeats if verdict == "stale" else None
         period_s = repeats.age_s if repeats else facts.period_s
-        self._hold("loop", math.isfinite(period_s), tick, evidence, period_s)
+        loop_ns = facts.loop_since_ns or since_ns
+        self._hold("loop", math.isfinite(period_s), tick, evidence, loop_ns, period_s)
         is_last = due_ns == tick.pts_ns
         return [*self._alarms.taken(), *self._say(verdict, evidence, tick, always=is_last)]
 
     def _hold(
-        self, kind: str, is_so: bool, tick: Tick, text: str, period_s: float = math.nan
+        self,
+        kind: str,
+        is_so: bool,
+        tick: Tick,
+        text: str,
+        since_ns: int | None,
+        period_s: float = math.nan,
     ) -> None:
+        """Say that something is so, and since when, or that it is over."""
         if not is_so:
             self._alarms.over(kind, tick.header, tick.pts_ns)
             return
+        start_ns = tick.pts_ns if since_ns is None else since_ns
         unit = "s" if math.isfinite(period_s) else ""
         self._alarms.holds(
             Alarm(
-                header=tick.header,
-                kind=kind,
-                severity="alarm",
-                start_pts_ns=tick.pts_ns,
-                end_pts_ns=tick.pts_ns,
-                value=period_s,
-                unit=unit,
-                text=text,
+                header=tick.header, kind=kind, severity="alarm", start_pts_ns=start_ns,
+                end_pts_ns=tick.pts_ns, value=period_s, unit=unit, text=text,
             )
-        )
+        )  # fmt: skip
 
     def _say(
         self, verdict: str, evidence: str, tick: Tick, *, always: bool = False

@@ -20,6 +20,8 @@ class Suspects:
         How old the picture is, found in the reference.
     repeats : Origin or None
         The same, found in the feed's own past.
+    since_ns : int or None
+        Stream clock since when they don't follow the grid.
     """
 
     def __init__(self, settings: LiveSettings, own: OwnPast) -> None:
@@ -34,6 +36,7 @@ class Suspects:
         """Begin anew: they follow the grid after all."""
         self.jumped()
         self.repeats: Origin | None = None
+        self.since_ns: int | None = None
 
     def jumped(self) -> None:
         """Begin anew to look for the time: the picture has jumped to another, as loops do."""
@@ -43,6 +46,8 @@ class Suspects:
 
     def add(self, estimate: EnfEstimate) -> None:
         """Take an estimate that doesn't follow the grid."""
+        if self.since_ns is None:
+            self.since_ns = estimate.start_pts_ns
         self._waiting.append(estimate)
         del self._waiting[: -past.MOST_S]
 

@@ -14,6 +14,8 @@ from rsenf.match.speed import off_speed
 from rsenf.messages import Candidate
 from rsenf.timebase import nanoseconds, seconds, utc_text
 
+NEAR_HZ = 0.5  # frequencies nearer than this have the same nominal one
+
 NAN = float("nan")
 ENOUGH_COVERAGE = 0.5  # of the possible lags, before "not in this reference" is said
 
@@ -147,4 +149,4 @@ def nothing_to_decide(track: Track, grids: Sequence[Grid], settings: MatchSettin
 
 def of_nominal(track: Track, grids: Sequence[Grid]) -> list[Grid]:
     """Return the references of grids with the nominal frequency that the light follows."""
-    return [grid for grid in grids if round(track.nominal_hz) == round(grid.nominal_hz)]
+    return [grid for grid in grids if abs(track.nominal_hz - grid.nominal_hz) < NEAR_HZ]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.errors import UsageError
+from rsenf.errors import SchemaMismatch, UsageError
 from rsenf.match.clip_phase import clip_phase
 from rsenf.match.correlate import match_ncc
 from rsenf.match.examine import examined
@@ -25,6 +25,7 @@ from rsenf.messages import EnfEstimate, Header, MatchResult, ReferenceBlock
 from rsenf.timebase import nanoseconds
 
 NAN = float("nan")
+MOST_PAUSE_NS = 3_600 * 10**9  # between estimates: those that aren't usable come, too
 PAPER_TRACKER = "paper"  # the ENF method that the metrics compare the hypotheses of
 
 METHODS: dict[str, Matcher | Metric] = {
@@ -107,6 +108,7 @@ class Match:
             out = self.flush()
             self._begin()
         self._epoch = epoch
+        _ensure_follows(message, self._estimates)
         if message.rank != 0:
             if tracker_for(self.method):
                 self._hypotheses.add(message)
@@ -121,8 +123,15 @@ class Match:
         return [self._result(self._estimates, final=True)]
 
     def _take_block(self, block: ReferenceBlock) -> None:
-        if self.grid in ("", block.grid) and block.samples:
-            self._blocks.setdefault(block.grid, {})[block.first] = block
+        if self.grid not in ("", block.grid) or not block.samples:
+            return
+        kept = self._blocks.setdefault(block.grid, {})
+        one = next(iter(kept.values()), block)
+        if _axis(block) != _axis(one):
+            if block.header.run_id == one.header.run_id:
+                raise SchemaMismatch("a block of another reference")
+            kept.clear()  # its node was started again, and has another beginning
+        kept[block.first] = block
 
     def _crosses_boundary(self, message: EnfEstimate) -> bool:
         """Whether this is the first window to reach the next multiple of the interim period."""
@@ -198,6 +207,20 @@ class Match:
                 own = of_nominal(track, grids)
                 return matcher(track, own, self.settings, self.claimed_utc_ns)
         return Finding(decision="no_decision", reason=reason)
+
+
+def _ensure_follows(message: EnfEstimate, before: list[EnfEstimate]) -> None:
+    """Refuse an estimate of another origin, or of a time that doesn't follow the last one's."""
+    if not before:
+        return
+    last = before[-1]
+    pause_ns = message.start_pts_ns - last.start_pts_ns
+    if message.origin_pts_ns != last.origin_pts_ns or not 0 <= pause_ns <= MOST_PAUSE_NS:
+        raise SchemaMismatch("an estimate out of place")
+
+
+def _axis(block: ReferenceBlock) -> tuple[int, int, str]:
+    return block.t0_ns, block.step_ns, str(block.nominal_hz)
 
 
 def _doubted(found: Finding, estimates: list[EnfEstimate]) -> Finding:

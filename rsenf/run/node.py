@@ -72,7 +72,7 @@ class NodeProcess:
         self.graph, self.name, self.run_id, self.restarts = graph, name, run_id, restarts
         self.config: Any = graph.nodes[name]
         self.stop = threading.Event()
-        self.inbox = Inbox()
+        self.inbox = Inbox(round(graph.bus.largest_mb * 1e6))
         far = elsewhere(graph, name)
         returning = far.union(n for n in graph.nodes if graph.restart_of(n))
         self.peers = Peers(set(graph.nodes) - {name}, returning, gone)

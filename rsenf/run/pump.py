@@ -10,6 +10,7 @@ from typing import Any
 from rsenf.bus.bus import Publisher
 from rsenf.bus.inbox import Received
 from rsenf.bus.keys import source_of
+from rsenf.errors import SchemaMismatch
 from rsenf.messages import Header
 from rsenf.run.node import NodeProcess
 from rsenf.run.runner import Runner
@@ -114,7 +115,10 @@ def pump(node: NodeProcess, lanes: list[Lane]) -> None:
         if received is not None:
             node.note_input(received.message.header)
             for lane in by_key.get(received.key, ()):
-                lane.feed(received)
+                try:
+                    lane.feed(received)
+                except SchemaMismatch:
+                    node.inbox.counters.rejected += 1
         now = time.monotonic()
         if node.stop.is_set():
             stop_by = min(stop_by, now + LINGER_S)

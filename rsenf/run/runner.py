@@ -11,7 +11,9 @@ from collections.abc import Callable
 from typing import Any
 
 from rsenf.bus.keys import TOPICS
+from rsenf.errors import SchemaMismatch
 from rsenf.messages import Header, Mark
+from rsenf.messages.plausible import out_of_place
 from rsenf.stage import Stage
 
 
@@ -38,16 +40,26 @@ class Runner:
         self._make_stage = make_stage
         self._stage = make_stage()
         self._inputs, self._open = inputs, inputs
+        self._last: dict[type[Any], Header] = {}  # of the messages in, by what they are
         self._fed: Header | None = None  # of the last message in
         self._sent: Header | None = None  # of the last message out, in the same epoch
         self._sent_beside: Header | None = None
         self.ended = False
 
     def feed(self, message: Any) -> list[Any]:
-        """Give the stage a message; return what it completes, an END mark when all has ended."""
+        """Give the stage a message; return what it completes, an END mark when all has ended.
+
+        Raises
+        ------
+        SchemaMismatch
+            When the message can't follow those before it. The stage goes on without.
+        """
         header: Header = message.header
         if header.is_end:
             return self.end(header)
+        if why := out_of_place(header, self._last.get(type(message))):
+            raise SchemaMismatch(why)
+        self._last[type(message)] = header
         out = self._renew(header) if self._inputs == 1 else []
         self._fed = header
         return out + self._note(self._stage.update(message))

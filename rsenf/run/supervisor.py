@@ -17,6 +17,7 @@ from rsenf.bus.zenoh_bus import MANY_LINKS, ONE_LINK, RUNTIME, BusSettings, open
 from rsenf.config import Graph
 from rsenf.config.graph import ReplayNode, host_of
 from rsenf.errors import NodeFailed, UsageError
+from rsenf.run.access import secured
 from rsenf.run.graph_run import GraphRun, check_ended
 from rsenf.run.node import bus_settings
 from rsenf.run.node_state import NodeState
@@ -126,7 +127,7 @@ def router_settings(graph: Graph, own: tuple[str, ...], host: str) -> BusSetting
         mode="router",
         listen=(*own, *(this.listen or filter(None, (this.address,)))),
         connect=tuple(filter(None, addresses)),
-        zenoh=zenoh,
+        zenoh={**secured(graph, host), **zenoh},
     )
 
 

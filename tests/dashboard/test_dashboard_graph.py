@@ -12,13 +12,14 @@ import time
 import pytest
 
 from rsenf.cli import main
+from tests.conftest import ROOT
 
 GRAPH = """\
 version: 1
 site: lab
 bus: {{listen: ["{endpoint}"]}}
 nodes:
-  decode: {{kind: decode, camera: cam1, input: "{clip}", pace: true, threads: 1}}
+  decode: {{kind: decode, camera: cam1, input: {{model: "{model}"}}, pace: true}}
   rows:   {{kind: rows, cameras: [cam1]}}
   track:  {{kind: track, cameras: [cam1]}}
   page:   {{kind: dashboard, port: 0}}
@@ -54,12 +55,13 @@ def card_when(url, is_there, timeout_s=40.0):
 
 
 @pytest.mark.processes
-def test_a_graph_shows_its_camera_and_so_does_a_look_from_outside(clip, tmp_path):
+def test_a_graph_shows_its_camera_and_so_does_a_look_from_outside(tmp_path):
     pytest.importorskip("uvicorn", reason="uvicorn isn't installed")
     from rsenf.run.supervisor import free_endpoint
 
     graph = tmp_path / "graph.yaml"
-    graph.write_text(GRAPH.format(clip=clip, endpoint=free_endpoint()), encoding="utf-8")
+    model = ROOT / "configs" / "model" / "changing_120p.yaml"
+    graph.write_text(GRAPH.format(model=model, endpoint=free_endpoint()), encoding="utf-8")
     running = start("run", graph)
     try:
         card = card_when(url_told(running), lambda c: c["steady_ratio"] and c["picture"])

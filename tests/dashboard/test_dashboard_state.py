@@ -6,7 +6,9 @@ import base64
 import dataclasses
 import json
 import tracemalloc
+from fractions import Fraction
 
+import cv2
 import messages_of
 import numpy as np
 import pytest
@@ -16,7 +18,7 @@ from rsenf.dashboard.session import SILENCE_NS, Session
 from rsenf.dashboard.site import KEPT_FEEDS, Site
 from rsenf.dashboard.spectrogram import BINS, HALF_WIDTH_HZ
 from rsenf.dashboard.wiring import Wiring
-from rsenf.messages import EnfEstimate, Header, RowBlock
+from rsenf.messages import EnfEstimate, Header, RowBlock, VideoPacket
 
 DOOR = "house/door"
 
@@ -258,7 +260,7 @@ def test_messages_without_sense_cost_nothing():
         (camera.key("rows"), RowBlock(header=header)),
         (camera.key("rows"), RowBlock(header=header, frames=3, rows=0)),
         (camera.key("track"), EnfEstimate(header=header, enf_hz=float("inf"), usable=True)),
-        (camera.key("frames"), messages_of.VideoPacket(header=header, codec="h264", keyframe=True,
+        (camera.key("frames"), VideoPacket(header=header, codec="h264", keyframe=True,
                                                        data=b"rubbish")),
     )  # fmt: skip
     assert shown.news()["cards"]
@@ -271,6 +273,27 @@ def test_the_picture_is_renewed_once_a_second():
     assert shown.site.picture(DOOR).startswith(b"\xff\xd8")
     shown.put(camera.key_frame(3))
     assert shown.news()["cards"][0]["picture"] == 2
+
+
+def test_a_key_frame_of_real_video_is_decoded_and_what_follows_it_is_let_be():
+    import av
+
+    coder = av.CodecContext.create("libx264", "w")
+    coder.width, coder.height, coder.pix_fmt, coder.time_base = 640, 360, "yuv420p", Fraction(1, 30)
+    coder.options = {"tune": "zerolatency"}
+    picture = av.VideoFrame.from_ndarray(np.full((540, 640), 128, np.uint8), format="yuv420p")
+    packets = [*coder.encode(picture), *coder.encode(picture)]
+    shown, camera = Shown(), Camera("door", grid_hz(60))
+    for number, packet in enumerate(packets):
+        header = camera.header(number, 2.0 * number)
+        sent = VideoPacket(
+            header=header, codec="h264", keyframe=packet.is_keyframe, data=bytes(packet)
+        )
+        shown.put((camera.key("video"), sent))
+    assert [p.is_keyframe for p in packets] == [True, False]
+    assert shown.news()["cards"][0]["picture"] == 1
+    jpeg = np.frombuffer(shown.site.picture(DOOR), np.uint8)
+    assert cv2.imdecode(jpeg, cv2.IMREAD_COLOR).shape == (180, 320, 3)
 
 
 def test_after_an_hour_memory_grows_no_more():

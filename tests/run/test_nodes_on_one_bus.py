@@ -373,6 +373,7 @@ def test_frames_of_a_stranger_do_not_end_the_rows_node(network: Loopback) -> Non
         {key: "decode"},
         frames=FrameReceiver(),
         counters=node.inbox.counters,
+        run_id=node.run_id,
     )
     sender = network.bus("decode").publisher(key, FRAMES_FILE)
     frames = list(wall(16))

@@ -23,6 +23,7 @@ from pathlib import Path
 from rsenf.messages import Health
 from rsenf.record.reader import Recording
 from rsenf.run.supervisor import free_endpoint
+from tests.conftest import ROOT
 from tests.run.link_proxy import LinkProxy
 
 GRAPH = """\
@@ -40,6 +41,12 @@ nodes:
   idle:   {kind: idle, cameras: [cam], idle: {nominal_hz: 50}}
   match:  {kind: match, cameras: [cam], grid: ce, interim_every_s: 10}
   record: {kind: record, out: "${OUT}"}
+"""
+TLS = """\
+tls:
+  ca: "${CERTIFICATES}/ca.pem"
+  certificate: "${CERTIFICATES}/{host}.pem"
+  key: "${CERTIFICATES}/{host}.key"
 """
 HOSTS = ("camera", "analysis", "archive")
 END_S = 60.0  # that everything may take to end after the film
@@ -94,6 +101,13 @@ def make_film(folder: Path, film_s: float, seed: int) -> dict[str, str]:
     return {"FILM": str(film), "GRID": str(grid)}
 
 
+def make_certificates(folder: Path) -> None:
+    """Make one for each host."""
+    script = ROOT / "configs" / "deploy" / "certificates.sh"
+    words = ["sh", str(script), str(folder), *HOSTS, "router"]
+    subprocess.run(words, check=True, capture_output=True)
+
+
 def account(recording: Path) -> tuple[dict[str, tuple[int, int]], dict[str, Health]]:
     """Count what was recorded.
 
@@ -132,6 +146,7 @@ def play(
     seed: int,
     loss: float,
     delay_s: float,
+    tls: bool = False,
 ) -> tuple[dict[str, tuple[int, int]], dict[str, Health]]:
     """Run the hosts while the camera's link is cut and the router started again; count.
 
@@ -139,8 +154,11 @@ def play(
     """
     facts = make_film(folder, film_s, seed) | {"OUT": str(folder / "archive.mcap")}
     graph = folder / "hosts.yaml"
-    graph.write_text(GRAPH, encoding="utf-8")
+    graph.write_text(TLS + GRAPH if tls else GRAPH, encoding="utf-8")
     listen = free_endpoint()
+    if tls:
+        listen = listen.replace("tcp/127.0.0.1", "tls/localhost")
+        make_certificates(folder)
     port = int(listen.rpartition(":")[2])
     facts["LISTEN"] = listen
     with ExitStack() as stack:
@@ -152,8 +170,10 @@ def play(
         stack.enter_context(running(hosts))
 
         def start(name: str) -> Host:
-            address = f"tcp/127.0.0.1:{links[name].port}" if name in links else listen
-            hosts.append(Host(name, graph, facts | {"ROUTER": address}))
+            port = str(links[name].port) if name in links else listen.rpartition(":")[2]
+            address = f"{listen.rpartition(':')[0]}:{port}"
+            own = {"ROUTER": address, "CERTIFICATES": str(folder)}
+            hosts.append(Host(name, graph, facts | own))
             return hosts[-1]
 
         router = start("router")
@@ -188,6 +208,7 @@ def main() -> None:
     parser.add_argument("--delay-ms", type=float, default=40.0)
     parser.add_argument("--film-s", type=float, default=150.0)
     parser.add_argument("--seed", type=int, default=7)
+    parser.add_argument("--tls", action="store_true", help="with certificates and access control")
     parser.add_argument("--out", type=Path, help="folder to keep logs and the recording in")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
@@ -197,7 +218,7 @@ def main() -> None:
         again_s = cut_at_s + args.cut_s + 0.2 * args.film_s
         topics, health = play(
             folder, args.film_s, cut_at_s, args.cut_s, again_s, args.seed, args.loss,
-            args.delay_ms / 1000,
+            args.delay_ms / 1000, args.tls,
         )  # fmt: skip
     print(f"{'topic':28} {'sent':>6} {'recorded':>8} {'lost':>6}")
     for topic, (had, came) in topics.items():

@@ -1,0 +1,124 @@
+"""Who may do what between hosts: TLS with client certificates, and the rules of each router.
+
+A certificate's common name says who somebody is. A host of the graph goes by its name, and may send
+what its nodes send and nothing else; anybody else with a certificate may listen, and send what
+``access`` says. The nodes of a host reach its router over loopback, and may do everything.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rsenf.bus.keys import NODES, ROOT, alive_key, health_key, topic_key
+from rsenf.bus.zenoh_bus import ECHO_KEY
+from rsenf.config import Graph
+from rsenf.config.graph import TlsConfig, outputs
+from rsenf.errors import UsageError
+
+# Wild cards don't cover what begins with '@'.
+ALL_KEYS = ["**", f"{ROOT}/*/{NODES}/**", ECHO_KEY]
+SENDING = ["put", "delete", "declare_queryable", "reply", "liveliness_token"]
+HEARING = ["declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query"]
+BOTH_WAYS = ["ingress", "egress"]
+
+
+def secured(graph: Graph, host: str) -> dict[str, Any]:
+    """Return the Zenoh settings of a host's router by path; none where the graph has no TLS.
+
+    Raises
+    ------
+    UsageError
+        When a certificate or key can't be found.
+    """
+    if graph.tls is None:
+        return {}
+    return {"transport/link/tls": _tls(graph.tls, host), "access_control": _rules(graph, host)}
+
+
+def _tls(tls: TlsConfig, host: str) -> dict[str, Any]:
+    ca, certificate, key = (p.replace("{host}", host) for p in (tls.ca, tls.certificate, tls.key))
+    for path in (ca, certificate, key):
+        if not Path(path).is_file():
+            raise UsageError(f"{path}: no such file", "make it, or correct 'tls' in the graph")
+    return {
+        "root_ca_certificate": ca,
+        "enable_mtls": True,
+        "listen_certificate": certificate,
+        "listen_private_key": key,
+        "connect_certificate": certificate,
+        "connect_private_key": key,
+    }
+
+
+def _rules(graph: Graph, host: str) -> dict[str, Any]:
+    rules = [
+        _rule("all", [*SENDING, *HEARING], BOTH_WAYS, ALL_KEYS),
+        _rule("hear", HEARING, ["ingress"], ALL_KEYS),
+        _rule("be sent", [*SENDING, *HEARING], ["egress"], ALL_KEYS),
+    ]
+    subjects = [{"id": "nodes", "interfaces": ["lo"], "link_protocols": ["tcp"]}]
+    policies = [{"rules": ["all"], "subjects": ["nodes"]}]
+    for name in dict.fromkeys((*graph.hosts, *graph.access)):
+        keys = sent_by(graph, host, name)
+        may = ["hear", "be sent"]
+        if keys:
+            rules.append(_rule(f"send as {name}", SENDING, ["ingress"], keys))
+            may.append(f"send as {name}")
+        subjects.append({"id": name, "cert_common_names": [name]})
+        policies.append({"rules": may, "subjects": [name]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
+
+
+def _rule(name: str, messages: list[str], flows: list[str], keys: list[str]) -> dict[str, Any]:
+    return {
+        "id": name,
+        "permission": "allow",
+        "messages": messages,
+        "flows": flows,
+        "key_exprs": keys,
+    }
+
+
+def sent_by(graph: Graph, host: str, name: str) -> list[str]:
+    """Keys that may come to a host's router from somebody: its own, and what it passes on.
+
+    Parameters
+    ----------
+    graph : Graph
+        The graph.
+    host : str
+        Whose router it is.
+    name : str
+        Another host, or somebody else by the name in the certificate.
+    """
+    site, keys = graph.site, []
+    for other in sorted(_behind(graph, host, name)):
+        keys.append(ECHO_KEY)
+        for node in graph.hosts[other].nodes:
+            keys += [topic_key(site, of, topic) for topic, of in outputs(graph.nodes[node])]
+            keys += [health_key(site, node), alive_key(site, node)]
+    # Somebody else may be linked to any of the hosts, which pass on what it sends.
+    others = graph.access if name in graph.hosts else {name}
+    for other in others:
+        access = graph.access.get(other)
+        keys += [f"{ROOT}/{site}/{below}" for below in access.publish] if access else []
+    return list(dict.fromkeys(keys))
+
+
+def _behind(graph: Graph, host: str, name: str) -> set[str]:
+    """Hosts whose messages come by way of one of them: itself, and those that lie behind it."""
+    pairs = [
+        {a, b} for a, config in graph.hosts.items() for b in config.links if host not in (a, b)
+    ]
+    behind, before = {name} & set(graph.hosts), set[str]()
+    while behind != before:
+        before = set(behind)
+        behind = behind.union(*(pair for pair in pairs if pair & behind))
+    return behind
