@@ -47,7 +47,8 @@ FALSE = record(
     wrong_at_correlation=[[0.5, []], [0.8, [100.0, 120.0, 900.0]]],
 )
 LOOP = record(
-    "loop", wrong_s=[330.0], alarms=[[320.0, "phase_jump", "a jump"]], alarm_s=[320.0, 330.0],
+    "loop", truth={"grid": "us-3", "recoded": True}, wrong_s=[330.0],
+    alarms=[[320.0, "phase_jump", "a jump"]], alarm_s=[320.0, 330.0],
     wrong_at_nats=[[6.0, [310.0]], [20.0, [320.0]], [40.0, [330.0]]],
 )  # fmt: skip
 
@@ -80,6 +81,11 @@ def test_a_lower_limit_is_sooner_and_less_sure() -> None:
     trade_off = tabulated([FALSE, LOOP])["trade_off"]["nats"]
     assert [row["false"] for row in trade_off] == [2, 0, 0]
     assert [row["delay_median_s"] for row in trade_off] == [10.0, 20.0, 30.0]
+
+
+def test_pictures_that_come_again_to_the_last_bit_are_no_matter_of_a_limit() -> None:
+    bits = LOOP | {"truth": {"grid": "us-3", "recoded": False}}
+    assert [r["attacks"] for r in tabulated([LOOP, bits])["trade_off"]["nats"]] == [1, 1, 1]
 
 
 @pytest.mark.parametrize("written", [text, page])
