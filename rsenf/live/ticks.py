@@ -14,6 +14,8 @@ from rsenf.live.settings import LiveSettings
 from rsenf.messages import Header, RowBlock
 from rsenf.timebase import NS_PER_S, seconds
 
+STEP_BACK_NS = 5 * NS_PER_S
+
 
 @dataclass(frozen=True)
 class Tick:
@@ -75,7 +77,9 @@ class Ticker:
             return None
         header, now_ns = block.header, int(block.frame_pts_ns[-1])
         self._note_silence(block)
-        if (header.run_id, header.epoch) != self._run:
+        # A stream's clock that steps back begins anew, whether or not its source says so.
+        stepped_back = self._last is not None and now_ns < self._last[0] - STEP_BACK_NS
+        if (header.run_id, header.epoch) != self._run or stepped_back:
             self._run = header.run_id, header.epoch
             self._first_ns = self._next_ns = int(block.frame_pts_ns[0])
             self._time.begin(header)
