@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--host", default="", metavar="NAME",
                         help="which of the hosts that the graph is split over")  # fmt: skip
     parser.add_argument("--metrics", metavar="HOST:PORT",
-                        help="serve /metrics, /healthz and /readyz, as at 127.0.0.1:9464")  # fmt: skip
+                        help="serve /metrics, /healthz, /readyz, as at 127.0.0.1:9464")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="end state and results as JSON")
     parser.add_argument("--quiet", action="store_true", help="say only what goes wrong")
 

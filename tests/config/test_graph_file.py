@@ -115,7 +115,7 @@ nodes:
         ("2", "site: no name: letters, digits"),
         (
             "3",
-            "bus: unknown key 'conect'; did you mean 'connect'?; allowed: connect, largest_mb, listen",
+            "bus: unknown key 'conect'; did you mean 'connect'?; allowed: connect, largest",
         ),
         ("8", "nodes.decode.input: key 'model' is missing"),
         ("10", "nodes.decode.input.duration_s: Input should be a valid number"),
