@@ -153,7 +153,7 @@ class Live:
         if tick.silent_s and not self._is_lost:
             out += self._lose()
         done = self._done
-        if done is None or (done.run, done.first_pts_ns) != (tick.run, tick.first_pts_ns):
+        if done is None or done.part != tick.part:
             self._begin_epoch(tick)
         if self._is_lost:
             self._is_lost = False
