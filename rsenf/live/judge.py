@@ -92,7 +92,7 @@ class Judge:
             self.standing = "live"
         elif nats <= limits.stale:
             self.standing = "stale"
-        elif self.evidence.is_wild:
+        elif self.evidence.is_wild or nats == 0.0:  # nothing of before counts any more
             self.standing = "undecided"
 
     def verdict(self, due_ns: int, tick: Tick) -> tuple[str, str]:

@@ -105,6 +105,17 @@ def test_another_lamp_and_the_dark() -> None:
     assert dark.verdicts[-1].evidence == "no mains flicker stands out"
 
 
+def test_what_was_live_before_the_lamps_went_out_says_nothing_of_now() -> None:
+    def usable(t_s: float) -> bool:
+        return not 120 <= t_s < 420
+
+    honest = said([reference(), *Camera(usable=usable).messages(520)])
+    assert honest.story == ["undecided", "live", "no_signal", "undecided", "live"]
+    swapped = Camera(usable=usable, filmed=lambda t: t if t < 400 else t - 300)
+    told = said([reference(), *swapped.messages(560)])
+    assert told.story == ["undecided", "live", "no_signal", "stale"]
+
+
 def test_reconnecting_is_judged_anew_and_no_alarm() -> None:
     first, again = Camera(), Camera(epoch=1, start_s=START_S + 123.0, late_s=0.9, seed=2)
     told = said([reference(), *first.messages(120), *again.messages(120)])
