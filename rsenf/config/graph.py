@@ -117,7 +117,7 @@ class HostConfig(Strict):
 
 
 class TlsConfig(Strict):
-    """Certificates that hosts show each other. Paths; each host has files of its own."""
+    """Certificates that hosts show each other: paths, in which {host} is the host's name."""
 
     ca: str = Field(description="certificate of the authority that signs all others")
     certificate: str = Field(description="of this host; its common name is the host's name")
