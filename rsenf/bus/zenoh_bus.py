@@ -272,7 +272,8 @@ def open_bus(settings: BusSettings) -> Iterator[ZenohBus]:
         yield bus
     finally:
         bus.close()
-        session.close()  # type: ignore[no-untyped-call]  # zenoh's stub leaves it bare
+        with contextlib.suppress(zenoh.ZError):  # a broken link is no reason not to end
+            session.close()  # type: ignore[no-untyped-call]  # zenoh's stub leaves it bare
 
 
 def _unreachable(settings: BusSettings) -> RsenfError:

@@ -135,7 +135,7 @@ def _twice(graph: Graph, name: str, node: Node) -> Iterator[tuple[str, str]]:
 
 def _named_in(node: Node) -> str:
     """Return the key of a node that says what it sends."""
-    kinds = {"reference": "grid", "decode": "camera", "replay": "topics"}
+    kinds = {"reference": "grid", "decode": "camera", "replay": "topics", "external": "sends"}
     return kinds.get(node.kind, "cameras")
 
 
