@@ -77,7 +77,8 @@ def setting_problem(path: str, value: Any) -> str:
     try:
         zenoh.Config().insert_json5(path, json.dumps(value))
     except zenoh.ZError as exc:
-        return f"no setting of Zenoh: {str(exc).rpartition(' at /')[0]}"
+        text = str(exc).rpartition(" at /")[0]
+        return f"no setting of Zenoh: {text.rpartition('msg: ')[2].removeprefix(chr(34))}"
     return ""
 
 
