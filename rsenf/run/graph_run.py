@@ -174,7 +174,9 @@ class GraphRun:
         if self._bus is None or others_know:
             return
         key = health_key(self.graph.site, node.name)
-        teller = self._tellers.setdefault(node.name, self._bus.publisher(key, TELLING))
+        if node.name not in self._tellers:
+            self._tellers[node.name] = self._bus.publisher(key, TELLING)
+        teller = self._tellers[node.name]
         now_ns = time.time_ns()
         teller.send(
             Health(
