@@ -33,15 +33,22 @@ def secured(graph: Graph, host: str) -> dict[str, Any]:
     """
     if graph.tls is None:
         return {}
-    return {"transport/link/tls": _tls(graph.tls, host), "access_control": _rules(graph, host)}
+    return {**certificates(graph.tls, host), "access_control": _rules(graph, host)}
 
 
-def _tls(tls: TlsConfig, host: str) -> dict[str, Any]:
-    ca, certificate, key = (p.replace("{host}", host) for p in (tls.ca, tls.certificate, tls.key))
+def certificates(tls: TlsConfig, name: str) -> dict[str, Any]:
+    """Return the Zenoh settings by path of somebody who shows the certificate of that name.
+
+    Raises
+    ------
+    UsageError
+        When a certificate or key can't be found.
+    """
+    ca, certificate, key = (p.replace("{host}", name) for p in (tls.ca, tls.certificate, tls.key))
     for path in (ca, certificate, key):
         if not Path(path).is_file():
             raise UsageError(f"{path}: no such file", "make it, or correct 'tls' in the graph")
-    return {
+    links = {
         "root_ca_certificate": ca,
         "enable_mtls": True,
         "listen_certificate": certificate,
@@ -49,6 +56,7 @@ def _tls(tls: TlsConfig, host: str) -> dict[str, Any]:
         "connect_certificate": certificate,
         "connect_private_key": key,
     }
+    return {"transport/link/tls": links}
 
 
 def _rules(graph: Graph, host: str) -> dict[str, Any]:

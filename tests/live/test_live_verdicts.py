@@ -216,6 +216,49 @@ def test_empty_blocks_and_no_blocks_say_nothing() -> None:
     assert Live().update(Silence(Header())) == []
 
 
+def mangled(message: Any, rng: np.random.Generator) -> Any:
+    """A message whose numbers may be anything that their types allow."""
+    wild = [0, -1, 1, 2**40, 2**62, -(2**62)]
+    changes: dict[str, Any] = {}
+    for part in dataclasses.fields(message):
+        value = getattr(message, part.name)
+        if rng.random() > 0.3 or part.name in ("header", "samples", "frames", "rows", "strips"):
+            continue
+        if isinstance(value, float):
+            changes[part.name] = float(rng.choice([np.nan, np.inf, -np.inf, 0.0, -1.0, 1e300]))
+        elif isinstance(value, int) and not isinstance(value, bool) and part.name != "points":
+            changes[part.name] = wild[rng.integers(len(wild))]
+        elif isinstance(value, np.ndarray) and value.dtype.kind == "f" and value.size:
+            changes[part.name] = value * rng.choice([np.nan, np.inf, 1e30, 0.0])
+        elif isinstance(value, np.ndarray) and value.dtype == np.int64:
+            changes[part.name] = value + wild[rng.integers(len(wild))] // 2
+    header = message.header
+    if rng.random() < 0.3:
+        header = dataclasses.replace(header, pts_ns=wild[rng.integers(len(wild))])
+    if rng.random() < 0.2:
+        header = dataclasses.replace(header, arrival_time_ns=wild[rng.integers(4)])
+    return dataclasses.replace(message, header=header, **changes)
+
+
+@pytest.mark.parametrize("seed", [1, 5, 7])
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_messages_of_any_numbers_are_lived_through(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    live, camera = Live(), Camera(epoch=5)
+    pieces = [reference(first, first + 600) for first in range(0, GRID_S, 600)]
+    for message in [*pieces, *Camera().messages(40)]:
+        for one in (message, mangled(message, rng)):
+            live.update(one)
+    whole = [reference(), *camera.messages(120)]
+    assert said(whole, live).verdicts[-1].verdict == "live"  # and what follows is judged as ever
+
+
+def test_a_clock_that_steps_back_begins_anew() -> None:
+    late = Camera(start_s=START_S + 100.0)
+    told = said([reference(), *Camera().messages(100), *late.messages(100)])
+    assert told.story == ["undecided", "live", "undecided", "live"]
+
+
 def test_settings_that_make_no_sense_are_refused() -> None:
     with pytest.raises(UsageError, match="stale < 0 < live"):
         Limits(live=-1, stale=-2, most=3, least=-3)

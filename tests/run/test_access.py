@@ -15,6 +15,7 @@ import pytest
 
 from rsenf.bus import zenoh_bus
 from rsenf.bus.zenoh_bus import BusSettings, open_bus, setting_problem
+from rsenf.cli import main
 from rsenf.config import load_graph
 from rsenf.errors import ConfigError, RsenfError, UsageError
 from rsenf.run.access import secured, sent_by
@@ -209,6 +210,20 @@ def test_who_is_not_known_or_not_allowed_is_refused_and_told(
         "refused: viewer may not put rsenf/lab/cam1/rows",
     ):
         assert sum(said in line for line in lines) == 1, lines
+
+
+@pytest.mark.processes
+def test_who_looks_shows_a_certificate(
+    hub: tuple[str, Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("RSENF_CONNECT", raising=False)
+    looking = ["nodes", str(hub[1].parent / "hosts.yaml"), "--for-s", "0.3"]
+    assert main(looking) == 2
+    assert "--as NAME" in capsys.readouterr().err
+    assert main([*looking, "--as", "viewer"]) == 0
+    assert "lab/decode" in capsys.readouterr().out
+    assert main([*looking, "--as", "nobody"]) == 2
+    assert "nobody.pem: no such file" in capsys.readouterr().err
 
 
 def test_the_rules_are_zenohs(certificates: Path) -> None:
