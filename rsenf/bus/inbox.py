@@ -206,6 +206,7 @@ class Inbox:
                     missing = [replace(item, late=True) for item in answer or ()]
                     break
             with self._change:
+                missing = [item for item in missing if not self._is_too_large(item)]
                 back = [*missing, *self._held.pop(key)]
                 self._items.extendleft(reversed(back))
                 self._waiting[key] += len(back)

@@ -43,6 +43,7 @@ VERBS = {
     "regress": "run recorded stages again, and say what isn't as it was",
     "export": "write a recording's topic as CSV, Parquet, or the light as a sound (WAV)",
     "import": "make a recording of the pictures in another program's MCAP (ROS 2, Foxglove)",
+    "contract": "check that a program keeps to what nodes owe each other",
     "explain": "explain a message, an error or an exit code; write the schemas",
 }
 DEBUG = "--debug"

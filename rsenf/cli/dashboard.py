@@ -12,20 +12,15 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from rsenf.bus.zenoh_bus import BusSettings
-    from rsenf.config.graph import Graph
 
 POLL_S = 0.1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.add_argument("graph", type=Path, nargs="?", metavar="GRAPH.yaml")
-    parser.add_argument("--connect", action="append", default=[], metavar="ENDPOINT",
-                        help="of the bus, for example tcp/127.0.0.1:7447")  # fmt: skip
+    from rsenf.cli.on_bus import add_bus_arguments
+
+    add_bus_arguments(parser, "graph")
     parser.add_argument("--host", default="127.0.0.1", metavar="ADDRESS",
                         help="to listen at (127.0.0.1: this host alone)")  # fmt: skip
     parser.add_argument("--port", type=int, default=8780, metavar="N", help="(8780; 0: any free)")
@@ -41,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.bus.keys import ROOT, health_key
     from rsenf.bus.zenoh_bus import open_bus
     from rsenf.cli.console import note, say
-    from rsenf.config import load_graph
+    from rsenf.cli.on_bus import bus_of
     from rsenf.config.graph import DashboardNode
     from rsenf.dashboard.server import DashboardServer, open_to_all
     from rsenf.dashboard.site import Site
@@ -51,8 +46,8 @@ def run(args: argparse.Namespace) -> int:
 
     if not 0 <= args.port <= 65535:
         raise UsageError(f"port {args.port}: from 0 to 65535")
-    graph = load_graph(args.graph) if args.graph else None
-    site = graph.site if graph else "*"
+    settings, graph = bus_of(args)
+    site = graph.site if graph else args.site
     wiring = (
         wiring_of(graph, args.archive)
         if graph
@@ -63,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     inbox = Inbox()
     with (
         interruptible(lambda: None) as stop,
-        open_bus(_bus(graph, tuple(args.connect))) as bus,
+        open_bus(settings) as bus,
         Site(wiring, time.time_ns) as shown,
         DashboardServer(shown, args.host, args.port) as server,
     ):
@@ -77,20 +72,3 @@ def run(args: argparse.Namespace) -> int:
             if received is not None:
                 shown.update(received.key, received.message)
     return EXIT_DONE
-
-
-def _bus(graph: Graph | None, connect: tuple[str, ...]) -> BusSettings:
-    """How to reach the bus: as told, or as the graph file says."""
-    from rsenf.bus.zenoh_bus import BusSettings
-    from rsenf.errors import UsageError
-    from rsenf.run.node import bus_settings
-
-    if graph is None:
-        if not connect:
-            raise UsageError("where is the bus?", "give --connect ENDPOINT, or a graph file")
-        return BusSettings(connect=connect)
-    if not (connect or graph.bus.is_elsewhere or graph.bus.listen):
-        raise UsageError(
-            "this graph's bus has no fixed address", "'rsenf run' says where it is: --connect"
-        )
-    return bus_settings(graph, connect or graph.bus.listen)

@@ -2,7 +2,7 @@
 
 rsenf explain                     what there is to explain
 rsenf explain EnfEstimate         the fields of a message, as Protobuf with units
-rsenf explain exit-codes | keys
+rsenf explain exit-codes | keys | contract
 rsenf explain schemas --out DIR   write rsenf.proto, rsenf.desc and graph.schema.json
 """
 
@@ -34,6 +34,34 @@ rsenf/<site>/@nodes/<node>/alive    (liveliness token)
 '@nodes' is not matched by '*' or '**': ask for it by name."""
 
 
+CONTRACT = """\
+A node is any program that keeps to this. Only Zenoh and configs/schema are needed.
+
+bus      Connect as a Zenoh client to $RSENF_CONNECT. 'kind: external' in a graph starts a program
+         with RSENF_CONNECT, RSENF_SITE, RSENF_NODE, RSENF_RUN_ID, RSENF_RESTARTS, RSENF_READS and
+         RSENF_SENDS (topics below the site, such as cam1/track, divided by blanks).
+keys     See 'rsenf explain keys'. One sender for each key.
+encoding application/protobuf;rsenf.EnfEstimate/1: name and version of the message. Turn away what
+         you don't know; new fields may come within a version, and are to be ignored.
+header   Every message has one. seq counts from 0 within (run_id, epoch) for each key. A number left
+         out is a loss: count it. A new epoch or run_id begins anew: forget what was before. A
+         program that is started again must send another run_id than before.
+clocks   pts_ns is the stream's, exact, for computing. arrival_time_ns is the host's: copy it from
+         your input, so that latency can be told.
+sender   Attach an identity of your process to each message (text; ';kept' after it says that you
+         answer queries). A receiver counts seq for each sender.
+history  Keep your last messages behind a queryable of the same key. Who joins subscribes, then
+         asks, then drops what came twice by sender, run_id, epoch and seq.
+token    Show rsenf/SITE/@nodes/NODE/alive as a liveliness token once your subscriptions are open.
+health   Send rsenf/SITE/@nodes/NODE/health (rsenf.Health) every second, with state 'running', and
+         as last word 'done' or 'failed'. Silence counts as hanging, where the graph has a rule.
+end      A message with mark 2 ends a stream: nothing follows on its key. Send yours.
+stop     On SIGTERM end within two seconds: flush, END mark, 'done', exit 0. Exit 2 means that it is
+         set up wrongly, and isn't started again.
+bad      What doesn't parse, has another version, or is too large: drop it, count it, live on.
+Check yours: rsenf contract -- COMMAND"""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument("what", nargs="?", default="")
@@ -47,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.messages.schema import message_classes
 
     classes = message_classes()
-    topics = {"exit-codes": EXIT_CODES, "keys": KEYS}
+    topics = {"exit-codes": EXIT_CODES, "keys": KEYS, "contract": CONTRACT}
     if not args.what:
         print("Messages:", ", ".join(classes))
         print("Also:    ", ", ".join([*topics, "schemas"]))

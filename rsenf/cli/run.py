@@ -24,6 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="play a node's recorded output in its place")  # fmt: skip
     parser.add_argument("--host", default="", metavar="NAME",
                         help="which of the hosts that the graph is split over")  # fmt: skip
+    parser.add_argument("--metrics", metavar="HOST:PORT",
+                        help="serve /metrics, /healthz, /readyz, as at 127.0.0.1:9464")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="end state and results as JSON")
     parser.add_argument("--quiet", action="store_true", help="say only what goes wrong")
 
@@ -48,6 +50,7 @@ def run(args: argparse.Namespace) -> int:
         refusals,
         view_of(graph, quiet=args.quiet) as view,
         start_graph(graph, args.graph, view.update, replayed, args.host) as running,
+        _metrics(running, args.metrics),
         interruptible(running.kill) as stop,
     ):
         view.started(running)
@@ -78,6 +81,15 @@ def run(args: argparse.Namespace) -> int:
     if interrupted:
         say("stopped")
     return code or EXIT_DONE
+
+
+def _metrics(running: GraphRun, where: str | None) -> contextlib.AbstractContextManager[object]:
+    """Serve metrics, where they are asked for."""
+    if where is None:
+        return contextlib.nullcontext()
+    from rsenf.run.metrics import serving_metrics
+
+    return serving_metrics(running, where)
 
 
 def _as_json(running: GraphRun) -> dict[str, Any]:

@@ -117,7 +117,7 @@ class HostConfig(Strict):
 
 
 class TlsConfig(Strict):
-    """Certificates that hosts show each other. Paths; each host has files of its own."""
+    """Certificates that hosts show each other: paths, in which {host} is the host's name."""
 
     ca: str = Field(description="certificate of the authority that signs all others")
     certificate: str = Field(description="of this host; its common name is the host's name")
@@ -308,6 +308,15 @@ class RecordNode(Supervised):
     disk: DiskLimits = Field(DiskLimits(), description="how little of it may be left")
 
 
+class ExternalNode(Supervised):
+    """Somebody's own program, under supervision; 'rsenf explain contract' tells what it owes."""
+
+    kind: Literal["external"]
+    command: tuple[str, ...] = Field(min_length=1, description="program and its arguments")
+    reads: tuple[Topic, ...] = Field((), description="such as cam1/track; told in RSENF_READS")
+    sends: tuple[Topic, ...] = Field((), description="that nobody else sends; in RSENF_SENDS")
+
+
 class FoxgloveNode(Supervised):
     """Shows topics live in Foxglove, which connects by WebSocket."""
 
@@ -344,7 +353,8 @@ Node = Annotated[
     | LiveNode
     | RecordNode
     | FoxgloveNode
-    | DashboardNode,
+    | DashboardNode
+    | ExternalNode,
     Field(discriminator="kind"),
 ]
 
@@ -394,6 +404,9 @@ def outputs(node: Any) -> list[tuple[str, str]]:
         return [(REFERENCE, node.grid)]
     if isinstance(node, ReplayNode):
         sent = [renamed(topic, node.rename).split("/") for topic in node.topics]
+        return [(REFERENCE, b) if a == REFERENCE else (b, a) for a, b in sent]
+    if isinstance(node, ExternalNode):
+        sent = [topic.split("/") for topic in node.sends]
         return [(REFERENCE, b) if a == REFERENCE else (b, a) for a, b in sent]
     if isinstance(node, RowsNode | TrackNode | IdleNode | DiscoverNode | MatchNode):
         return [(node.kind, camera) for camera in node.cameras]

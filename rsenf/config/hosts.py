@@ -28,7 +28,7 @@ def host_problems(graph: Graph) -> Iterator[Problem]:
 
 def _misplaced(graph: Graph) -> Iterator[Problem]:
     for name, host in graph.hosts.items():
-        for node in host.nodes:
+        for node in dict.fromkeys(host.nodes):
             if node not in graph.nodes:
                 yield ("hosts", name, "nodes"), f"no node {node!r} in this graph"
             elif (first := host_of(graph, node)) != name:
@@ -90,6 +90,7 @@ def _far_rings(graph: Graph) -> Iterator[Problem]:
         if isinstance(node, DecodeNode | ReplayNode) and node.frames == "ring":
             for topic, camera in outputs(node):
                 reader = reader_of(graph, camera) if topic == "frames" else ""
-                if reader and (there := host_of(graph, reader)) != host_of(graph, name):
+                there = host_of(graph, reader)
+                if there and there != host_of(graph, name):
                     text = f"node {reader!r} reads them on host {there!r}; use 'tcp' or 'fused'"
                     yield ("nodes", name, "frames"), text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from rsenf.bus.keys import matches, reference_key
+from rsenf.bus.keys import REFERENCE, matches, reference_key
 from rsenf.bus.zenoh_bus import setting_problem
 from rsenf.config.graph import (
     BusConfig,
@@ -48,6 +48,7 @@ def problems(graph: Graph) -> list[Problem]:
         found += [((*at, where), text) for where, text in _twice(graph, name, node)]
         found += [((*at, where), text) for where, text in _unread(graph, node)]
         found += [((*at, where), text) for where, text in _unfit(graph, node)]
+        found += [((*at, where), text) for where, text in _own_judge(graph, node)]
         if isinstance(node, ReferenceNode):
             found += [((*at, *below), text) for below, text in _of_reference(graph, node)]
         # With a bus of somebody else's, what is missing here may be sent there.
@@ -134,7 +135,7 @@ def _twice(graph: Graph, name: str, node: Node) -> Iterator[tuple[str, str]]:
 
 def _named_in(node: Node) -> str:
     """Return the key of a node that says what it sends."""
-    kinds = {"reference": "grid", "decode": "camera", "replay": "topics"}
+    kinds = {"reference": "grid", "decode": "camera", "replay": "topics", "external": "sends"}
     return kinds.get(node.kind, "cameras")
 
 
@@ -147,6 +148,15 @@ def _unfit(graph: Graph, node: Node) -> Iterator[tuple[str, str]]:
         if isinstance(sender, TrackNode) and sender.track.method != needed:
             other = sender.track.method
             yield "method", f"{node.method} needs the ENF method {needed!r}, not {other!r}"
+
+
+def _own_judge(graph: Graph, node: Node) -> Iterator[tuple[str, str]]:
+    """Yield a camera that is compared with itself: it would fit, whatever it shows."""
+    if not isinstance(node, MatchNode | LiveNode):
+        return
+    sender = graph.nodes.get(sender_of(graph, REFERENCE, node.grid))
+    if isinstance(sender, ReferenceNode) and sender.feed in {("camera", c) for c in node.cameras}:
+        yield "cameras", f"the reference {node.grid!r} is {sender.feed[1]!r}, compared with itself"
 
 
 def _unfed(graph: Graph, node: Node) -> Iterator[tuple[str, str]]:

@@ -20,18 +20,19 @@ class NodeBoard:
 
     def __init__(self) -> None:
         self._latest: dict[str, Health] = {}
+        self._heard_ns: dict[str, int] = {}  # by the clock here: another host's may be wrong
 
-    def update(self, message: Health) -> None:
+    def update(self, message: Health, now_ns: int) -> None:
         """Take in a word of health."""
         if message.node in self._latest or len(self._latest) < KEPT_NODES:
-            self._latest[message.node] = message
+            self._latest[message.node], self._heard_ns[message.node] = message, now_ns
 
     def state(self, name: str, now_ns: int) -> str:
         """State of a node; 'silent' when it should have spoken, '' when it is unknown."""
         health = self._latest.get(name)
         if health is None:
             return ""
-        is_late = now_ns - health.time_ns > SILENT_NS
+        is_late = now_ns - self._heard_ns[name] > SILENT_NS
         return "silent" if is_late and health.state not in LAST_WORDS else health.state
 
     def plain(self, now_ns: int) -> list[dict[str, Any]]:
@@ -52,7 +53,7 @@ class NodeBoard:
                 "memory_mb": rounded(health.memory_bytes / 1e6, 0),
                 "cpu_s": rounded(health.cpu_s, 0),
                 "restarts": health.restarts,
-                "heard_ms": in_ms(health.time_ns),
+                "heard_ms": in_ms(self._heard_ns[name]),
                 "lost_peers": list(health.lost_peers),
             }
             for name, health in sorted(self._latest.items())

@@ -13,7 +13,8 @@ Kind = Literal["file", "rtsp", "v4l2"]
 # A live stream whose clock leaps by more was set, or has paused for so long: it is another stream.
 LEAP_NS = 10 * NS_PER_S
 
-_URL = re.compile(r"([a-z][a-z0-9+.-]*://)(\S+)", re.IGNORECASE)
+# A password may have blanks, and then only the @ after it tells where it ends.
+_URL = re.compile(r"([a-z][a-z0-9+.-]*://)((?:[^\s/:@]*:[^\n/@]*@)?\S+)", re.IGNORECASE)
 
 
 def redact(text: str) -> str:

@@ -92,18 +92,20 @@ class Bank:
         joint = np.log(self.weight) + told
         total = float(np.logaddexp.reduce(joint))
         lost = outside > inside
+        # A phase that might be any, by what was foretold, tells nothing but itself.
+        anew = lost | (spread > UNIFORM_RAD2)
         gain = self.cov[:, :, 0] / spread[:, None]
-        self.mean += np.where(lost[:, None], 0.0, gain * away[:, None])
+        self.mean += np.where(anew[:, None], 0.0, gain * away[:, None])
         learnt = gain[:, :, None] * self.cov[:, None, 0, :]
-        self.cov -= np.where(lost[:, None, None], 0.0, learnt)
-        self._restart(lost, phase_rad, noise)
+        self.cov -= np.where(anew[:, None, None], 0.0, learnt)
+        self._restart(anew, phase_rad, noise)
         weight = np.exp(joint - total)
         self.was_out = bool(weight @ lost > 0.5)
         self.weight = (1.0 - self._share) * weight + self._share * self._prior
         return total
 
     def _restart(self, lost: np.ndarray, phase_rad: float, noise: FloatArray) -> None:
-        """Begin anew, with the phase as it was measured, what was out of the way."""
+        """Begin anew, with the phase as it was measured, what is ``lost``."""
         self.mean[lost, 0] = phase_rad
         self.cov[lost, 0, :] = 0.0
         self.cov[lost, :, 0] = 0.0

@@ -62,6 +62,7 @@ class Evidence:
         passed_s = (phase.t_ns - self.last.t_ns) / 1e9 if self.last else 0.0
         if passed_s > LONGEST_S:
             self.any_grid.lose_phase()
+            self.nats = 0.0  # what followed the grid then needn't be what is shown now
         if moved_rad is None or passed_s > LONGEST_S:
             self.follows.lose_phase()
         moved = np.zeros(self.follows.lag_s.size) if moved_rad is None else moved_rad

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 
@@ -14,13 +15,16 @@ from rsenf.timebase import nanoseconds, seconds
 
 BESIDE_SAMPLES = 2  # after an instant, which the slope at it is taken from
 GROWTH = 4096  # samples that room is made for at once
+LEAST_STEP_NS = 10_000_000
+MOST_WAITING = 20_000  # blocks of a time to come
+PLAUSIBLE_HZ = 5.0  # about the nominal; what is beyond is no grid's
 
 
 class GrowingGrid:
     """The reference so far.
 
-    What is older than the hours kept, or lies beyond them ahead, is thrown away: a wrong time in
-    one block must not take all memory.
+    Blocks wait as they came until their time does: a file brings years at once, and a wrong time
+    in one block must not take all memory. What is older than the hours kept is thrown away.
 
     Parameters
     ----------
@@ -29,41 +33,63 @@ class GrowingGrid:
 
     def __init__(self, keep_hours: float) -> None:
         self._keep_s = 3600.0 * keep_hours
-        self._freq_hz: FloatArray = np.empty(0)
-        self._first = self._end = 0  # numbers of the samples held
         self._like: ReferenceBlock | None = None
-        self._total = 0
+        self._begin(0)
+
+    def _begin(self, first: int) -> None:
+        self._freq_hz: FloatArray = np.empty(0)
+        self._first = self._end = first  # numbers of the samples held
 
     def add(self, block: ReferenceBlock) -> None:
         """Take a block in; one that comes again overwrites itself."""
-        if not block.samples or not block.t0_ns or block.step_ns <= 0:
+        if not block.samples or not block.t0_ns or block.step_ns < LEAST_STEP_NS:
+            return
+        if block.nominal_hz not in (50.0, 60.0):
             return
         if self._like is None or not _same(self._like, block):
             self._like = block
-            self._freq_hz, self._first, self._end = np.empty(0), block.first, block.first
+            self._waiting: deque[ReferenceBlock] = deque(maxlen=MOST_WAITING)
+            self._told_end = self._total = 0
+            self._begin(block.first)
         self._total = max(self._total, block.total)
-        self._make_room(block.first, block.first + block.samples)
-        start = max(block.first, self._first)
-        there = slice(start - self._first, block.first + block.samples - self._first)
-        self._freq_hz[there] = block.freq_hz[start - block.first :]
-        self._end = max(self._end, block.first + block.samples)
+        self._told_end = max(self._told_end, block.first + block.samples)
+        self._waiting.append(block)
 
-    def _make_room(self, first: int, end: int) -> None:
-        room = self._first + self._freq_hz.size
-        before = max(self._first - first, 0) if self._first == self._end else 0
-        self._first -= before
-        more = GROWTH + end - room if end > room else 0
-        if before or more:
-            self._freq_hz = np.pad(self._freq_hz, (before, more), constant_values=np.nan)
-
-    def forget_before(self, utc_ns: int) -> None:
-        """Throw away what is older than the hours kept, before a time; seldom, and much at once."""
+    def reach(self, utc_ns: int) -> None:
+        """Have at hand what is told of the hours before a time, and a little beyond."""
         if self._like is None:
             return
-        old = int(self._at_s(utc_ns) - self._keep_s / self.step_s) - self._first
-        if old > GROWTH:
-            self._freq_hz = self._freq_hz[old:].copy()
-            self._first += old
+        # A camera whose time has gone wrong must not have it all thrown away.
+        now = min(int(self._at_s(utc_ns)), self._told_end)
+        oldest = now - int(self._keep_s / self.step_s)
+        later = []
+        for block in self._waiting:
+            if block.first > now + GROWTH:
+                later.append(block)
+            elif block.first + block.samples > oldest:
+                self._hold(block)
+        self._waiting.clear()
+        self._waiting.extend(later)
+        if oldest - self._first > GROWTH:
+            self._freq_hz = self._freq_hz[oldest - self._first :].copy()
+            self._first = oldest
+            self._end = max(self._end, oldest)
+
+    def _hold(self, block: ReferenceBlock) -> None:
+        end = block.first + block.samples
+        far = self._keep_s / self.step_s
+        if self._first == self._end or not -far < block.first - self._end < far:
+            self._begin(block.first)
+        before = max(self._first - block.first, 0)
+        after = end - self._first - self._freq_hz.size
+        if before or after > 0:
+            more = GROWTH + after if after > 0 else 0
+            self._freq_hz = np.pad(self._freq_hz, (before, more), constant_values=np.nan)
+        self._first -= before
+        is_one = np.abs(block.freq_hz - block.nominal_hz) < PLAUSIBLE_HZ
+        there = slice(block.first - self._first, end - self._first)
+        self._freq_hz[there] = np.where(is_one, block.freq_hz, np.nan)
+        self._end = max(self._end, end)
 
     @property
     def is_there(self) -> bool:
@@ -73,7 +99,7 @@ class GrowingGrid:
     @property
     def is_whole(self) -> bool:
         """Whether nothing more will come."""
-        return 0 < self._total <= self._end
+        return self.is_there and 0 < self._total <= self._told_end
 
     @property
     def nominal_hz(self) -> float:
@@ -93,7 +119,7 @@ class GrowingGrid:
 
     def end_ns(self) -> int:
         """End of the last sample, UTC; 0 while there is none."""
-        return self._like.t0_ns + self._end * self._like.step_ns if self._like else 0
+        return self._like.t0_ns + self._told_end * self._like.step_ns if self._like else 0
 
     def covers(self, utc_ns: int) -> bool:
         """Whether all is here that will ever be told of a time."""
@@ -132,4 +158,8 @@ class GrowingGrid:
 
 def _same(one: ReferenceBlock, other: ReferenceBlock) -> bool:
     """Whether two blocks lie on one axis: who sends them may have begun anew."""
-    return (one.t0_ns, one.step_ns, one.grid) == (other.t0_ns, other.step_ns, other.grid)
+
+    def axis(block: ReferenceBlock) -> tuple[object, ...]:
+        return block.t0_ns, block.step_ns, block.grid, block.nominal_hz
+
+    return axis(one) == axis(other)

@@ -7,7 +7,7 @@ from collections import deque
 
 import numpy as np
 
-from rsenf.live.evidence import Evidence, Phase
+from rsenf.live.evidence import LONGEST_S, Evidence, Phase
 from rsenf.live.growing import GrowingGrid
 from rsenf.live.jumps import Jump, Jumps
 from rsenf.live.light import Change, FlickerSize
@@ -52,10 +52,13 @@ class Judge:
         """Take an estimate in; return what happened to the phase, and to the flicker's size."""
         self._seen.append(estimate)
         phase = _phase_of(estimate)
-        if phase is None:
+        if phase is None or not math.isfinite(estimate.enf_hz):
             return None, None
         if self.evidence is None:
             self.evidence = Evidence(self._settings, estimate.nominal_hz)
+        last = self.evidence.last
+        if last is not None and phase.t_ns <= last.t_ns:
+            return None, None  # told already
         jump = self._jumps.take(phase, self.evidence)
         self.evidence.take(phase, self._moved(estimate, phase, tick))
         self._stand()
@@ -75,6 +78,8 @@ class Judge:
         if last is None or tick.offset_ns is None or not fits:
             return None
         passed_s = seconds(phase.t_ns - last.t_ns)
+        if passed_s > LONGEST_S:
+            return None
         moved = self._grid.moved(last.t_ns + tick.offset_ns, passed_s, lag_s)
         if moved is not None:
             self._compared_ns = phase.t_ns
@@ -87,7 +92,7 @@ class Judge:
             self.standing = "live"
         elif nats <= limits.stale:
             self.standing = "stale"
-        elif self.evidence.is_wild:
+        elif self.evidence.is_wild or nats == 0.0:  # nothing of before counts any more
             self.standing = "undecided"
 
     def verdict(self, due_ns: int, tick: Tick) -> tuple[str, str]:
@@ -149,14 +154,16 @@ class Judge:
 
 def _phase_of(estimate: EnfEstimate) -> Phase | None:
     """Phase of an estimate's own second; None where it has none that may be used."""
-    if not estimate.usable or estimate.points != 1:
+    if not estimate.usable or estimate.points != 1 or estimate.nominal_hz not in (50.0, 60.0):
+        return None
+    if not estimate.start_pts_ns <= int(estimate.amplitude_pts_ns[0]) <= estimate.end_pts_ns:
         return None
     if estimate.carrier_hz != 2.0 * estimate.nominal_hz:
         return None
     re, im = float(estimate.amplitude_re[0]), float(estimate.amplitude_im[0])
     power = re**2 + im**2
     own = float(estimate.amplitude_var_re[0] + estimate.amplitude_var_im[0]) / 2.0
-    if not (power > 0.0 and math.isfinite(own)):
+    if not (0.0 < power < math.inf and 0.0 <= own < math.inf):
         return None
     # Of the stream's clock, not of where its tracker began: that may be started again.
     turns = round(estimate.carrier_hz) * estimate.origin_pts_ns % NS_PER_S / NS_PER_S

@@ -72,6 +72,7 @@ class OwnPast:
     """The feed's own ENF, second by second of this host's clock, as a reference."""
 
     def __init__(self, keep_hours: float) -> None:
+        self._keep_ns = nanoseconds(3600 * keep_hours)
         self._enf: deque[tuple[int, float]] = deque(maxlen=round(3600 * keep_hours))
 
     def add(self, estimate: EnfEstimate, offset_ns: int) -> None:
@@ -81,10 +82,11 @@ class OwnPast:
     def repeated(self, estimates: list[EnfEstimate], offset_ns: int) -> Origin | None:
         """Look for the newest estimates among those before them; return how long ago they were."""
         until_ns = estimates[0].start_pts_ns + offset_ns - nanoseconds(APART_S)
-        before = [(t, hz) for t, hz in self._enf if t < until_ns]
+        # By a clock that may have been set: by years, where a host began without one.
+        before = [(t, hz) for t, hz in self._enf if 0 < until_ns - t <= self._keep_ns]
         if len(before) < LEAST_S:
             return None
-        first_ns = before[0][0]
+        first_ns = min(t for t, _ in before)
         index = np.rint([(t - first_ns) / NS_PER_S for t, _ in before]).astype(np.int64)
         freq = np.full(int(index.max()) + 1, np.nan)
         freq[index] = [hz for _, hz in before]

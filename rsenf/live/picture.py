@@ -1,7 +1,8 @@
 """What the rows themselves show, without any reference: a picture that stands, or comes again.
 
 Light and sensor noise make every frame differ from every other. Rows that are alike to the last
-bit are the same picture: the one before (frozen), or one of long ago (a loop).
+bit are the same picture. Few of them for seconds are one that stands (frozen): a codec sends it
+anew with each key frame, and better in the frames after. Those of long ago again are a loop.
 """
 
 from __future__ import annotations
@@ -19,10 +20,11 @@ from rsenf.timebase import nanoseconds, seconds
 KEEP_NS = nanoseconds(3600.0)
 REMEMBER_NS = nanoseconds(0.1)  # one frame in so long a time: a loop shows all of them again
 LEAST_PERIOD_NS = nanoseconds(1.0)
-SAME_RATIO = 0.9  # of the frames: a codec's key frames are coded anew
+FEW_RATIO = 0.1  # so few different ones among the frames are one picture that stands
 ALIKE_LEVELS = 1e-4
 # A loop that was coded anew shows some of its pictures as they were, and others not quite.
 HOLD_NS = nanoseconds(30.0)
+STANDS_RATIO = 0.6  # of the time to frozen, after which what stands is no loop, for all its GOPs
 JITTER_NS = nanoseconds(0.1)  # by which the period may differ from frame to frame
 
 
@@ -57,7 +59,8 @@ class Picture:
     def __init__(self, frozen_s: float, loop_s: float) -> None:
         self._frozen_ns, self._loop_ns = nanoseconds(frozen_s), nanoseconds(loop_s)
         self._before: Float32Array | None = None
-        self._same: deque[tuple[int, bool]] = deque()
+        self._digest = b""  # of the picture before
+        self._late: deque[tuple[int, bytes]] = deque()
         self._seen: dict[bytes, int] = {}
         self._order: deque[tuple[int, bytes]] = deque()
         self._again: tuple[int, int, int] | None = None  # since, until, period
@@ -70,13 +73,13 @@ class Picture:
         for pts_ns, level in zip(block.frame_pts_ns.tolist(), block.level, strict=True):
             if self._began_ns is None:
                 self._began_ns = pts_ns
-            is_same = self._is_same(level)
-            self._same.append((pts_ns, is_same))
-            while self._same[0][0] < pts_ns - self._frozen_ns:
-                self._same.popleft()
-            if not is_same:
-                self._look_up(pts_ns, level)
+            if not self._is_same(level):
+                self._digest = hashlib.blake2b(level.tobytes(), digest_size=8).digest()
+                self._look_up(pts_ns, self._digest)
             self._before = level
+            self._late.append((pts_ns, self._digest))
+            while self._late[0][0] < pts_ns - self._frozen_ns:
+                self._late.popleft()
         if block.frames:
             self._conclude(int(block.frame_pts_ns[-1]))
 
@@ -86,9 +89,8 @@ class Picture:
             return False
         return float(np.abs(level - before).max()) < ALIKE_LEVELS
 
-    def _look_up(self, pts_ns: int, level: Float32Array) -> None:
+    def _look_up(self, pts_ns: int, digest: bytes) -> None:
         """See whether just this frame was there before, and as long ago as those before it."""
-        digest = hashlib.blake2b(level.tobytes(), digest_size=8).digest()
         then_ns = self._seen.get(digest)
         if then_ns is not None and pts_ns - then_ns >= LEAST_PERIOD_NS:
             self._note_again(pts_ns, pts_ns - then_ns)
@@ -112,16 +114,24 @@ class Picture:
         frozen_since = None
         if self._again is not None:
             since_ns, until_ns, period_ns = self._again
-            if until_ns - since_ns >= self._loop_ns:
+            stands = self._stands_since(now_ns - round(STANDS_RATIO * self._frozen_ns))
+            if until_ns - since_ns >= self._loop_ns and not stands:
                 began_ns = since_ns if self._loop is None else self._loop[0]
                 self._loop = began_ns, until_ns, period_ns
         if self._loop is not None and now_ns - self._loop[1] > HOLD_NS:
             self._loop = None
         full = self._began_ns is not None and now_ns - self._began_ns >= self._frozen_ns
-        if full and sum(same for _, same in self._same) >= SAME_RATIO * len(self._same):
+        seen_ns = now_ns - self._late[0][0]  # little, where none came for a while
+        if full and 2 * seen_ns > self._frozen_ns and self._stands_since(now_ns - self._frozen_ns):
             stood = self.facts.frozen_since_ns
-            frozen_since = stood if stood is not None else self._same[0][0]
+            frozen_since = stood if stood is not None else self._late[0][0]
+            self._again = self._loop = None
         self.facts = PictureFacts(frozen_since)
         if self._loop is not None:
             began_ns, _, period_ns = self._loop
             self.facts = PictureFacts(frozen_since, began_ns, seconds(period_ns))
+
+    def _stands_since(self, since_ns: int) -> bool:
+        """Whether the frames since a time show few pictures, again and again."""
+        pictures = [digest for pts_ns, digest in self._late if pts_ns >= since_ns]
+        return len(set(pictures)) <= max(1.0, FEW_RATIO * len(pictures))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from bisect import insort
 from collections import deque
 from dataclasses import dataclass
 
@@ -30,7 +31,7 @@ BEHIND_NS = 16 * NS_PER_S  # what a tracker knows of a second, it says at most s
 # How long, by the pictures' arrival, is waited for what is late. Estimates are so while a tracker
 # still looks for flicker.
 ESTIMATES_PATIENCE_NS, REFERENCE_PATIENCE_NS = 3 * NS_PER_S, 30 * NS_PER_S
-MOST_WAITING = 3600
+MOST_WAITING, MOST_RUNS = 3600, 4  # ticks and estimates: those of an hour
 LN10 = math.log(10.0)
 
 
@@ -58,8 +59,7 @@ class Live:
         self._own = OwnPast(self.settings.keep_hours)
         self._idle_period, self._alarms = IdlePeriod(), Alarms()
         self._ticks: deque[Tick] = deque()
-        # As many as an hour has: without pictures they would wait for ever.
-        self._estimates: deque[EnfEstimate] = deque(maxlen=MOST_WAITING)
+        self._estimates: dict[tuple[str, int], list[EnfEstimate]] = {}  # by run, in order of time
         self._idles: deque[IdleEstimate] = deque(maxlen=MOST_WAITING)
         self._known: tuple[tuple[str, int], int] | None = None  # run and end of the newest estimate
         self._frames: deque[tuple[int, int]] = deque()  # time and number of each tick's last frame
@@ -76,8 +76,7 @@ class Live:
             self._grid.add(message)
         elif isinstance(message, EnfEstimate):
             if message.rank == 0:
-                self._estimates.append(message)
-                self._known = _run(message.header), message.end_pts_ns
+                self._keep(message)
         elif isinstance(message, IdleEstimate):
             self._idles.append(message)
         elif isinstance(message, Silence):
@@ -85,6 +84,16 @@ class Live:
         elif tick := self._ticker.add(message):
             self._ticks.append(tick)
         return self._advance()
+
+    def _keep(self, estimate: EnfEstimate) -> None:
+        """Let an estimate wait for its tick; without pictures not all can wait for ever."""
+        run = _run(estimate.header)
+        waiting = self._estimates.setdefault(run, [])
+        insort(waiting, estimate, key=lambda e: e.end_pts_ns)
+        del waiting[MOST_WAITING:]
+        while len(self._estimates) > MOST_RUNS:
+            del self._estimates[next(iter(self._estimates))]
+        self._known = run, estimate.end_pts_ns
 
     def flush(self) -> list[Liveness | Alarm]:
         """Return the verdict on what is left."""
@@ -143,16 +152,18 @@ class Live:
         out: list[Liveness | Alarm] = []
         if tick.silent_s and not self._is_lost:
             out += self._lose()
-        if self._done is None or self._done.run != tick.run:
+        done = self._done
+        if done is None or done.part != tick.part:
             self._begin_epoch(tick)
         if self._is_lost:
             self._is_lost = False
             self._alarms.over("lost", tick.header, tick.pts_ns)
         self._done = tick
-        self._grid.forget_before(tick.utc_ns)
+        self._grid.reach(tick.utc_ns)
         self._take_idle(tick, due_ns)
-        while self._estimates and _is_due(self._estimates[0], tick, due_ns):
-            self._take(self._estimates.popleft(), tick)
+        waiting = self._estimates.get(tick.run, [])
+        while waiting and _is_due(waiting[0], tick, due_ns):
+            self._take(waiting.pop(0), tick)
         self._alarms.pass_by(tick.header, tick.pts_ns)
         said = self._conclude(tick, due_ns)
         return [*out, *self._alarms.taken(), *said]
@@ -161,8 +172,7 @@ class Live:
         """Judge anew: nothing of before tells what feed this is."""
         if self._done is not None:
             self._alarms.new_epoch(self._done.header, self._done.pts_ns)
-            while self._estimates and _run(self._estimates[0].header) == self._done.run:
-                self._estimates.popleft()
+            self._estimates.pop(self._done.run, None)
         self._judge = Judge(self.settings, self._grid, self._own)
         self._frames.clear()
         self._said = None
@@ -181,8 +191,6 @@ class Live:
                 self._alarms.happened(_idle_changed(change, tick), tick.pts_ns)
 
     def _take(self, estimate: EnfEstimate, tick: Tick) -> None:
-        if _run(estimate.header) != tick.run:
-            return
         jump, change = self._judge.take(estimate, tick)
         if jump:
             self._alarms.happened(_phase_jump(jump, tick), tick.pts_ns)
@@ -296,8 +304,6 @@ def _is_due(estimate: EnfEstimate, tick: Tick, due_ns: int) -> bool:
 
     A tracker that has just found flicker tells of all the seconds before at once.
     """
-    if _run(estimate.header) != tick.run:
-        return True
     later_ns = estimate.header.arrival_time_ns - tick.header.arrival_time_ns
     return estimate.end_pts_ns <= due_ns and not 0 < later_ns < ESTIMATES_PATIENCE_NS
 

@@ -14,6 +14,8 @@ from rsenf.live.settings import LiveSettings
 from rsenf.messages import Header, RowBlock
 from rsenf.timebase import NS_PER_S, seconds
 
+STEP_BACK_NS = 5 * NS_PER_S
+
 
 @dataclass(frozen=True)
 class Tick:
@@ -30,6 +32,8 @@ class Tick:
     offset_ns : int or None
         UTC less the stream's clock; None while it isn't known.
     facts : PictureFacts
+    part : int
+        Counts the stream's beginnings: a clock may step back within an epoch.
     silent_s : float
         Without pictures just before; 0 for nothing worth telling.
     """
@@ -39,6 +43,7 @@ class Tick:
     first_pts_ns: int
     offset_ns: int | None
     facts: PictureFacts
+    part: int
     silent_s: float = 0.0
 
     @property
@@ -68,6 +73,7 @@ class Ticker:
         self._first_ns = self._next_ns = 0
         self._last: tuple[int, int] | None = None  # stream clock and arrival of the last block
         self._silent_s = 0.0
+        self._part = 0
 
     def add(self, block: RowBlock) -> Tick | None:
         """Take a block in; return the tick it completes."""
@@ -75,9 +81,12 @@ class Ticker:
             return None
         header, now_ns = block.header, int(block.frame_pts_ns[-1])
         self._note_silence(block)
-        if (header.run_id, header.epoch) != self._run:
+        # A stream's clock that steps back begins anew, whether or not its source says so.
+        stepped_back = self._last is not None and now_ns < self._last[0] - STEP_BACK_NS
+        if (header.run_id, header.epoch) != self._run or stepped_back:
             self._run = header.run_id, header.epoch
             self._first_ns = self._next_ns = int(block.frame_pts_ns[0])
+            self._part += 1
             self._time.begin(header)
             self._picture = Picture(self._settings.frozen_s, self._settings.loop_s)
         self._time.add(header)
@@ -88,7 +97,7 @@ class Ticker:
         self._next_ns = now_ns + NS_PER_S - (now_ns - self._first_ns) % NS_PER_S
         silent_s, self._silent_s = self._silent_s, 0.0
         offset_ns, facts = self._time.offset_ns, self._picture.facts
-        return Tick(header, now_ns, self._first_ns, offset_ns, facts, silent_s)
+        return Tick(header, now_ns, self._first_ns, offset_ns, facts, self._part, silent_s)
 
     def _note_silence(self, block: RowBlock) -> None:
         if self._last is None:

@@ -33,21 +33,30 @@ def secured(graph: Graph, host: str) -> dict[str, Any]:
     """
     if graph.tls is None:
         return {}
-    return {"transport/link/tls": _tls(graph.tls), "access_control": _rules(graph, host)}
+    return {**certificates(graph.tls, host), "access_control": _rules(graph, host)}
 
 
-def _tls(tls: TlsConfig) -> dict[str, Any]:
-    for path in (tls.ca, tls.certificate, tls.key):
+def certificates(tls: TlsConfig, name: str) -> dict[str, Any]:
+    """Return the Zenoh settings by path of somebody who shows the certificate of that name.
+
+    Raises
+    ------
+    UsageError
+        When a certificate or key can't be found.
+    """
+    ca, certificate, key = (p.replace("{host}", name) for p in (tls.ca, tls.certificate, tls.key))
+    for path in (ca, certificate, key):
         if not Path(path).is_file():
             raise UsageError(f"{path}: no such file", "make it, or correct 'tls' in the graph")
-    return {
-        "root_ca_certificate": tls.ca,
+    links = {
+        "root_ca_certificate": ca,
         "enable_mtls": True,
-        "listen_certificate": tls.certificate,
-        "listen_private_key": tls.key,
-        "connect_certificate": tls.certificate,
-        "connect_private_key": tls.key,
+        "listen_certificate": certificate,
+        "listen_private_key": key,
+        "connect_certificate": certificate,
+        "connect_private_key": key,
     }
+    return {"transport/link/tls": links}
 
 
 def _rules(graph: Graph, host: str) -> dict[str, Any]:

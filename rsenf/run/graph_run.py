@@ -109,6 +109,13 @@ class GraphRun:
         """Start every node."""
         for node in self.nodes.values():
             self._revival.start(node)
+            self._note_own(node)
+
+    def _note_own(self, node: NodeState) -> None:
+        """Take somebody's own program to run as long as its process lives: it may say nothing."""
+        if node.kind == "external":
+            node.was_ready = True
+            self._change(node, "running", "")
 
     @property
     def running(self) -> list[NodeState]:
@@ -141,6 +148,7 @@ class GraphRun:
             return
         for node in self._revival.start_due():
             self._change(node, "starting", f"for the {node.restarts + 1}. time")
+            self._note_own(node)
         hung = self._revival.kill_hung() if quiet else None
         if hung:
             self._change(hung, hung.state, "silent for too long: it hangs, and is killed")
@@ -162,10 +170,13 @@ class GraphRun:
     def _tell_others(self, node: NodeState) -> None:
         """Say of a node what it can't say any more: those that read it wait for it, or don't."""
         said = {"restarting": "restarting", "done": "done"}.get(node.state, GIVEN_UP)
-        if self._bus is None or self.graph.restart_of(node.name) is None:
+        others_know = self.graph.restart_of(node.name) is None and node.kind != "external"
+        if self._bus is None or others_know:
             return
         key = health_key(self.graph.site, node.name)
-        teller = self._tellers.setdefault(node.name, self._bus.publisher(key, TELLING))
+        if node.name not in self._tellers:
+            self._tellers[node.name] = self._bus.publisher(key, TELLING)
+        teller = self._tellers[node.name]
         now_ns = time.time_ns()
         teller.send(
             Health(

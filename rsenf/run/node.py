@@ -29,7 +29,7 @@ from rsenf.bus.keys import (
 )
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph, load_graph, redact
-from rsenf.config.graph import elsewhere, outputs, sender_of
+from rsenf.config.graph import ExternalNode, elsewhere, outputs, sender_of
 from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, RsenfError, UsageError
 from rsenf.run.at_end import end_process
 from rsenf.run.health import HealthReport
@@ -75,7 +75,9 @@ class NodeProcess:
         self.inbox = Inbox(round(graph.bus.largest_mb * 1e6))
         far = elsewhere(graph, name)
         returning = far.union(n for n in graph.nodes if graph.restart_of(n))
-        self.peers = Peers(set(graph.nodes) - {name}, returning, gone)
+        # What is somebody's own may show no token, and is not waited for.
+        own = {n for n, config in graph.nodes.items() if isinstance(config, ExternalNode)}
+        self.peers = Peers(set(graph.nodes) - {name} - own, returning, gone)
         self.exit_code = 0
         self._bus = bus
         self._publishers: list[Publisher] = []
@@ -258,7 +260,7 @@ def _run(body: Callable[[NodeProcess], None], args: argparse.Namespace) -> int:
             raise UsageError(f"no node {args.node!r} in {args.graph}")
         with open_bus(bus_settings(graph, tuple(args.connect))) as bus:
             node = NodeProcess(graph, args.node, args.run_id, bus, args.restarts, args.gone)
-            _install_signals(node)
+            install_signals(node)
             with node.beating(args.supervisor):
                 return node.live(body)
     except RsenfError as exc:
@@ -276,7 +278,8 @@ def bus_settings(graph: Graph, router: tuple[str, ...] = ()) -> BusSettings:
     return BusSettings(bus.mode, bus.connect, multicast=bus.multicast, zenoh=bus.zenoh)
 
 
-def _install_signals(node: NodeProcess) -> None:
+def install_signals(node: NodeProcess) -> None:
+    """Let SIGTERM and SIGINT stop a node in order, and the second one at once."""
     told = False
 
     def stop(_signum: int, _frame: Any) -> None:

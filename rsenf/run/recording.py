@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
 from collections.abc import Callable
@@ -119,7 +120,9 @@ class Ending:
 
 
 def of_run(config: RecordNode, restarts: int) -> RecordNode:
-    """Return what a recorder that was started again writes to: a file beside the one it left.
+    """Return what a recorder that was started again writes to: a new file beside the one it left.
+
+    What an earlier run left there is kept, too.
 
     Parameters
     ----------
@@ -131,7 +134,8 @@ def of_run(config: RecordNode, restarts: int) -> RecordNode:
     if config.out is None or not restarts:
         return config
     path = Path(config.out)
-    return config.model_copy(update={"out": str(path.with_suffix(f".{restarts}{path.suffix}"))})
+    beside = (path.with_suffix(f".{n}{path.suffix}") for n in itertools.count(restarts))
+    return config.model_copy(update={"out": str(next(p for p in beside if not p.exists()))})
 
 
 def open_sink(

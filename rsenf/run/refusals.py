@@ -16,12 +16,15 @@ from contextlib import contextmanager
 
 import zenoh
 
-LOG_FILTER = "error,zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_control=trace"
+LOG_FILTER = "error,zenoh_link_tls=warn,zenoh::net::routing::interceptor=trace"
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
+_NAMED = re.compile(r"(?P<zid>[0-9a-f]+) on \S*CertCommonName\((?P<who>[^)]*)\)")
+# What would be forbidden is told beforehand too, of every key: it counts once a message is held up.
 _FORBIDDEN = re.compile(
-    r"CertCommonName\((?P<who>[^)]*)\).* is unauthorized to (?P<what>[\w/ ]+) "
-    r"\(ingress\) on (?P<key>\S*/\S+)"
+    r"(?P<thread>ThreadId\(\d+\)).*: (?P<zid>[0-9a-f]+) .*is unauthorized to "
+    r"(?P<what>[\w/ ]+) \(ingress\) on (?P<key>\S+)"
 )
+_HELD_UP = re.compile(r"(?P<thread>ThreadId\(\d+\)).*Msg intercepted!")
 _NO_CERTIFICATE = "peer sent no certificates"
 _WRONG = re.compile(r"invalid peer certificate: (\w+)")
 # Whoever is refused tries again and again: the same is told once in this time.
@@ -29,34 +32,49 @@ QUIET_S = 60.0
 MOST_TOLD = 1000
 
 
-def refusal(line: str) -> str:
-    """Say in words whom a line of Zenoh's log refuses; empty when nobody."""
-    line = _COLOURS.sub("", line)
-    if found := _FORBIDDEN.search(line):
-        return f"refused: {found['who']} may not {found['what'].lower()} {found['key']}"
-    if _NO_CERTIFICATE in line:
-        return "refused: somebody without a certificate"
-    if found := _WRONG.search(line):
-        return f"refused: somebody with a wrong certificate ({found[1]})"
-    return ""
-
-
 class Refusals:
-    """Tells each refusal once a minute."""
+    """Tells each refusal once a minute.
+
+    Parameters
+    ----------
+    say : callable
+        Told of each in one line.
+    """
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
         self._told: dict[str, float] = {}
+        self._names: dict[str, str] = {}  # in the certificates, by session
+        self._forbidden: dict[str, str] = {}  # last of each of Zenoh's threads
 
     def take(self, line: str) -> None:
         """Take a line of Zenoh's log."""
-        text, now_s = refusal(line), time.monotonic()
+        text, now_s = self._refusal(_COLOURS.sub("", line)), time.monotonic()
         if not text or now_s - self._told.get(text, -QUIET_S) < QUIET_S:
             return
         if len(self._told) >= MOST_TOLD:
             self._told.clear()
         self._told[text] = now_s
-        self._say(text)
+        self._say(f"refused: {text}")
+
+    def _refusal(self, line: str) -> str:
+        """Say in words what a line tells; empty when it refuses nobody."""
+        if found := _NAMED.search(line):
+            if len(self._names) >= MOST_TOLD:
+                self._names.clear()
+            self._names[found["zid"]] = found["who"]
+        if found := _FORBIDDEN.search(line):
+            who = self._names.get(found["zid"], found["zid"])
+            self._forbidden[found["thread"]] = (
+                f"{who} may not {found['what'].lower()} {found['key']}"
+            )
+        elif found := _HELD_UP.search(line):
+            return self._forbidden.pop(found["thread"], "")
+        elif _NO_CERTIFICATE in line:
+            return "somebody without a certificate"
+        elif found := _WRONG.search(line):
+            return f"somebody with a wrong certificate ({found[1]})"
+        return ""
 
 
 @contextmanager

@@ -120,4 +120,6 @@ class Revival:
         rule = self._restarts[node.name].rule
         if rule is None or node.process is None or node.exit_code is not None:
             return -1.0
+        if node.kind == "external" and node.health is None:
+            return -1.0  # it has never said that it would
         return now_s - self._heard[node.name] - rule.silent_s

@@ -15,7 +15,7 @@ from typing import Any
 
 from rsenf.bus.zenoh_bus import MANY_LINKS, ONE_LINK, RUNTIME, BusSettings, open_bus
 from rsenf.config import Graph
-from rsenf.config.graph import ReplayNode, host_of
+from rsenf.config.graph import ExternalNode, ReplayNode, host_of
 from rsenf.errors import NodeFailed, UsageError
 from rsenf.run.access import secured
 from rsenf.run.graph_run import GraphRun, check_ended
@@ -81,6 +81,9 @@ def start_graph(
 
         def spawn(node: NodeState) -> subprocess.Popen[bytes]:
             gone = [n.name for n in nodes.values() if node.restarts and n.state == "done"]
+            config = graph.nodes[node.name]
+            if isinstance(config, ExternalNode):
+                return _start(node, list(config.command), _told(graph, node, endpoint, run_id))
             return _spawn(node, path, run_id, own_router[:1], replayed or {}, threads, gone)
 
         run = GraphRun(graph, run_id, endpoint, nodes, on_change, spawn)
@@ -162,11 +165,32 @@ def _spawn(
         command += ["--replay", f"{name}={recording}"]
     for endpoint in router:
         command += ["--connect", endpoint]
+    return _start(node, command, threads)
+
+
+def _told(graph: Graph, node: NodeState, endpoint: str, run_id: str) -> dict[str, str]:
+    """What somebody's own program is told, in its environment."""
+    config = graph.nodes[node.name]
+    assert isinstance(config, ExternalNode)
+    return {
+        "RSENF_CONNECT": endpoint,
+        "RSENF_SITE": graph.site,
+        "RSENF_NODE": node.name,
+        "RSENF_RUN_ID": run_id,
+        "RSENF_RESTARTS": str(node.restarts),
+        "RSENF_READS": " ".join(config.reads),
+        "RSENF_SENDS": " ".join(config.sends),
+    }
+
+
+def _start(
+    node: NodeState, command: list[str], environment: Mapping[str, str]
+) -> subprocess.Popen[bytes]:
     try:
         # A session of its own: Ctrl-C reaches the supervisor only, which stops them in order.
         return subprocess.Popen(
             command,
-            env={**os.environ, **_ENVIRONMENT, **threads},
+            env={**os.environ, **_ENVIRONMENT, **environment},
             stdin=subprocess.DEVNULL,
             start_new_session=True,
         )

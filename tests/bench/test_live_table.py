@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from rsenf.bench.live.fit import MARGIN, limits_file
+from rsenf.bench.bounds import count_bound
+from rsenf.bench.live.fit import WANTED_PER_HOUR, WORTH, fitted_nats, limits_file
 from rsenf.bench.live.picture import draw
 from rsenf.bench.live.rules import live_at, span_of
-from rsenf.bench.live.table import ALARMS, CORRELATION, VERDICT, tabulated
+from rsenf.bench.live.table import ALARMS, CORRELATION, NOT_LIVE, VERDICT, tabulated
 from rsenf.bench.live.text import page, text
 from rsenf.errors import InputError
 from rsenf.live.settings import Limits
@@ -45,7 +47,8 @@ FALSE = record(
     wrong_at_correlation=[[0.5, []], [0.8, [100.0, 120.0, 900.0]]],
 )
 LOOP = record(
-    "loop", wrong_s=[330.0], alarms=[[320.0, "phase_jump", "a jump"]], alarm_s=[320.0, 330.0],
+    "loop", truth={"grid": "us-3", "recoded": True}, wrong_s=[330.0],
+    alarms=[[320.0, "phase_jump", "a jump"]], alarm_s=[320.0, 330.0],
     wrong_at_nats=[[6.0, [310.0]], [20.0, [320.0]], [40.0, [330.0]]],
 )  # fmt: skip
 
@@ -66,10 +69,23 @@ def test_each_rule_has_its_own_delay() -> None:
     assert rows[CORRELATION]["delay_median_s"] is None
 
 
+def test_what_is_no_longer_live_was_live_before() -> None:
+    verdicts = [[0.0, "undecided"], [40.0, "no_signal"], [60.0, "live"], [310.0, "no_signal"]]
+    document = tabulated([LOOP | {"verdicts": verdicts}])
+    (row,) = (row for row in document["attacks"] if row["rule"] == NOT_LIVE)
+    assert row["delay_median_s"] == 10.0
+    assert {r["rule"]: r["false"] for r in document["honest"]}[NOT_LIVE] == 0
+
+
 def test_a_lower_limit_is_sooner_and_less_sure() -> None:
     trade_off = tabulated([FALSE, LOOP])["trade_off"]["nats"]
     assert [row["false"] for row in trade_off] == [2, 0, 0]
     assert [row["delay_median_s"] for row in trade_off] == [10.0, 20.0, 30.0]
+
+
+def test_pictures_that_come_again_to_the_last_bit_are_no_matter_of_a_limit() -> None:
+    bits = LOOP | {"truth": {"grid": "us-3", "recoded": False}}
+    assert [r["attacks"] for r in tabulated([LOOP, bits])["trade_off"]["nats"]] == [1, 1, 1]
 
 
 @pytest.mark.parametrize("written", [text, page])
@@ -88,10 +104,19 @@ def test_the_trade_off_is_drawn(tmp_path: Path) -> None:
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
 
 
-def test_fitted_limit_has_a_margin_over_the_lowest_that_was_silent() -> None:
+def test_fitted_limit_is_extrapolated_from_the_lowest_that_was_silent() -> None:
+    nats, silent, hours = fitted_nats([FALSE, LOOP])
+    assert (silent, hours) == (20.0, pytest.approx(3900 / 3600))
+    rate = count_bound(0) / hours * math.exp(-WORTH * (nats - silent))
+    assert rate == pytest.approx(WANTED_PER_HOUR)
     made = limits_file([FALSE, LOOP])
-    assert span_of(Limits(**made["nats"])) == pytest.approx(MARGIN * 20.0, abs=0.02)
+    assert span_of(Limits(**made["nats"])) == pytest.approx(nats, abs=0.02)
     assert "us-3" in made["made"]
+
+
+def test_more_silent_hours_want_less_of_a_limit() -> None:
+    few, many = (fitted_nats([record()] * n)[0] for n in (1, 100))
+    assert many == pytest.approx(few - math.log(100) / WORTH)
 
 
 def test_no_limit_comes_of_feeds_that_are_false_at_all() -> None:

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import pytest
 from bus_samples import TRACK, client, drain, envelope, estimate, router, seqs, take
@@ -229,3 +230,14 @@ def test_whatever_breaks_whenever_nothing_is_lost_doubled_or_disordered(steps: s
         got.append((received.message.header.epoch, received.message.header.seq))
     assert got == sent
     assert inbox.counters.missed == 0
+
+
+def test_what_is_too_large_is_not_taken_as_recovered_either() -> None:
+    inbox = Inbox(largest_bytes=1000)
+    kept = [envelope(estimate(seq), kept=True) for seq in range(4)]
+    kept[1] = replace(kept[1], payload=kept[1].payload + bytes(1001))
+    inbox.ask = lambda key, after, before: kept[1:3]
+    for seq in (0, 3):
+        inbox.put(kept[seq], SIGNALS)
+    assert seqs(take(inbox, 3)) == [0, 2, 3]
+    assert (inbox.counters.rejected, inbox.counters.missed) == (1, 1)

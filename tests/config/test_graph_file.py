@@ -113,7 +113,10 @@ nodes:
         ("21", "environment variable NOT_SET_ANYWHERE is not set"),
         ("1", "version: '2' is not one of 1"),
         ("2", "site: no name: letters, digits"),
-        ("3", "bus: unknown key 'conect'; did you mean 'connect'?; allowed: connect, largest_mb, listen"),
+        (
+            "3",
+            "bus: unknown key 'conect'; did you mean 'connect'?; allowed: connect, largest",
+        ),
         ("8", "nodes.decode.input: key 'model' is missing"),
         ("10", "nodes.decode.input.duration_s: Input should be a valid number"),
         ("9", "nodes.decode.input: unknown key 'modle'; did you mean 'model'?"),

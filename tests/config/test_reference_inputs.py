@@ -58,3 +58,12 @@ def test_what_goes_on_measuring_is_told_from_files(
 def test_what_cannot_be_one(tmp_path: Path, read: str, problem: str) -> None:
     with pytest.raises(ConfigError, match=problem):
         load_graph(written(tmp_path, read))
+
+
+@pytest.mark.parametrize("kind", ["live", "match"])
+def test_no_camera_bears_witness_for_itself(tmp_path: Path, kind: str) -> None:
+    path = written(tmp_path, "camera:cam1")
+    with path.open("a", encoding="utf-8") as file:
+        file.write(f"  judge:  {{kind: {kind}, cameras: [cam1], grid: ce}}\n")
+    with pytest.raises(ConfigError, match=r"g\.yaml:7: nodes\.judge\.cameras: .* with itself"):
+        load_graph(path)

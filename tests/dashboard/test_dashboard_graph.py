@@ -86,10 +86,10 @@ def test_a_graph_shows_its_camera_and_so_does_a_look_from_outside(tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), "where is the bus?"),
+        ((), "which bus?"),
         (("--connect", "tcp/127.0.0.1:1", "--port", "70000"), "port 70000"),
         (("--connect", "tcp/127.0.0.1:1"), "no bus at tcp/127.0.0.1:1"),
-        (("configs/rtsp.yaml",), "no fixed address"),
+        (("configs/rtsp.yaml",), "wherever a port was free"),
     ],
 )
 def test_what_cannot_be_shown_is_said_in_a_line(words, said, capsys, monkeypatch):

@@ -25,6 +25,8 @@ from rsenf.decode.waiting import Pacer, Stop
         ("rtsp://10.0.0.2/cam?password=sec@ret", "rtsp://***"),
         ("RTSPS://a:secret@h/x failed", "RTSPS://***@h/x failed"),
         ("two: http://a:secret@h, rtsp://b:secret@h", "two: http://***@h, rtsp://***@h"),
+        ("rtsp://me:my secret@10.0.0.2/cam: lost", "rtsp://***@10.0.0.2/cam: lost"),
+        ("rtsp://10.0.0.2:554/cam is lost, ask a@b", "rtsp://10.0.0.2:554/cam is lost, ask a@b"),
         ("/home/me/clip@home.mp4", "/home/me/clip@home.mp4"),
     ],
 )

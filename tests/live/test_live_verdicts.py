@@ -105,6 +105,17 @@ def test_another_lamp_and_the_dark() -> None:
     assert dark.verdicts[-1].evidence == "no mains flicker stands out"
 
 
+def test_what_was_live_before_the_lamps_went_out_says_nothing_of_now() -> None:
+    def usable(t_s: float) -> bool:
+        return not 120 <= t_s < 420
+
+    honest = said([reference(), *Camera(usable=usable).messages(520)])
+    assert honest.story == ["undecided", "live", "no_signal", "undecided", "live"]
+    swapped = Camera(usable=usable, filmed=lambda t: t if t < 400 else t - 300)
+    told = said([reference(), *swapped.messages(560)])
+    assert told.story == ["undecided", "live", "no_signal", "stale"]
+
+
 def test_reconnecting_is_judged_anew_and_no_alarm() -> None:
     first, again = Camera(), Camera(epoch=1, start_s=START_S + 123.0, late_s=0.9, seed=2)
     told = said([reference(), *first.messages(120), *again.messages(120)])
@@ -203,6 +214,49 @@ def test_empty_blocks_and_no_blocks_say_nothing() -> None:
     assert Live().update(RowBlock(header=Header())) == []
     assert Live().update(ReferenceBlock(header=Header())) == []
     assert Live().update(Silence(Header())) == []
+
+
+def mangled(message: Any, rng: np.random.Generator) -> Any:
+    """A message whose numbers may be anything that their types allow."""
+    wild = [0, -1, 1, 2**40, 2**62, -(2**62)]
+    changes: dict[str, Any] = {}
+    for part in dataclasses.fields(message):
+        value = getattr(message, part.name)
+        if rng.random() > 0.3 or part.name in ("header", "samples", "frames", "rows", "strips"):
+            continue
+        if isinstance(value, float):
+            changes[part.name] = float(rng.choice([np.nan, np.inf, -np.inf, 0.0, -1.0, 1e300]))
+        elif isinstance(value, int) and not isinstance(value, bool) and part.name != "points":
+            changes[part.name] = wild[rng.integers(len(wild))]
+        elif isinstance(value, np.ndarray) and value.dtype.kind == "f" and value.size:
+            changes[part.name] = value * rng.choice([np.nan, np.inf, 1e30, 0.0])
+        elif isinstance(value, np.ndarray) and value.dtype == np.int64:
+            changes[part.name] = value + wild[rng.integers(len(wild))] // 2
+    header = message.header
+    if rng.random() < 0.3:
+        header = dataclasses.replace(header, pts_ns=wild[rng.integers(len(wild))])
+    if rng.random() < 0.2:
+        header = dataclasses.replace(header, arrival_time_ns=wild[rng.integers(4)])
+    return dataclasses.replace(message, header=header, **changes)
+
+
+@pytest.mark.parametrize("seed", [1, 5, 7])
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_messages_of_any_numbers_are_lived_through(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    live, camera = Live(), Camera(epoch=5)
+    pieces = [reference(first, first + 600) for first in range(0, GRID_S, 600)]
+    for message in [*pieces, *Camera().messages(40)]:
+        for one in (message, mangled(message, rng)):
+            live.update(one)
+    whole = [reference(), *camera.messages(120)]
+    assert said(whole, live).verdicts[-1].verdict == "live"  # and what follows is judged as ever
+
+
+def test_a_clock_that_steps_back_begins_anew() -> None:
+    late = Camera(start_s=START_S + 100.0)
+    told = said([reference(), *Camera().messages(100), *late.messages(100)])
+    assert told.story == ["undecided", "live", "undecided", "live"]
 
 
 def test_settings_that_make_no_sense_are_refused() -> None:

@@ -85,3 +85,9 @@ def test_no_numbers_end_it(t0_ns: int, step_ns: int, first: int, samples: int) -
     for wrong in (block(t0_ns=t0_ns, step_ns=step_ns), block(first=0, t0_ns=t0_ns)):
         stage.update(dataclasses.replace(wrong, first=first))
         stage.update(dataclasses.replace(wrong, samples=samples))
+
+
+def test_samples_too_fine_to_fill_a_gap_with_are_refused() -> None:
+    stage = RelayedReference("ce")
+    far_ns = T0_NS + 3600 * NS_PER_S
+    assert stage.update(block(step_ns=1)) + stage.update(block(step_ns=1, t0_ns=far_ns)) == []

@@ -83,6 +83,13 @@ class LiveRun:
         self.until("lost", name)
         return time.monotonic() - begun
 
+    def kill_node_and_wait(self, name: str, pid: int) -> None:
+        """Kill a node, and wait until it runs again."""
+        os.kill(pid, signal.SIGKILL)
+        with self._news:
+            back = self._news.wait_for(lambda: self.pids[name] != pid, TIMEOUT_S)
+        assert back, "\n".join(self.lines)
+
     def interrupt(self, number: signal.Signals = signal.SIGINT) -> float:
         """Send a signal; returns how long the run took to end."""
         begun = time.monotonic()

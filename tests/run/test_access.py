@@ -15,10 +15,11 @@ import pytest
 
 from rsenf.bus import zenoh_bus
 from rsenf.bus.zenoh_bus import BusSettings, open_bus, setting_problem
+from rsenf.cli import main
 from rsenf.config import load_graph
 from rsenf.errors import ConfigError, RsenfError, UsageError
 from rsenf.run.access import secured, sent_by
-from rsenf.run.refusals import Refusals, refusal
+from rsenf.run.refusals import Refusals
 from rsenf.run.supervisor import free_endpoint
 from tests.conftest import ROOT
 
@@ -29,7 +30,7 @@ hosts:
   cam:  {{nodes: [decode], links: [hub]}}
   lab:  {{nodes: [track], links: [hub]}}
   hub:  {{address: "{address}"}}
-tls:    {{ca: "{folder}/ca.pem", certificate: "{folder}/hub.pem", key: "{folder}/hub.key"}}
+tls:    {{ca: "{f}/ca.pem", certificate: "{f}/{{host}}.pem", key: "{f}/{{host}}.key"}}
 access: {{meter: {{publish: [reference/ce]}}, viewer: {{}}}}
 nodes:
   decode: {{kind: decode, camera: cam1, input: clip.mp4, frames: fused}}
@@ -47,7 +48,7 @@ CAM_KEYS = [
 
 def graph_file(folder: Path, address: str = "tls/localhost:7447") -> Path:
     path = folder / "hosts.yaml"
-    path.write_text(GRAPH.format(folder=folder, address=address), encoding="utf-8")
+    path.write_text(GRAPH.format(f=folder, address=address), encoding="utf-8")
     return path
 
 
@@ -71,7 +72,7 @@ def test_a_missing_certificate_is_named(tmp_path: Path) -> None:
     [
         ("tls/localhost:7447", "tcp/localhost:7447", "goes past the certificates"),
         ("[reference/ce]", "['a//b']", "no key expression"),
-        ("tls:  ", "#", "nobody can be told apart without 'tls'"),
+        ("tls:", "# tls:", "nobody can be told apart without 'tls'"),
     ],
 )
 def test_what_would_not_be_safe_is_no_graph(tmp_path: Path, old: str, new: str, says: str) -> None:
@@ -82,25 +83,43 @@ def test_what_would_not_be_safe_is_no_graph(tmp_path: Path, old: str, new: str, 
         load_graph(path)
 
 
+TRACE = "TRACE rx-0 ThreadId(10) zenoh::net::routing::interceptor"
+SESSION = "d9 on Interface(eth0)+CertCommonName(cam)+Transport(Tls)+d9"
+PUT = "is unauthorized to Put (ingress) on rsenf/lab/cam2/rows"
+CAM_PUTS = "cam may not put rsenf/lab/cam2/rows"
+HELD_UP = f"{TRACE}: Msg intercepted!"
+
+
 @pytest.mark.parametrize(
-    ("line", "says"),
+    ("lines", "says"),
     [
         (
-            "TRACE access_control: d9 on Interface(eth0)+CertCommonName(cam)+Transport(Tls)+d9 is "
-            "unauthorized to Put (ingress) on rsenf/lab/cam2/rows",
-            "refused: cam may not put rsenf/lab/cam2/rows",
+            [f"{TRACE}::access_control: {SESSION} {PUT}", HELD_UP],
+            CAM_PUTS,
         ),
-        ("d9 on CertCommonName(cam) is unauthorized to Put (ingress) on rsenf", ""),
-        ("d9 on CertCommonName(cam) is authorized to Put (ingress) on rsenf/lab/cam1/rows", ""),
-        ("WARN peer sent no certificates. Hint: …", "refused: somebody without a certificate"),
         (
-            "WARN invalid peer certificate: BadSignature. Hint: …",
-            "refused: somebody with a wrong certificate (BadSignature)",
+            [
+                f"{TRACE}::access_control: {SESSION} is authorized to Query (ingress) on rsenf",
+                f"{TRACE}::access_control: Using cached result: d9 {PUT}",
+                HELD_UP,
+            ],
+            CAM_PUTS,
+        ),
+        # Told beforehand, of what nobody has tried.
+        ([f"{TRACE}::access_control: {SESSION} {PUT}"], ""),
+        (["WARN peer sent no certificates. Hint: …"], "somebody without a certificate"),
+        (
+            ["WARN invalid peer certificate: BadSignature. Hint: …"],
+            "somebody with a wrong certificate (BadSignature)",
         ),
     ],
 )
-def test_a_refusal_in_one_line(line: str, says: str) -> None:
-    assert refusal(line) == says
+def test_a_refusal_in_one_line(lines: list[str], says: str) -> None:
+    told: list[str] = []
+    refusals = Refusals(told.append)
+    for line in lines:
+        refusals.take(line)
+    assert told == ([f"refused: {says}"] if says else [])
 
 
 def test_who_tries_again_and_again_is_told_once() -> None:
@@ -172,7 +191,8 @@ def test_who_is_not_known_or_not_allowed_is_refused_and_told(
         time.sleep(0.5)
         for key in ("rsenf/lab/cam2/rows", "rsenf/lab/cam1/rows"):
             cam._session.put(key, b"x")
-        v._session.put("rsenf/lab/cam1/rows", b"forged")
+        forging = v._session.declare_publisher("rsenf/lab/cam1/rows")
+        forging.put(b"forged")
         cam._session.put("rsenf/lab/cam1/video", b"x")  # the rest goes on
         deadline = time.monotonic() + 10
         while "rsenf/lab/cam1/video" not in heard and time.monotonic() < deadline:
@@ -190,6 +210,20 @@ def test_who_is_not_known_or_not_allowed_is_refused_and_told(
         "refused: viewer may not put rsenf/lab/cam1/rows",
     ):
         assert sum(said in line for line in lines) == 1, lines
+
+
+@pytest.mark.processes
+def test_who_looks_shows_a_certificate(
+    hub: tuple[str, Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("RSENF_CONNECT", raising=False)
+    looking = ["nodes", str(hub[1].parent / "hosts.yaml"), "--for-s", "0.3"]
+    assert main(looking) == 2
+    assert "--as NAME" in capsys.readouterr().err
+    assert main([*looking, "--as", "viewer"]) == 0
+    assert "lab/decode" in capsys.readouterr().out
+    assert main([*looking, "--as", "nobody"]) == 2
+    assert "nobody.pem: no such file" in capsys.readouterr().err
 
 
 def test_the_rules_are_zenohs(certificates: Path) -> None:

@@ -147,3 +147,6 @@ def test_which_bus_is_a_question_of_usage(
     assert main(["nodes"]) == 2
     assert main(["topic", "list", "--graph", "configs/rtsp.yaml"]) == 2
     assert "--connect" in capsys.readouterr().err
+    assert main(["nodes", "--connect", "here"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("rsenf: bus setting connect/endpoints: no setting of Zenoh: Endpoints")

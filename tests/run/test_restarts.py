@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -232,6 +233,12 @@ def test_a_recorder_started_again_leaves_its_file_alone() -> None:
     assert of_run(config, 2).out == "/data/site.2.mcap"
     archive = RecordNode(kind="record", archive="/data")
     assert of_run(archive, 2) is archive
+
+
+def test_it_leaves_those_of_an_earlier_run_alone_too(tmp_path: Path) -> None:
+    (tmp_path / "site.1.mcap").touch()
+    config = RecordNode(kind="record", out=str(tmp_path / "site.mcap"))
+    assert of_run(config, 1).out == str(tmp_path / "site.2.mcap")
 
 
 @pytest.mark.processes

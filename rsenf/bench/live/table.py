@@ -9,14 +9,15 @@ import numpy as np
 
 from rsenf.bench.bounds import count_bound, rate_interval
 from rsenf.bench.live.correlation import LIMIT
-from rsenf.bench.live.onsets import false_and_delay
-from rsenf.bench.live.plan import ATTACKS
+from rsenf.bench.live.onsets import false_and_delay, onsets
+from rsenf.bench.live.plan import ATTACKS, OTHER
 from rsenf.bench.results import Record
 
 Row = dict[str, Any]
 Times = Callable[[Record], Sequence[float]]
 
-VERDICT, ALARMS, CORRELATION = "verdict", "verdict or alarm", f"correlation < {LIMIT:g}"
+VERDICT, ALARMS, NOT_LIVE = "verdict", "verdict or alarm", "no longer live"
+CORRELATION = f"correlation < {LIMIT:g}"
 
 
 def times_of_rules() -> dict[str, Times]:
@@ -24,8 +25,15 @@ def times_of_rules() -> dict[str, Times]:
     return {
         VERDICT: lambda r: r["wrong_s"],
         ALARMS: lambda r: r["alarm_s"],
+        NOT_LIVE: lambda r: _not_live(r["verdicts"]),
         CORRELATION: lambda r: dict(map(tuple, r["wrong_at_correlation"]))[LIMIT],
     }
+
+
+def _not_live(verdicts: Sequence[tuple[float, str]]) -> list[float]:
+    """When a feed that was called live was so no longer, whatever it was called then."""
+    first = next((n for n, (_, said) in enumerate(verdicts) if said == "live"), len(verdicts))
+    return onsets((t_s, said != "live") for t_s, said in verdicts[first:])
 
 
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
@@ -116,7 +124,10 @@ def _found(records: Sequence[Record], times: Times) -> Row:
 
 
 def alarms_at(records: Sequence[Record], field: str) -> list[tuple[float, int, Row]]:
-    """Return, for each limit tried, the false alarms and what was found of all attacks."""
+    """Return, for each limit tried, the false alarms and what was found of the attacks.
+
+    Of those that no picture gives away, whatever the limit.
+    """
     limits = [limit for limit, _ in records[0][field]] if records else []
     out = []
     for n, limit in enumerate(limits):
@@ -126,9 +137,13 @@ def alarms_at(records: Sequence[Record], field: str) -> list[tuple[float, int, R
             return found
 
         false = sum(false_and_delay(times(r), r["attack_s"])[0] for r in records)
-        attacks = [r for r in records if r["attack_s"] is not None]
-        out.append((limit, false, _found(attacks, times)))
+        out.append((limit, false, _found([r for r in records if _takes_evidence(r)], times)))
     return out
+
+
+def _takes_evidence(record: Record) -> bool:
+    """Whether an attack has to be told by its light: its pictures are new, to the last bit."""
+    return record["kind"] == OTHER or bool(record["truth"].get("recoded"))
 
 
 def _trade_off(records: Sequence[Record], field: str) -> list[Row]:

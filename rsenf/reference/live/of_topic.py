@@ -11,7 +11,8 @@ from rsenf.reference.plausible import NOMINALS_HZ, without_outliers
 from rsenf.timebase import NS_PER_S
 
 MAX_SAMPLES = 1_000_000  # of a message
-MAX_STEP_NS = 60 * NS_PER_S
+# A gap of a day is filled sample by sample: finer ones would fill the memory.
+MIN_STEP_NS, MAX_STEP_NS = NS_PER_S // 100, 60 * NS_PER_S
 
 
 class RelayedReference:
@@ -62,7 +63,7 @@ class RelayedReference:
             return "they tell no time"
         if block.nominal_hz not in NOMINALS_HZ or self._nominal_hz not in (None, block.nominal_hz):
             return "they are of another nominal frequency"
-        if not 0 < block.step_ns <= MAX_STEP_NS:
+        if not MIN_STEP_NS <= block.step_ns <= MAX_STEP_NS:
             return "the time between their samples can't be"
         if self._growing and block.step_ns != self._growing.step_ns:
             return "the time between their samples changes"

@@ -1,0 +1,60 @@
+"""A node of one's own in Python, with all that nodes owe each other taken care of.
+
+Told where and who it is by the environment, as ``kind: external`` in a graph and ``rsenf contract``
+do. ``configs/own_node.py`` is one to begin with.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import sys
+from collections.abc import Callable
+from typing import NoReturn
+
+from rsenf.bus.zenoh_bus import BusSettings, open_bus
+from rsenf.config import Graph, redact
+from rsenf.errors import EXIT_FAILED, RsenfError, UsageError
+from rsenf.run.at_end import end_process
+from rsenf.run.node import NodeProcess, install_signals
+
+
+def run_own_node(body: Callable[[NodeProcess], None]) -> NoReturn:
+    """Run a node of one's own until its body returns, and end the process.
+
+    Parameters
+    ----------
+    body : callable
+        Opens the node's streams, calls ``node.ready()``, and loops until ``node.stop`` is set.
+    """
+    code = EXIT_FAILED
+    try:
+        code = _run(body)
+    except RsenfError as exc:
+        print(f"rsenf: {redact(str(exc))}", file=sys.stderr)
+        code = exc.exit_code
+    finally:
+        end_process(code)
+
+
+def _run(body: Callable[[NodeProcess], None]) -> int:
+    told = os.environ
+    if "RSENF_CONNECT" not in told:
+        raise UsageError("which bus? RSENF_CONNECT isn't set", "'rsenf run' tells its endpoint")
+    name = told.get("RSENF_NODE", "own")
+    own = {
+        "kind": "external",
+        "command": sys.argv,
+        "reads": told.get("RSENF_READS", "").split(),
+        "sends": told.get("RSENF_SENDS", "").split(),
+    }
+    graph = Graph.model_validate(
+        {"version": 1, "site": told.get("RSENF_SITE", "own"), "nodes": {name: own}}
+    )
+    run_id = told.get("RSENF_RUN_ID") or secrets.token_hex(4)
+    restarts = int(told.get("RSENF_RESTARTS", "0"))
+    with open_bus(BusSettings(connect=(told["RSENF_CONNECT"],))) as bus:
+        node = NodeProcess(graph, name, run_id, bus, restarts)
+        install_signals(node)
+        with node.beating(supervisor=0):
+            return node.live(body)

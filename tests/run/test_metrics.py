@@ -1,0 +1,84 @@
+"""Metrics of a run: what Prometheus and whoever probes it are told."""
+
+from __future__ import annotations
+
+import urllib.error
+import urllib.request
+
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+from run_samples import GRAPH, nobody
+
+from rsenf.config import Graph
+from rsenf.errors import RsenfError, UsageError
+from rsenf.messages import Header, Health, Liveness
+from rsenf.run.graph_run import GraphRun
+from rsenf.run.metrics import serving_metrics
+from rsenf.run.node_state import NodeState
+
+
+@pytest.fixture
+def run() -> GraphRun:
+    graph = Graph.model_validate(GRAPH)
+    nodes = {n: NodeState(n, config.kind, "running") for n, config in graph.nodes.items()}
+    made = GraphRun(graph, "1a2b", "", nodes, lambda node: None, nobody)
+    nodes["grid"].state = "done"
+    nodes["rows"].restarts = 2
+    nodes["rows"].health = Health(
+        header=Header(), messages_in=70, dropped=3, missed=2, rejected=1, queue_depth=4,
+        latency_p50_s=0.25, latency_p95_s=1.5, detail="rtsp://user:hunter2@host/x",
+    )  # fmt: skip
+    made.live["lab/cam"] = Liveness(header=Header(), verdict="stale", since_ns=5 * 10**9)
+    return made
+
+
+def get(port: int, page: str) -> tuple[int, str]:
+    try:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}{page}", timeout=5) as answer:
+            return answer.status, answer.read().decode()
+    except urllib.error.HTTPError as exc:
+        return exc.code, exc.read().decode()
+
+
+def test_what_prometheus_reads(run: GraphRun) -> None:
+    with serving_metrics(run, "0") as port:
+        status, text = get(port, "/metrics")
+    assert status == 200
+    assert "hunter2" not in text
+    found = {
+        (s.name, tuple(sorted(s.labels.items()))): s.value
+        for family in text_string_to_metric_families(text)
+        for s in family.samples
+    }
+
+    def of_rows(name: str, **more: str) -> float:
+        labels = {"node": "rows", "kind": "rows", "camera": "cam", **more}
+        return found[name, tuple(sorted(labels.items()))]
+
+    assert of_rows("rsenf_messages_total") == 70
+    assert of_rows("rsenf_messages_dropped_total") == 3
+    assert of_rows("rsenf_messages_missed_total") == 2
+    assert of_rows("rsenf_messages_rejected_total") == 1
+    assert of_rows("rsenf_queue_depth") == 4
+    assert of_rows("rsenf_restarts_total") == 2
+    assert of_rows("rsenf_up") == 1
+    assert of_rows("rsenf_latency_seconds", since="arrival", quantile="0.95") == 1.5
+    assert not any(dict(at).get("since") == "exposure" for _, at in found)
+    verdicts = {dict(at)["verdict"]: v for (n, at), v in found.items() if n == "rsenf_verdict"}
+    assert [name for name, value in verdicts.items() if value] == ["stale"]
+
+
+def test_alive_and_ready(run: GraphRun) -> None:
+    with serving_metrics(run, "127.0.0.1:0") as port:
+        assert get(port, "/healthz") == (200, "alive\n")
+        assert get(port, "/readyz") == (200, "ready\n")
+        run.nodes["track"].state = "restarting"
+        assert get(port, "/readyz")[0] == 503
+        assert get(port, "/elsewhere")[0] == 404
+        with pytest.raises(RsenfError, match="in use"), serving_metrics(run, str(port)):
+            pass
+
+
+def test_no_address(run: GraphRun) -> None:
+    with pytest.raises(UsageError, match="HOST:PORT"), serving_metrics(run, "here"):
+        pass
