@@ -68,3 +68,18 @@ def test_a_graph_starts_it_again_and_stops_it(tmp_path: Path, live_run: type[Liv
     run.interrupt()
     assert run.process.returncode == EXIT_DONE, "\n".join(run.lines)
     assert run.states["band"][-1] == "done"
+
+
+def test_who_follows_with_the_schema_alone_counts_what_is_missing() -> None:
+    streams = runpy.run_path("configs/follow_enf.py")["Streams"]()
+
+    def take(seq: int, run_id: str = "r", mark: int = 0) -> bool:
+        header = Header(run_id=run_id, seq=seq, mark=mark)
+        return bool(streams.is_new("rsenf/lab/cam/track", "a", header))
+
+    assert [take(seq) for seq in (0, 1, 1, 0, 4)] == [True, True, False, False, True]
+    assert streams.missed == 2
+    assert take(0, "r.track1")  # started again
+    assert not streams.all_ended
+    assert take(1, "r.track1", mark=2)
+    assert (streams.missed, streams.all_ended) == (2, True)
