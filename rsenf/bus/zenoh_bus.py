@@ -37,6 +37,9 @@ CONNECT_TIMEOUT_MS, RETRY_MS = 3000, 1000
 # Zenoh closes a link on which a blocked sender waits longer than this, and later messages vanish
 # without a word. A slow recorder is no reason to lose data: an hour.
 WAIT_BEFORE_CLOSE_US = 3_600_000_000
+# Between hosts a sender that waits may wait for a link that is broken, which isn't opened anew
+# while anybody does; what is lost by closing it is got back.
+LINKED_WAIT_US = 5_000_000
 # A thread that hands a message on waits for its receiver. On two cores Zenoh has one such thread: a
 # frame that waits for the node that samples it would keep that node's own row blocks from coming
 # in, and all would stand still. A router, or a peer, needs a thread for each of its links; who has
@@ -81,6 +84,8 @@ def setting_problem(path: str, value: Any) -> str:
 
 def _config(settings: BusSettings) -> zenoh.Config:
     patient = settings.mode == "router"
+    linked = patient and (settings.connect or len(settings.listen) > 1)
+    wait_us = LINKED_WAIT_US if linked else WAIT_BEFORE_CLOSE_US
     values: dict[str, Any] = {
         "mode": settings.mode,
         "connect/endpoints": list(settings.connect),
@@ -91,7 +96,7 @@ def _config(settings: BusSettings) -> zenoh.Config:
         "connect/exit_on_failure": not patient,
         "connect/retry": {"period_init_ms": RETRY_MS, "period_increase_factor": 1},
         "transport/shared_memory/enabled": False,
-        "transport/link/tx/queue/congestion_control/block/wait_before_close": WAIT_BEFORE_CLOSE_US,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": wait_us,
         # Without anybody to look for, opening needn't wait half a second for answers.
         **({} if settings.multicast else {"scouting/delay": 0}),
         **settings.zenoh,

@@ -9,7 +9,7 @@ from threading import Event
 from typing import TYPE_CHECKING
 
 from rsenf.dashboard.guard import Guard
-from rsenf.dashboard.recordings import file_named, files_about
+from rsenf.dashboard.recordings import file_named, files_about, state_of
 from rsenf.dashboard.session import Session
 from rsenf.dashboard.site import Site
 from rsenf.errors import UsageError
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 STATIC = Path(__file__).with_name("static")
 EVERY_S = 0.5
+LEAST_S = 0.05  # between two answers, however fast somebody asks
+MOST_BROWSERS = 64
 LARGEST_QUESTION = 1000
 
 
@@ -70,6 +72,7 @@ class _Pages:
 
     def __init__(self, site: Site, stop: Event) -> None:
         self._site, self._stop = site, stop
+        self._browsers = 0
 
     async def picture(self, request: Request) -> Response:
         from starlette.responses import Response
@@ -93,9 +96,24 @@ class _Pages:
         path = await asyncio.to_thread(file_named, archive, name) if archive else None
         if path is None or not path.is_file():
             return Response("no such recording\n", 404, media_type="text/plain")
-        return FileResponse(path, filename=path.name, media_type="application/octet-stream")
+        answer = FileResponse(
+            path, filename=path.name, media_type="application/octet-stream", stat_result=path.stat()
+        )
+        if not state_of(path)[1]:  # it grows while it is sent: no size that is told would be right
+            del answer.headers["content-length"]
+        return answer
 
     async def news(self, socket: WebSocket) -> None:
+        if self._browsers >= MOST_BROWSERS:
+            await socket.close(1013)
+            return
+        self._browsers += 1
+        try:
+            await self._tell(socket)
+        finally:
+            self._browsers -= 1
+
+    async def _tell(self, socket: WebSocket) -> None:
         from starlette.websockets import WebSocketDisconnect
 
         session = Session(self._site)
@@ -116,7 +134,8 @@ class _Pages:
                 asked.clear()
                 if news := await asyncio.to_thread(session.news):
                     await socket.send_text(news)
-                # Whoever asks is told at once; news by itself waits for its turn.
+                # Whoever asks is told almost at once; news by itself waits for its turn.
+                await asyncio.sleep(LEAST_S)
                 with contextlib.suppress(TimeoutError):
                     await asyncio.wait_for(asked.wait(), EVERY_S)
         except (WebSocketDisconnect, RuntimeError):  # it has gone while it was told

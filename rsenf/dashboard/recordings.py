@@ -63,7 +63,7 @@ def _plain(archive: Path, file: ArchivedFile, raised: Raised) -> dict[str, Any]:
     if not file.of_alarm:  # one of an alarm begins well before it anyway
         start_s = max(0.0, (raised.start_ns - file.start_ns) / NS_PER_S - LEAD_S)
     from_there = f" --start-s {start_s:.0f}" if start_s >= 1 else ""
-    size_bytes, is_whole = _state(file.path)
+    size_bytes, is_whole = state_of(file.path)
     return {
         "name": file.path.name,
         "url": "recordings/" + file.path.relative_to(archive).as_posix(),
@@ -74,7 +74,7 @@ def _plain(archive: Path, file: ArchivedFile, raised: Raised) -> dict[str, Any]:
     }
 
 
-def _state(path: Path) -> tuple[int, bool]:
+def state_of(path: Path) -> tuple[int, bool]:
     """Size, and whether it has been closed."""
     try:
         with path.open("rb") as file:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,9 +24,13 @@ class GridReference:
     def __init__(self) -> None:
         self.t0_ns = 0
         self._step_ns = 0
-        self._blocks: deque[tuple[int, NDArray[np.float32]]] = deque()  # first sample's number
-        self._samples = 0
-        self._table: tuple[NDArray[np.int64], NDArray[np.float32]] | None = None
+        self._begin()
+
+    def _begin(self) -> None:
+        self._number, self._freq_hz = np.empty(0, np.int64), np.empty(0, np.float32)
+        # What has come since these were last put together: each second anew would be too much.
+        self._fresh: list[tuple[NDArray[np.int64], NDArray[np.float32]]] = []
+        self._fresh_samples = 0
 
     def add(self, block: ReferenceBlock) -> None:
         """Add a block; one of another axis begins anew, and one of no sensible axis is let go."""
@@ -36,37 +38,38 @@ class GridReference:
             return
         if (sensible(block.t0_ns), block.step_ns) != (self.t0_ns, self._step_ns):
             self.t0_ns, self._step_ns = sensible(block.t0_ns), block.step_ns
-            self._blocks.clear()
-            self._samples = 0
+            self._begin()
         # What is no frequency of a grid is a gap.
         freq_hz = np.where(np.abs(block.freq_hz) < 1000, block.freq_hz, np.nan).astype(np.float32)
         if not freq_hz.size:
             return
-        self._blocks.append((block.first, freq_hz))
-        self._samples += freq_hz.size
-        while self._samples - self._blocks[0][1].size > KEPT_SAMPLES:
-            self._samples -= self._blocks.popleft()[1].size
-        self._table = None
+        self._fresh.append((block.first + np.arange(freq_hz.size), freq_hz))
+        self._fresh_samples += freq_hz.size
+        if self._fresh_samples > KEPT_SAMPLES:
+            self._put_together()
 
     def at(self, since_start_ns: NDArray[np.int64]) -> NDArray[np.float64]:
         """Frequency at times since the reference's first sample; NaN where there is none."""
         found = np.full(since_start_ns.shape, np.nan)
-        if not self._blocks:
+        self._put_together()
+        number, freq_hz = self._number, self._freq_hz
+        if not number.size:
             return found
-        number, freq_hz = self._looked_up()
         wanted = since_start_ns // self._step_ns
         place = np.clip(np.searchsorted(number, wanted), 0, number.size - 1)
         there = number[place] == wanted
         found[there] = freq_hz[place[there]]
         return found
 
-    def _looked_up(self) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-        if self._table is None:
-            number = np.concatenate([first + np.arange(f.size) for first, f in self._blocks])
-            freq_hz = np.concatenate([f for _, f in self._blocks])
-            order = np.argsort(number, kind="stable")
-            self._table = number[order], freq_hz[order]
-        return self._table
+    def _put_together(self) -> None:
+        """Sort what is fresh into the rest; what came last counts, where something came twice."""
+        if not self._fresh:
+            return
+        came = [(self._number, self._freq_hz), *self._fresh][::-1]
+        self._fresh, self._fresh_samples = [], 0
+        number, place = np.unique(np.concatenate([n for n, _ in came]), return_index=True)
+        freq_hz = np.concatenate([f for _, f in came])[place]
+        self._number, self._freq_hz = number[-KEPT_SAMPLES:], freq_hz[-KEPT_SAMPLES:]
 
 
 class References:

@@ -54,7 +54,7 @@ class Site:
         """Take in a message as it came from the bus."""
         with self.lock:
             if isinstance(message, Health):
-                self.nodes.update(message)
+                self.nodes.update(message, self.clock_ns())
             elif isinstance(message, ReferenceBlock):
                 self._references.add(message)
             elif topic_of(key) != "health" and (feed := self._feed(source_of(key))):

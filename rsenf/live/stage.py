@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 from rsenf.live.alarms import Alarms
 from rsenf.live.growing import GrowingGrid
+from rsenf.live.happenings import idle_changed, light_changed, phase_jump
 from rsenf.live.judge import Judge
-from rsenf.live.jumps import Jump
-from rsenf.live.light import Change, IdlePeriod
+from rsenf.live.light import IdlePeriod
 from rsenf.live.past import OwnPast
 from rsenf.live.settings import LiveSettings
 from rsenf.live.ticks import Tick, Ticker
@@ -188,14 +188,14 @@ class Live:
                 return
             change = self._idle_period.take(self._idles.popleft())
             if change:
-                self._alarms.happened(_idle_changed(change, tick), tick.pts_ns)
+                self._alarms.happened(idle_changed(change, tick), tick.pts_ns)
 
     def _take(self, estimate: EnfEstimate, tick: Tick) -> None:
         jump, change = self._judge.take(estimate, tick)
         if jump:
-            self._alarms.happened(_phase_jump(jump, tick), tick.pts_ns)
+            self._alarms.happened(phase_jump(jump, tick), tick.pts_ns)
         if change:
-            self._alarms.happened(_light_changed(change, estimate, tick), tick.pts_ns)
+            self._alarms.happened(light_changed(change, estimate, tick), tick.pts_ns)
 
     def _conclude(self, tick: Tick, due_ns: int) -> list[Liveness | Alarm]:
         judge, facts = self._judge, tick.facts
@@ -306,28 +306,3 @@ def _is_due(estimate: EnfEstimate, tick: Tick, due_ns: int) -> bool:
     """
     later_ns = estimate.header.arrival_time_ns - tick.header.arrival_time_ns
     return estimate.end_pts_ns <= due_ns and not 0 < later_ns < ESTIMATES_PATIENCE_NS
-
-
-def _idle_changed(change: Change, tick: Tick) -> Alarm:
-    text = f"idle period {100 * change.before:.1f} % before, {100 * change.value:.1f} % now"
-    return Alarm(
-        header=tick.header, kind="idle_changed", start_pts_ns=tick.pts_ns, end_pts_ns=tick.pts_ns,
-        value=change.value, limit=change.limit, text=f"{text}: another camera, or another mode",
-    )  # fmt: skip
-
-
-def _phase_jump(jump: Jump, tick: Tick) -> Alarm:
-    text = f"the phase jumped by {jump.rad:+.2f} rad: a splice, or frames lost or sent twice"
-    return Alarm(
-        header=tick.header, kind="phase_jump", start_pts_ns=jump.t_ns, end_pts_ns=jump.t_ns,
-        value=jump.rad, limit=jump.limit_rad, unit="rad", text=text,
-    )  # fmt: skip
-
-
-def _light_changed(change: Change, estimate: EnfEstimate, tick: Tick) -> Alarm:
-    at_ns = estimate.start_pts_ns
-    text = f"the flicker is {change.value:.2f} times what it was: another lamp, or another view"
-    return Alarm(
-        header=tick.header, kind="light_changed", start_pts_ns=at_ns, end_pts_ns=at_ns,
-        value=change.value, limit=change.limit, text=text,
-    )  # fmt: skip

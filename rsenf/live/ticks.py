@@ -52,11 +52,6 @@ class Tick:
         return self.header.run_id, self.header.epoch
 
     @property
-    def begins(self) -> bool:
-        """Whether it is of its epoch's first second."""
-        return self.pts_ns - self.first_pts_ns < NS_PER_S
-
-    @property
     def utc_ns(self) -> int:
         """Its last frame by this host's clock; 0 for unknown."""
         return 0 if self.offset_ns is None else self.pts_ns + self.offset_ns

@@ -6,6 +6,7 @@ import http.client
 import json
 import re
 import socket
+import time
 from urllib.parse import urlsplit
 
 import pytest
@@ -143,6 +144,44 @@ def test_an_alarms_recording_is_found_and_downloaded(tmp_path):
         assert answer.status == 200
         assert "attachment" in answer.headers["content-disposition"]
         assert body == next(tmp_path.rglob("*.mcap")).read_bytes()
+
+
+def test_a_recording_that_grows_while_it_is_sent_is_downloaded_whole(tmp_path, monkeypatch):
+    from starlette.responses import FileResponse
+
+    folder = tmp_path / "house" / "door" / "2026-09-21"
+    folder.mkdir(parents=True)
+    path = folder / "120000.mcap"
+    path.write_bytes(bytes(100_000))
+    monkeypatch.setattr("rsenf.dashboard.app.file_named", lambda archive, name: path)
+    told_size = FileResponse.set_stat_headers
+
+    def grows(self, stat_result):
+        told_size(self, stat_result)
+        path.write_bytes(bytes(200_000))
+
+    monkeypatch.setattr(FileResponse, "set_stat_headers", grows)
+    one = _served_with(tmp_path)
+    with one.server:
+        answer, body = get(one, "/recordings/house/door/2026-09-21/120000.mcap")
+    assert (answer.status, len(body)) == (200, 200_000)
+
+
+def test_more_browsers_than_are_served_are_refused_and_leave_room(news, monkeypatch):
+    websockets = pytest.importorskip("websockets")
+    monkeypatch.setattr("rsenf.dashboard.app.MOST_BROWSERS", 2)
+    with news() as one, news():
+        assert told(one, "site")
+        with pytest.raises(websockets.exceptions.InvalidStatus), news():
+            pass
+    for _ in range(50):  # until the server has noticed that they have gone
+        try:
+            with news() as again:
+                assert told(again, "site")
+            return
+        except websockets.exceptions.InvalidStatus:
+            time.sleep(0.1)
+    raise AssertionError("no room was made")
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from messages_of import RATE_HZ, START_NS, Camera, S, grid_hz, health, reference
 
+from rsenf.dashboard.references import GridReference
 from rsenf.dashboard.session import SILENCE_NS, Session
 from rsenf.dashboard.site import KEPT_FEEDS, Site
 from rsenf.dashboard.spectrogram import BINS, HALF_WIDTH_HZ
@@ -206,15 +207,46 @@ def test_a_source_that_starts_again_is_marked():
     assert card["began_ms"][1] - card["began_ms"][0] == 20_000
 
 
-def test_nodes_that_say_nothing_are_silent_and_restarts_are_counted():
+def test_stages_that_speak_of_different_streams_begin_none_anew():
+    shown = Shown()
+    before, again = (Camera("door", grid_hz(60), run_id=run) for run in ("a", "a.rows1"))
+    for second in range(5):
+        shown.put(before.enf(second), again.rows(second))
+    assert shown.news()["cards"][0]["streams"] == 2
+
+
+def test_nodes_that_say_nothing_are_silent_and_restarts_are_told():
     shown = Shown(Wiring({DOOR: ["door", "track"]}))
     shown.put(health("door", "decode", START_NS), health("track", "track", START_NS))
-    shown.put(health("door", "decode", START_NS + S, seq=1, pid=101))
+    shown.put(health("door", "decode", START_NS + S, seq=1, restarts=1))
     shown.put(health("track", "track", START_NS + 9 * S, seq=1, state="done"))
     shown.now_ns = START_NS + 90 * S
     news = shown.news()
     assert news["cards"][0]["nodes"] == {"door": "silent", "track": "done"}
-    assert {n["name"]: n["starts"] for n in news["nodes"]["list"]} == {"door": 2, "track": 1}
+    assert {n["name"]: n["restarts"] for n in news["nodes"]["list"]} == {"door": 1, "track": 0}
+
+
+def test_a_node_of_a_host_whose_clock_is_wrong_is_heard_all_the_same():
+    shown = Shown(Wiring({DOOR: ["door"]}))
+    key, word = health("door", "decode", START_NS - 3600 * S)
+    shown.put((key, word))
+    news = shown.news()
+    assert news["cards"][0]["nodes"] == {"door": "running"}
+    assert news["nodes"]["list"][0]["heard_ms"] == START_NS // 1_000_000
+
+
+def test_a_reference_keeps_the_newest_samples_and_what_was_said_last(monkeypatch):
+    monkeypatch.setattr("rsenf.dashboard.references.KEPT_SAMPLES", 500)
+    grid = GridReference()
+    _, block = reference(np.array([50.0]))
+    for number in range(550):
+        freq_hz = np.array([49.9 + 1e-6 * number])
+        grid.add(dataclasses.replace(block, first=number, freq_hz=freq_hz))
+        if number % 100 == 0:
+            assert np.isfinite(grid.at(np.array([number * S])))
+    grid.add(dataclasses.replace(block, first=549, freq_hz=np.array([50.2])))  # mended
+    found = grid.at(np.array([49, 50, 549, 550]) * S)
+    np.testing.assert_allclose(found, [np.nan, 49.90005, 50.2, np.nan], atol=1e-5)
 
 
 def test_an_alarm_comes_once_and_ends():

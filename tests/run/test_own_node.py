@@ -33,6 +33,13 @@ from rsenf.run.supervisor import free_endpoint
 OWN = Path("configs/own_node.py")
 
 
+def until(reached: Callable[[], bool], timeout_s: float = 15.0) -> bool:
+    deadline = time.monotonic() + timeout_s
+    while not reached() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    return reached()
+
+
 def test_its_stage_alone() -> None:
     stage = runpy.run_path(str(OWN))["Band"]()
 
@@ -58,10 +65,8 @@ def test_its_alarms_are_numbered_anew_by_epoch_and_end_with_the_stream() -> None
     body.start()
     body.join(5)
     assert not body.is_alive()
-    heard = [inbox.receive(1) for _ in range(4)]
-    told = [
-        (r.message.header.epoch, r.message.header.seq, r.message.header.mark) for r in heard if r
-    ]
+    heard = [received.message.header for _ in range(4) if (received := inbox.receive(1))]
+    told = [(header.epoch, header.seq, header.mark) for header in heard]
     assert told == [(0, 0, 0), (0, 1, 0), (1, 0, 0), (1, 1, Mark.END)]
 
 
@@ -79,13 +84,6 @@ def test_it_ends_with_what_started_it() -> None:
         assert until(lambda: alive == [True, False])
 
 
-def until(reached: Callable[[], bool], timeout_s: float = 15.0) -> bool:
-    deadline = time.monotonic() + timeout_s
-    while not reached() and time.monotonic() < deadline:
-        time.sleep(0.02)
-    return reached()
-
-
 def test_what_it_prints_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with (tmp_path / "shown").open("w", encoding="utf-8") as shown:
         monkeypatch.setattr(sys, "stdout", shown)  # led elsewhere, as while refusals are told
@@ -93,20 +91,19 @@ def test_what_it_prints_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert (tmp_path / "shown").read_text(encoding="utf-8") == "hello\n"
 
 
-def test_a_run_that_breaks_stops_its_nodes_in_order(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    closed = tmp_path / "closed"
-    program = (
-        f"trap 'touch {closed}; exit 0' TERM; touch {closed}.not; while :; do sleep 0.05; done"
-    )
-    path = tmp_path / "graph.yaml"
-    path.write_text("version: 1\nsite: lab\nnodes:\n"
-                    "  own: {kind: external, command: [sh, -c, $PROGRAM]}\n".replace(
-                        "$PROGRAM", json.dumps(program)))  # fmt: skip
-    with pytest.raises(RsenfError), supervisor.start_graph(load_graph(path), path):
-        assert until(closed.with_name("closed.not").exists)
-        raise RsenfError("no port")
+def test_a_run_that_breaks_stops_its_nodes_in_order(tmp_path: Path) -> None:
+    begun, closed, path = (tmp_path / name for name in ("begun", "closed", "graph.yaml"))
+    program = f"trap 'touch {closed}; exit 0' TERM; touch {begun}; while :; do sleep 0.05; done"
+    own = {"kind": "external", "command": ["sh", "-c", program]}
+    path.write_text(json.dumps({"version": 1, "site": "lab", "nodes": {"own": own}}))
+
+    def broken() -> None:
+        with supervisor.start_graph(load_graph(path), path):
+            assert until(begun.exists)
+            raise RsenfError("no port")
+
+    with pytest.raises(RsenfError, match="no port"):
+        broken()
     assert closed.exists()
 
 
@@ -149,3 +146,18 @@ def test_a_graph_starts_it_again_and_stops_it(tmp_path: Path, live_run: type[Liv
     run.interrupt()
     assert run.process.returncode == EXIT_DONE, "\n".join(run.lines)
     assert run.states["band"][-1] == "done"
+
+
+def test_who_follows_with_the_schema_alone_counts_what_is_missing() -> None:
+    streams = runpy.run_path("configs/follow_enf.py")["Streams"]()
+
+    def take(seq: int, run_id: str = "r", mark: int = 0) -> bool:
+        header = Header(run_id=run_id, seq=seq, mark=mark)
+        return bool(streams.is_new("rsenf/lab/cam/track", "a", header))
+
+    assert [take(seq) for seq in (0, 1, 1, 0, 4)] == [True, True, False, False, True]
+    assert streams.missed == 2
+    assert take(0, "r.track1")  # started again
+    assert not streams.all_ended
+    assert take(1, "r.track1", mark=2)
+    assert (streams.missed, streams.all_ended) == (2, True)

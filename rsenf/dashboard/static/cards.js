@@ -57,7 +57,7 @@ export function showPicture(image, card) {
   image.hidden = !card.picture;
   if (!card.picture || image.dataset.picture === `${card.name} ${card.picture}`) return;
   image.dataset.picture = `${card.name} ${card.picture}`;
-  image.src = `pictures/${card.name}.jpg?${card.picture}`;
+  image.src = `pictures/${encodeURI(card.name)}.jpg?${card.picture}`;
 }
 
 function drawSparks(line, values) {

@@ -78,7 +78,7 @@ export class Chart {
     const { t_ms, enf_hz, std_hz, reference_hz } = this.news;
     if (!known(at) || !known(t_ms[at])) return this.summary();
     const enf = known(enf_hz[at])
-      ? `${number(enf_hz[at], 5)} ± ${number(1000 * std_hz[at], 2, "mHz")}`
+      ? `${number(enf_hz[at], 5)} ± ${known(std_hz[at]) ? number(1000 * std_hz[at], 2, "mHz") : "?"}`
       : "no usable value";
     const reference = known(reference_hz[at]) ? `, reference ${number(reference_hz[at], 5, "Hz")}` : "";
     return `${clock(t_ms[at])} UTC: ${enf}${reference}`;

@@ -1,0 +1,36 @@
+"""What happened in an instant, as alarms with words for a person."""
+
+from __future__ import annotations
+
+from rsenf.live.jumps import Jump
+from rsenf.live.light import Change
+from rsenf.live.ticks import Tick
+from rsenf.messages import Alarm, EnfEstimate
+
+
+def idle_changed(change: Change, tick: Tick) -> Alarm:
+    """The idle period is another one."""
+    text = f"idle period {100 * change.before:.1f} % before, {100 * change.value:.1f} % now"
+    return Alarm(
+        header=tick.header, kind="idle_changed", start_pts_ns=tick.pts_ns, end_pts_ns=tick.pts_ns,
+        value=change.value, limit=change.limit, text=f"{text}: another camera, or another mode",
+    )  # fmt: skip
+
+
+def phase_jump(jump: Jump, tick: Tick) -> Alarm:
+    """The phase jumped."""
+    text = f"the phase jumped by {jump.rad:+.2f} rad: a splice, or frames lost or sent twice"
+    return Alarm(
+        header=tick.header, kind="phase_jump", start_pts_ns=jump.t_ns, end_pts_ns=jump.t_ns,
+        value=jump.rad, limit=jump.limit_rad, unit="rad", text=text,
+    )  # fmt: skip
+
+
+def light_changed(change: Change, estimate: EnfEstimate, tick: Tick) -> Alarm:
+    """The flicker's size is another one."""
+    at_ns = estimate.start_pts_ns
+    text = f"the flicker is {change.value:.2f} times what it was: another lamp, or another view"
+    return Alarm(
+        header=tick.header, kind="light_changed", start_pts_ns=at_ns, end_pts_ns=at_ns,
+        value=change.value, limit=change.limit, text=text,
+    )  # fmt: skip
