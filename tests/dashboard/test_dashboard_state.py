@@ -208,15 +208,23 @@ def test_a_source_that_starts_again_is_marked():
     assert card["began_ms"][1] - card["began_ms"][0] == 20_000
 
 
-def test_nodes_that_say_nothing_are_silent_and_restarts_are_counted():
+def test_stages_that_speak_of_different_streams_begin_none_anew():
+    shown = Shown()
+    before, again = (Camera("door", grid_hz(60), run_id=run) for run in ("a", "a.rows1"))
+    for second in range(5):
+        shown.put(before.enf(second), again.rows(second))
+    assert shown.news()["cards"][0]["streams"] == 2
+
+
+def test_nodes_that_say_nothing_are_silent_and_restarts_are_told():
     shown = Shown(Wiring({DOOR: ["door", "track"]}))
     shown.put(health("door", "decode", START_NS), health("track", "track", START_NS))
-    shown.put(health("door", "decode", START_NS + S, seq=1, pid=101))
+    shown.put(health("door", "decode", START_NS + S, seq=1, restarts=1))
     shown.put(health("track", "track", START_NS + 9 * S, seq=1, state="done"))
     shown.now_ns = START_NS + 90 * S
     news = shown.news()
     assert news["cards"][0]["nodes"] == {"door": "silent", "track": "done"}
-    assert {n["name"]: n["starts"] for n in news["nodes"]["list"]} == {"door": 2, "track": 1}
+    assert {n["name"]: n["restarts"] for n in news["nodes"]["list"]} == {"door": 1, "track": 0}
 
 
 def test_a_node_of_a_host_whose_clock_is_wrong_is_heard_all_the_same():
