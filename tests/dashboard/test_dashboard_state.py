@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from messages_of import RATE_HZ, START_NS, Camera, S, grid_hz, health, reference
 
+from rsenf.dashboard.alarm_board import KEPT_ALARMS
 from rsenf.dashboard.references import GridReference
 from rsenf.dashboard.session import SILENCE_NS, Session
 from rsenf.dashboard.site import KEPT_FEEDS, Site
@@ -258,6 +259,27 @@ def test_an_alarm_comes_once_and_ends():
     assert news["alarms"]["list"][1]["start_ms"] == START_NS // 1_000_000 + 7000
     shown.put(camera.alarm(3, 7, active=False))
     assert [a["active"] for a in shown.news()["alarms"]["list"]] == [True, False]
+
+
+def test_an_alarm_whose_judge_died_ends_when_the_feed_is_live():
+    shown, camera = Shown(), Camera("door", grid_hz(60))
+    shown.put(camera.live(20, "live"))
+    shown.put(camera.alarm(0, 20, kind="stale"), camera.alarm(1, 20, kind="phase_jump"))
+    shown.put(camera.live(19, "live"))  # on its way when the alarm came
+    assert [a["active"] for a in shown.news()["alarms"]["list"]] == [True, True]
+    shown.put(camera.live(40, "live"))
+    assert [a["active"] for a in shown.news()["alarms"]["list"]] == [True, False]
+
+
+def test_an_alarm_that_holds_stays_whatever_comes_after_it():
+    shown, camera = Shown(), Camera("door", grid_hz(60))
+    shown.put(camera.alarm(0, 7, kind="stale"))
+    for number in range(1, 300):
+        shown.put(camera.alarm(number, 7 + number))
+    told = shown.news()
+    assert len(told["alarms"]["list"]) == KEPT_ALARMS
+    assert told["alarms"]["list"][-1]["kind"] == "stale"
+    assert told["cards"][0]["alarms"] == 2
 
 
 def test_an_alarm_ends_with_its_stream_or_when_it_comes_again():
