@@ -11,6 +11,8 @@ from rsenf.bus.keys import camera_key
 from rsenf.messages import Alarm, EnfEstimate
 from rsenf.run.node import NodeProcess
 from rsenf.run.own_node import run_own_node
+from rsenf.run.pump import Lane, pump
+from rsenf.run.runner import Runner
 
 BAND_HZ = 0.2
 
@@ -30,22 +32,22 @@ class Band:
         self.sent += 1
         return [Alarm(header=header, kind="enf_outside", value=away_hz, limit=BAND_HZ, unit="Hz")]
 
+    def flush(self) -> list[Alarm]:
+        """Return what is left at the end: nothing here."""
+        return []
+
 
 def body(node: NodeProcess) -> None:
-    """Read, decide, send, until told to stop."""
-    site = node.graph.site
-    stages, publishers = {}, {}
-    for topic in node.config.reads:
-        camera = topic.split("/")[0]
-        key = node.subscribe(camera_key(site, *topic.split("/")))
-        stages[key], publishers[key] = Band(), node.publisher(camera, "alarm")
+    """Judge every camera until all have ended, or until told to stop."""
+    lanes = []
+    for read in node.config.reads:
+        camera, topic = read.split("/")
+        key = node.subscribe(camera_key(node.graph.site, camera, topic))
+        # A stage anew for each epoch, numbers from 0, and an END mark at the end.
+        runner = Runner("alarm", Band)
+        lanes.append(Lane(runner, node.publisher(camera, "alarm"), {key: ""}))
     node.ready()
-    while not node.stop.is_set():
-        received = node.inbox.receive(0.1)
-        if received is not None and not received.message.header.is_end:
-            node.note_input(received.message.header)
-            for alarm in stages[received.key].update(received.message):
-                publishers[received.key].send(alarm)
+    pump(node, lanes)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from typing import Any
 from rsenf.bench.idle_table import PAPER_AVERAGE_ERROR_PERCENT, VERDICTS
 
 Row = dict[str, Any]
+Table = tuple[str, Sequence[str], list[list[str]]]  # title, head, lines
 _NONE = "–"
 
 _ZERO = """\
@@ -172,6 +173,17 @@ def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Return a table in Markdown."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def titled(tables: Iterable[Table], notes: Sequence[str], *, on_page: bool) -> str:
+    """Return tables with something in them under their titles, and notes, in text or Markdown."""
+    written, heading = (markdown, "**{}**") if on_page else (aligned, "{}")
+    parts = [
+        f"{heading.format(title)}\n\n{written(head, lines)}"
+        for title, head, lines in tables
+        if lines
+    ]
+    return "\n\n".join([*parts, *notes])
 
 
 _TEXT: dict[str, tuple[Sequence[str], Callable[[Row], list[str]], str]] = {

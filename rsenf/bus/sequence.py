@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import dataclass
 
 from rsenf.messages import Header
+
+# Runs that a stream has left, and that are known again: more than any sender keeps messages of.
+MOST_LEFT = 64
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,7 @@ class Sequence:
 
     def __init__(self) -> None:
         self._last: dict[tuple[str, str], Header] = {}
+        self._left: dict[tuple[str, str], deque[str]] = {}  # runs before the present one
         self._newest: dict[str, str] = {}
         self._dropped: Counter[tuple[str, str]] = Counter()
 
@@ -59,16 +63,18 @@ class Sequence:
     def absent(self, item: Envelope, header: Header) -> int:
         """Messages missing before this one; below 0 when it has come already."""
         last = self._last.get((item.key, item.sender))
-        if last is None or last.run_id != header.run_id:
+        if last is None:
             return 0
+        if last.run_id != header.run_id:
+            return -1 if header.run_id in self._left.get((item.key, item.sender), ()) else 0
         if header.epoch < last.epoch:
             return -1
         return header.seq - (last.seq if header.epoch == last.epoch else -1) - 1
 
     def begins_epoch(self, item: Envelope, header: Header) -> bool:
-        """Whether it is of a new epoch: where the one before ended, its numbers don't tell."""
+        """Whether it is of a new epoch or run: where that before ended, its numbers don't tell."""
         last = self._last.get((item.key, item.sender))
-        return last is not None and last.run_id == header.run_id and last.epoch < header.epoch
+        return last is not None and (last.run_id, last.epoch) != (header.run_id, header.epoch)
 
     def dropped(self, item: Envelope) -> None:
         """Take in that a message was dropped here."""
@@ -83,6 +89,8 @@ class Sequence:
             self._dropped[stream] -= dropped
         else:
             del self._dropped[stream]
+        if last is not None and last.run_id != header.run_id:
+            self._left.setdefault(stream, deque(maxlen=MOST_LEFT)).append(last.run_id)
         self._last[stream] = header
         self._newest[item.key] = place_of(item.sender, header)
         return absent - dropped

@@ -40,4 +40,4 @@ def hide(value: Any) -> Any:
         return {k: "***" if is_secret(str(k)) and v else hide(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
         return [hide(v) for v in value]
-    return redact_addresses(value) if isinstance(value, str) else value
+    return redact(value) if isinstance(value, str) else value

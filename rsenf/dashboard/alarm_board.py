@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 
 from rsenf.config import redact
 from rsenf.dashboard.plain import in_ms, rounded
-from rsenf.messages import Alarm, Mark
+from rsenf.messages import Alarm, Header, Mark
 
-KEPT_ALARMS = 200
+KEPT_ALARMS = 200  # those that have ended go first
+NEVER_LIVE = ("stale", "frozen", "loop", "lost")
 
 
 class Raised(NamedTuple):
@@ -60,7 +61,8 @@ class AlarmBoard:
             max(offset_ns + message.end_pts_ns, before.start_ns if before else start_ns),
         )
         while len(self._raised) > KEPT_ALARMS:
-            del self._raised[min(self._raised)]
+            raised = self._raised.values()
+            del self._raised[min((r.message.active, r.number) for r in raised)[1]]
 
     def _known(self, feed: str, message: Alarm) -> int | None:
         """Number of the alarm that is said again, or that is said to have ended."""
@@ -74,17 +76,31 @@ class AlarmBoard:
 
     def _end_those_before(self, feed: str, kind: str) -> None:
         """End what nobody will end any more: of a kind there is one at a time."""
-        for number, raised in self._raised.items():
-            if raised.message.active and (raised.feed, raised.message.kind) == (feed, kind):
-                over = dataclasses.replace(raised.message, active=False)
-                self._raised[number] = raised._replace(message=over)
+        for raised in self._active(feed):
+            if raised.message.kind == kind:
+                self._end(raised)
+
+    def is_live(self, feed: str, header: Header) -> None:
+        """End what isn't so where a feed is live; a judge that died can't say so any more."""
+        for raised in self._active(feed):
+            own = raised.message.header
+            is_later = _stream(own) != _stream(header) or own.pts_ns < header.pts_ns
+            if raised.message.kind in NEVER_LIVE and is_later:
+                self._end(raised)
+
+    def _active(self, feed: str) -> list[Raised]:
+        return [r for r in self._raised.values() if r.feed == feed and r.message.active]
+
+    def _end(self, raised: Raised) -> None:
+        over = dataclasses.replace(raised.message, active=False)
+        self._raised[raised.number] = raised._replace(message=over)
 
     def __getitem__(self, number: int) -> Raised | None:
         return self._raised.get(number)
 
     def active(self, feed: str) -> int:
         """How many of a camera have not ended."""
-        return sum(r.feed == feed and r.message.active for r in self._raised.values())
+        return len(self._active(feed))
 
     def plain(self) -> list[dict[str, Any]]:
         """All of them for JSON, the newest first."""
@@ -92,7 +108,11 @@ class AlarmBoard:
 
 
 def _began(message: Alarm) -> tuple[str, int, int]:
-    return message.header.run_id, message.header.epoch, message.start_pts_ns
+    return *_stream(message.header), message.start_pts_ns
+
+
+def _stream(header: Header) -> tuple[str, int]:
+    return header.run_id, header.epoch
 
 
 def _plain(raised: Raised) -> dict[str, Any]:

@@ -68,7 +68,7 @@ class Feed:
         self._live: Liveness | None = None
         self._rows: RowBlock | None = None
         self._heard_ns = 0
-        self._stream: tuple[str, int] | None = None
+        self._known_streams: deque[tuple[str, int]] = deque(maxlen=KEPT_STREAMS)
         # When each stream of the camera began: it does anew at each start and reconnection.
         self._began_ns: deque[int] = deque(maxlen=KEPT_STREAMS)
         self._streams, self._has_ended = 0, False
@@ -103,13 +103,11 @@ class Feed:
 
     def _note_stream(self, header: Header) -> None:
         stream = header.run_id, header.epoch
-        if stream == self._stream:
+        # Stages of one camera that were started again at different times speak of different ones.
+        if stream in self._known_streams:
             return
-        # Stages after the source still speak of the stream before, for some moments.
-        known = self._stream is not None and stream[0] == self._stream[0]
-        if known and self._stream is not None and stream[1] < self._stream[1]:
-            return
-        self._stream, self._has_ended = stream, False
+        self._known_streams.append(stream)
+        self._has_ended = False
         self._streams += 1
         self._began_ns.append(header.arrival_time_ns or self._clock_ns())
         self.spectrogram.begin_anew()

@@ -10,7 +10,7 @@ from rsenf.messages import Health
 from rsenf.timebase import NS_PER_S
 
 KEPT_NODES = 256
-LAST_WORDS = ("done", "failed")
+LAST_WORDS = ("done", "failed", "lost")
 # Health comes every second; a node that says nothing this long is told from one that is well.
 SILENT_NS = 4 * NS_PER_S
 
@@ -20,17 +20,12 @@ class NodeBoard:
 
     def __init__(self) -> None:
         self._latest: dict[str, Health] = {}
-        self._starts: dict[str, int] = {}
         self._heard_ns: dict[str, int] = {}  # by the clock here: another host's may be wrong
 
     def update(self, message: Health, now_ns: int) -> None:
         """Take in a word of health."""
-        name, before = message.node, self._latest.get(message.node)
-        if before is None and len(self._latest) >= KEPT_NODES:
-            return
-        if before is None or _process(before) != _process(message):
-            self._starts[name] = self._starts.get(name, 0) + 1
-        self._latest[name], self._heard_ns[name] = message, now_ns
+        if message.node in self._latest or len(self._latest) < KEPT_NODES:
+            self._latest[message.node], self._heard_ns[message.node] = message, now_ns
 
     def state(self, name: str, now_ns: int) -> str:
         """State of a node; 'silent' when it should have spoken, '' when it is unknown."""
@@ -57,13 +52,9 @@ class NodeBoard:
                 "queue": health.queue_depth,
                 "memory_mb": rounded(health.memory_bytes / 1e6, 0),
                 "cpu_s": rounded(health.cpu_s, 0),
-                "starts": self._starts[name],
+                "restarts": health.restarts,
                 "heard_ms": in_ms(self._heard_ns[name]),
                 "lost_peers": list(health.lost_peers),
             }
             for name, health in sorted(self._latest.items())
         ]
-
-
-def _process(health: Health) -> tuple[str, str, int]:
-    return health.header.run_id, health.host, health.pid

@@ -13,7 +13,7 @@ from rsenf.dashboard.feed import Feed
 from rsenf.dashboard.node_board import NodeBoard
 from rsenf.dashboard.references import References
 from rsenf.dashboard.wiring import Wiring
-from rsenf.messages import Alarm, Health, ReferenceBlock
+from rsenf.messages import Alarm, Health, Liveness, ReferenceBlock
 
 KEPT_FEEDS = 64
 
@@ -66,6 +66,8 @@ class Site:
                     )
                 else:
                     feed.update(message)
+                    if isinstance(message, Liveness) and message.verdict == "live":
+                        self.alarms.is_live(feed.name, message.header)
 
     def _feed(self, name: str) -> Feed | None:
         if name not in self._feeds:

@@ -36,6 +36,7 @@ NOT_FLICKER = "no mains flicker stands out"
 # Deviations (of the illumination) at which the other direction of read-out becomes more plausible.
 LIKELY_HZ, UNLIKELY_HZ = 0.1, 0.15
 MODEL_STD_HZ = 4e-5
+HOLE_FRAMES = 0.5  # by which time and numbers part from bin to bin where some are missing
 # Mean squares of the prior's ten and forty largest directions, beside the free ones, are 1 for a
 # grid; and a grid whose illumination is farther from its nominal frequency has broken down.
 FREE, MAX_WANDER, MAX_FAST, FARTHEST_HZ = 2, 10.0, 5.0, 0.3
@@ -96,7 +97,7 @@ class StillFlicker:
         if not found.determined:
             self.why = TOO_STILL
             return False
-        rate_hz = float(np.polyfit(t_s - t_s[0], numbers - numbers[0], 1)[0])
+        rate_hz = frame_rate(t_s, numbers)
         level = float(np.mean(found.texture))
         path = _path(found, self.nominal_hz, rate_hz, start, end, level, self._path)
         if path is None:
@@ -131,6 +132,20 @@ class StillFlicker:
             amplitude=complex(path.size * np.exp(1j * psi[node + NODES_PER_S // 2]) * beyond),
             amplitude_var=float(path.size**2 * np.mean(path.told_var[own]) / own.sum()),
         )
+
+
+def frame_rate(t_s: Float, numbers: Float) -> float:
+    """Frames a second, by one line for each stretch without a hole, all of one slope.
+
+    Sources don't number what they never got: over a hole time goes on, and numbers don't.
+    """
+    step_s, step = np.diff(t_s), np.diff(numbers)
+    usual_hz = float(np.median(step / step_s))
+    holes = np.abs(step - usual_hz * step_s) > HOLE_FRAMES
+    stretch = np.concatenate([[0], np.cumsum(holes)])
+    count = np.bincount(stretch)
+    t, n = (x - (np.bincount(stretch, x) / count)[stretch] for x in (t_s, numbers))
+    return float(t @ n / (t @ t)) if t @ t > 0.0 else usual_hz
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -56,5 +56,6 @@ def _run(body: Callable[[NodeProcess], None]) -> int:
     with open_bus(BusSettings(connect=(told["RSENF_CONNECT"],))) as bus:
         node = NodeProcess(graph, name, run_id, bus, restarts)
         install_signals(node)
-        with node.beating(supervisor=0):
+        # Started by a graph, it ends with what started it; by hand, it goes on without its shell.
+        with node.beating(os.getppid() if "RSENF_NODE" in told else 0):
             return node.live(body)

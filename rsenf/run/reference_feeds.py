@@ -99,6 +99,8 @@ def _publish(node: NodeProcess, blocks: Iterable[ReferenceBlock]) -> None:
         header = block.header
         node.note_input(header)
         publisher.send(block)
+        if node.stop.is_set():  # what a file holds already may take long
+            break
     publisher.send(ReferenceBlock(header=header.numbered(header.seq + 1, Mark.END)))
 
 

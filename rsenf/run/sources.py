@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from rsenf.config.graph import DecodeNode, SimulatedInput
 from rsenf.decode.spec import SourceSpec, kind_of
+from rsenf.errors import UsageError
 from rsenf.run.host_clock import HostClock
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ def open_input(config: DecodeNode, node: NodeProcess) -> VideoSource:
         return open_simulated(config.input, source, node.run_id, pace=config.pace, stop=node.stop)
     from rsenf.decode.source import open_source
 
+    if not config.input:
+        raise UsageError(f"camera {config.camera!r} has no input", "is its variable set?")
     url = config.input.removeprefix("v4l2:")
     spec = SourceSpec(
         url=url,

@@ -91,9 +91,12 @@ def start_graph(
         try:
             run.start()
             yield run
-            run.stop()
         finally:
-            run.kill()
+            # In order, whatever went wrong: a recording is to be closed.
+            try:
+                run.stop()
+            finally:
+                run.kill()
             for node in run.running:
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     assert node.process is not None
@@ -192,7 +195,15 @@ def _start(
             command,
             env={**os.environ, **_ENVIRONMENT, **environment},
             stdin=subprocess.DEVNULL,
+            stdout=_printed_to(),
             start_new_session=True,
         )
     except OSError as exc:
         raise NodeFailed(f"node {node.name} can't be started: {exc}") from exc
+
+
+def _printed_to() -> int | None:
+    """Where this process prints, which need not be its first descriptor: see ``refusals``."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):  # none, or not a file
+        return sys.stdout.fileno()
+    return None

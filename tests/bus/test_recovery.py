@@ -19,6 +19,7 @@ from rsenf.bus.delivery import LOOKING, SIGNALS, Delivery
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import alive_key
 from rsenf.bus.loopback import Loopback
+from rsenf.bus.sequence import Envelope
 from rsenf.messages import Mark
 
 FEW = Delivery(lossless=True, queue=8, history=5, kept=20)
@@ -241,3 +242,35 @@ def test_what_is_too_large_is_not_taken_as_recovered_either() -> None:
         inbox.put(kept[seq], SIGNALS)
     assert seqs(take(inbox, 3)) == [0, 2, 3]
     assert (inbox.counters.rejected, inbox.counters.missed) == (1, 1)
+
+
+@pytest.mark.parametrize("heard", [[0, 1, 2, 6], [0, 1, 2, 4, 5, 6, 7]])
+def test_a_run_that_ends_meanwhile_is_told_whole_and_once(heard: list[int]) -> None:
+    """Its source was started again: those after it send on as another run."""
+    inbox, sent = Inbox(), [("a", n) for n in range(5)] + [("b", n) for n in range(3)]
+    kept = []
+    for run, seq in sent:
+        message = estimate(seq)
+        message = replace(message, header=replace(message.header, run_id=run))
+        kept.append(envelope(message, kept=True))
+    may_answer = threading.Event()
+
+    def ask(_key: str, after: str, before: str) -> list[Envelope]:
+        may_answer.wait(5)
+        return kept[3:6] if before else kept[3:]
+
+    inbox.ask = ask
+    for n in heard[:3]:
+        inbox.put(kept[n], SIGNALS)
+    told = take(inbox, 3)
+    if len(heard) > 4:
+        inbox.catch_up(TRACK)
+    for n in heard[3:]:
+        inbox.put(kept[n], SIGNALS)
+    assert inbox.receive(0.05) is None
+    may_answer.set()
+    inbox.put(kept[7], SIGNALS)
+    told += take(inbox, 5)
+    assert [(m.header.run_id, m.header.seq) for m in told] == sent
+    assert inbox.receive(0.1) is None
+    assert inbox.counters.missed == 0

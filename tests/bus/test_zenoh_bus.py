@@ -166,8 +166,11 @@ with client(endpoint) as bus:
             if what == "relay":
                 camera, seq = int(received.key.split("/")[2][1:]), received.message.header.seq
                 level = np.zeros((1, 400, 2), np.float32)
-                out[camera].send(RowBlock(header=Header(run_id="r", seq=seq), frames=1, rows=400,
-                                          strips=2, level=level))
+                header = Header(run_id="r", seq=seq, frame_first=seq, frame_last=seq)
+                number, kept = np.array([seq]), np.ones((400, 2), np.uint32)
+                out[camera].send(RowBlock(header=header, frames=1, rows=400, strips=2, level=level,
+                                          frame_number=number, frame_pts_ns=0 * number,
+                                          kept_px=kept, read_out_axis="rows"))
             else:
                 time.sleep(0.001)
         print(inbox.counters.missed, flush=True)

@@ -68,6 +68,10 @@ def test_the_graph_as_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert f"admin:{SECRET}@" in str(graph.nodes["decode"])
 
 
+def test_an_endpoint_that_holds_a_key() -> None:
+    assert SECRET not in str(hide(["tls/h:7447#connect_private_key_base64=hunter2;x=1"]))
+
+
 @pytest.mark.parametrize(
     "change",
     [

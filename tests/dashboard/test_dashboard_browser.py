@@ -110,11 +110,13 @@ def test_keys_alone_reach_every_feed(watched):
 
 def test_a_nodes_restart_is_survived_and_told(watched):
     now_ns = time.time_ns()
-    watched.served.put(health("track", "track", now_ns), health("track", "track", now_ns, 1, pid=7))
+    watched.served.put(
+        health("track", "track", now_ns), health("track", "track", now_ns, 1, restarts=1)
+    )
     again = Camera("door", grid_hz(60), now_ns, run_id="b")
     watched.served.put(*again.seconds(0, 3))
     watched.until_text("#facts", "began 2 times")
-    watched.until_text("#node-list", "started 2 times")
+    watched.until_text("#node-list", "started again once")
     watched.until_text("#chart-words", "usable")
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from messages_of import RATE_HZ, START_NS, Camera, S, grid_hz, health, reference
 
+from rsenf.dashboard.alarm_board import KEPT_ALARMS
 from rsenf.dashboard.references import GridReference
 from rsenf.dashboard.session import SILENCE_NS, Session
 from rsenf.dashboard.site import KEPT_FEEDS, Site
@@ -207,15 +208,23 @@ def test_a_source_that_starts_again_is_marked():
     assert card["began_ms"][1] - card["began_ms"][0] == 20_000
 
 
-def test_nodes_that_say_nothing_are_silent_and_restarts_are_counted():
+def test_stages_that_speak_of_different_streams_begin_none_anew():
+    shown = Shown()
+    before, again = (Camera("door", grid_hz(60), run_id=run) for run in ("a", "a.rows1"))
+    for second in range(5):
+        shown.put(before.enf(second), again.rows(second))
+    assert shown.news()["cards"][0]["streams"] == 2
+
+
+def test_nodes_that_say_nothing_are_silent_and_restarts_are_told():
     shown = Shown(Wiring({DOOR: ["door", "track"]}))
     shown.put(health("door", "decode", START_NS), health("track", "track", START_NS))
-    shown.put(health("door", "decode", START_NS + S, seq=1, pid=101))
+    shown.put(health("door", "decode", START_NS + S, seq=1, restarts=1))
     shown.put(health("track", "track", START_NS + 9 * S, seq=1, state="done"))
     shown.now_ns = START_NS + 90 * S
     news = shown.news()
     assert news["cards"][0]["nodes"] == {"door": "silent", "track": "done"}
-    assert {n["name"]: n["starts"] for n in news["nodes"]["list"]} == {"door": 2, "track": 1}
+    assert {n["name"]: n["restarts"] for n in news["nodes"]["list"]} == {"door": 1, "track": 0}
 
 
 def test_a_node_of_a_host_whose_clock_is_wrong_is_heard_all_the_same():
@@ -250,6 +259,27 @@ def test_an_alarm_comes_once_and_ends():
     assert news["alarms"]["list"][1]["start_ms"] == START_NS // 1_000_000 + 7000
     shown.put(camera.alarm(3, 7, active=False))
     assert [a["active"] for a in shown.news()["alarms"]["list"]] == [True, False]
+
+
+def test_an_alarm_whose_judge_died_ends_when_the_feed_is_live():
+    shown, camera = Shown(), Camera("door", grid_hz(60))
+    shown.put(camera.live(20, "live"))
+    shown.put(camera.alarm(0, 20, kind="stale"), camera.alarm(1, 20, kind="phase_jump"))
+    shown.put(camera.live(19, "live"))  # on its way when the alarm came
+    assert [a["active"] for a in shown.news()["alarms"]["list"]] == [True, True]
+    shown.put(camera.live(40, "live"))
+    assert [a["active"] for a in shown.news()["alarms"]["list"]] == [True, False]
+
+
+def test_an_alarm_that_holds_stays_whatever_comes_after_it():
+    shown, camera = Shown(), Camera("door", grid_hz(60))
+    shown.put(camera.alarm(0, 7, kind="stale"))
+    for number in range(1, 300):
+        shown.put(camera.alarm(number, 7 + number))
+    told = shown.news()
+    assert len(told["alarms"]["list"]) == KEPT_ALARMS
+    assert told["alarms"]["list"][-1]["kind"] == "stale"
+    assert told["cards"][0]["alarms"] == 2
 
 
 def test_an_alarm_ends_with_its_stream_or_when_it_comes_again():

@@ -2,20 +2,42 @@
 
 from __future__ import annotations
 
+import json
+import os
 import runpy
+import subprocess
 import sys
+import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from live_run import LiveRun
 
+from rsenf.bus.delivery import SIGNALS
+from rsenf.bus.inbox import Inbox
+from rsenf.bus.keys import alive_key
+from rsenf.bus.loopback import Loopback
+from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.cli import main
-from rsenf.config import load_graph
+from rsenf.config import Graph, load_graph
 from rsenf.config.graph import outputs
-from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_USAGE
-from rsenf.messages import EnfEstimate, Header
+from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_USAGE, RsenfError
+from rsenf.messages import EnfEstimate, Header, Mark
+from rsenf.run import supervisor
+from rsenf.run.node import NodeProcess
+from rsenf.run.node_state import NodeState
+from rsenf.run.supervisor import free_endpoint
 
 OWN = Path("configs/own_node.py")
+
+
+def until(reached: Callable[[], bool], timeout_s: float = 15.0) -> bool:
+    deadline = time.monotonic() + timeout_s
+    while not reached() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    return reached()
 
 
 def test_its_stage_alone() -> None:
@@ -27,6 +49,62 @@ def test_its_stage_alone() -> None:
 
     assert update(50.1) == update(49.0, usable=False) == []
     assert update(49.5) == [0.5]
+
+
+def test_its_alarms_are_numbered_anew_by_epoch_and_end_with_the_stream() -> None:
+    own = {"kind": "external", "command": ["x"], "reads": ["cam/track"], "sends": ["cam/alarm"]}
+    graph = Graph.model_validate({"version": 1, "site": "lab", "nodes": {"band": own}})
+    network, inbox = Loopback(), Inbox()
+    network.bus("ear").subscribe(inbox, "rsenf/lab/cam/alarm", SIGNALS)
+    estimates = network.bus("track").publisher("rsenf/lab/cam/track", SIGNALS)
+    for epoch, seq, mark in ((0, 0, 0), (0, 1, 0), (1, 0, 0), (1, 1, Mark.END)):
+        header = Header(run_id="r", epoch=epoch, seq=seq, mark=mark)
+        estimates.send(EnfEstimate(header=header, nominal_hz=50.0, enf_hz=49.5, usable=True))
+    node = NodeProcess(graph, "band", "r", network.bus("band"))
+    body = threading.Thread(target=runpy.run_path(str(OWN))["body"], args=(node,), daemon=True)
+    body.start()
+    body.join(5)
+    assert not body.is_alive()
+    heard = [received.message.header for _ in range(4) if (received := inbox.receive(1))]
+    told = [(header.epoch, header.seq, header.mark) for header in heard]
+    assert told == [(0, 0, 0), (0, 1, 0), (1, 0, 0), (1, 1, Mark.END)]
+
+
+@pytest.mark.processes
+def test_it_ends_with_what_started_it() -> None:
+    with open_bus(BusSettings(mode="router", listen=(endpoint := free_endpoint(),))) as bus:
+        alive: list[bool] = []
+        bus.watch_alive(alive_key("lab", "band"), lambda _, is_there: alive.append(is_there))
+        told = {"RSENF_CONNECT": endpoint, "RSENF_SITE": "lab", "RSENF_NODE": "band"}
+        with subprocess.Popen(
+            ["sh", "-c", f"{sys.executable} {OWN} & wait"], env={**os.environ, **told}
+        ) as shell:
+            assert until(lambda: alive == [True])
+            shell.kill()
+        assert until(lambda: alive == [True, False])
+
+
+def test_what_it_prints_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with (tmp_path / "shown").open("w", encoding="utf-8") as shown:
+        monkeypatch.setattr(sys, "stdout", shown)  # led elsewhere, as while refusals are told
+        assert supervisor._start(NodeState("own", "external"), ["echo", "hello"], {}).wait(10) == 0
+    assert (tmp_path / "shown").read_text(encoding="utf-8") == "hello\n"
+
+
+def test_a_run_that_breaks_stops_its_nodes_in_order(tmp_path: Path) -> None:
+    begun, closed, path = (tmp_path / name for name in ("begun", "closed", "graph.yaml"))
+    program = f"trap 'touch {closed}; exit 0' TERM; touch {begun}; while :; do sleep 0.05; done"
+    own = {"kind": "external", "command": ["sh", "-c", program]}
+    path.write_text(json.dumps({"version": 1, "site": "lab", "nodes": {"own": own}}))
+
+    def broken() -> None:
+        with supervisor.start_graph(load_graph(path), path):
+            assert until(begun.exists)
+            raise RsenfError("no port")
+
+    with pytest.raises(RsenfError, match="no port"):
+        broken()
+    assert closed.exists()
 
 
 def test_the_contract_is_told(capsys: pytest.CaptureFixture[str]) -> None:

@@ -199,7 +199,7 @@ def test_a_node_started_again_numbers_its_messages_as_another_run() -> None:
             publisher.send(block(seq))
     runs = [
         (r.message.header.run_id, r.message.header.seq)
-        for r in iter(lambda: inbox.receive(0), None)
+        for r in iter(lambda: inbox.receive(0.3), None)
     ]
     assert runs == [("r", 7), ("r", 8), ("r.rows2", 0), ("r.rows2", 1)]
     assert inbox.counters.duplicates == inbox.counters.missed == 0

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator
 
 from rsenf.bench.live.table import Row
-from rsenf.bench.text import aligned, markdown
-
-Table = tuple[str, Sequence[str], list[list[str]]]
-Written = Callable[[Sequence[str], Iterable[Sequence[str]]], str]
+from rsenf.bench.text import Table, titled
 
 _NONE = "–"
 _NOTE = """\
@@ -23,21 +20,12 @@ of the attacks that were coded once more, and of other cameras: no picture gives
 
 def text(document: Row) -> str:
     """Return the tables of :func:`rsenf.bench.live.table.tabulated` for a terminal."""
-    return _written(document, aligned, "{}")
+    return titled(_tables(document), [_NOTE, _made_from(document)], on_page=False)
 
 
 def page(document: Row) -> str:
     """Return the same tables in Markdown."""
-    return _written(document, markdown, "**{}**")
-
-
-def _written(document: Row, written: Written, heading: str) -> str:
-    parts = [
-        f"{heading.format(title)}\n\n{written(head, lines)}"
-        for title, head, lines in _tables(document)
-        if lines
-    ]
-    return "\n\n".join([*parts, _NOTE, _made_from(document)])
+    return titled(_tables(document), [_NOTE, _made_from(document)], on_page=True)
 
 
 def _tables(document: Row) -> Iterator[Table]:

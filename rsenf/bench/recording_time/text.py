@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 from rsenf.bench.recording_time.search import PAPER_METRICS
 from rsenf.bench.recording_time.table import Row
 from rsenf.bench.recording_time.trials import METHODS
-from rsenf.bench.text import aligned, markdown
-
-Table = tuple[str, Sequence[str], list[list[str]]]
-Written = Callable[[Sequence[str], Iterable[Sequence[str]]], str]
+from rsenf.bench.text import Table, titled
 
 _NONE = "–"
 _NOTE = """\
@@ -22,21 +19,12 @@ independent; those of one film aren't quite. Clips are cut from films that were 
 
 def text(document: Row) -> str:
     """Return the tables of :func:`rsenf.bench.recording_time.document.tabulate` for a terminal."""
-    return _written(document, aligned, "{}")
+    return titled(_tables(document), [_NOTE, _made_from(document)], on_page=False)
 
 
 def page(document: Row) -> str:
     """Return the same tables in Markdown."""
-    return _written(document, markdown, "**{}**")
-
-
-def _written(document: Row, written: Written, heading: str) -> str:
-    parts = [
-        f"{heading.format(title)}\n\n{written(head, lines)}"
-        for title, head, lines in _tables(document)
-        if lines
-    ]
-    return "\n\n".join([*parts, _NOTE, _made_from(document)])
+    return titled(_tables(document), [_NOTE, _made_from(document)], on_page=True)
 
 
 def _tables(document: Row) -> Iterator[Table]:

@@ -20,7 +20,7 @@ function more(node) {
     node.latency_s !== null ? `${number(node.latency_s, 2, "s")} late` : "",
     node.memory_mb ? `${node.memory_mb}\u202fMB` : "",
     ...lost,
-    node.starts > 1 ? `started ${node.starts} times` : "",
+    node.restarts ? `started again ${node.restarts > 1 ? `${node.restarts} times` : "once"}` : "",
   ].filter(Boolean).join(" · ");
 }
 
