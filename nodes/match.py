@@ -13,6 +13,12 @@ from rsenf.run.runner import Runner
 def body(node: NodeProcess) -> None:
     """Compare every camera with the reference until all have ended."""
     config: MatchNode = node.config
+    # One that is to stay doesn't end for a series that doesn't fit; a file's run does.
+    stays = len(config.cameras) > 1 or node.graph.restart_of(node.name) is not None
+
+    def refused(why: str) -> None:
+        node.inbox.counters.rejected += 1
+        node.say("running", f"not compared: {why}")
 
     def make_stage() -> Match:
         return Match(
@@ -20,6 +26,8 @@ def body(node: NodeProcess) -> None:
             grid=config.grid,
             interim_every_s=config.interim_every_s,
             settings=config.match,
+            keep_hours=config.keep_hours,
+            on_refused=refused if stays else None,
         )
 
     site, grid = node.graph.site, config.grid

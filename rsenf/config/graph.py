@@ -272,6 +272,9 @@ class MatchNode(Supervised):
     grid: Name
     method: str = "phase"
     interim_every_s: float = Field(0.0, ge=0, description="0: a result at the end only")
+    keep_hours: float = Field(
+        24.0, ge=0, description="of estimates, and of a growing reference, to go by; 0: all"
+    )
     match: MatchSettings = MatchSettings()
 
 

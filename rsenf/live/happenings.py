@@ -19,10 +19,11 @@ def idle_changed(change: Change, tick: Tick) -> Alarm:
 
 def phase_jump(jump: Jump, tick: Tick) -> Alarm:
     """The phase jumped."""
-    text = f"the phase jumped by {jump.rad:+.2f} rad: a splice, or frames lost or sent twice"
+    text = f"the phase jumped by {jump.rad:+.2f} rad"
     return Alarm(
         header=tick.header, kind="phase_jump", start_pts_ns=jump.t_ns, end_pts_ns=jump.t_ns,
-        value=jump.rad, limit=jump.limit_rad, unit="rad", text=text,
+        value=jump.rad, limit=jump.limit_rad, unit="rad",
+        text=f"{text}: a splice, frames lost or sent twice, or another exposure",
     )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -58,11 +58,19 @@ class Match:
     interim_every_s : float
         Stream time between interim results; 0 for none but the final one.
     settings : MatchSettings, optional
+    keep_hours : float
+        Of the estimates, and of a reference that grows, to go by; 0 for all. What can be compared
+        of a longer clip is its last hours, and the result says so. The hypotheses of the tracker
+        ``paper`` are all kept, in a few bytes each.
+    on_refused : callable, optional
+        Told why a clip and a reference can't be compared at all, which is no decision, then. For
+        who goes on with other cameras; without, that is an error.
 
     Raises
     ------
     UsageError
-        When there is no method of that name.
+        When there is no method of that name; from ``update`` and ``flush``, when the steps of clip
+        and reference don't fit each other.
     """
 
     def __init__(
@@ -74,12 +82,16 @@ class Match:
         claimed_utc_ns: int = 0,
         interim_every_s: float = 0.0,
         settings: MatchSettings | None = None,
+        keep_hours: float = 0.0,
+        on_refused: Callable[[str], None] | None = None,
     ) -> None:
         if method not in METHODS:
             raise UsageError(f"no match method {method!r}", f"one of {', '.join(METHODS)}")
         self.method, self.grid, self.claimed_utc_ns = method, grid, claimed_utc_ns
         self.settings = settings or MatchSettings()
         self._every_ns = nanoseconds(interim_every_s)
+        self._keep_ns = nanoseconds(3600.0 * keep_hours)
+        self._on_refused = on_refused
         self._grids = tuple(grids)
         self._blocks: dict[str, dict[int, ReferenceBlock]] = {}
         self._begin()
@@ -90,6 +102,7 @@ class Match:
         self._epoch: tuple[str, int] | None = None
         self._due: list[int] = []  # numbers of estimates at which interim results are due
         self._published = 0
+        self._forgotten = 0  # estimates of this epoch that are too old to go by
 
     def update(self, message: EnfEstimate | ReferenceBlock) -> list[Any]:
         """Take an estimate or a block of reference; return the results that it completes.
@@ -114,9 +127,22 @@ class Match:
                 self._hypotheses.add(message)
             return out
         if self._every_ns and self._crosses_boundary(message):
-            self._due.append(len(self._estimates) + 1)
+            self._due.append(self._forgotten + len(self._estimates) + 1)
         self._estimates.append(message)
-        return out + self._interim()
+        out += self._interim()
+        self._forget()
+        return out
+
+    def _forget(self) -> None:
+        """Leave out what is older than the hours kept, once that is an eighth of all."""
+        oldest_ns = self._estimates[-1].end_pts_ns - self._keep_ns
+        eighth = self._estimates[len(self._estimates) // 8]
+        if not self._keep_ns or eighth.start_pts_ns >= oldest_ns:
+            return
+        kept = [e for e in self._estimates if e.start_pts_ns >= oldest_ns]
+        self._forgotten += len(self._estimates) - len(kept)
+        self._estimates = kept
+        self._due = [count for count in self._due if count > self._forgotten]
 
     def flush(self) -> list[Any]:
         """Return the final result of the epoch, whatever there is to go by."""
@@ -132,6 +158,10 @@ class Match:
                 raise SchemaMismatch("a block of another reference")
             kept.clear()  # its node was started again, and has another beginning
         kept[block.first] = block
+        if self._keep_ns and block.t0_ns and not block.total:
+            least = block.first + block.samples - self._keep_ns // block.step_ns
+            for first in [f for f, b in kept.items() if f + b.samples < least]:
+                del kept[first]
 
     def _crosses_boundary(self, message: EnfEstimate) -> bool:
         """Whether this is the first window to reach the next multiple of the interim period."""
@@ -142,7 +172,8 @@ class Match:
     def _interim(self) -> list[Any]:
         if not self._due or not self._reference_ready():
             return []
-        out = [self._result(self._estimates[:count], final=False) for count in self._due]
+        counts = [count - self._forgotten for count in self._due]
+        out = [self._result(self._estimates[:count], final=False) for count in counts]
         self._due = []
         return out
 
@@ -155,18 +186,26 @@ class Match:
         return bool(self._blocks or self._grids)
 
     def _result(self, estimates: list[EnfEstimate], *, final: bool) -> MatchResult:
+        estimates, cut = self._recent(estimates)
         track, jumps = (track_of(estimates), 0) if estimates else (None, 0)
         if track and not tracker_for(self.method):
             track, jumps = without_jumps(track)
         grids = [*self._grids, *(grid_of(list(b.values())) for b in self._blocks.values())]
         method = self._method_for(track)
-        finding = self._finding(method, track, estimates, grids)
-        if final and method == "phase" and track and finding.grid:
-            own = of_nominal(track, grids)
-            finding = examined(finding, track, own, self.settings, self.claimed_utc_ns)
+        try:
+            finding = self._finding(method, track, estimates, grids)
+            if final and method == "phase" and track and finding.grid:
+                own = of_nominal(track, grids)
+                finding = examined(finding, track, own, self.settings, self.claimed_utc_ns)
+        except UsageError as exc:
+            if self._on_refused is None:
+                raise
+            self._on_refused(str(exc))
+            finding = Finding(decision="no_decision", reason=str(exc))
+        warnings = [cut] if cut else []
         if method != self.method:
-            warning = f"these estimates carry no phase: compared by {method}"
-            finding = dataclasses.replace(finding, warnings=(*finding.warnings, warning))
+            warnings.append(f"these estimates carry no phase: compared by {method}")
+        finding = dataclasses.replace(finding, warnings=(*finding.warnings, *warnings))
         header = _header(estimates, self._published)
         self._published += 1
         return result_of(
@@ -180,6 +219,16 @@ class Match:
             claimed_utc_ns=self.claimed_utc_ns,
             final=final,
         )
+
+    def _recent(self, estimates: list[EnfEstimate]) -> tuple[list[EnfEstimate], str]:
+        """Return the estimates of the last hours, and what to say of those left out."""
+        if not self._keep_ns or not estimates:
+            return estimates, ""
+        oldest_ns = estimates[-1].end_pts_ns - self._keep_ns
+        kept = [e for e in estimates if e.start_pts_ns >= oldest_ns] or estimates[-1:]
+        if not self._forgotten and len(kept) == len(estimates):
+            return kept, ""
+        return kept, f"longer than {self._keep_ns / 3.6e12:g} h: compared by what came last"
 
     def _method_for(self, track: Track | None) -> str:
         no_phase = track is not None and track.usable and clip_phase(track) is None

@@ -187,6 +187,39 @@ def test_misuse_is_refused():
     check_lengths(540, 600)
 
 
+def test_only_the_last_hours_are_kept():
+    estimates = estimates_from(CLIP)
+    stage = Match(method="ncc", keep_hours=0.05)
+    for message in [*blocks_from(GRID), *estimates]:
+        stage.update(message)
+    assert len(stage._estimates) < 210
+    (result,) = stage.flush()
+    assert result.decision == "match"
+    # It still tells when the clip began, though that is forgotten.
+    assert result.lag_s == pytest.approx(START_S, abs=0.6)
+    assert result.warnings == ("longer than 0.05 h: compared by what came last",)
+
+
+def test_of_a_growing_reference_too():
+    stage = Match(keep_hours=0.5)
+    for block in blocks_from(GRID):
+        stage.update(dataclasses.replace(block, total=0))
+    held = sum(block.samples for block in stage._blocks["test"].values())
+    assert 1800 <= held < 1800 + 2 * max(b.samples for b in stage._blocks["test"].values())
+
+
+def test_what_does_not_fit_is_an_error_or_refused():
+    odd = grid_from(DAY[:6000], t0_ns=T0_NS, step_s=1.7)
+    messages = [*blocks_from(odd), *estimates_from(CLIP)]
+    with pytest.raises(UsageError, match="no whole multiple"):
+        run(messages)
+    said = []
+    (result,) = run(messages, on_refused=said.append)
+    assert result.decision == "no_decision"
+    assert "no whole multiple" in result.reason
+    assert said == [result.reason]
+
+
 def test_wrong_peaks_of_a_tracker_do_not_hide_the_time():
     enf = CLIP.enf_hz.copy()
     wrong = np.random.default_rng(6).random(enf.size) < 0.04
