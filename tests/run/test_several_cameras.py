@@ -22,6 +22,7 @@ from rsenf.bus.keys import camera_key, health_key
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.messages import encode
 from rsenf.record import open_recording
+from rsenf.run.supervisor import free_endpoint
 from tests.decode import rtsp_server
 from tests.decode.rtsp_server import RtspServer
 
@@ -80,13 +81,17 @@ def contents(recording: Path) -> Iterator[bytes]:
         yield from (found.data for found in reader.iter_attachments())
 
 
+def fetched(url: str) -> bytes:
+    with urllib.request.urlopen(url, timeout=20) as answer:
+        return bytes(answer.read())
+
+
 def shown(said: str) -> bytes:
     """What the dashboard serves: its page, and what it tells a browser that looks at a camera."""
     client = pytest.importorskip("websockets.sync.client")
     found = re.search(r"http://[\d.:]+/", said)
     assert found is not None, said
-    with urllib.request.urlopen(found[0], timeout=20) as page:
-        parts = [page.read()]
+    parts = [fetched(found[0])]
     with client.connect(found[0].replace("http", "ws") + "news") as socket:
         for camera in ("door", "shut"):
             socket.send(json.dumps({"feed": f"lab/{camera}"}))
@@ -124,7 +129,8 @@ def test_cameras_with_passwords(tmp_path: Path, live_run: type[LiveRun]) -> None
         }
         assert ENCODED in door.url
         assert environment["SHUT"] != door.url
-        run = live_run(path, "--json", env=environment)
+        metrics = free_endpoint().removeprefix("tcp/")
+        run = live_run(path, "--json", "--metrics", metrics, env=environment)
         run.until("running", "door", "yard", "shut", "track", "record", "page")
         with open_bus(BusSettings(connect=(run.endpoint,))) as bus:
             for key in (camera_key("lab", "*", "rows"), health_key("lab", "*")):
@@ -134,6 +140,7 @@ def test_cameras_with_passwords(tmp_path: Path, live_run: type[LiveRun]) -> None
             with RtspServer(port=door.port, **login):
                 heard += until(inbox, "door", 1)
                 seen, page = command_lines(), shown("\n".join(run.lines))
+                measured = fetched(f"http://{metrics}/metrics")
                 run.interrupt()
     assert run.process.stdout is not None
     printed = run.process.stdout.read()
@@ -148,6 +155,8 @@ def test_cameras_with_passwords(tmp_path: Path, live_run: type[LiveRun]) -> None
     assert b"lab/door" in page
     assert leaks(seen) == []
     assert leaks(page) == []
+    assert b'node="door"' in measured
+    assert leaks(measured) == []
     assert leaks(printed.encode()) == []
     assert leaks(said.encode()) == []
     assert [leaks(payload) for payload in heard if leaks(payload)] == []
