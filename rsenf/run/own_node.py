@@ -1,7 +1,7 @@
 """A node of one's own in Python, with all that nodes owe each other taken care of.
 
 Told where and who it is by the environment, as ``kind: external`` in a graph and ``rsenf contract``
-do. ``configs/own_node.py`` is one to begin with.
+do. ``rsenf new-node`` writes one to begin with, :mod:`rsenf.run.node_template`.
 """
 
 from __future__ import annotations
