@@ -8,8 +8,8 @@ from urllib.parse import urlsplit
 
 import pytest
 from browser import Browser, chromium
-from conftest import FEEDS, Served, camera_now
 from messages_of import SITE, Camera, grid_hz, health, reference
+from served import FEEDS, Served, camera_now
 
 from rsenf.dashboard.server import DashboardServer
 from rsenf.dashboard.wiring import Wiring

@@ -10,8 +10,8 @@ import time
 from urllib.parse import urlsplit
 
 import pytest
-from conftest import FEEDS, camera_now
 from messages_of import SITE
+from served import FEEDS, camera_now
 
 from rsenf.dashboard.app import STATIC
 from rsenf.dashboard.guard import Guard
@@ -204,7 +204,7 @@ def files_of(one):
 
 
 def _served_with(archive):
-    from conftest import Served
+    from served import Served
 
     return Served(Wiring({f"{SITE}/door": []}, archive=archive))
 

@@ -210,8 +210,9 @@ def say(line: str) -> None:
 
 
 def told(node: NodeState) -> None:
-    """Print what the nodes say of themselves."""
-    say(f"          {node.name}: {node.state} {node.detail}")
+    """Print what the sources say of themselves, and who of the others has not gone on."""
+    if node.kind == "decode" or node.state != "running":
+        say(f"          {node.name}: {node.state} {node.detail}")
 
 
 def main() -> int:
