@@ -37,6 +37,7 @@ from rsenf.record.writer import Recorder
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.run.graph_run import GraphRun
 from rsenf.run.metrics import serving_metrics
+from rsenf.run.node_state import NodeState
 from rsenf.run.supervisor import check_ended, start_graph
 
 RATE_HZ, ROWS, BLOCK = 30, 48, 8
@@ -211,7 +212,13 @@ def run_graph(folder: Path, every_s: float) -> tuple[GraphRun, Samples, int]:
     path = folder / "soak.yaml"
     path.write_text(GRAPH.format(folder=folder, share=share, keeps_h=KEEPS_H))
     done = threading.Event()
-    with start_graph(load_graph(path), path) as run, serving_metrics(run, "0") as port:
+
+    def say(node: NodeState) -> None:
+        if node.state != "running":
+            print(f"{time.monotonic() - begun:7.1f} s  {node.name}: {node.state} {node.detail}")
+
+    begun = time.monotonic()
+    with start_graph(load_graph(path), path, say) as run, serving_metrics(run, "0") as port:
         samples = Samples(run, port)
 
         def look() -> None:
