@@ -43,6 +43,7 @@ VERBS = {
     "regress": "run recorded stages again, and say what isn't as it was",
     "export": "write a recording's topic as CSV, Parquet, or the light as a sound (WAV)",
     "import": "make a recording of the pictures in another program's MCAP (ROS 2, Foxglove)",
+    "new-node": "write a node of your own to begin with",
     "contract": "check that a program keeps to what nodes owe each other",
     "explain": "explain a message, an error or an exit code; write the schemas",
 }
@@ -141,7 +142,7 @@ def _call(words: list[str]) -> int:
             return EXIT_USAGE
         if words[0] not in VERBS:
             return _unknown(words[0])
-        module = importlib.import_module(f"rsenf.cli.{words[0]}")
+        module = importlib.import_module(f"rsenf.cli.{words[0].replace('-', '_')}")
         parser = _parser(f"rsenf {words[0]}", module.__doc__)
         module.add_arguments(parser)
         return int(module.run(parser.parse_args(words[1:])))

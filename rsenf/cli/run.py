@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="which of the hosts that the graph is split over")  # fmt: skip
     parser.add_argument("--metrics", metavar="HOST:PORT",
                         help="serve /metrics, /healthz, /readyz, as at 127.0.0.1:9464")  # fmt: skip
+    parser.add_argument("--log", choices=("auto", "text", "json"), default="auto",
+                        help="form of the words on stderr; auto: RSENF_LOG, or text")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="end state and results as JSON")
     parser.add_argument("--quiet", action="store_true", help="say only what goes wrong")
 
@@ -37,15 +40,24 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.errors import EXIT_DONE, NodeFailed
     from rsenf.report.idle import idle_words
     from rsenf.report.verdict import verdict_words
+    from rsenf.run import log
     from rsenf.run.refusals import telling_refusals
     from rsenf.run.signals import interruptible
     from rsenf.run.supervisor import check_ended, start_graph
     from rsenf.run.view import view_of
 
+    log.ask_for(args.log)
+
+    def tell(text: str) -> None:
+        if log.is_json():
+            print(log.line("warning", text), file=sys.stderr, flush=True)
+        else:
+            say(text)
+
     replayed = dict(args.replay)
     graph = load_graph(args.graph, replayed)
     failure: NodeFailed | None = None
-    refusals = telling_refusals(say) if graph.tls else contextlib.nullcontext()
+    refusals = telling_refusals(tell) if graph.tls else contextlib.nullcontext()
     with (
         refusals,
         view_of(graph, quiet=args.quiet) as view,

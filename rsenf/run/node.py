@@ -7,7 +7,6 @@ import contextlib
 import os
 import secrets
 import signal
-import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -28,11 +27,12 @@ from rsenf.bus.keys import (
     topic_of,
 )
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
-from rsenf.config import Graph, load_graph, redact
+from rsenf.config import Graph, load_graph
 from rsenf.config.graph import ExternalNode, elsewhere, outputs, sender_of
 from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, RsenfError, UsageError
 from rsenf.run.at_end import end_process
 from rsenf.run.health import HealthReport
+from rsenf.run.log import complain
 from rsenf.run.peers import Peers
 
 PATIENCE_S = 3.0
@@ -233,7 +233,7 @@ def run_node(body: Callable[[NodeProcess], None]) -> NoReturn:
         code = _run(body, args)
     except BaseException:  # noqa: BLE001 - whatever it was, the process ends here
         with contextlib.suppress(Exception):
-            print(redact(traceback.format_exc()), file=sys.stderr)
+            complain(traceback.format_exc(), traceback.format_exc(), node=args.node)
     finally:
         end_process(code)
 
@@ -266,7 +266,7 @@ def _run(body: Callable[[NodeProcess], None], args: argparse.Namespace) -> int:
     except RsenfError as exc:
         # A supervisor has heard it over the bus, and says it.
         if node is None or not args.supervisor:
-            print(f"rsenf: {args.node}: {redact(str(exc))}", file=sys.stderr)
+            complain(f"rsenf: {args.node}: {exc}", str(exc), node=args.node)
         return exc.exit_code
 
 

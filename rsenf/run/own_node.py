@@ -1,7 +1,7 @@
 """A node of one's own in Python, with all that nodes owe each other taken care of.
 
 Told where and who it is by the environment, as ``kind: external`` in a graph and ``rsenf contract``
-do. ``configs/own_node.py`` is one to begin with.
+do. ``rsenf new-node`` writes one to begin with, :mod:`rsenf.run.node_template`.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ from collections.abc import Callable
 from typing import NoReturn
 
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
-from rsenf.config import Graph, redact
+from rsenf.config import Graph
 from rsenf.errors import EXIT_FAILED, RsenfError, UsageError
 from rsenf.run.at_end import end_process
+from rsenf.run.log import complain
 from rsenf.run.node import NodeProcess, install_signals
 
 
@@ -31,7 +32,7 @@ def run_own_node(body: Callable[[NodeProcess], None]) -> NoReturn:
     try:
         code = _run(body)
     except RsenfError as exc:
-        print(f"rsenf: {redact(str(exc))}", file=sys.stderr)
+        complain(f"rsenf: {exc}", str(exc), node=os.environ.get("RSENF_NODE", ""))
         code = exc.exit_code
     finally:
         end_process(code)

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rsenf.config import Graph
+from rsenf.config.graph import outputs
+from rsenf.run import log
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -52,6 +54,32 @@ class LineView:
         print(f"rsenf {time.monotonic() - self._begun:6.2f} s  {text}", file=sys.stderr, flush=True)
 
 
+class JsonView:
+    """One line of JSON for each change of state, for whoever collects logs."""
+
+    def __init__(self, graph: Graph, *, quiet: bool) -> None:
+        self._graph, self._quiet = graph, quiet
+
+    def started(self, run: GraphRun) -> None:
+        """Say where the bus is."""
+        if not self._quiet:
+            self._print(log.line("info", f"bus at {run.endpoint}, run {run.run_id}"))
+
+    def update(self, node: NodeState) -> None:
+        """Say a node's new state."""
+        if self._quiet and not node.went_wrong:
+            return
+        again = "warning" if node.state == "restarting" else "info"
+        level = "error" if node.went_wrong else again
+        of = dict.fromkeys(camera for _, camera in outputs(self._graph.nodes[node.name]))
+        cameras = ", ".join(of) if node.kind != "reference" else ""
+        message = f"{node.state} {node.detail}".rstrip()
+        self._print(log.line(level, message, node=node.name, camera=cameras))
+
+    def _print(self, text: str) -> None:
+        print(text, file=sys.stderr, flush=True)
+
+
 class TableView:
     """A table that is redrawn in place, for people."""
 
@@ -91,8 +119,11 @@ def _table(graph: Graph, run: GraphRun) -> Table:
 
 
 @contextmanager
-def view_of(graph: Graph, *, quiet: bool) -> Iterator[LineView | TableView]:
-    """Yield the view that suits stderr: a table on a terminal, lines otherwise."""
+def view_of(graph: Graph, *, quiet: bool) -> Iterator[LineView | JsonView | TableView]:
+    """Yield the view that suits stderr: JSON if asked for, a table on a terminal, or else lines."""
+    if log.is_json():
+        yield JsonView(graph, quiet=quiet)
+        return
     if quiet or not sys.stderr.isatty():
         yield LineView(quiet=quiet)
         return

@@ -37,6 +37,7 @@ from rsenf.record.writer import Recorder
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.run.graph_run import GraphRun
 from rsenf.run.metrics import serving_metrics
+from rsenf.run.node_state import NodeState
 from rsenf.run.supervisor import check_ended, start_graph
 
 RATE_HZ, ROWS, BLOCK = 30, 48, 8
@@ -70,6 +71,7 @@ READS = {
     "live": ("play", "track", "idle", "grid"),
     "record": ("play", "grid", "track", "idle", "match", "live"),
 }
+FATES = ("taken", "dropped", "missed", "rejected")
 HELD = ("memory_mb", "files", "threads")
 Kept = dict[str, tuple[int, int, int, bool]]
 # More than this from the second quarter to the last is growth.
@@ -105,15 +107,18 @@ def _rows(grid: GridPath, total_s: int, seed: int) -> Any:
         for block in blocks_from_luminance(
             level[:, :, None].astype(np.float32), frame / RATE_HZ, header, block_frames=BLOCK
         ):
-            yield replace(block, header=_moved(block.header, first))
+            yield _moved(block, first)
 
 
-def _moved(header: Header, frames: int) -> Header:
-    return replace(
+def _moved(block: RowBlock, frames: int) -> RowBlock:
+    """Return a block as what comes after so many frames."""
+    header = block.header
+    header = replace(
         header.numbered(header.seq + frames // BLOCK),
         frame_first=header.frame_first + frames,
         frame_last=header.frame_last + frames,
     )
+    return replace(block, header=header, frame_number=block.frame_number + frames)
 
 
 class Samples:
@@ -136,7 +141,9 @@ class Samples:
             try:
                 of = psutil.Process(pid)
                 row = of.memory_info().rss / 1e6, float(of.num_fds()), float(of.num_threads())
-            except psutil.Error:  # it has ended since
+            except psutil.Error:
+                continue
+            if not row[0]:  # it has just ended
                 continue
             self.held[name].append((at_h, *row))
 
@@ -151,7 +158,11 @@ def growth(held: list[tuple[float, ...]], hours: float) -> dict[str, dict[str, f
         value = table[:, k]
         moving = filled.sum() > 2 and np.ptp(at_h[filled]) > 0
         slope = float(np.polyfit(at_h[filled], value[filled], 1)[0]) if moving else np.nan
-        more = np.median(value[last]) - np.median(value[second]) if second.any() else np.nan
+        more = (
+            np.median(value[last]) - np.median(value[second])
+            if second.any() and last.any()
+            else np.nan
+        )
         out[what] = {
             "start": float(value[0]),
             "middle": float(np.median(value[second])) if second.any() else np.nan,
@@ -175,7 +186,8 @@ def accounts(run: GraphRun, kept: Kept) -> dict[str, dict[str, int]]:
         # The recorder takes the words of all nodes beside.
         taken = of.messages_in - (words if name == "record" else 0)
         counts = {"sent": sent, "taken": taken, "dropped": of.dropped, "missed": of.missed}
-        counts["unaccounted"] = sent - taken - of.dropped - of.missed
+        counts |= {"rejected": of.rejected}
+        counts["unaccounted"] = sent - sum(counts[k] for k in FATES)
         out[name] = counts
     return out
 
@@ -200,7 +212,13 @@ def run_graph(folder: Path, every_s: float) -> tuple[GraphRun, Samples, int]:
     path = folder / "soak.yaml"
     path.write_text(GRAPH.format(folder=folder, share=share, keeps_h=KEEPS_H))
     done = threading.Event()
-    with start_graph(load_graph(path), path) as run, serving_metrics(run, "0") as port:
+
+    def say(node: NodeState) -> None:
+        if node.state != "running":
+            print(f"{time.monotonic() - begun:7.1f} s  {node.name}: {node.state} {node.detail}")
+
+    begun = time.monotonic()
+    with start_graph(load_graph(path), path, say) as run, serving_metrics(run, "0") as port:
         samples = Samples(run, port)
 
         def look() -> None:
@@ -231,11 +249,11 @@ def report(run: GraphRun, samples: Samples, folder: Path, hours: float) -> bool:
             print(f"{name:8}{what:12}{cells}{row['per_hour']:+10.2f}{word}")
     kept = archived(folder)
     table = accounts(run, kept)
-    print(f"\n{'':8}{'sent':>9}{'taken':>9}{'dropped':>9}{'missed':>9}{'unaccounted':>13}")
+    print(f"\n{'':8}{'sent':>9}{''.join(f'{k:>9}' for k in FATES)}{'unaccounted':>13}")
     for name, counts in table.items():
-        cells = "".join(f"{counts[k]:9d}" for k in ("sent", "taken", "dropped", "missed"))
+        cells = "".join(f"{counts[k]:9d}" for k in ("sent", *FATES))
         print(f"{name:8}{cells}{counts['unaccounted']:13d}")
-        flat &= counts["unaccounted"] == 0
+        flat &= counts["unaccounted"] == counts["rejected"] == 0
     print("\nin the archive, after the oldest files were deleted:")
     for key, (first, last, missing, ended) in kept.items():
         print(f"{key:32} numbers {first} to {last}, {missing} missing{', ended' if ended else ''}")

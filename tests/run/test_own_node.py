@@ -30,7 +30,7 @@ from rsenf.run.node import NodeProcess
 from rsenf.run.node_state import NodeState
 from rsenf.run.supervisor import free_endpoint
 
-OWN = Path("configs/own_node.py")
+OWN = Path("rsenf/run/node_template.py")
 
 
 def until(reached: Callable[[], bool], timeout_s: float = 15.0) -> bool:
@@ -113,9 +113,32 @@ def test_the_contract_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(word in said for word in ("RSENF_CONNECT", "seq", "epoch", "health", "SIGTERM"))
 
 
+def test_one_is_written_and_never_over_another(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["new-node", "my_band", "--dir", str(tmp_path)]) == EXIT_DONE
+    path = tmp_path / "my_band.py"
+    assert f"python {path}" in capsys.readouterr().out
+    text = path.read_text(encoding="utf-8")
+    assert "python my_band.py" in text
+    assert "own_node.py" not in text
+    path.write_text("mine")
+    assert main(["new-node", "my_band", "--dir", str(tmp_path)]) == EXIT_USAGE
+    assert path.read_text() == "mine"
+    for name in ("../elsewhere", "my-band", "class", "rsenf"):
+        assert main(["new-node", name, "--dir", str(tmp_path)]) == EXIT_USAGE
+    assert main(["new-node", "band", "--dir", str(tmp_path / "nowhere")]) == EXIT_USAGE
+    assert "my_band.py exists already" in capsys.readouterr().err
+    assert [p.name for p in tmp_path.iterdir()] == ["my_band.py"]
+
+
 @pytest.mark.processes
-def test_the_one_to_begin_with_keeps_the_contract(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["--reads", "cam/track", "--sends", "cam/alarm", "--", sys.executable, str(OWN)]
+def test_what_is_written_keeps_the_contract(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["new-node", "band", "--dir", str(tmp_path)]) == EXIT_DONE
+    node = [sys.executable, str(tmp_path / "band.py")]
+    words = ["--reads", "cam/track", "--sends", "cam/alarm", "--", *node]
     assert main(["contract", *words]) == EXIT_DONE
     assert "BROKEN" not in capsys.readouterr().out
 

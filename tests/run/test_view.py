@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import json
+from datetime import datetime
 
 import pytest
 from rich.console import Console
@@ -10,9 +12,10 @@ from run_samples import GRAPH, nobody
 
 from rsenf.config import Graph
 from rsenf.messages import Header, Health
+from rsenf.run import log
 from rsenf.run.graph_run import GraphRun
 from rsenf.run.node_state import NodeState
-from rsenf.run.view import LineView, TableView
+from rsenf.run.view import LineView, TableView, view_of
 
 
 @pytest.fixture
@@ -20,6 +23,26 @@ def run() -> GraphRun:
     graph = Graph.model_validate(GRAPH)
     nodes = {name: NodeState(name, config.kind) for name, config in graph.nodes.items()}
     return GraphRun(graph, "1a2b", "tcp/127.0.0.1:7447", nodes, lambda node: None, nobody)
+
+
+def test_a_log_of_json_lines(
+    run: GraphRun, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(log.ASKED, "json")
+    with view_of(run.graph, quiet=False) as view:
+        view.started(run)
+        for state, detail in (("running", ""), ("failed", "rtsp://user:hunter2@host/x\nis gone")):
+            run.nodes["rows"].state, run.nodes["rows"].detail = state, detail
+            view.update(run.nodes["rows"])
+        log.complain("words", "password: hunter2", node="rows")
+    said = capsys.readouterr().err
+    events = [json.loads(text) for text in said.splitlines()]
+    assert [e["level"] for e in events] == ["info", "info", "error", "error"]
+    assert [e["node"] for e in events] == ["", "rows", "rows", "rows"]
+    assert [e["camera"] for e in events] == ["", "cam", "cam", ""]
+    assert events[2]["message"] == "failed rtsp://***@host/x\nis gone"
+    assert "hunter2" not in said
+    assert datetime.fromisoformat(events[0]["time"]).tzinfo
 
 
 def test_the_table(run: GraphRun) -> None:

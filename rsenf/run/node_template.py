@@ -1,7 +1,7 @@
 """A node to begin with: raises an alarm when the grid of a camera leaves its usual band.
 
-rsenf contract --reads cam1/track --sends cam1/alarm -- python configs/own_node.py
-nodes: {band: {kind: external, command: [python, configs/own_node.py],
+rsenf contract --reads cam1/track --sends cam1/alarm -- python own_node.py
+nodes: {band: {kind: external, command: [python, own_node.py],
                reads: [cam1/track], sends: [cam1/alarm]}}
 """
 
