@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ from rsenf.config.graph import LiveNode, beside_rows
 from rsenf.live import Live, Silence
 from rsenf.messages import Alarm, Header
 from rsenf.run.node import NodeProcess, run_node
+from rsenf.run.peers import Peers
 from rsenf.run.pump import Lane, TellingLane, pump
 from rsenf.run.runner import Runner
 
@@ -43,12 +44,12 @@ class LiveLane(TellingLane):
             else:
                 super().send([message])
 
-    def give_up(self, run_id: str, hopeless: Callable[[str], bool]) -> None:
+    def give_up(self, run_id: str, peers: Peers) -> None:
         """Notice silence as well."""
         now = time.monotonic()
         if self.rows in self.inputs and now - self._heard.get(self.rows, now) > self.lost_s:
             self.send(self.runner.feed(Silence(Header(run_id=run_id))))
-        super().give_up(run_id, hopeless)
+        super().give_up(run_id, peers)
 
 
 def body(node: NodeProcess) -> None:

@@ -28,6 +28,8 @@ from rsenf.errors import RsenfError, UsageError
 
 ECHO_KEY = "rsenf/@echo"
 ECHO_TIMEOUT_S, NO_ECHO_S = 1.0, 0.3
+# Who has played faster than others take it has much under way: as long as nobody is in a hurry.
+SEEN_OFF_S, ECHO_POLL_S = 600.0, 0.01
 HISTORY_TIMEOUT_S = 2.0
 # What was missed in a minute takes a while over a slow link.
 RECOVERY_TIMEOUT_S = 20.0
@@ -169,6 +171,8 @@ class ZenohBus:
         self._inboxes: list[Inbox] = []
         # Zenoh withdraws a declaration when Python forgets it.
         self._declared: list[Any] = []
+        # Whether what is still under way at the end may be waited for only a moment.
+        self.in_a_hurry: Callable[[], bool] = lambda: True
 
     def publisher(self, key: str, delivery: Delivery) -> Publisher:
         """Open a key for sending."""
@@ -246,11 +250,26 @@ class ZenohBus:
         for inbox in self._inboxes:
             inbox.close()
         replies = self._session.get(
-            ECHO_KEY, timeout=ECHO_TIMEOUT_S, priority=zenoh.Priority.BACKGROUND,
+            ECHO_KEY, timeout=SEEN_OFF_S, priority=zenoh.Priority.BACKGROUND,
             target=zenoh.QueryTarget.ALL, congestion_control=_BLOCK,
         )  # fmt: skip
-        if not [reply for reply in replies if reply.ok is not None]:  # waits for all of them
+        if not self._answered(replies):
             time.sleep(NO_ECHO_S)  # somebody else's router: nothing to do but give it time
+
+    def _answered(self, replies: Any) -> bool:
+        """Wait for all the answers; returns whether there was one. Not for long in a hurry."""
+        answered, hurried_s = False, 0.0
+        while hurried_s < ECHO_TIMEOUT_S:
+            try:
+                reply = replies.try_recv()
+            except zenoh.ZError:  # that was all
+                break
+            if reply is None:
+                time.sleep(ECHO_POLL_S)
+                hurried_s += ECHO_POLL_S if self.in_a_hurry() else 0.0
+            else:
+                answered |= reply.ok is not None
+        return answered
 
 
 @contextmanager

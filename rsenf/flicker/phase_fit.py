@@ -47,6 +47,8 @@ REST_RAD, NEARLY_RAD = 1e-4, 5e-4
 # Noise is told from bands around the tone. What is in quadrature to the phase can be taken from
 # close by; along it, the phase has followed whatever is slow.
 COLUMNS_HZ, ALONG_HZ, ACROSS_HZ = (0.3, 1.6), (0.2, 0.8), (0.05, 0.5)
+# What turns slower than a hertz keeps so much of its length in a node's mean.
+SLOW = float(np.sinc(NODE_S))
 # A column's amplitude counts as far as it is beyond this many of its variances.
 SIGNIFICANT = 4.0
 
@@ -113,6 +115,38 @@ def fit_phase(frames: Frames, psi_rad: Float) -> PhaseFit:
     psi_rad : ndarray, shape (nodes,)
         First guess of the phase at nodes ``NODE_S`` apart, relative to the nominal frequency's.
     """
+    fit, loudest = _settled(frames, psi_rad)
+    if loudest == 1:
+        return fit
+    # What is taken for an overtone is louder than the flicker itself: it is the flicker.
+    nearer = _as_first(frames, fit.psi_rad, loudest)
+    if nearer is None:
+        return fit
+    other, loudest = _settled(frames, nearer)
+    return other if loudest == 1 else fit
+
+
+def _as_first(frames: Frames, psi_rad: Float, order: int) -> Float | None:
+    """Phase by which a harmonic of this path is the first; None where its alias is elsewhere.
+
+    Where the alias is a third of the frame rate, the second harmonic's mirror image lies on it.
+    A path that takes the flicker for that image wanders half as much, the other way, and grids
+    are more likely to wander less.
+    """
+    place = Place(frames.t_s, psi_rad.size)
+    phase = order * (frames.carrier_rad + place.at_frames(psi_rad))
+    frames_at = place.sums(np.ones(phase.size))
+    seen = np.flatnonzero(frames_at)
+    for sign in (-1.0, 1.0):
+        turn = place.sums(np.exp(1j * (sign * phase - frames.carrier_rad)))[seen]
+        if np.median(np.abs(turn) / frames_at[seen]) > SLOW:
+            phases = np.unwrap(np.angle(turn))
+            return np.asarray(np.interp(np.arange(place.nodes), seen, phases))
+    return None
+
+
+def _settled(frames: Frames, psi_rad: Float) -> tuple[PhaseFit, int]:
+    """Most probable phase near a first guess, and which harmonic is the loudest."""
     prior = phase_prior(psi_rad.size).basis
     place = Place(frames.t_s, psi_rad.size)
     coefficient = _project(prior, psi_rad)
@@ -140,7 +174,7 @@ def fit_phase(frames: Frames, psi_rad: Float) -> PhaseFit:
     psi = prior @ coefficient
     over_second = (prior[NODES_PER_S:] - prior[:-NODES_PER_S]) / (2.0 * np.pi)
     solved = np.linalg.solve(precision, over_second.T)
-    return PhaseFit(
+    fit = PhaseFit(
         psi_rad=psi,
         second_var_hz2=np.einsum("ij,ji->i", over_second, solved),
         template=amplitude.harmonic[0],
@@ -150,6 +184,8 @@ def fit_phase(frames: Frames, psi_rad: Float) -> PhaseFit:
         t_s=frames.t_s,
         deviation=_deviation(amplitude),
     )
+    power = [float(np.sum(np.abs(c) ** 2)) for c in amplitude.harmonic]
+    return fit, 1 + int(np.argmax(power))
 
 
 class Place:

@@ -261,6 +261,7 @@ def _run(body: Callable[[NodeProcess], None], args: argparse.Namespace) -> int:
         with open_bus(bus_settings(graph, tuple(args.connect))) as bus:
             node = NodeProcess(graph, args.node, args.run_id, bus, args.restarts, args.gone)
             install_signals(node)
+            bus.in_a_hurry = node.stop.is_set
             with node.beating(args.supervisor):
                 return node.live(body)
     except RsenfError as exc:

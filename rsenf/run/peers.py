@@ -40,6 +40,7 @@ class Peers:
         self._final = set(gone)
         self._departures: Counter[str] = Counter()
         self._finished: set[str] = set()
+        self._done: set[str] = set()  # of those, who hasn't failed
         self._change = threading.Condition()
 
     def on_alive(self, key: str, alive: bool) -> None:
@@ -50,6 +51,7 @@ class Peers:
                 self._alive.add(name)
                 self._gone_since.pop(name, None)
                 self._finished.discard(name)
+                self._done.discard(name)
                 self._final.discard(name)
             elif name in self._alive:
                 self._alive.discard(name)
@@ -63,6 +65,8 @@ class Peers:
             if state in LAST_WORDS or state == GIVEN_UP:
                 if state != GIVEN_UP:
                     self._finished.add(name)
+                if state == "done":
+                    self._done.add(name)
                 if state != "failed":  # that is for the supervisor to say
                     self._final.add(name)
                 if name not in self._alive:  # failed before it was ready, so there was no token
@@ -104,6 +108,11 @@ class Peers:
             since = self._gone_since.get(name)
             comes_back = name in self._returning - self._final
         return 0.0 if since is None or comes_back else time.monotonic() - since
+
+    def has_finished(self, name: str) -> bool:
+        """Whether a node has ended well: what it had to send is sent."""
+        with self._change:
+            return name in self._done
 
     def departures(self, name: str) -> tuple[int, bool]:
         """How often a node has gone, and whether it is away now."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,10 +13,13 @@ from rsenf.bus.keys import source_of
 from rsenf.errors import SchemaMismatch
 from rsenf.messages import Header
 from rsenf.run.node import NodeProcess
+from rsenf.run.peers import Peers
 from rsenf.run.runner import Runner
 
 # An input whose sender has gone without an END mark is given up when nothing has come this long.
 GIVE_UP_S = 1.0
+# One that has ended well has sent its mark: it is under way, behind what a slow reader takes.
+UNDER_WAY_S = 60.0
 # Told to stop, a node still takes what is under way, but not for longer than this.
 LINGER_S = 0.4
 POLL_S = 0.1
@@ -40,6 +43,7 @@ class Lane:
     publisher: Publisher
     inputs: dict[str, str]
     _heard: dict[str, float] = field(default_factory=dict)
+    _begun: set[str] = field(default_factory=set)
 
     def feed(self, received: Received) -> None:
         """Give the stage a message and send on what it completes."""
@@ -51,20 +55,24 @@ class Lane:
         self.send(self.runner.feed(received.message))
         # What the stage took its time for is no silence of the sender's.
         self._heard[key] = time.monotonic()
+        self._begun.add(key)
 
-    def give_up(self, run_id: str, hopeless: Callable[[str], bool]) -> None:
+    def give_up(self, run_id: str, peers: Peers) -> None:
         """End the inputs from which nothing will come any more.
 
         Parameters
         ----------
         run_id : str
             For the END mark of a stream that never began.
-        hopeless : callable
-            Told the node that sends an input.
+        peers : Peers
+            Tells which senders are gone, and how they ended.
         """
         now = time.monotonic()
         for key, sender in list(self.inputs.items()):
-            if now - self._heard.setdefault(key, now) > GIVE_UP_S and hopeless(sender):
+            ends = key in self._begun and peers.has_finished(sender)
+            patience_s = UNDER_WAY_S if ends else GIVE_UP_S
+            silent_s = now - self._heard.setdefault(key, now)
+            if min(silent_s, peers.gone_for_s(sender)) > patience_s:
                 self._end(key, run_id)
 
     def end(self, run_id: str) -> None:
@@ -127,6 +135,6 @@ def pump(node: NodeProcess, lanes: list[Lane]) -> None:
         if now - looked > POLL_S and not node.inbox.depth:
             looked = now
             for lane in lanes:
-                lane.give_up(node.run_id, lambda name: node.peers.gone_for_s(name) > GIVE_UP_S)
+                lane.give_up(node.run_id, node.peers)
     for lane in lanes:
         lane.end(node.run_id)

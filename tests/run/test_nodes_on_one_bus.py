@@ -23,6 +23,7 @@ from rsenf.rows.stage import Rows
 from rsenf.run import peers as peers_module
 from rsenf.run import pump as pump_module
 from rsenf.run.node import NodeProcess
+from rsenf.run.peers import Peers
 from rsenf.run.pump import Lane, TellingLane, pump
 from rsenf.run.recording import Ending
 from rsenf.run.runner import Runner
@@ -144,14 +145,34 @@ def test_a_sender_that_has_gone_is_heard_out_however_long_a_stage_takes(
         assert [m.method for m in until_end(out)] == ["update", "update", "flush", ""]
 
 
+def test_what_is_under_way_of_a_sender_that_ended_well_is_waited_for(
+    network: Loopback, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pump_module, "GIVE_UP_S", 0.1)
+    node, out = node_on(network, "track"), listen(network, TRACK)
+    rows, late = network.bus("rows"), network.bus("late")
+    rows.declare_alive(alive_key("lab", "rows"))
+    publisher = late.publisher(ROWS, SIGNALS)  # what a slow link brings after the token is gone
+    with pumping(node, [lane(node)]):
+        publisher.send(block(0))
+        node.peers.on_state("rows", "done")
+        rows.close()
+        time.sleep(0.5)
+        publisher.send(block(1))
+        publisher.send(end_after(block(1)))
+        assert [m.method for m in until_end(out)] == ["update", "flush", ""]
+
+
 def test_a_late_end_of_an_input_given_up_ends_nothing_twice(network: Loopback) -> None:
     node = node_on(network, "match")
     reference = reference_key("lab", "ce")
     the_lane = lane(node, TRACK, reference, sender="gone")
     out = listen(network, TRACK)
-    the_lane.give_up("r", lambda name: True)  # nothing heard yet: since now
+    peers = Peers({"gone"}, gone=["gone"])
+    peers._gone_since["gone"] = -1e9
+    the_lane.give_up("r", peers)  # nothing heard yet: since now
     the_lane._heard = {TRACK: -1e9, reference: time.monotonic()}
-    the_lane.give_up("r", lambda name: True)
+    the_lane.give_up("r", peers)
     assert list(the_lane.inputs) == [reference]
     network.bus("late").publisher(TRACK, SIGNALS).send(
         EnfEstimate(header=end_after(block(3)).header)
