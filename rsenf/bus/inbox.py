@@ -219,8 +219,9 @@ class Inbox:
 
     @property
     def depth(self) -> int:
-        """Messages waiting."""
-        return len(self._items)
+        """Messages waiting, those held back included, and questions that are open."""
+        with self._change:
+            return len(self._items) + sum(1 + len(held) for held in self._held.values())
 
     @property
     def closed(self) -> bool:

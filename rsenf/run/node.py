@@ -161,8 +161,12 @@ class NodeProcess:
         self.peers.on_alive(key, alive)
         name = node_of(key)
         if alive and name in self.graph.nodes:
-            self._catch_up(name)
-            if name in elsewhere(self.graph, self.name):
+            away = name in elsewhere(self.graph, self.name)
+            # Of one that is seen for the first time on this host nothing was missed, and it may
+            # have ended before it can answer.
+            if away or self.peers.departures(name)[0]:
+                self._catch_up(name)
+            if away:
                 # It may be seen a moment before it sends here again.
                 again = threading.Timer(SENDS_AGAIN_S, self._catch_up, (name,))
                 again.daemon = True

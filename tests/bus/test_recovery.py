@@ -274,3 +274,15 @@ def test_a_run_that_ends_meanwhile_is_told_whole_and_once(heard: list[int]) -> N
     assert [(m.header.run_id, m.header.seq) for m in told] == sent
     assert inbox.receive(0.1) is None
     assert inbox.counters.missed == 0
+
+
+def test_what_is_held_back_counts_as_waiting() -> None:
+    inbox, answer = Inbox(), threading.Event()
+    inbox.ask = lambda *question: [] if answer.wait(10) else None
+    inbox.catch_up("rsenf/lab/cam/track")
+    assert inbox.depth == 1  # nobody may believe that all is here
+    answer.set()
+    deadline = time.monotonic() + 10
+    while inbox.depth and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert inbox.depth == 0
