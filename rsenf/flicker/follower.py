@@ -89,12 +89,12 @@ class FlickerFollower:
             if not final or pts.size < 2:
                 return False
             enough = pts.size - 1
-        lasted_s = (pts[enough] - pts[0]) / 1e9
+        lasted_ns = pts[enough] - pts[0]
         frames = int(numbers[enough] - numbers[0])
-        if not LEAST_RATE_HZ * lasted_s < frames < MOST_RATE_HZ * lasted_s:
+        if not LEAST_RATE_HZ * lasted_ns < frames * 1e9 < MOST_RATE_HZ * lasted_ns:
             del self._waiting[0]  # a clock that stood still or leapt: begin after it
             return False
-        self._rate_hz = frames / lasted_s
+        self._rate_hz = float(frames * 1e9 / lasted_ns)
         most_turns = HARMONICS * 2.0 * max(self._nominals) / self._rate_hz
         self._basis = ProfileBasis(self._waiting[0].rows, most_turns)
         self._buffer = SlowTime(self._basis.columns, int(pts[0]))

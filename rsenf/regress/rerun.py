@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import deque
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from rsenf.bus.keys import TOPICS, topic_of
-from rsenf.errors import InputError
+from rsenf.errors import InputError, SchemaMismatch
 from rsenf.messages import Header, VideoPacket
 from rsenf.record import Recording, open_recording
 from rsenf.regress.fields import moved
@@ -148,7 +149,8 @@ class StepRun:
 
     def _feed(self, inputs: Iterable[Any]) -> None:
         for one in inputs:
-            self._add(self._runner.feed(one))
+            with contextlib.suppress(SchemaMismatch):  # a node goes on without such a one, too
+                self._add(self._runner.feed(one))
         if self._pictures.mistimed and not self._blind:
             why = "an older version of rsenf recorded its video without the times of its pictures"
             self._verdict = TopicVerdict(self._step.topic, self._step.stage, unjudged=why)

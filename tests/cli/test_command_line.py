@@ -67,7 +67,7 @@ def test_version(rsenf: Rsenf) -> None:
 def test_help_names_every_verb(rsenf: Rsenf) -> None:
     done = rsenf("--help")
     assert (done.returncode, done.stderr) == (0, "")
-    shown = re.findall(r"^  (\w+)", done.stdout[done.stdout.index("verbs:") :], re.MULTILINE)
+    shown = re.findall(r"^  ([\w-]+)", done.stdout[done.stdout.index("verbs:") :], re.MULTILINE)
     assert shown == list(VERBS)
     assert rsenf().stdout == done.stdout
 
