@@ -57,11 +57,11 @@ def opened(two: tuple[Bus, Bus], delivery: Delivery = SIGNALS) -> tuple[Publishe
     """A sender's publisher and a receiver's inbox that know each other."""
     a, b = two
     inbox, publisher = Inbox(), a.publisher(TRACK, delivery)
-    publisher.send(estimate(0))
     b.subscribe(inbox, TRACK, SIGNALS)
-    assert seqs(take(inbox, 1)) == [0]
     while not publisher.is_heard:
         time.sleep(0.01)
+    publisher.send(estimate(0))
+    assert seqs(take(inbox, 1)) == [0]
     return publisher, inbox
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import importlib.util
+import importlib
 import sys
 from collections.abc import Callable, Iterator
 from threading import Event, Thread
@@ -120,8 +120,12 @@ def test_what_is_missing_is_said_in_a_line(
         open_input("", lambda samples, lost: None)
 
 
-@pytest.mark.skipif(not importlib.util.find_spec("sounddevice"), reason="needs sounddevice")
+@pytest.mark.external
 def test_a_device_that_is_not_there() -> None:
+    try:
+        importlib.import_module("sounddevice")
+    except (ImportError, OSError) as exc:
+        pytest.skip(f"needs sounddevice and PortAudio: {exc}")
     with pytest.raises(UsageError, match="no sound from 'no such card'"):
         open_input("no such card", lambda samples, lost: None)
 
