@@ -11,7 +11,7 @@ from rsenf.bus.keys import node_of
 
 # A node that says 'done' and withdraws its token has finished; one whose token vanishes without
 # a word was lost. The word may come a moment after the token has gone.
-LAST_WORD_S = 0.6
+LAST_WORD_S = 1.0
 LAST_WORDS = ("done", "failed")
 # What the supervisor says of a node that it won't start again, or never could.
 GIVEN_UP = "lost"
@@ -50,9 +50,6 @@ class Peers:
             if alive:
                 self._alive.add(name)
                 self._gone_since.pop(name, None)
-                self._finished.discard(name)
-                self._done.discard(name)
-                self._final.discard(name)
             elif name in self._alive:
                 self._alive.discard(name)
                 self._departures[name] += 1
@@ -71,6 +68,10 @@ class Peers:
                     self._final.add(name)
                 if name not in self._alive:  # failed before it was ready, so there was no token
                     self._gone_since.setdefault(name, time.monotonic())
+            else:
+                # Another life of it. Its token doesn't tell: it may come after the last word.
+                for ended in (self._finished, self._done, self._final):
+                    ended.discard(name)
             self._change.notify_all()
 
     def wait_for(self, names: set[str], timeout_s: float, stop: threading.Event) -> set[str]:
