@@ -6,7 +6,7 @@ import time
 
 from rsenf.bus.delivery import LOOKING
 from rsenf.bus.keys import ROOT, health_key
-from rsenf.config.graph import DashboardNode
+from rsenf.config.node_kinds import DashboardNode
 from rsenf.dashboard.server import DashboardServer, open_to_all
 from rsenf.dashboard.site import Site
 from rsenf.dashboard.wiring import key_expressions, wiring_of

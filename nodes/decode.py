@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 
-from rsenf.config.graph import DecodeNode
+from rsenf.config.node_kinds import DecodeNode
 from rsenf.errors import EXIT_LOSS
 from rsenf.messages import Frame, Header, Mark, VideoPacket
 from rsenf.run.node import NodeProcess, run_node

@@ -10,8 +10,9 @@ from threading import Event, Thread
 
 from rsenf.bus.delivery import ROWS
 from rsenf.bus.keys import camera_key
-from rsenf.config.graph import DecodeNode, DiscoverNode, Graph, ReplayNode, outputs
+from rsenf.config.graph import Graph, outputs
 from rsenf.config.model_file import load_model
+from rsenf.config.node_kinds import DecodeNode, DiscoverNode, ReplayNode
 from rsenf.decode.spec import kind_of
 from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.watch import WatchStage

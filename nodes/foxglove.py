@@ -6,7 +6,7 @@ import time
 
 from rsenf.bus.delivery import LOOKING
 from rsenf.bus.keys import ROOT, health_key
-from rsenf.config.graph import FoxgloveNode
+from rsenf.config.node_kinds import FoxgloveNode
 from rsenf.run.foxglove_bridge import FoxgloveBridge
 from rsenf.run.node import NodeProcess, run_node
 from rsenf.run.pump import POLL_S

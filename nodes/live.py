@@ -10,7 +10,8 @@ from typing import Any
 
 from rsenf.bus.bus import Publisher
 from rsenf.bus.keys import camera_key, reference_key
-from rsenf.config.graph import LiveNode, beside_rows
+from rsenf.config.graph import beside_rows
+from rsenf.config.node_kinds import LiveNode
 from rsenf.live import Live, Silence
 from rsenf.messages import Alarm, Header
 from rsenf.run.node import NodeProcess, run_node

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rsenf.bus.keys import camera_key, reference_key
-from rsenf.config.graph import MatchNode
+from rsenf.config.node_kinds import MatchNode
 from rsenf.match.stage import Match
 from rsenf.run.node import NodeProcess, run_node
 from rsenf.run.pump import Lane, pump

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rsenf.bus.inbox import Received
 from rsenf.bus.keys import ROOT, health_key
-from rsenf.config.graph import RecordNode
+from rsenf.config.node_kinds import RecordNode
 from rsenf.run.alarms import AlarmWatch
 from rsenf.run.node import NodeProcess, run_node
 from rsenf.run.recording import (

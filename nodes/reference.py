@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rsenf.config.graph import ReferenceNode
+from rsenf.config.node_kinds import ReferenceNode
 from rsenf.messages import Header, Mark, ReferenceBlock
 from rsenf.reference import open_reference, reference_blocks
 from rsenf.run.node import NodeProcess, run_node

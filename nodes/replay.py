@@ -6,7 +6,7 @@ import contextlib
 
 from rsenf.bus.bus import Publisher
 from rsenf.bus.keys import REFERENCE, topic_of
-from rsenf.config.graph import ReplayNode
+from rsenf.config.node_kinds import ReplayNode
 from rsenf.errors import EXIT_LOSS
 from rsenf.run.node import NodeProcess, run_node
 from rsenf.run.outlets import Outlet, open_frames

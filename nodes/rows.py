@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from rsenf.bus.frames import FrameReceiver
 from rsenf.bus.inbox import Counters, Received
 from rsenf.bus.keys import camera_key
-from rsenf.config.graph import RowsNode
+from rsenf.config.node_kinds import RowsNode
 from rsenf.errors import NodeFailed, SchemaMismatch
 from rsenf.run.node import NodeProcess, run_node
 from rsenf.run.pump import Lane, pump

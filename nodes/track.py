@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rsenf.bus.keys import camera_key
-from rsenf.config.graph import TrackNode
+from rsenf.config.node_kinds import TrackNode
 from rsenf.run.node import NodeProcess, run_node
 from rsenf.run.pump import Lane, pump
 from rsenf.run.runner import Runner

@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.bus.zenoh_bus import open_bus
     from rsenf.cli.console import note, say
     from rsenf.cli.on_bus import bus_of
-    from rsenf.config.graph import DashboardNode
+    from rsenf.config.node_kinds import DashboardNode
     from rsenf.dashboard.server import DashboardServer, open_to_all
     from rsenf.dashboard.site import Site
     from rsenf.dashboard.wiring import Wiring, key_expressions, wiring_of

@@ -14,7 +14,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsenf.config.graph import RecordNode
+    from rsenf.config.node_kinds import RecordNode
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -96,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _config(args: argparse.Namespace) -> RecordNode:
     """Return what a node of a graph would be told."""
-    from rsenf.config.graph import RecordNode
+    from rsenf.config.node_kinds import RecordNode
     from rsenf.errors import UsageError
     from rsenf.record.settings import AlarmSettings, DiskLimits, Retention, Rotation
 

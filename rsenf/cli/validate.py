@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
 def _check_recordings(graph: Graph) -> None:
     """Look into the recordings that a graph plays; one that isn't there may yet be made."""
     from rsenf.cli.console import note
-    from rsenf.config.graph import ReplayNode
+    from rsenf.config.node_kinds import ReplayNode
     from rsenf.run.replay.in_graph import ensure_playable
 
     for name, node in graph.nodes.items():

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 
 from rsenf.bus.keys import matches
 from rsenf.bus.zenoh_bus import setting_problem
-from rsenf.config.graph import BusConfig, DecodeNode, Graph, ReplayNode, host_of, outputs
+from rsenf.config.graph import BusConfig, Graph, host_of, outputs
 from rsenf.config.graph import reader_of_frames as reader_of
+from rsenf.config.node_kinds import DecodeNode, ReplayNode
 from rsenf.errors import UsageError
 
 Problem = tuple[tuple[str, ...], str]

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from rsenf.bus.keys import REFERENCE
-from rsenf.config.graph import Graph, RecordNode, ReplayNode, outputs
+from rsenf.config.graph import Graph, outputs
+from rsenf.config.node_kinds import RecordNode, ReplayNode
 from rsenf.errors import UsageError
 
 

@@ -6,13 +6,13 @@ from collections.abc import Iterable, Iterator
 
 from rsenf.bus.keys import REFERENCE, matches, reference_key
 from rsenf.bus.zenoh_bus import setting_problem
-from rsenf.config.graph import (
-    BusConfig,
+from rsenf.config.graph import BusConfig, Graph, outputs, reader_of_frames, sender_of
+from rsenf.config.hosts import Problem, host_problems
+from rsenf.config.node_kinds import (
     DashboardNode,
     DecodeNode,
     DiscoverNode,
     FoxgloveNode,
-    Graph,
     IdleNode,
     LiveNode,
     MatchNode,
@@ -22,11 +22,7 @@ from rsenf.config.graph import (
     ReplayNode,
     RowsNode,
     TrackNode,
-    outputs,
-    reader_of_frames,
-    sender_of,
 )
-from rsenf.config.hosts import Problem, host_problems
 from rsenf.config.replayed import overwriting
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS as IDLE_METHODS

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rsenf.bus.keys import ROOT
-from rsenf.config.graph import DecodeNode, Graph, LiveNode, RecordNode, outputs
+from rsenf.config.graph import Graph, outputs
+from rsenf.config.node_kinds import DecodeNode, LiveNode, RecordNode
 
 
 @dataclass(frozen=True)

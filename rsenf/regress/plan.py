@@ -12,7 +12,9 @@ from pydantic import ValidationError
 
 from rsenf.bus.keys import camera_key, reference_key
 from rsenf.config import Graph
-from rsenf.config.graph import (
+from rsenf.config.graph import beside_rows, outputs
+from rsenf.config.model_file import load_model
+from rsenf.config.node_kinds import (
     DecodeNode,
     DiscoverNode,
     IdleNode,
@@ -22,10 +24,7 @@ from rsenf.config.graph import (
     ReplayNode,
     RowsNode,
     TrackNode,
-    beside_rows,
-    outputs,
 )
-from rsenf.config.model_file import load_model
 from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.watch import WatchStage
 from rsenf.errors import InputError, UsageError

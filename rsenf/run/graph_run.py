@@ -18,7 +18,8 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import camera_key, health_key, node_of, source_of
 from rsenf.bus.ring import ring_directory
 from rsenf.config import Graph
-from rsenf.config.graph import DecodeNode, ReferenceNode, ReplayNode, outputs
+from rsenf.config.graph import outputs
+from rsenf.config.node_kinds import DecodeNode, ReferenceNode, ReplayNode
 from rsenf.errors import EXIT_USAGE, NodeFailed
 from rsenf.messages import (
     Alarm,

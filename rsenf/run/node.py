@@ -28,7 +28,8 @@ from rsenf.bus.keys import (
 )
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph, load_graph
-from rsenf.config.graph import ExternalNode, elsewhere, outputs, sender_of
+from rsenf.config.graph import elsewhere, outputs, sender_of
+from rsenf.config.node_kinds import ExternalNode
 from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, RsenfError, UsageError
 from rsenf.run.at_end import end_process
 from rsenf.run.health import HealthReport

@@ -7,7 +7,8 @@ from typing import Protocol
 
 from rsenf.bus.bus import Publisher
 from rsenf.bus.frames import FrameSender
-from rsenf.config.graph import DecodeNode, ReplayNode, reader_of_frames
+from rsenf.config.graph import reader_of_frames
+from rsenf.config.node_kinds import DecodeNode, ReplayNode
 from rsenf.messages import Frame, Header, Mark
 from rsenf.run.node import NodeProcess
 from rsenf.run.peers import Peers

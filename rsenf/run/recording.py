@@ -14,7 +14,8 @@ from rsenf.bus.delivery import Delivery
 from rsenf.bus.inbox import Inbox, Received
 from rsenf.bus.keys import matches, topic_key
 from rsenf.config import shown
-from rsenf.config.graph import Graph, RecordNode, outputs
+from rsenf.config.graph import Graph, outputs
+from rsenf.config.node_kinds import RecordNode
 from rsenf.errors import InputError
 from rsenf.messages import Header
 from rsenf.record.archive import ArchiveRecorder

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rsenf.bus.keys import camera_key
-from rsenf.config.graph import ReferenceNode
+from rsenf.config.node_kinds import ReferenceNode
 from rsenf.messages import Header, Mark, ReferenceBlock
 from rsenf.reference.live import (
     CameraReference,

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Mapping
 
 from rsenf.config import Graph
-from rsenf.config.graph import ReferenceNode
+from rsenf.config.node_kinds import ReferenceNode
 from rsenf.run.node_state import NodeState
 from rsenf.run.restarts import FIRST_WORD_S, Restarts
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rsenf.config.graph import DecodeNode, SimulatedInput
+from rsenf.config.node_kinds import DecodeNode, SimulatedInput
 from rsenf.decode.spec import SourceSpec, kind_of
 from rsenf.errors import UsageError
 from rsenf.run.host_clock import HostClock

@@ -15,7 +15,8 @@ from typing import Any
 
 from rsenf.bus.zenoh_bus import MANY_LINKS, ONE_LINK, RUNTIME, BusSettings, open_bus
 from rsenf.config import Graph
-from rsenf.config.graph import ExternalNode, ReplayNode, host_of
+from rsenf.config.graph import host_of
+from rsenf.config.node_kinds import ExternalNode, ReplayNode
 from rsenf.errors import NodeFailed, UsageError
 from rsenf.run.access import secured
 from rsenf.run.graph_run import GraphRun, check_ended

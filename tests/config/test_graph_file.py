@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from rsenf.config import Graph, load_graph
-from rsenf.config.graph import DecodeNode, MatchNode, SimulatedInput, outputs, sender_of
+from rsenf.config.graph import outputs, sender_of
+from rsenf.config.node_kinds import DecodeNode, MatchNode, SimulatedInput
 from rsenf.errors import EXIT_USAGE, ConfigError, UsageError
 from tests.conftest import ROOT
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rsenf.config import load_graph
-from rsenf.config.graph import ReferenceNode
+from rsenf.config.node_kinds import ReferenceNode
 from rsenf.errors import ConfigError
 
 GRAPH = """\

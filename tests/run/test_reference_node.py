@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rsenf_nodes.reference import body
 
-from rsenf.config.graph import ReferenceNode
+from rsenf.config.node_kinds import ReferenceNode
 from rsenf.errors import UsageError
 from rsenf.messages import Mark
 from rsenf.reference import Reference

@@ -18,7 +18,7 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import alive_key, camera_key, health_key
 from rsenf.bus.loopback import Loopback
 from rsenf.config import Graph
-from rsenf.config.graph import RecordNode
+from rsenf.config.node_kinds import RecordNode
 from rsenf.config.supervised import Restart
 from rsenf.errors import EXIT_FAILED, EXIT_USAGE
 from rsenf.messages import Header, Health

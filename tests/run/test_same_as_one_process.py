@@ -17,7 +17,7 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.ring import ring_directory
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import load_graph
-from rsenf.config.graph import IdleNode, MatchNode, TrackNode
+from rsenf.config.node_kinds import IdleNode, MatchNode, TrackNode
 from rsenf.match.stage import Match
 from rsenf.messages import canonical
 from rsenf.record import open_recording

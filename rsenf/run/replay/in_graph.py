@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from rsenf.config.graph import ReplayNode
+from rsenf.config.node_kinds import ReplayNode
 from rsenf.errors import RsenfError
 from rsenf.run.replay.control import Control
 from rsenf.run.replay.player import Player, Playing
