@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rsenf.bus.bus import Publisher
-from rsenf.bus.keys import camera_key, reference_key
+from rsenf.bus.keys import camera_key, reference_key, source_of
 from rsenf.config.graph import beside_rows
 from rsenf.config.node_kinds import LiveNode
 from rsenf.live import Live, Silence
@@ -18,6 +18,9 @@ from rsenf.run.node import NodeProcess, run_node
 from rsenf.run.peers import Peers
 from rsenf.run.pump import Lane, TellingLane, pump
 from rsenf.run.runner import Runner
+
+# What a camera and those who read it may take to begin with, before its silence is told.
+FIRST_PICTURE_S = 25.0
 
 
 @dataclass(kw_only=True)
@@ -48,8 +51,10 @@ class LiveLane(TellingLane):
     def give_up(self, run_id: str, peers: Peers) -> None:
         """Notice silence as well."""
         now = time.monotonic()
-        if self.rows in self.inputs and now - self._heard.get(self.rows, now) > self.lost_s:
-            self.send(self.runner.feed(Silence(Header(run_id=run_id))))
+        limit_s = self.lost_s if self.rows in self._begun else self.lost_s + FIRST_PICTURE_S
+        if self.rows in self.inputs and now - self._heard.get(self.rows, now) > limit_s:
+            header = Header(run_id=run_id, source=source_of(self.publisher.key))
+            self.send(self.runner.feed(Silence(header)))
         super().give_up(run_id, peers)
 
 

@@ -55,7 +55,11 @@ class Alarms:
         return out
 
     def _send(self, alarm: Alarm) -> None:
-        last, header = self._sent, alarm.header
-        is_new = last is None or (last.run_id, last.epoch) != (header.run_id, header.epoch)
-        self._sent = header.numbered(0 if last is None or is_new else last.seq + 1)
+        self._sent = numbered_after(self._sent, alarm.header)
         self._out.append(dataclasses.replace(alarm, header=self._sent))
+
+
+def numbered_after(last: Header | None, header: Header) -> Header:
+    """Return a header with the number after the last one's, or 0 in a new epoch."""
+    is_new = last is None or (last.run_id, last.epoch) != (header.run_id, header.epoch)
+    return header.numbered(0 if last is None or is_new else last.seq + 1)

@@ -8,12 +8,13 @@ from bisect import insort
 from collections import deque
 from dataclasses import dataclass
 
-from rsenf.live.alarms import Alarms
+from rsenf.live.alarms import Alarms, numbered_after
 from rsenf.live.growing import GrowingGrid
 from rsenf.live.happenings import idle_changed, light_changed, phase_jump
 from rsenf.live.judge import Judge
 from rsenf.live.light import IdlePeriod
 from rsenf.live.past import OwnPast
+from rsenf.live.picture import PictureFacts
 from rsenf.live.settings import LiveSettings
 from rsenf.live.ticks import Tick, Ticker
 from rsenf.messages import (
@@ -37,7 +38,10 @@ LN10 = math.log(10.0)
 
 @dataclass(frozen=True)
 class Silence:
-    """No pictures for ``lost_s``, by whoever has a clock: nothing else tells of it meanwhile."""
+    """No pictures for ``lost_s``, or none yet, by whoever has a clock: nothing else tells of it.
+
+    The header is what a verdict goes by where there has not been a single picture.
+    """
 
     header: Header
 
@@ -66,6 +70,7 @@ class Live:
         self._judge = Judge(self.settings, self._grid, self._own)
         self._done: Tick | None = None
         self._said: Liveness | None = None
+        self._sent: Header | None = None
         self._is_reference_late = self._is_lost = False
 
     def update(
@@ -80,7 +85,7 @@ class Live:
         elif isinstance(message, IdleEstimate):
             self._idles.append(message)
         elif isinstance(message, Silence):
-            return self._drained() + self._lose()
+            return self._drained() + self._lose(message.header)
         elif tick := self._ticker.add(message):
             self._ticks.append(tick)
         return self._advance()
@@ -151,7 +156,7 @@ class Live:
     def _process(self, tick: Tick, due_ns: int) -> list[Liveness | Alarm]:
         out: list[Liveness | Alarm] = []
         if tick.silent_s and not self._is_lost:
-            out += self._lose()
+            out += self._lose(tick.header)
         done = self._done
         if done is None or done.part != tick.part:
             self._begin_epoch(tick)
@@ -251,7 +256,7 @@ class Live:
         course = self._judge.evidence.course if self._judge.evidence else None
         origin = self._judge.suspects.origin if verdict == "stale" else None
         message = Liveness(
-            header=tick.header.numbered(said.header.seq + 1 if said else 0),
+            header=numbered_after(self._sent, tick.header),
             verdict=verdict,
             since_ns=tick.utc_ns if said is None or is_new else said.since_ns,
             log10_lr=self._judge.evidence.nats / LN10 if self._judge.evidence else math.nan,
@@ -264,7 +269,7 @@ class Live:
             message = dataclasses.replace(
                 message, lag_s=origin.age_s, lag_std_s=origin.std_s, origin_utc_ns=taken_ns
             )
-        self._said = message
+        self._said, self._sent = message, message.header
         return [message]
 
     def _is_due_to_report(self, tick: Tick, said: Liveness) -> bool:
@@ -272,14 +277,16 @@ class Live:
         # Half a second less: ticks come with blocks of frames, a little unevenly.
         return since_ns >= nanoseconds(self.settings.report_every_s) - NS_PER_S // 2
 
-    def _lose(self) -> list[Liveness | Alarm]:
+    def _lose(self, header: Header) -> list[Liveness | Alarm]:
         """Say once that no pictures come; nothing in it tells when that was noticed."""
-        tick = self._done
-        if tick is None or self._is_lost:
+        if self._is_lost:
             return []
         self._is_lost = True
-        limit_s = self.settings.lost_s
+        limit_s, tick = self.settings.lost_s, self._done
         text = f"no picture for more than {limit_s:g} s"
+        if tick is None:
+            text = "no picture yet"
+            tick = Tick(header, header.pts_ns, header.pts_ns, None, PictureFacts(), part=0)
         self._alarms.holds(
             Alarm(
                 header=tick.header,

@@ -45,6 +45,8 @@ def out_of_place(header: Header, last: Header | None) -> str:
     if last is None or (header.run_id, header.epoch) != (last.run_id, last.epoch):
         return ""
     leap_ns = header.pts_ns - last.pts_ns
+    if last.frame_last < 0 <= header.frame_last:
+        leap_ns = 0  # before the first frame, the stream's clock is unknown
     if abs(leap_ns) > MOST_LEAP_NS:
         return f"the stream's clock leaps by {leap_ns / 3.6e12:.0f} h within an epoch"
     if header.frame_last < last.frame_last:

@@ -213,7 +213,23 @@ def test_empty_blocks_and_no_blocks_say_nothing() -> None:
     assert Live().flush() == []
     assert Live().update(RowBlock(header=Header())) == []
     assert Live().update(ReferenceBlock(header=Header())) == []
-    assert Live().update(Silence(Header())) == []
+
+
+def test_a_camera_that_has_never_delivered_is_lost_until_it_does() -> None:
+    live, cam = Live(), Camera()
+    header = next(iter(cam.messages(1))).header
+    silence = Silence(Header(run_id=header.run_id, source="site/cam"))
+    verdict, alarm = sorted(live.update(silence), key=lambda m: type(m).__name__, reverse=True)
+    assert (verdict.verdict, verdict.evidence) == ("undecided", "no picture yet")
+    assert (alarm.kind, alarm.active, alarm.header.source) == ("lost", True, "site/cam")
+    assert live.update(silence) == []  # said once
+    told = said([reference(), *cam.messages(120)], live)
+    assert [a.active for a in told.alarms_of("lost")] == [False]
+    assert told.story == ["undecided", "live"]
+    # In the same epoch: the numbers go on.
+    seqs = [v.header.seq for v in [verdict, *told.verdicts]]
+    assert seqs == list(range(len(seqs)))
+    assert [a.header.seq for a in [alarm, *told.alarms]] == [0, 1]
 
 
 def mangled(message: Any, rng: np.random.Generator) -> Any:

@@ -25,7 +25,7 @@ from rsenf.idle import make_idle
 from rsenf.idle.settings import IdleSettings
 from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, Header, ReferenceBlock, RowBlock, encode, encoding_of
-from rsenf.messages.plausible import implausible
+from rsenf.messages.plausible import implausible, out_of_place
 from rsenf.messages.schema import field_specs
 from rsenf.run.runner import Runner
 from rsenf.track import make_tracker
@@ -211,6 +211,12 @@ def test_one_that_leaps_is_refused_and_the_stage_goes_on() -> None:
         runner.feed(RowBlock(header=dataclasses.replace(header, seq=1, frame_last=3)))
     runner.feed(RowBlock(header=dataclasses.replace(leap, epoch=1)))  # another epoch may
     runner.feed(RowBlock(header=dataclasses.replace(header, epoch=1, pts_ns=10**15, frame_last=9)))
+
+
+def test_before_the_first_frame_no_clock_can_leap() -> None:
+    silent, first = Header(run_id="r"), Header(run_id="r", frame_last=7, pts_ns=10**18)
+    assert out_of_place(first, silent) == ""
+    assert "leaps" in out_of_place(dataclasses.replace(silent, pts_ns=10**18), silent)
 
 
 GRAPH = """\
