@@ -6,7 +6,6 @@ import math
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
@@ -16,6 +15,7 @@ import numpy as np
 import scipy
 
 from rsenf import __version__
+from rsenf.bench.memory import HELD, PEAK, memory_mb, restart_peak
 from rsenf.bench.results import Record, read_records
 from rsenf.bench.search_days import (
     FIRST_S,
@@ -77,12 +77,13 @@ class _Stopwatch:
 
     def __call__(self, name: str, work: Callable[..., Any], *given: Any) -> Any:
         """Do some work on what is given, and write down what it took."""
-        held_mb = _restarted_peak_mb()
+        restart_peak()
+        held_mb = memory_mb(HELD)
         began_s, began_cpu_s = time.perf_counter(), time.process_time()
         out = work(*given)
         self.cpu_s.setdefault(name, []).append(time.process_time() - began_cpu_s)
         self.seconds.setdefault(name, []).append(time.perf_counter() - began_s)
-        peak_mb = _status_mb("VmHWM")
+        peak_mb = memory_mb(PEAK)
         if held_mb is not None and peak_mb is not None:
             self.peak_mb.setdefault(name, peak_mb - held_mb)
         return out
@@ -156,20 +157,3 @@ def _covered(grid: Grid, track: Track, lag_s: float) -> float:
     """Share of the clip's usable seconds that the reference has."""
     at = int(lag_s) + np.flatnonzero(np.isfinite(track.enf_hz))
     return float(np.isfinite(grid.freq_hz[at]).mean())
-
-
-def _restarted_peak_mb() -> float | None:
-    """Begin anew to watch for the most memory held; return what is held now."""
-    # The peak of getrusage() can't begin anew, and of a new process it is that of its parent.
-    with suppress(OSError):
-        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-    return _status_mb("VmRSS")
-
-
-def _status_mb(name: str) -> float | None:
-    """Memory of this process in MB; None where the system doesn't tell."""
-    try:
-        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-    except OSError:
-        return None
-    return next(int(line.split()[1]) / 1024 for line in lines if line.startswith(f"{name}:"))
