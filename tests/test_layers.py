@@ -57,8 +57,11 @@ ALLOWED: dict[str, set[str]] = {
         "run",
         "discrepancy",
     },
+    # Many recordings, whatever is done with each.
+    "batch": BASE,
     "bench": {
         *BASE,
+        "batch",
         *SIGNAL,
         "live",
         "discrepancy",
@@ -71,6 +74,7 @@ ALLOWED: dict[str, set[str]] = {
     "cli": {
         *BASE,
         *SIGNAL,
+        "batch",
         "bus",
         "config",
         "dashboard",

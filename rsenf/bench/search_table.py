@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rsenf.bench.results import Record
+from rsenf.batch.journal import Record
 from rsenf.bench.text import aligned, markdown
 
 SPANS = {1: "a day", 7: "a week", 30: "a month", 365: "a year"}

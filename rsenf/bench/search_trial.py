@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from rsenf import __version__
-from rsenf.bench.results import Record, read_records
+from rsenf.batch.journal import Record, read_records
 from rsenf.bench.search_days import (
     FIRST_S,
     GRID,

@@ -27,8 +27,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rsenf.batch.journal import Record
     from rsenf.bench.plan import Clip, Plan
-    from rsenf.bench.results import Record
 
 RECORDING_TIME = "recording-time"
 CALIBRATION = "calibration"
@@ -163,8 +163,8 @@ def _plan(args: argparse.Namespace) -> Plan:
 
 def _records(args: argparse.Namespace, clips: list[Clip], folder: Path) -> list[Record]:
     """Results of lit clips and of those with nothing to claim are different files."""
+    from rsenf.batch.journal import read_records
     from rsenf.bench.measure import measure
-    from rsenf.bench.results import read_records
     from rsenf.bench.session import measure_missing
     from rsenf.cli.console import progress_bar, say
 
