@@ -6,8 +6,8 @@
     rsenf bench recording-time   still and moving films cut into clips, each searched for in a day:
                          decisions true, false and none, by every matcher
     rsenf bench calibration   likelihood ratios of the time of recording: how reliable they are
-    rsenf bench search   blind searches of a day to a year of reference: time and memory, beside a
-                         plain FFT correlation
+    rsenf bench match    blind searches of a day to ten years of reference: time and memory, beside
+                         a loop over all lags and a plain FFT correlation
     rsenf bench discover   effects hidden in recordings: found and named rightly, wrongly or not at
                          all; false alarms; by how much the gap shrinks
     rsenf bench live     honest feeds and looped, spliced, delayed or exchanged ones: how soon the
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 
 RECORDING_TIME = "recording-time"
 CALIBRATION = "calibration"
-SEARCH = "search"
+MATCH = "match"
 DISCOVER = "discover"
 LIVE = "live"
-_TABLES = ("idle", "enf", "claims", RECORDING_TIME, CALIBRATION, SEARCH, DISCOVER, LIVE)
+_TABLES = ("idle", "enf", "claims", RECORDING_TIME, CALIBRATION, MATCH, DISCOVER, LIVE)
 # Measured grids are not part of the project; in a checkout they lie beside it.
 _GRIDS = Path("../shared/data")
 _QUICK: dict[str, Any] = {
@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--picture", type=Path, metavar="FILE.png", help="calibration, discover, live: draw it"
     )
-    parser.add_argument("--repeat", type=count, metavar="N", help="search: times each (3)")
+    parser.add_argument("--repeat", type=count, metavar="N", help="match: times each (5)")
     parser.add_argument("--hide", type=_words, metavar="LIST", help="discover: these effects only")
     parser.add_argument(
         "--times",
@@ -124,10 +124,10 @@ def run(args: argparse.Namespace) -> int:
         from rsenf.cli import bench_calibration
 
         return bench_calibration.run(args)
-    if args.table == SEARCH:
-        from rsenf.cli import bench_search
+    if args.table == MATCH:
+        from rsenf.cli import bench_match
 
-        return bench_search.run(args)
+        return bench_match.run(args)
     if args.table == DISCOVER:
         from rsenf.cli import bench_discover
 
