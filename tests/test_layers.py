@@ -62,6 +62,7 @@ ALLOWED: dict[str, set[str]] = {
         *SIGNAL,
         "live",
         "discrepancy",
+        "bus",
         "config",
         "record",
         "reference",

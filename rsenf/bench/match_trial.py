@@ -7,7 +7,6 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
@@ -28,6 +27,7 @@ from rsenf.bench.match_days import (
     write_haystack,
 )
 from rsenf.bench.match_loop import drawn_parts, lag_by_lag, loop_cpu_s
+from rsenf.bench.memory import HELD, PEAK, memory_mb, restart_peak
 from rsenf.bench.results import Record, read_records
 from rsenf.bench.session import measure_missing
 from rsenf.match import MatchSettings
@@ -83,12 +83,13 @@ def timed_searches(trial: Trial) -> Record:
     load, settings = os.getloadavg()[0], MatchSettings()
     hour = Grid("warm up", NOMINAL_HZ, 0, 1.0, day.freq_hz[:7200])
     match_phase(clip_of(haystack, trial.repeats), [hour], settings)  # imports, and the like
-    held_mb = _restarted_peak_mb()
+    restart_peak()
+    held_mb = memory_mb(HELD)
     found, times, peak_mb = [], [], None
     for again in range(trial.repeats):
         track, grid, took = clip_of(haystack, again), _stored(trial.store), {}
         finding, took["search"] = _timed(match_phase, track, [grid], settings)
-        peak_mb = peak_mb or _above(held_mb)
+        peak_mb = peak_mb or memory_mb(PEAK)
         _, took["lags"] = _timed(survey, track, _stored(trial.store), settings)
         times.append(took | _beside(track, grid, haystack.seed, settings))
         found.append(finding)
@@ -114,7 +115,7 @@ def timed_searches(trial: Trial) -> Record:
         "loop_over_search": median(
             (took["loop"] + took["search"] - took["lags"]) / took["search"] for took in times
         ),
-        "peak_mb": peak_mb,
+        "peak_mb": peak_mb - held_mb if peak_mb and held_mb else None,
         "load": load,
         "versions": {
             "rsenf": __version__, "numpy": np.__version__, "scipy": scipy.__version__
@@ -169,26 +170,3 @@ def _covered(grid: Grid, track: Track, lag_s: float) -> float:
     """Share of the clip's usable seconds that the reference has."""
     there = grid.freq_hz[int(lag_s) : int(lag_s) + track.enf_hz.size]
     return float(np.isfinite(there[np.isfinite(track.enf_hz)]).mean())
-
-
-def _above(held_mb: float | None) -> float | None:
-    """Most memory taken since, beyond what was held then."""
-    peak_mb = _status_mb("VmHWM")
-    return None if held_mb is None or peak_mb is None else peak_mb - held_mb
-
-
-def _restarted_peak_mb() -> float | None:
-    """Begin anew to watch for the most memory held; return what is held now."""
-    # The peak of getrusage() can't begin anew, and of a new process it is that of its parent.
-    with suppress(OSError):
-        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-    return _status_mb("VmRSS")
-
-
-def _status_mb(name: str) -> float | None:
-    """Memory of this process in MB; None where the system doesn't tell."""
-    try:
-        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-    except OSError:
-        return None
-    return next(int(line.split()[1]) / 1024 for line in lines if line.startswith(f"{name}:"))
