@@ -86,9 +86,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--picture", type=Path, metavar="FILE.png", help="calibration, discover, live: draw it"
     )
-    parser.add_argument(
-        "--repeat", type=count, metavar="N", help="match, pipeline: times each (5)"
-    )
+    parser.add_argument("--repeat", type=count, metavar="N", help="match, pipeline: times each (5)")
     parser.add_argument(
         "--feeds", type=count, metavar="N", help="feeds: from so many on, one by one"
     )
