@@ -65,6 +65,7 @@ ALLOWED: dict[str, set[str]] = {
         *SIGNAL,
         "live",
         "discrepancy",
+        "bus",
         "config",
         "record",
         "reference",

@@ -42,6 +42,7 @@ class SteadyMask:
         self._band_starts = np.arange(self.bands) * rows // self.bands
         self._band_sizes = np.diff(np.append(self._band_starts, rows)).astype(np.float32)
         self._band_of_row = np.repeat(np.arange(self.bands), self._band_sizes.astype(int))
+        self._band_cells = self._band_sizes.astype(int) * tiles
         self.shape = (rows, tiles)
         self._background: Float32Array | None = None
         self._spread = np.full((self.bands, tiles), MIN_DEVIATION_LEVEL / SPREADS, np.float32)
@@ -79,7 +80,9 @@ class SteadyMask:
         steady = (worst <= np.maximum(MIN_DEVIATION_LEVEL, SPREADS * self._spread)) & (
             self._spread <= RESTLESS_LEVEL
         )
-        self._learn(level / gain[:, self._band_of_row, None], deviation, steady, first)
+        # Written out to every tile: numpy is slow where a short axis is the one that repeats.
+        common = np.repeat(gain, self._band_cells, axis=1).reshape(level.shape)
+        self._learn(level / common, deviation, steady, first)
         return np.asarray(steady[self._band_of_row])
 
     @staticmethod
@@ -88,7 +91,7 @@ class SteadyMask:
     ) -> tuple[Float32Array, Float32Array]:
         """Return the common factor of each band, (frames, bands), and what is left of each cell."""
         floor = np.maximum(background, 1.0)
-        gain = np.maximum(np.median(cells / floor, axis=2), 1e-3)
+        gain = np.maximum(_median_of_tiles(cells / floor), 1e-3)
         return gain, cells - gain[:, :, None] * floor
 
     def _learn(
@@ -105,3 +108,10 @@ class SteadyMask:
         rate = np.where(steady, LEARNING_RATE, LEARNING_RATE / MOVING_SLOWDOWN)
         step = rate[self._band_of_row] * (flat.mean(axis=0) - self.background)
         self._background = np.asarray(self.background + step, np.float32)
+
+
+def _median_of_tiles(cells: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Median over the last axis; of so few numbers, sorting them is faster than ``np.median``."""
+    tiles = cells.shape[-1]
+    cells = np.sort(cells, axis=-1)
+    return np.asarray((cells[..., (tiles - 1) // 2] + cells[..., tiles // 2]) / 2.0)

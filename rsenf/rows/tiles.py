@@ -7,6 +7,7 @@ these sums, so the mask costs no second pass over the picture.
 
 from __future__ import annotations
 
+import functools
 import itertools
 
 import cv2
@@ -19,7 +20,13 @@ from rsenf.messages.schema import Float32Array
 # memory, not by arithmetic.
 cv2.setNumThreads(1)
 
+# Rows that are read again are read while they are in the processor's own cache.
+CACHED_BYTES = 1 << 19
 
+Int32Array = NDArray[np.int32]
+
+
+@functools.cache
 def tile_edges(width_px: int, tiles: int) -> tuple[int, ...]:
     """Return the ``tiles + 1`` column indices that cut ``width_px`` as evenly as can be."""
     return tuple(round(i * width_px / tiles) for i in range(tiles + 1))
@@ -42,13 +49,17 @@ def tile_sums(luma: NDArray[np.uint8], axis: str, tiles: int) -> Float32Array:
     ndarray of float32, shape (rows, tiles)
         Exact: a tile would have to be 65 000 pixels wide to exceed float32's integers.
     """
+    height_px, width_px = luma.shape
     if axis == "columns":
-        edges = tile_edges(luma.shape[0], tiles)
-        parts = [_reduce(luma[a:b], 0) for a, b in itertools.pairwise(edges)]
+        edges = itertools.pairwise(tile_edges(height_px, tiles))
+        sums = np.concatenate([_sums(luma[a:b], 0) for a, b in edges]).T
+    elif width_px % tiles == 0 and luma.flags.c_contiguous:
+        sums = _sums(luma.reshape(height_px * tiles, -1), 1).reshape(height_px, tiles)
     else:
-        edges = tile_edges(luma.shape[1], tiles)
-        parts = [_reduce(luma[:, a:b], 1) for a, b in itertools.pairwise(edges)]
-    return np.stack(parts, axis=1)
+        at_once = max(CACHED_BYTES // luma.strides[0], 1)
+        bands = range(0, height_px, at_once)
+        sums = np.concatenate([_uneven(luma[top : top + at_once], tiles) for top in bands])
+    return sums.astype(np.float32, order="C")
 
 
 def tile_pixels(
@@ -60,6 +71,18 @@ def tile_pixels(
     return rows, edges[1:] - edges[:-1]
 
 
-def _reduce(part: NDArray[np.uint8], dim: int) -> Float32Array:
-    # 255 · 65 793 < 2^24: float32 holds every partial sum exactly, and cv2 sums it fastest.
-    return np.asarray(cv2.reduce(part, dim, cv2.REDUCE_SUM, dtype=cv2.CV_32F)).reshape(-1)
+def _uneven(band: NDArray[np.uint8], tiles: int) -> Int32Array:
+    """Sum each row of some over tiles that memory isn't cut by, shape (rows, tiles).
+
+    Reading a tile skips the rest of each row, at which memory is several times slower. So whole
+    rows come first, and the last tile is what the others leave of them.
+    """
+    whole = _sums(band, 1)
+    edges = itertools.pairwise(tile_edges(band.shape[1], tiles)[:-1])
+    parts = [_sums(band[:, a:b], 1) for a, b in edges]
+    return np.concatenate([*parts, whole - sum(parts)], axis=1)
+
+
+def _sums(part: NDArray[np.uint8], dim: int) -> Int32Array:
+    """Sum along a dimension, exactly; it stays, with a length of 1."""
+    return np.asarray(cv2.reduce(part, dim, cv2.REDUCE_SUM, dtype=cv2.CV_32S))

@@ -14,7 +14,9 @@ from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.rows.settings import RowsSettings
 from rsenf.rows.stage import Rows
 from rsenf.rows.steady import SteadyMask
+from rsenf.rows.tiles import CACHED_BYTES, tile_edges, tile_sums
 from tests.oracle.row_means import row_means
+from tests.oracle.steady_rows import SlowRows
 
 
 def frame(number: int, luma: NDArray[np.uint8]) -> Frame:
@@ -41,6 +43,13 @@ def test_row_means_equal_the_slow_ones(axis: str, shape: tuple[int, int], strips
     across = shape[1] if axis == "rows" else shape[0]
     assert (block.kept_px.sum(axis=1) == across).all()
     assert block.rows == (shape[0] if axis == "rows" else shape[1])
+
+
+def test_rows_that_are_read_in_parts_add_up_to_the_same() -> None:
+    luma = noise(4, (700, 853))
+    assert luma.nbytes > CACHED_BYTES
+    exact = np.add.reduceat(luma, tile_edges(853, 8)[:-1], axis=1, dtype=np.int64)
+    np.testing.assert_array_equal(tile_sums(luma, "rows", 8), exact)
 
 
 def flickering(count: int, *, box: bool, shape: tuple[int, int] = (128, 256)) -> list[Frame]:
@@ -85,6 +94,25 @@ def test_moving_box_is_left_out_and_the_rows_stay_where_they_were() -> None:
     error_plain, error_masked = (np.sqrt(np.mean((x - truth) ** 2)) for x in (plain, masked))
     assert error_plain > 5.0
     assert error_masked < 0.1 * error_plain
+
+
+@pytest.mark.parametrize("axis", ["rows", "columns"])
+@pytest.mark.parametrize(
+    ("shape", "padded"), [((128, 256), 0), ((128, 256), 64), ((70, 250), 6)]
+)  # whole tiles in a row of memory; padding after each row; tiles that differ by a pixel
+def test_same_bits_as_the_obvious_way(axis: str, shape: tuple[int, int], padded: int) -> None:
+    slow, frames = SlowRows(axis, 2), flickering(96, box=True, shape=shape)
+    stage = Rows(RowsSettings(read_out_axis=axis))
+    moved = 0
+    for first in range(0, len(frames), 8):
+        planes = [np.pad(f.luma, ((0, 0), (0, padded))) for f in frames[first : first + 8]]
+        cut = [p[:, : shape[1]] for p in planes]
+        sent = [b for n, luma in enumerate(cut) for b in stage.update(frame(first + n, luma))]
+        level, kept = slow.update(cut)
+        np.testing.assert_array_equal(sent[0].level, level)
+        np.testing.assert_array_equal(sent[0].kept_px, kept)
+        moved += sent[0].steady_ratio < 1
+    assert moved > 3
 
 
 def test_blocks_are_cut_at_frame_numbers_however_they_arrive() -> None:
