@@ -58,11 +58,15 @@ ALLOWED: dict[str, set[str]] = {
         "run",
         "discrepancy",
     },
+    # Many recordings, whatever is done with each.
+    "batch": BASE,
     "bench": {
         *BASE,
+        "batch",
         *SIGNAL,
         "live",
         "discrepancy",
+        "bus",
         "config",
         "record",
         "reference",
@@ -72,6 +76,7 @@ ALLOWED: dict[str, set[str]] = {
     "cli": {
         *BASE,
         *SIGNAL,
+        "batch",
         "bus",
         "config",
         "dashboard",

@@ -171,7 +171,9 @@ class MatchNode(Supervised):
     cameras: tuple[Camera, ...] = Field(min_length=1)
     grid: Name
     method: str = "phase"
-    interim_every_s: float = Field(0.0, ge=0, description="0: a result at the end only")
+    interim_every_s: float = Field(
+        0.0, ge=0, description="0: a result at the end only; of long clips, after a quarter more"
+    )
     keep_hours: float = Field(
         24.0, ge=0, description="of estimates, and of a growing reference, to go by; 0: all"
     )

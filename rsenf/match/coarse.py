@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.match.forecast import samples
 from rsenf.match.ncc import Residuals
 from rsenf.match.score import FLOOR_STD_HZ, LagScorer
 from rsenf.match.series import Grid, Track, phases, to_step_of
@@ -91,8 +90,7 @@ def _tables(
     reach = -(-reach // per_hop) * per_hop
     for start in range(0, grid.freq_hz.size, piece):
         stop = min(start + piece + reach, grid.freq_hz.size)
-        part = replace(grid, freq_hz=samples(grid, start, stop))
-        part = to_step_of(track, part)
+        part = to_step_of(track, replace(grid, freq_hz=grid.freq_hz[start:stop]))
         for thin in phases(track, part.step_s):
             scorer = LagScorer(thin, part.freq_hz, settings, usable_s)
             scorer.ordinary_var_hz2 = _ordinary_hz2(track)

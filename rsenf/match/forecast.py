@@ -55,13 +55,14 @@ def _at_once(
     first = whole[0].astype(np.int64) - _BESIDE
     k = whole.astype(np.int64) - first
     width = int(k.max()) + 1 + _BESIDE
-    away = np.column_stack([samples(grid, f, f + width) for f in first]) - grid.nominal_hz
+    # A row of its own for each lag: sums along rows are many times faster than down columns.
+    away = np.stack([samples(grid, f, f + width) for f in first]) - grid.nominal_hz
     gap = np.isnan(away)
     away[gap] = 0.0
     slope = np.zeros_like(away)
-    slope[1:-1] = np.where(gap[2:] | gap[:-2], 0.0, (away[2:] - away[:-2]) / 2.0)
-    edge = np.cumsum(away, axis=0) - away
-    here = k * lag_s.size + np.arange(lag_s.size)  # in each of these, as one long row
+    slope[:, 1:-1] = np.where(gap[:, 2:] | gap[:, :-2], 0.0, (away[:, 2:] - away[:, :-2]) / 2.0)
+    edge = np.cumsum(away, axis=1) - away
+    here = k + width * np.arange(lag_s.size)  # in all of these together, as one long row
     cycles = slope.take(here) * ((part - 1.0) / 2.0)
     cycles += away.take(here)
     cycles *= part
@@ -69,9 +70,10 @@ def _at_once(
     known = np.ones(at.shape, bool)
     known[0] = False
     if gap.any():
-        missing = np.zeros((width + 1, lag_s.size), np.int64)
-        np.cumsum(gap, axis=0, out=missing[1:])
-        end = here + lag_s.size * (part > 0.0)
+        missing = np.zeros((lag_s.size, width + 1), np.int64)
+        np.cumsum(gap, axis=1, out=missing[:, 1:])
+        here += np.arange(lag_s.size)
+        end = here + (part > 0.0)
         known[1:] = missing.take(end[1:]) == missing.take(here[:-1])
     return RAD_PER_CYCLE * grid.step_s * cycles, known
 

@@ -8,16 +8,18 @@ isn't known either; the clip's errors are as at a lag.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.grid_prior import wander_rad2
 from rsenf.match.clip_phase import RAD_PER_CYCLE, ClipPhase
-from rsenf.match.phase_filter import CLIP_ERRORS, ClipErrors
+from rsenf.match.phase_filter import CLIP_ERRORS
 from rsenf.messages.schema import FloatArray
 
 BLOCK = 600  # phases that are looked at together; stretches count as independent
+KEPT = 512  # blocks whose likelihood is remembered, 13 MB
 MEAN_STD_HZ = 0.03  # of the ENF's mean over a clip about the nominal, clock errors included
 TURN_RAD = 2.0 * np.pi
 LIVELINESS = ((0.5, 0.25), (1.0, 0.5), (2.0, 0.25))
@@ -35,21 +37,35 @@ def generic_log_likelihood(clip: ClipPhase) -> FloatArray:
     ndarray, shape (n,)
         Zero for the first: any phase is as likely as any other.
     """
+    blocks = (clip.between(start, start + BLOCK + 1) for start in range(0, clip.size - 1, BLOCK))
     parts = [
-        _block(clip.between(start, start + BLOCK + 1)) for start in range(0, clip.size - 1, BLOCK)
+        _block(np.stack([b.t_s, b.phase_rad, b.var_rad2, b.walk_rad2]).tobytes(), b.hop_s)
+        for b in blocks
     ]
     return np.concatenate([np.zeros(min(clip.size, 1)), *parts])
 
 
-def _block(clip: ClipPhase) -> FloatArray:
-    """Log-likelihood of each step of the phase given the steps before."""
+@lru_cache(maxsize=KEPT)
+def _block(held: bytes, hop_s: float) -> FloatArray:
+    """Log-likelihood of each step of the phase given the steps before.
+
+    A clip is asked about again as it grows, and when its finding is examined: then only what is new
+    of it is work.
+    """
+    t_s, phase_rad, var_rad2, walk_rad2 = np.frombuffer(held).reshape(4, -1)
+    clip = ClipPhase(t_s, phase_rad, var_rad2, walk_rad2, hop_s, np.nan)
     steps = np.diff(clip.phase_rad)
-    found, weights = [], []
     wander, own = _wander(clip), _noise(clip)
+    sizes = {(errors.wander_rad, errors.wander_s) for errors in CLIP_ERRORS}
+    bounded = {size: _bounded(clip, *size) for size in sizes}
+    covariance = np.empty_like(wander)
+    found, weights = [], []
     for errors in CLIP_ERRORS:
-        noise = errors.ratio**2 * own + _bounded(clip, errors)
+        noise = errors.ratio**2 * own + bounded[errors.wander_rad, errors.wander_s]
         for livelier, weight in LIVELINESS:
-            found.append(_gaussian(steps, livelier**2 * wander + noise))
+            np.multiply(wander, livelier**2, out=covariance)
+            covariance += noise
+            found.append(_gaussian(steps, covariance))
             weights.append(weight * errors.weight)
     return _mixed(np.array(found), np.log(weights))
 
@@ -61,13 +77,11 @@ def _wander(clip: ClipPhase) -> FloatArray:
     return _of_steps(clip, wander_rad2) + mean
 
 
-def _bounded(clip: ClipPhase, errors: ClipErrors) -> FloatArray:
+def _bounded(clip: ClipPhase, wander_rad: float, wander_s: float) -> FloatArray:
     """Covariance of the steps by a bounded wander of the clip's phase."""
-    if not errors.wander_rad:
+    if not wander_rad:
         return np.zeros((clip.size - 1, clip.size - 1))
-    return _of_steps(
-        clip, lambda t_s: 2.0 * errors.wander_rad**2 * -np.expm1(-t_s / errors.wander_s)
-    )
+    return _of_steps(clip, lambda t_s: 2.0 * wander_rad**2 * -np.expm1(-t_s / wander_s))
 
 
 def _of_steps(clip: ClipPhase, spread_rad2: Callable[[FloatArray], FloatArray]) -> FloatArray:
@@ -79,7 +93,8 @@ def _of_steps(clip: ClipPhase, spread_rad2: Callable[[FloatArray], FloatArray]) 
     def over(i: NDArray[np.int64], j: NDArray[np.int64]) -> FloatArray:
         return np.asarray(spread[np.abs(np.subtract.outer(i, j))], np.float64)
 
-    return (over(b, a) + over(a, b) - over(a, a) - over(b, b)) / 2.0
+    across = over(b, a)
+    return (across + across.T - over(a, a) - over(b, b)) / 2.0
 
 
 def _noise(clip: ClipPhase) -> FloatArray:

@@ -26,6 +26,7 @@ from rsenf.timebase import nanoseconds
 
 NAN = float("nan")
 MOST_PAUSE_NS = 3_600 * 10**9  # between estimates: those that aren't usable come, too
+INTERIM_SHARE = 0.25  # by which a clip has grown since the last interim result, at least
 PAPER_TRACKER = "paper"  # the ENF method that the metrics compare the hypotheses of
 
 METHODS: dict[str, Matcher | Metric] = {
@@ -56,7 +57,8 @@ class Match:
     claimed_utc_ns : int
         Claimed time of the first frame, UTC since 1970; 0 for none.
     interim_every_s : float
-        Stream time between interim results; 0 for none but the final one.
+        Stream time between interim results; 0 for none but the final one. Of a long clip each waits
+        until a quarter more of it has come than the one before had to go by.
     settings : MatchSettings, optional
     keep_hours : float
         Of the estimates, and of a reference that grows, to go by; 0 for all. What can be compared
@@ -101,6 +103,7 @@ class Match:
         self._hypotheses = HypothesisStore()
         self._epoch: tuple[str, int] | None = None
         self._due: list[int] = []  # numbers of estimates at which interim results are due
+        self._last_due = 0  # periods of interim results that the last one was due after
         self._published = 0
         self._forgotten = 0  # estimates of this epoch that are too old to go by
 
@@ -126,7 +129,7 @@ class Match:
             if tracker_for(self.method):
                 self._hypotheses.add(message)
             return out
-        if self._every_ns and self._crosses_boundary(message):
+        if self._every_ns and self._is_due(message):
             self._due.append(self._forgotten + len(self._estimates) + 1)
         self._estimates.append(message)
         out += self._interim()
@@ -163,11 +166,22 @@ class Match:
             for first in [f for f, b in kept.items() if f + b.samples < least]:
                 del kept[first]
 
-    def _crosses_boundary(self, message: EnfEstimate) -> bool:
-        """Whether this is the first window to reach the next multiple of the interim period."""
+    def _is_due(self, message: EnfEstimate) -> bool:
+        """Whether this is the first window to reach a multiple of the interim period.
+
+        All of the clip is compared again each time. Results that came at every period of a long one
+        would cost the square of its length; those that wait for a share more of it don't.
+        """
         before = self._estimates[-1].end_pts_ns if self._estimates else message.origin_pts_ns
-        now, last = (t - message.origin_pts_ns for t in (message.end_pts_ns, before))
-        return now // self._every_ns > last // self._every_ns
+        now, last = (
+            (t_ns - message.origin_pts_ns) // self._every_ns
+            for t_ns in (message.end_pts_ns, before)
+        )
+        length = min(self._last_due, self._keep_ns // self._every_ns or self._last_due)
+        if now <= last or now - self._last_due < INTERIM_SHARE * length:
+            return False
+        self._last_due = now
+        return True
 
     def _interim(self) -> list[Any]:
         if not self._due or not self._reference_ready():

@@ -47,7 +47,7 @@ class Samples:
     @property
     def agree(self) -> NDArray[np.bool_]:
         """Which samples' readings agree; the others are no better than gaps."""
-        if self.high is self.low:  # one reading each
+        if self._once:
             return np.ones(len(self), np.bool_)
         apart_hz: FloatArray = (self.high - self.low) * self.unit_hz
         return apart_hz <= AGREE_HZ + _ROUNDING_HZ
@@ -56,6 +56,11 @@ class Samples:
     def mean(self) -> FloatArray:
         """Mean reading of each sample, one reading to the last bit."""
         return self.total / self.readings
+
+    @property
+    def _once(self) -> bool:
+        """Whether every sample is known to have one reading."""
+        return self.high is self.low
 
     def part(self, chosen: Any) -> Samples:
         """Return some of the samples, by a slice, a mask or in an order."""
@@ -75,7 +80,7 @@ class Samples:
             return freq, readings
         a, b = int(self.index[0]), int(self.index[-1]) + 1
         place = slice(a - first, b - first) if b - a == len(self) else self.index - first
-        freq[place] = np.where(self.agree, self.mean, np.nan)
+        freq[place] = self.total if self._once else np.where(self.agree, self.mean, np.nan)
         readings[place] = self.readings
         return freq, readings
 

@@ -71,6 +71,14 @@ def test_interim_results_come_at_stream_time():
     assert [r.decision for r in results][:1] == ["no_decision"]
 
 
+def test_interim_results_of_a_long_clip_wait_for_a_quarter_more_of_it():
+    messages = [*blocks_from(GRID), *estimates_from(CLIP)]
+    *interim, _ = run(messages, interim_every_s=20)
+    assert [r.seconds_used for r in interim[2:]] == [20 * k - 19 for k in (3, 4, 5, 7, 9, 12)]
+    *of_a_minute, _ = run(messages, interim_every_s=20, keep_hours=1 / 60)
+    assert len(of_a_minute) == 12
+
+
 def test_a_growing_reference_is_used_as_far_as_it_is():
     growing = [dataclasses.replace(b, total=0) for b in blocks_from(GRID)]
     estimates = estimates_from(CLIP)

@@ -31,9 +31,11 @@ class Blocks:
             return self._kept[number]
         if number not in self.series.groups:
             return None
-        units, readings = self.series.block(number).dense(number * BLOCK, BLOCK)
+        freq_hz, readings = self.series.block(number).dense(number * BLOCK, BLOCK)
         # Whole units, so that a frequency is the double nearest to its six decimals.
-        freq_hz = (self.series.nominal_hz * UNITS_PER_HZ + np.rint(units)) / UNITS_PER_HZ
+        np.rint(freq_hz, out=freq_hz)
+        freq_hz += self.series.nominal_hz * UNITS_PER_HZ
+        freq_hz /= UNITS_PER_HZ
         self._kept[number] = freq_hz, readings
         if len(self._kept) > CACHED_BLOCKS:
             self._kept.popitem(last=False)
@@ -77,10 +79,12 @@ class StoredSamples(Generic[T]):
 
     def _read(self, start: int, stop: int) -> NDArray[T]:
         a, b = self._first + start, self._first + stop
-        out = np.full(b - a, self._gap, self.dtype)
+        out = np.empty(b - a, self.dtype)
         for number in range(a // BLOCK, -(-b // BLOCK)):
-            if (block := self._blocks[number]) is not None:
-                low, high = max(a, number * BLOCK), min(b, (number + 1) * BLOCK)
-                values = block[self._which][low - number * BLOCK : high - number * BLOCK]
-                out[low - a : high - a] = values
+            low, high = max(a, number * BLOCK), min(b, (number + 1) * BLOCK)
+            own, block = out[low - a : high - a], self._blocks[number]
+            if block is None:
+                own[:] = self._gap
+            else:
+                own[:] = block[self._which][low - number * BLOCK : high - number * BLOCK]
         return out

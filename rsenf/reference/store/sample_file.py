@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 UNIT_HZ = 1e-6
 UNITS_PER_HZ = 1_000_000
 BLOCK = 1 << 18  # samples: three days at 1 s
+_READINGS = 2  # number of that column
+_OF_SEVERAL = ("readings", "low_uhz", "high_uhz")  # columns of samples with more than one reading
 
 
 class Group(NamedTuple):
@@ -82,22 +84,25 @@ class SampleFile:
         return Group(self, number, first, last, group.num_rows)
 
     def read(self, number: int) -> Samples:
-        """Read a row group."""
+        """Read a row group: of its columns those that its statistics don't tell."""
         from pyarrow import parquet
 
+        group, raster = self.groups[number], self.record.raster
+        gaps = group.last - group.first + 1 > group.rows
+        several = self._metadata.row_group(number).column(_READINGS).statistics.max > 1
+        columns = ["sum_uhz", *["time"] * gaps, *_OF_SEVERAL * several]
         with _legible(self.path), parquet.ParquetFile(self.path, metadata=self._metadata) as file:
-            rows = file.read_row_group(number, use_threads=False)
-        raster = self.record.raster
-        t_ns = rows["time"].to_numpy().astype(np.int64)
+            rows = file.read_row_group(number, columns, use_threads=False)
+        index = np.arange(group.first, group.last + 1)
+        if gaps:
+            t_ns = rows["time"].to_numpy().astype(np.int64, copy=False)
+            index = (t_ns - raster.t0_ns) // raster.step_ns
         total = rows["sum_uhz"].to_numpy()
-        return Samples(
-            (t_ns - raster.t0_ns) // raster.step_ns,
-            total,
-            rows["readings"].to_numpy(),
-            _or_total(rows["low_uhz"], total),
-            _or_total(rows["high_uhz"], total),
-            UNIT_HZ,
-        )
+        if not several:
+            once = np.ones(group.rows, np.uint32)
+            return Samples(index, total, once, total, total, UNIT_HZ)
+        low, high = (_or_total(rows[name], total) for name in ("low_uhz", "high_uhz"))
+        return Samples(index, total, rows["readings"].to_numpy(), low, high, UNIT_HZ)
 
 
 def schema() -> pa.Schema:
@@ -117,8 +122,6 @@ def schema() -> pa.Schema:
 
 def _or_total(column: pa.ChunkedArray, total: Any) -> Any:
     """Return least or greatest readings; where a sample has one only, they aren't written."""
-    if column.null_count == len(column):
-        return total
     values = column.to_numpy()
     return np.where(np.isnan(values), total, values).astype(np.int64)
 

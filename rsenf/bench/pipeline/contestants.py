@@ -1,0 +1,201 @@
+"""What is timed side by side: a bare decoder, this program in one process, and as a graph."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.batch.journal import Record
+from rsenf.bench.memory import HELD, PEAK, memory_mb
+from rsenf.bench.pipeline.films import SIZES, Film, reference_of
+from rsenf.bench.pipeline.graphs import Ran, Split, run_split
+from rsenf.errors import NodeFailed
+from rsenf.messages import Frame, Header
+from rsenf.rows.stage import Rows
+
+FFMPEG, PYAV, ONE = "ffmpeg", "PyAV", "one process"
+COPY, MEANS, LIVE = "copy of the plane", "row means", "live"
+SPLITS = {
+    "fused": Split(record=False),
+    "fused, recorded": Split(),
+    "apart": Split(frames="ring", record=False),
+    "apart, recorded": Split(frames="ring"),
+}
+PLANES, OF_PLANES = 32, 320
+_BENCH = re.compile(r"bench: utime=([\d.]+)s stime=([\d.]+)s rtime=([\d.]+)s")
+_MAXRSS = re.compile(r"maxrss=(\d+)ki?B", re.IGNORECASE)
+
+
+def has_ffmpeg() -> bool:
+    """Whether the program that everything is compared with is there."""
+    return shutil.which("ffmpeg") is not None
+
+
+def contestants() -> tuple[str, ...]:
+    """Return the names of all that can be timed here, in turn."""
+    beside = (FFMPEG,) if has_ffmpeg() else ()
+    return (*beside, PYAV, ONE, *SPLITS, COPY, MEANS)
+
+
+def time_it(contestant: str, film: Film, path: Path) -> Record:
+    """Time one over a film.
+
+    Returns
+    -------
+    dict
+        ``frames`` in ``seconds``, with ``cpu_s`` and ``peak_mb``; of a graph by node, too.
+    """
+    timers: dict[str, Callable[[], Record]] = {
+        FFMPEG: lambda: _ffmpeg(film, path),
+        PYAV: lambda: _in_here(lambda: _bare(path), film.frames),
+        ONE: lambda: _in_here(lambda: _one_process(path), film.frames),
+        COPY: lambda: _copies(film),
+        MEANS: lambda: _row_means(film),
+        LIVE: lambda: _latency(path),
+    }
+    if contestant in SPLITS:
+        return _graph(SPLITS[contestant], film, path)
+    return timers[contestant]()
+
+
+def _ffmpeg(film: Film, path: Path) -> Record:
+    """Decode with the program; its own clock, which begins when it is loaded."""
+    words = ["ffmpeg", "-nostdin", "-hide_banner", "-benchmark", "-i", str(path), "-map", "0:v:0",
+             "-f", "null", "-"]  # fmt: skip
+    told = subprocess.run(words, capture_output=True, text=True, check=False)
+    took, peak = _BENCH.search(told.stderr), _MAXRSS.search(told.stderr)
+    if told.returncode or took is None:
+        raise NodeFailed(f"ffmpeg can't decode {path.name}")
+    user_s, system_s, seconds = map(float, took.groups())
+    peak_mb = int(peak[1]) / 1024 if peak else None
+    return _record(film.frames, seconds, user_s + system_s, peak_mb)
+
+
+def _in_here(work: Callable[[], Any], frames: int) -> Record:
+    """Time some work in this process, which has imported what it takes."""
+    held_mb = memory_mb(HELD)
+    begun, spent = time.perf_counter(), os.times()
+    work()
+    seconds, now = time.perf_counter() - begun, os.times()
+    cpu_s = now.user + now.system - spent.user - spent.system
+    return {**_record(frames, seconds, cpu_s, memory_mb(PEAK)), "held_mb": held_mb}
+
+
+def _record(frames: int, seconds: float, cpu_s: float, peak_mb: float | None) -> Record:
+    return {"frames": frames, "seconds": seconds, "cpu_s": cpu_s, "peak_mb": peak_mb}
+
+
+def _bare(path: Path) -> None:
+    import av
+
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        stream.thread_type = "AUTO"
+        for _ in container.decode(stream):
+            pass
+
+
+def _one_process(path: Path) -> None:
+    from rsenf.idle import IdleSettings
+    from rsenf.live import Live
+    from rsenf.live.settings import LiveSettings
+    from rsenf.reference import open_reference, reference_blocks
+    from rsenf.rows.settings import RowsSettings
+    from rsenf.run.inline import analyse
+    from rsenf.run.inputs import open_input_file
+    from rsenf.track import TrackSettings
+
+    reference = open_reference(str(reference_of(path)), timezone="UTC")
+    blocks = list(reference_blocks(reference, source="reference/mains", run_id=""))
+    analyse(
+        open_input_file(path),
+        rows=RowsSettings(),
+        track=TrackSettings(),
+        idle=IdleSettings(),
+        make_live=lambda: Live(LiveSettings(), start_utc_ns=reference.t0_ns),
+        reference=blocks,
+    )
+
+
+def _graph(split: Split, film: Film, path: Path) -> Record:
+    """Run a graph: timed from the first block of rows to the last mark of an end."""
+    with tempfile.TemporaryDirectory(prefix="rsenf-bench-") as folder:
+        ran = run_split(split, path, Path(folder))
+    blocks = [h for h in ran.heard if h.topic == "rows" and not h.header.is_end]
+    first, cpu_s = blocks[0], ran.cpu_s
+    return {
+        **_record(
+            film.frames - first.header.frame_last - 1,
+            (ran.ended_ns - first.at_ns) / 1e9,
+            sum(cpu_s.values()) * (1 - (first.header.frame_last + 1) / film.frames),
+            sum(ran.peak_mb.values()),
+        ),
+        "node_cpu_s": cpu_s,
+        "node_peak_mb": ran.peak_mb,
+        "lost": ran.lost,
+    }
+
+
+def _latency(path: Path) -> Record:
+    """Play a film at its own speed: how long after a frame is each thing heard that is made of it.
+
+    Of a block of rows, and of an estimate, it is counted from the first frame of the newest block
+    that is in it.
+    """
+    with tempfile.TemporaryDirectory(prefix="rsenf-bench-") as folder:
+        ran = run_split(Split(threads=1, pace=True), path, Path(folder))
+    return {"latency_s": latencies_s(ran), "lost": ran.lost}
+
+
+def latencies_s(ran: Ran) -> dict[str, list[float]]:
+    """Return the latencies of what was heard, by topic."""
+    out: dict[str, list[float]] = {}
+    for h in ran.heard:
+        if not h.header.is_end:
+            out.setdefault(h.topic, []).append((h.at_ns - h.header.arrival_time_ns) / 1e9)
+    return out
+
+
+def _copies(film: Film) -> Record:
+    """Copy planes one after the other: what memory allows."""
+    planes = _planes(film)
+    to = np.empty_like(planes[0])
+
+    def work() -> None:
+        for number in range(OF_PLANES):
+            np.copyto(to, planes[number % PLANES])
+
+    work()  # the memory is touched for the first time
+    return _in_here(work, OF_PLANES)
+
+
+def _row_means(film: Film) -> Record:
+    """Sample the same planes as frames."""
+    planes, rows = _planes(film), Rows()
+    height_px, width_px = planes[0].shape
+
+    def work() -> None:
+        for number in range(OF_PLANES):
+            header = Header(frame_first=number, frame_last=number, seq=number)
+            luma = planes[number % PLANES]
+            rows.update(Frame(header=header, height_px=height_px, width_px=width_px, luma=luma))
+
+    work()
+    return _in_here(work, OF_PLANES)
+
+
+def _planes(film: Film) -> list[NDArray[np.uint8]]:
+    """Return planes of noise, more of them than a cache holds."""
+    width, height = SIZES[film.size]
+    plane = np.random.default_rng(film.seed).integers(90, 130, (height, width), np.uint8)
+    return [np.roll(plane, number) for number in range(PLANES)]

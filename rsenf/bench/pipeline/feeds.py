@@ -1,0 +1,187 @@
+"""How many live feeds a machine carries: one more each time, until one falls behind."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from rsenf import __version__
+from rsenf.batch.journal import Record, read_records
+from rsenf.bench.pipeline.films import FRAME_RATE, Film, made
+from rsenf.bench.pipeline.graphs import Heard, Ran, Split, run_split
+from rsenf.bench.pipeline.trial import FILMS, VERSION
+from rsenf.bench.session import measure_missing
+from rsenf.bench.text import Table, titled
+
+RESULTS = "feeds.jsonl"
+# So far behind its own speed in the last quarter, a feed is lost: nothing but the end of the film
+# would let it catch up.
+BEHIND_S = 0.5
+MARK = 10
+_HEAD = ("film", "Mb/s", "feeds", "processor", "ms a frame", "latest p50", "latest p99", "lost",
+         "peak MB", "a feed more", "carried")  # fmt: skip
+_NOTE = """\
+Feeds that play the same film at its own speed, each decoded and sampled in a process of one thread,
+with estimates, idle periods, verdicts of liveness and one recording of everything, video included.
+processor: share of all cores; latest: how far the feed that is furthest behind its own speed was in
+the last quarter; lost: messages dropped, missed or refused; carried: nothing lost, and none of the
+feeds more than half a second behind. Mark: 10 feeds of 1080p on two cores."""
+
+
+@dataclass(frozen=True)
+class Many:
+    """So many feeds of a film."""
+
+    film: Film
+    feeds: int
+    number: int = 0
+
+    @property
+    def key(self) -> str:
+        """Name that tells it from any other."""
+        return f"{self.film.name} x{self.feeds} {self.number} v{VERSION}"
+
+
+def counts(first: int) -> Iterator[int]:
+    """Yield how many feeds are tried: by twos at first, then one more each time."""
+    yield from (n for n in (1, *range(2, first, 2)) if n < first)
+    feeds = first
+    while True:
+        yield feeds
+        feeds += 1
+
+
+def measure_feeds(film: Film, first: int, folder: Path, say: Callable[[str], None]) -> list[Record]:
+    """Add feeds until one falls behind.
+
+    Parameters
+    ----------
+    film : Film
+        What each of them shows.
+    first : int
+        From which number on they are added one by one.
+    folder : Path
+        Where film and results are kept.
+    say : callable
+        Told what comes next.
+    """
+    out, records = folder / RESULTS, []
+    for feeds in counts(first):
+        many = Many(film, feeds)
+        if many.key not in read_records(out):
+            say(f"{feeds} feeds of {film.size}")
+            made(film, folder / FILMS)
+            measure_missing([many], partial(carried, films=folder / FILMS), out, 1)
+        records.append(read_records(out)[many.key])
+        if not records[-1]["carried"]:
+            break
+    return records
+
+
+def carried(many: Many, films: Path) -> Record:
+    """Run so many feeds, and tell whether all of them were carried."""
+    film = many.film
+    split = Split(cameras=many.feeds, threads=1, pace=True)
+    load = os.getloadavg()[0]
+    with tempfile.TemporaryDirectory(prefix="rsenf-bench-") as folder:
+        ran = run_split(split, made(film, films), Path(folder))
+    late = [lateness_s(blocks) for blocks in by_camera(ran)]
+    seconds, cpu_s = film.frames / float(FRAME_RATE), ran.cpu_s
+    last = [sorted(of[-len(of) // 4 :]) for of in late]
+    p50_s = max(median(of) for of in last)
+    return {
+        "version": VERSION,
+        "key": many.key,
+        "size": film.size,
+        "codec": film.codec,
+        "bitrate_bps": film.bitrate_bps,
+        "feeds": many.feeds,
+        "seconds": seconds,
+        "cores": os.cpu_count(),
+        "load": load,
+        "rsenf": __version__,
+        "node_cpu_s": cpu_s,
+        "cpu_s": sum(cpu_s.values()),
+        "node_peak_mb": ran.peak_mb,
+        "late_p50_s": p50_s,
+        "late_p99_s": max(of[min(int(0.99 * len(of)), len(of) - 1)] for of in last),
+        "lost": ran.lost,
+        "carried": not ran.lost and len(late) == many.feeds and p50_s < BEHIND_S,
+    }
+
+
+def by_camera(ran: Ran) -> list[list[Heard]]:
+    """Return the blocks of rows of each camera."""
+    found: dict[str, list[Heard]] = {}
+    for heard in ran.heard:
+        if heard.topic == "rows" and not heard.header.is_end:
+            found.setdefault(heard.source, []).append(heard)
+    return list(found.values())
+
+
+def lateness_s(blocks: list[Heard]) -> list[float]:
+    """How far each block was behind the feed's own speed, from the one that came soonest."""
+    ahead_ns = [heard.at_ns - heard.header.pts_ns for heard in blocks]
+    soonest_ns = min(ahead_ns)
+    return [(ns - soonest_ns) / 1e9 for ns in ahead_ns]
+
+
+def tabulate(records: list[Record]) -> dict[str, Any]:
+    """Return the rows of the table."""
+    rows = []
+    for record in records:
+        total_mb, feeds = sum(record["node_peak_mb"].values()), record["feeds"]
+        decoders = [mb for name, mb in record["node_peak_mb"].items() if name.startswith("decode-")]
+        frames = feeds * record["seconds"] * float(FRAME_RATE)
+        rows.append({
+            **record,
+            "processor_ratio": record["cpu_s"] / record["seconds"] / record["cores"],
+            "cpu_ms_per_frame": 1e3 * record["cpu_s"] / frames,
+            "peak_mb": total_mb,
+            "mb_a_feed": median(decoders),
+        })  # fmt: skip
+    most = {(r["size"], r["codec"]): 0 for r in rows}
+    for row in rows:
+        if row["carried"]:
+            most[row["size"], row["codec"]] = row["feeds"]
+    return {
+        "table": "feeds",
+        "mark": MARK,
+        "carried": [{"size": s, "codec": c, "feeds": n} for (s, c), n in most.items()],
+        "rows": rows,
+    }
+
+
+def text(document: dict[str, Any], *, on_page: bool = False) -> str:
+    """Return the table for a terminal, or in Markdown."""
+    lines = [_cells(row) for row in document["rows"]]
+    told = [f"{c['feeds']} feeds of {c['size']} are carried" for c in document["carried"]]
+    cores, load = (sorted({row[k] for row in document["rows"]}) for k in ("cores", "load"))
+    made_from = (
+        f"{'; '.join(told)}; {', '.join(map(str, cores))} cores, load of the machine before each "
+        f"run {load[0]:.1f} to {load[-1]:.1f}"
+    )
+    tables: list[Table] = [("Feeds at 30 frames/s", _HEAD, lines)]
+    return titled(tables, [made_from] if on_page else [_NOTE, made_from], on_page=on_page)
+
+
+def _cells(row: dict[str, Any]) -> list[str]:
+    return [
+        f"{row['size']} {row['codec'].upper().replace('H', 'H.')}",
+        f"{row['bitrate_bps'] / 1e6:g}",
+        str(row["feeds"]),
+        f"{row['processor_ratio']:.0%}",
+        f"{row['cpu_ms_per_frame']:.2f}",
+        f"{1e3 * row['late_p50_s']:.0f} ms",
+        f"{1e3 * row['late_p99_s']:.0f} ms",
+        str(row["lost"]),
+        f"{row['peak_mb']:.0f}",
+        f"{row['mb_a_feed']:.0f}",
+        "yes" if row["carried"] else "no",
+    ]

@@ -1,0 +1,182 @@
+"""The real graph, its processes started as 'rsenf run' does, and listened to while it runs."""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+
+from rsenf.bench.memory import PEAK, memory_mb
+from rsenf.bench.pipeline.films import START, reference_of
+from rsenf.bus.delivery import LOOKING
+from rsenf.bus.inbox import Inbox
+from rsenf.bus.keys import source_of, topic_of
+from rsenf.bus.zenoh_bus import BusSettings, open_bus
+from rsenf.config import load_graph
+from rsenf.messages import Header, Health
+from rsenf.run.graph_run import GraphRun
+from rsenf.run.supervisor import check_ended, start_graph
+
+SITE = "bench"
+EAR = dataclasses.replace(LOOKING, queue=8192)
+LOOK_S = 0.25
+HEARD = ("rows", "track")
+
+
+@dataclass(frozen=True)
+class Split:
+    """How the work on some cameras is shared out among processes.
+
+    Parameters
+    ----------
+    frames : {'fused', 'ring', 'tcp'}
+        Rows taken by who decodes, or by a process of their own.
+    record : bool
+        Whether everything is recorded, the video included.
+    cameras : int
+        How many, each with a decoder of its own.
+    threads : int
+        Of a decoder; 0 lets FFmpeg choose.
+    pace : bool
+        Whether the video is played at its own speed.
+    """
+
+    frames: str = "fused"
+    record: bool = True
+    cameras: int = 1
+    threads: int = 0
+    pace: bool = False
+
+    def graph(self, film: Path, out: Path) -> dict[str, object]:
+        """Return the graph: verdicts of liveness on every camera, beside its reference."""
+        names = [f"cam{k}" for k in range(1, self.cameras + 1)]
+        shared: dict[str, dict[str, object]] = {
+            "track": {"kind": "track", "cameras": names},
+            "idle": {"kind": "idle", "cameras": names},
+            "mains": {"kind": "reference", "grid": "mains", "input": str(reference_of(film)),
+                      "timezone": "UTC"},
+            "live": {"kind": "live", "cameras": names, "grid": "mains",
+                     "start": f"{START:%Y-%m-%dT%H:%M:%S}Z"},
+        }  # fmt: skip
+        if self.frames != "fused":
+            shared["rows"] = {"kind": "rows", "cameras": names}
+        if self.record:
+            shared["record"] = {"kind": "record", "out": str(out), "overwrite": True}
+        decode = {
+            "kind": "decode", "input": str(film), "frames": self.frames, "threads": self.threads,
+            "pace": self.pace, "record_video": self.record,
+        }  # fmt: skip
+        nodes = {f"decode-{name}": {**decode, "camera": name} for name in names}
+        return {"version": 1, "site": SITE, "nodes": {**nodes, **shared}}
+
+
+@dataclass(frozen=True)
+class Heard:
+    """A message that was heard: when, of which camera and topic, and its header."""
+
+    at_ns: int
+    source: str
+    topic: str
+    header: Header
+
+
+@dataclass
+class Ran:
+    """A graph that has run.
+
+    Parameters
+    ----------
+    heard : list of Heard
+        Rows and estimates, and the marks that end them.
+    first, last : dict of str to Health
+        What each node said of itself when it was ready, and at its end.
+    peak_mb : dict of str to float
+        Most memory of each node, and of 'run', which started them and routes their messages.
+    run_cpu_s : float
+        Processor time of that one while they worked.
+    exit_code : int
+    """
+
+    heard: list[Heard] = field(default_factory=list)
+    first: dict[str, Health] = field(default_factory=dict)
+    last: dict[str, Health] = field(default_factory=dict)
+    peak_mb: dict[str, float] = field(default_factory=dict)
+    run_cpu_s: float = 0.0
+    exit_code: int = 0
+
+    @property
+    def cpu_s(self) -> dict[str, float]:
+        """Processor time of each node from when it was ready."""
+        spent = {n: self.last[n].cpu_s - health.cpu_s for n, health in self.first.items()}
+        return {**spent, "run": self.run_cpu_s}
+
+    @property
+    def ended_ns(self) -> int:
+        """When the last node was done, on this host's clock."""
+        return max(health.time_ns for health in self.last.values())
+
+    @property
+    def lost(self) -> int:
+        """Messages that a node dropped, missed or refused."""
+        return sum(h.dropped + h.missed + h.rejected for h in self.last.values())
+
+
+def run_split(split: Split, film: Path, folder: Path) -> Ran:
+    """Run a graph over a film to its end.
+
+    Raises
+    ------
+    NodeFailed
+        When a node is lost or fails.
+    """
+    path, ran = folder / "graph.yaml", Ran()
+    path.write_text(yaml.safe_dump(split.graph(film, folder / "out.mcap")), encoding="utf-8")
+
+    with ExitStack() as stack:
+        run = stack.enter_context(start_graph(load_graph(path), path))
+        bus = stack.enter_context(open_bus(BusSettings(connect=(run.endpoint,))))
+        inbox, done = Inbox(), threading.Event()
+        for topic in HEARD:
+            bus.subscribe(inbox, f"rsenf/{SITE}/*/{topic}", EAR)
+        for work in (lambda: _listen(inbox, ran, done), lambda: _look(run, ran, done)):
+            thread = threading.Thread(target=work)
+            thread.start()
+            stack.callback(thread.join)
+        stack.callback(done.set)
+        run.wait(threading.Event())
+        ran.exit_code = check_ended(run)
+        for name, node in run.nodes.items():
+            if node.health:
+                ran.last[name] = node.health
+    return ran
+
+
+def _listen(inbox: Inbox, ran: Ran, done: threading.Event) -> None:
+    while not done.is_set():
+        received = inbox.receive(0.1)
+        if received:
+            at_ns = time.time_ns()
+            ran.heard.append(
+                Heard(
+                    at_ns, source_of(received.key), topic_of(received.key), received.message.header
+                )
+            )
+
+
+def _look(run: GraphRun, ran: Ran, done: threading.Event) -> None:
+    begun_s = None
+    while not done.wait(LOOK_S):
+        for name, node in run.nodes.items():
+            if node.health and node.was_ready:
+                ran.first.setdefault(name, node.health)
+            if node.process:
+                ran.peak_mb[name] = memory_mb(PEAK, node.process.pid) or ran.peak_mb.get(name, 0.0)
+        if len(ran.first) == len(run.nodes):
+            begun_s = begun_s or time.process_time()
+            ran.run_cpu_s = time.process_time() - begun_s
+        ran.peak_mb["run"] = memory_mb(PEAK) or 0.0

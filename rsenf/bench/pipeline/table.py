@@ -1,0 +1,163 @@
+"""Times of contestants, as plain values, as text and as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from rsenf.batch.journal import Record
+from rsenf.bench.pipeline.contestants import COPY, FFMPEG, LIVE, MEANS, ONE, PYAV, SPLITS
+from rsenf.bench.text import Table, titled
+
+Row = dict[str, Any]
+# Least share of the decoder's frame rate, of 720p and 1080p in H.264.
+MARKS = {ONE: 0.95, "fused, recorded": 0.9, "apart, recorded": 0.75}
+MARKED = ("720p", "1080p")
+_HEAD = ("film", "Mb/s", "what", "frames/s", "÷ decoder", "mark", "CPU s per 1000", "÷ decoder",
+         "peak MB", "lost")  # fmt: skip
+_LATE_HEAD = ("film", "of", "heard", "p50", "p99", "lost")
+_NOTE = """\
+Frames a second and seconds of processor time per 1000 frames, medians; ÷ decoder: over {decoder} of
+the same round, median of the rounds. fused: rows taken where frames are decoded; apart: in a
+process of their own, frames in shared memory; both with estimates, idle period and verdicts of
+liveness, and recorded with the video or not. Processes are counted from when they are ready; peak
+MB is the sum over all of them. copy of the plane, row means: the same planes of luma copied, and
+sampled with the mask of what is steady; ÷ decoder there: over the copy."""
+_LATE_NOTE = """\
+The film at its own speed, recorded: from a frame's arrival until what is made of it is heard by
+another process; of a block, and of an estimate, from the first of the newest 8 frames in it, which
+take 233 ms to come."""
+
+
+def tabulate(records: Sequence[Record]) -> Row:
+    """Return the rows of the tables, and what they were made from."""
+    timed = [r for r in records if r["contestant"] != LIVE]
+    groups: dict[tuple[str, str], list[Record]] = {}
+    for record in timed:
+        groups.setdefault((record["size"], record["codec"]), []).append(record)
+    decoder = FFMPEG if any(r["contestant"] == FFMPEG for r in timed) else PYAV
+    return {
+        "table": "pipeline",
+        "decoder": decoder,
+        "rounds": max((r["number"] + 1 for r in timed), default=0),
+        "cores": sorted({r["cores"] for r in records}),
+        "load": [f(r["load"] for r in records) for f in (min, max)] if records else [],
+        "versions": sorted({r["rsenf"] for r in records}),
+        "rows": [row for group in groups.values() for row in _rows(group, decoder)],
+        "latency": [row for r in records if r["contestant"] == LIVE for row in _late(r)],
+    }
+
+
+def _rows(group: Sequence[Record], decoder: str) -> Iterable[Row]:
+    """Yield the rows of one film."""
+    by_name: dict[str, dict[int, Record]] = {}
+    for record in group:
+        by_name.setdefault(record["contestant"], {})[record["number"]] = record
+    for name, rounds in by_name.items():
+        beside = by_name[COPY if name in (COPY, MEANS) else decoder]
+        pairs = [(r, beside[n]) for n, r in rounds.items() if n in beside]
+        first = next(iter(rounds.values()))
+        marked = first["size"] in MARKED and first["codec"] == "h264"
+        yield {
+            "size": first["size"],
+            "codec": first["codec"],
+            "bitrate_bps": first["bitrate_bps"],
+            "contestant": name,
+            "rounds": len(rounds),
+            "frames_per_s": median(map(_rate, rounds.values())),
+            "cpu_s_per_1000": median(map(_cost, rounds.values())),
+            "rate_ratio": median(_rate(r) / _rate(other) for r, other in pairs),
+            "cpu_ratio": median(_cost(r) / _cost(other) for r, other in pairs),
+            "mark": MARKS.get(name) if marked else None,
+            "peak_mb": _most(r["peak_mb"] for r in rounds.values()),
+            "lost": sum(r["lost"] for r in rounds.values()) if name in SPLITS else None,
+            "node_cpu_s_per_1000": _by_node(rounds.values(), "node_cpu_s"),
+            "node_peak_mb": _by_node(rounds.values(), "node_peak_mb"),
+        }
+
+
+def _rate(record: Record) -> float:
+    return float(record["frames"] / record["seconds"])
+
+
+def _cost(record: Record) -> float:
+    return float(1000.0 * record["cpu_s"] / record["frames"])
+
+
+def _most(values: Iterable[float | None]) -> float | None:
+    return max((v for v in values if v is not None), default=None)
+
+
+def _by_node(records: Iterable[Record], what: str) -> dict[str, float]:
+    """Median of each node: seconds are per 1000 frames."""
+    found: dict[str, list[float]] = {}
+    for record in records:
+        scale = 1000.0 / record["frames"] if what.endswith("_s") else 1.0
+        for node, value in record.get(what, {}).items():
+            found.setdefault(node, []).append(scale * value)
+    return {node: median(values) for node, values in found.items()}
+
+
+def _late(record: Record) -> Iterable[Row]:
+    for topic, latencies_s in record["latency_s"].items():
+        p50, p99 = np.percentile(latencies_s, [50, 99])
+        yield {
+            "size": record["size"],
+            "codec": record["codec"],
+            "topic": topic,
+            "heard": len(latencies_s),
+            "p50_s": float(p50),
+            "p99_s": float(p99),
+            "lost": record["lost"],
+        }
+
+
+def text(document: Row, *, on_page: bool = False) -> str:
+    """Return the tables for a terminal, or in Markdown."""
+    notes = [_LATE_NOTE, _made_from(document)]
+    tables: list[Table] = [
+        ("Frame rate and processor time", _HEAD, [_cells(row) for row in document["rows"]]),
+        ("Latency", _LATE_HEAD, [_late_cells(row) for row in document["latency"]]),
+    ]
+    notes = [_NOTE.format(decoder=document["decoder"]), *notes]
+    return titled(tables, [] if on_page else notes, on_page=on_page) + (
+        f"\n\n{_made_from(document)}" if on_page else ""
+    )
+
+
+def _made_from(document: Row) -> str:
+    if not document["load"]:
+        return "nothing was timed"
+    cores = ", ".join(map(str, document["cores"]))
+    low, high = document["load"]
+    missing = "" if document["decoder"] == FFMPEG else "; ffmpeg isn't here: compared with PyAV"
+    return (
+        f"medians of {document['rounds']} rounds on {cores} cores; load of the machine before each "
+        f"turn {low:.1f} to {high:.1f}{missing}"
+    )
+
+
+def _film(row: Row) -> str:
+    return f"{row['size']} {row['codec'].upper().replace('H', 'H.')}"
+
+
+def _cells(row: Row) -> list[str]:
+    mark = row["mark"]
+    reached = "" if mark is None else f"{mark:g} {'yes' if row['rate_ratio'] >= mark else 'no'}"
+    return [
+        _film(row), f"{row['bitrate_bps'] / 1e6:g}", row["contestant"],
+        f"{row['frames_per_s']:.0f}", f"{row['rate_ratio']:.2f}", reached,
+        f"{row['cpu_s_per_1000']:.2f}", f"{row['cpu_ratio']:.2f}",
+        "–" if row["peak_mb"] is None else f"{row['peak_mb']:.0f}",
+        "" if row["lost"] is None else str(row["lost"]),
+    ]  # fmt: skip
+
+
+def _late_cells(row: Row) -> list[str]:
+    return [
+        _film(row), row["topic"], str(row["heard"]),
+        f"{1e3 * row['p50_s']:.0f} ms", f"{1e3 * row['p99_s']:.0f} ms", str(row["lost"]),
+    ]  # fmt: skip

@@ -1,0 +1,151 @@
+"""The bench of the pipeline: films that go on, tables that say what the records say, a trial."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+
+from rsenf.bench.pipeline.contestants import COPY, FFMPEG, LIVE, MEANS, ONE, PYAV, SPLITS, time_it
+from rsenf.bench.pipeline.feeds import Many, carried, counts, lateness_s
+from rsenf.bench.pipeline.feeds import tabulate as feeds_table
+from rsenf.bench.pipeline.feeds import text as feeds_text
+from rsenf.bench.pipeline.films import Film, made, reference_of
+from rsenf.bench.pipeline.graphs import Heard, Split
+from rsenf.bench.pipeline.table import tabulate, text
+from rsenf.bench.pipeline.trial import turns
+from rsenf.cli import main
+from rsenf.messages import Header
+from rsenf.reference import open_reference
+
+SHORT = Film("480p", "h264", frames=60, filmed=30)
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return made(SHORT, tmp_path_factory.mktemp("films"))
+
+
+def test_a_film_is_played_over_and_over_with_times_that_go_on(short: Path) -> None:
+    with av.open(str(short)) as container:
+        stream = container.streams.video[0]
+        times = [frame.time for frame in container.decode(stream)]
+    np.testing.assert_allclose(np.diff(times), 1 / 30, atol=1e-4)
+    assert len(times) == SHORT.frames
+    assert not list(short.parent.glob("*.once.*"))
+
+
+def test_the_flicker_goes_on_when_it_is_played_again() -> None:
+    cycles = Film("480p", "h264", 3000).freq_hz.sum()
+    assert cycles == pytest.approx(round(cycles), abs=1e-6)
+
+
+def test_the_reference_is_the_grid_of_the_film(short: Path) -> None:
+    reference = open_reference(str(reference_of(short)), timezone="UTC")
+    expected = np.tile(SHORT.freq_hz, SHORT.times)
+    np.testing.assert_allclose(np.asarray(reference.freq_hz), expected, atol=1e-6)
+
+
+def test_everybody_has_a_turn_in_each_round() -> None:
+    names = [turn.contestant for turn in turns([SHORT], 2)]
+    assert names[-1] == LIVE
+    half = (len(names) - 1) // 2
+    assert names[:half] == names[half:-1]
+    assert {PYAV, ONE, COPY, MEANS, *SPLITS} <= set(names)
+
+
+def test_a_turn_counts_its_frames(short: Path) -> None:
+    bare, whole = (time_it(name, SHORT, short) for name in (PYAV, ONE))
+    assert bare["frames"] == whole["frames"] == SHORT.frames
+    assert 0 < bare["cpu_s"] < whole["cpu_s"]
+
+
+def _record(name: str, number: int, seconds: float, **more: Any) -> dict[str, Any]:
+    return {
+        "contestant": name, "size": "720p", "codec": "h264", "bitrate_bps": 2_000_000,
+        "number": number, "frames": 1000, "seconds": seconds, "cpu_s": 2 * seconds,
+        "peak_mb": 100.0, "load": 0.1, "cores": 2, "rsenf": "1", "lost": 0, **more,
+    }  # fmt: skip
+
+
+def test_the_ratio_is_that_of_each_round() -> None:
+    # The machine is twice as slow in the second round: nothing of that is in the ratios.
+    records = [
+        _record(name, number, slow * seconds)
+        for number, slow in enumerate((1.0, 2.0, 1.0))
+        for name, seconds in ((FFMPEG, 9.0), (ONE, 10.0), ("fused, recorded", 12.0))
+    ]
+    rows = {row["contestant"]: row for row in tabulate(records)["rows"]}
+    assert rows[ONE]["rate_ratio"] == pytest.approx(0.9)
+    assert rows[ONE]["cpu_ratio"] == pytest.approx(10 / 9)
+    assert rows["fused, recorded"]["rate_ratio"] == pytest.approx(0.75)
+    shown = text(tabulate(records))
+    assert "0.95 no" in shown
+    assert "median of the rounds" in shown.replace("\n", " ")
+
+
+def test_without_ffmpeg_the_table_says_so() -> None:
+    shown = text(tabulate([_record(PYAV, 0, 9.0), _record(ONE, 0, 10.0)]))
+    assert "ffmpeg isn't here: compared with PyAV" in shown
+
+
+def test_latencies_are_told_by_topic() -> None:
+    late = _record(LIVE, 0, 1.0, latency_s={"rows": [0.1] * 99 + [0.9]})
+    (row,) = tabulate([late])["latency"]
+    assert row["p50_s"] == pytest.approx(0.1)
+    assert row["p99_s"] > 0.1
+    assert "100 ms" in text(tabulate([late]))
+
+
+def test_feeds_are_added_one_by_one_in_the_end() -> None:
+    tried = counts(6)
+    assert [next(tried) for _ in range(6)] == [1, 2, 4, 6, 7, 8]
+
+
+def test_a_feed_is_behind_its_own_speed() -> None:
+    blocks = [
+        Heard(10**9 + round(k * 1e8 * 1.5), "a/b", "rows", Header(pts_ns=round(k * 1e8)))
+        for k in range(5)
+    ]
+    np.testing.assert_allclose(lateness_s(blocks), [0, 0.05, 0.1, 0.15, 0.2], atol=1e-9)
+
+
+def test_the_table_of_feeds_says_how_many_are_carried() -> None:
+    def run(feeds: int, carried: bool) -> dict[str, Any]:
+        return {
+            "size": "1080p", "codec": "h264", "bitrate_bps": 4_000_000, "feeds": feeds,
+            "seconds": 10.0, "cores": 2, "load": 0.1, "cpu_s": 2.0 * feeds, "lost": 0,
+            "node_peak_mb": {"decode-cam1": 100.0, "run": 50.0}, "late_p50_s": 0.01,
+            "late_p99_s": 0.02, "carried": carried,
+        }  # fmt: skip
+
+    document = feeds_table([run(9, True), run(10, False)])
+    assert document["carried"] == [{"size": "1080p", "codec": "h264", "feeds": 9}]
+    assert document["rows"][1]["processor_ratio"] == pytest.approx(1.0)
+    assert "9 feeds of 1080p are carried" in feeds_text(document)
+
+
+def test_a_graph_of_feeds_has_one_process_for_what_they_share() -> None:
+    graph: Any = Split(cameras=3, frames="fused").graph(Path("film.mp4"), Path("out.mcap"))
+    kinds = [node["kind"] for node in graph["nodes"].values()]
+    assert kinds.count("decode") == 3
+    assert sorted(set(kinds)) == ["decode", "idle", "live", "record", "reference", "track"]
+    assert all(kinds.count(kind) == 1 for kind in set(kinds) - {"decode"})
+
+
+@pytest.mark.processes
+def test_feeds_run_as_a_graph_that_loses_nothing(short: Path) -> None:
+    record = carried(Many(SHORT, 2), short.parent)
+    assert record["lost"] == 0
+    assert {"decode-cam1", "decode-cam2", "track", "live", "record", "run"} <= set(
+        record["node_peak_mb"]
+    )
+    assert record["cpu_s"] > 0
+
+
+def test_what_there_are_no_films_of_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "feeds", "--sizes", "8640p"]) == 2
+    assert "no size" in capsys.readouterr().err
