@@ -41,16 +41,16 @@ class Extent(NamedTuple):
 
 def extents_of(times: Times) -> dict[int, Extent]:
     """Return the extent of each channel in a chunk."""
-    return {
-        n: Extent(len(entries), min(entries)[0], max(entries)[0], _back_ns(entries))
-        for n, entries in times.items()
-    }
+    return {n: _extent(entries) for n, entries in times.items()}
 
 
-def _back_ns(entries: list[tuple[int, int]]) -> int:
-    """How far a time may lie before the highest of those written earlier."""
+def _extent(entries: list[tuple[int, int]]) -> Extent:
     written = [time_ns for time_ns, _ in sorted(entries, key=itemgetter(1))]
-    return max(top - t for top, t in zip(accumulate(written, max), written, strict=True))
+    ordered = sorted(written)
+    back_ns = 0
+    if ordered != written:  # how far a time lies before the highest of those written earlier
+        back_ns = max(top - t for top, t in zip(accumulate(written, max), written, strict=True))
+    return Extent(len(written), ordered[0], ordered[-1], back_ns)
 
 
 def timed(chunk: Any, times: Times) -> Any:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from rsenf.bench.search_days import (
+from rsenf.bench.match_days import (
     DAY_S,
     FIRST_S,
     GRID,
@@ -19,9 +20,15 @@ from rsenf.bench.search_days import (
     real_day,
     write_haystack,
 )
-from rsenf.bench.search_table import page, tabulate, text
-from rsenf.bench.search_trial import Trial, measure_trials
+from rsenf.bench.match_loop import lag_by_lag
+from rsenf.bench.match_table import page, tabulate, text
+from rsenf.bench.match_trial import Trial, measure_trials
 from rsenf.cli import main
+from rsenf.match import MatchSettings
+from rsenf.match.ncc import Residuals, lag_residuals
+from rsenf.match.phase import match_phase
+from rsenf.match.series import Grid
+from rsenf.messages.schema import FloatArray
 from rsenf.reference import open_reference
 from rsenf.timebase import seconds
 
@@ -70,24 +77,58 @@ def test_a_day_like_another_has_its_spectrum_and_none_of_its_times() -> None:
     assert abs(np.corrcoef(day, other)[0, 1]) < 0.3
 
 
+def test_the_loop_compares_every_lag_as_the_search_does() -> None:
+    rng = np.random.default_rng(3)
+    x, y = 50.0 + 0.01 * rng.standard_normal((2, 700))
+    x, y = x[:90], np.where(rng.random(700) < 0.2, np.nan, y)
+    x[7:20] = np.nan
+    loop = lag_by_lag(x, y, 1 - x.size, x.size + y.size - 1, 30)
+    table = list(lag_residuals(x, np.isfinite(x), y, np.isfinite(y), min_pairs=30))
+    assert np.array_equal(loop.pairs, np.concatenate([t.pairs for t in table]))
+    for name in ("offset", "residual_var"):
+        found = np.concatenate([getattr(t, name) for t in table])
+        assert np.allclose(found, getattr(loop, name), rtol=1e-9, atol=1e-14, equal_nan=True)
+
+
+def test_a_search_with_the_loop_in_it_ends_with_the_same_verdict(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    day, track = real_day(None, THREE_DAYS.seed).freq_hz, clip_of(THREE_DAYS)
+    begin = int(THREE_DAYS.clip_start_s % DAY_S) - 2000
+    freq_hz = day[begin : begin + 5000].copy()
+    freq_hz[4000:4300] = np.nan
+    grid = Grid("part", 50.0, 0, 1.0, freq_hz)
+    found = match_phase(track, [grid], MatchSettings())
+
+    def looped(
+        x: FloatArray, x_ok: object, y: FloatArray, y_ok: object, *, min_pairs: int
+    ) -> Iterator[Residuals]:
+        yield lag_by_lag(x, y, 1 - x.size, x.size + y.size - 1, min_pairs)
+
+    monkeypatch.setattr("rsenf.match.score.lag_residuals", looped)
+    assert match_phase(track, [grid], MatchSettings()) == found
+    assert found.decision == "match"
+
+
 def test_a_trial_is_measured_once_and_makes_a_table(tmp_path: Path) -> None:
     trials = [Trial(Haystack(1, True, 120, 4, None), 2)]
     begun: list[Trial] = []
-    records = measure_trials(trials, tmp_path / "search.jsonl", begun.append)
-    again = measure_trials(trials, tmp_path / "search.jsonl", begun.append)
+    records = measure_trials(trials, tmp_path / "match.jsonl", begun.append)
+    again = measure_trials(trials, tmp_path / "match.jsonl", begun.append)
     assert begun == trials
     assert again == records
     document = tabulate(records)
     (row,) = json.loads(json.dumps(document, allow_nan=False))["rows"]
-    assert row["right"]
-    assert abs(row["lag_error_s"]) < 1.0
+    assert row["right"] == 2
+    assert row["worst_error_s"] < 1.0
     assert row["clip_in_reference_ratio"] == pytest.approx(0.8, abs=0.06)
-    assert set(row["cpu_s"]) == {"store", "memory", "correlate", "oaconvolve"}
-    assert row["over_correlate"] == row["cpu_s"]["memory"] / row["cpu_s"]["correlate"]
+    assert set(row["cpu_s"]) == {"search", "lags", "loop", "whole_loop", "correlate"}
+    assert row["cpu_s"]["loop"] == pytest.approx(row["cpu_s"]["whole_loop"], rel=0.5)
+    assert row["loop_over_lags"] > row["loop_over_search"] > 1
     assert "a day" in text(document)
     assert page(document).startswith("| reference |")
 
 
 def test_a_clip_longer_than_a_day_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", "search", "--duration-s", "90000"]) == 2
+    assert main(["bench", "match", "--duration-s", "90000"]) == 2
     assert "at most" in capsys.readouterr().err
