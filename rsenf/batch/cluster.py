@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
@@ -63,6 +64,8 @@ def worked_on_cluster(
 
 
 def _connected(distributed: Any, address: str) -> Any:
+    # What is lost is said once, by us; it would come with tracebacks.
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
         return distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as exc:

@@ -95,12 +95,15 @@ def columns_of(analysis: str) -> dict[str, Kind]:
     return FIRST | ANALYSES[analysis] | LAST
 
 
-def make_row(recording: Recording, settings: str, status: str, reason: str, **more: Any) -> Row:
+def make_row(
+    recording: Recording, analysis: str, settings: str, status: str, reason: str, **more: Any
+) -> Row:
     """Return what the journal keeps of a recording.
 
     Parameters
     ----------
     recording : Recording
+    analysis : str
     settings : str
         Fingerprint of all that the result depends on besides.
     status : str
@@ -113,6 +116,7 @@ def make_row(recording: Recording, settings: str, status: str, reason: str, **mo
     return {
         "version": VERSION,
         "key": recording.key,
+        "analysis": analysis,
         "settings": settings,
         "size_bytes": recording.size_bytes,
         "modified_ns": recording.modified_ns,

@@ -4,11 +4,27 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 
 from rsenf.batch.columns import DONE, NO_SIGNAL, VERSION, Row
 from rsenf.batch.recordings import Recording
+from rsenf.errors import UsageError
 
 NEW, CHANGED, OTHER, TRIED = "new", "changed since", "done with other settings", "without a result"
+
+
+def check_analysis(analysis: str, rows: Iterable[Row], out: Path) -> None:
+    """Refuse to replace the results of another analysis.
+
+    Raises
+    ------
+    UsageError
+        When there are any.
+    """
+    others = {str(row.get("analysis")) for row in rows} - {analysis}
+    if others:
+        problem = f"--out {out}: holds results of '{min(others)}'"
+        raise UsageError(problem, f"name another folder for those of '{analysis}'")
 
 
 def left_to_do(
@@ -37,7 +53,7 @@ def _why(recording: Recording, row: Row | None, settings: str) -> str:
     """Say why a recording is to be done, if it is."""
     if row is None:
         return NEW
-    if row["version"] != VERSION or row["settings"] != settings:
+    if (row.get("version"), row.get("settings")) != (VERSION, settings):
         return OTHER
     if (row["size_bytes"], row["modified_ns"]) != (recording.size_bytes, recording.modified_ns):
         return CHANGED

@@ -127,11 +127,12 @@ def _work(
     jobs: int,
 ) -> None:
     """Do what the journal doesn't have, and add it."""
-    from rsenf.batch.plan import left_to_do
+    from rsenf.batch.plan import check_analysis, left_to_do
     from rsenf.cli.batch_summary import plan_words
     from rsenf.cli.batch_work import Job
     from rsenf.cli.console import progress_bar, say
 
+    check_analysis(args.analysis, journal.records.values(), args.out)
     left, reasons = left_to_do(recordings, journal.records, settings.fingerprint)
     say(plan_words(len(recordings), len(left), reasons))
     try:
@@ -167,9 +168,11 @@ def _row(done: Done[Job]) -> Row:
     tried = {"tries": done.tries}
     if not isinstance(done.answer, Trouble):
         return done.answer | tried
-    recording, fingerprint = done.task.recording, done.task.settings.fingerprint
+    recording, settings = done.task.recording, done.task.settings
     more: dict[str, Any] = tried | ({"trace": done.answer.trace} if done.answer.trace else {})
-    return make_row(recording, fingerprint, FAILED, done.answer.text, **more)
+    return make_row(
+        recording, settings.analysis, settings.fingerprint, FAILED, done.answer.text, **more
+    )
 
 
 def _write(out: Path, settings: Settings, rows: Sequence[Row]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import functools
 import hashlib
 import json
@@ -85,9 +86,21 @@ def work_on(job: Job) -> Row:
         row = {"status": NO_SIGNAL, "reason": _nameless(exc.message, recording)}
     except (UsageError, InputError, SchemaMismatch) as exc:
         row = {"status": UNUSABLE, "reason": _nameless(str(exc), recording)}
+    row |= {"sha256": _sha256(recording)}
     _check_same(recording, "before it was read")
     row |= {"took_s": time.monotonic() - begun_s, "host": socket.gethostname()}
-    return make_row(recording, settings.fingerprint, **row, rsenf_version=__version__)
+    row |= {"rsenf_version": __version__}
+    return make_row(recording, settings.analysis, settings.fingerprint, **row)
+
+
+def _sha256(recording: Recording) -> str | None:
+    """Return the hash of a file that can be read; it costs little beside decoding."""
+    from rsenf.record.provenance import input_facts
+
+    with contextlib.suppress(InputError):
+        if Path(recording.path).is_file():
+            return input_facts(recording.path)["input_sha256"]
+    return None
 
 
 def _nameless(reason: str, recording: Recording) -> str:
@@ -103,15 +116,12 @@ def _check_same(recording: Recording, when: str) -> None:
 
 def _analysed(recording: Recording, settings: Settings) -> Row:
     """Have the verb's own functions look at a recording."""
-    from rsenf.record.provenance import input_facts
-
     args = argparse.Namespace(**vars(settings.arguments), input=recording.path)
     begin = getattr(args, "begin", "rows")
     opened = open_input_file(
         recording.path, camera=args.camera, begin=begin, threads=settings.threads
     )
-    row = _ANALYSES[settings.analysis](args, opened, settings)
-    return row | {"sha256": input_facts(recording.path)["input_sha256"]}
+    return _ANALYSES[settings.analysis](args, opened, settings)
 
 
 def _verify(args: argparse.Namespace, opened: Input, settings: Settings) -> Row:
@@ -160,7 +170,9 @@ def _discover(args: argparse.Namespace, opened: Input, settings: Settings) -> Ro
 
     name = f"{DISCOVERIES}/{_own_name(args.input)}"
     args.out = Path(settings.out, name)
-    result, loss = discovered(args, opened, *_begun_with(settings))
+    seconds = [opened.duration_s]  # told as they are read, unless they were in an earlier run
+    reading = contextlib.nullcontext(seconds.append)
+    result, loss = discovered(args, opened, *_begun_with(settings), reading)
     told, gap = result.told, result.told["gap"]
     return {
         "status": DONE,
@@ -178,7 +190,7 @@ def _discover(args: argparse.Namespace, opened: Input, settings: Settings) -> Ro
         "report": f"{name}/{PAGE}",
         "warnings": [result.note] if result.note else [],
         "loss": loss,
-        "recording_s": opened.duration_s,
+        "recording_s": seconds[-1],
     }
 
 

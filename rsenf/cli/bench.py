@@ -11,6 +11,8 @@
     rsenf bench pipeline   frames a second from the file to the estimate, processor time, memory and
                          latency: in one process and as a graph, beside ffmpeg's decoder
     rsenf bench feeds    live feeds added until this machine can't carry one more
+    rsenf bench tracker  an hour of video after its frames are decoded: processor time and memory by
+                         method, rows and frame rate; row means beside copying a plane
     rsenf bench discover   effects hidden in recordings: found and named rightly, wrongly or not at
                          all; false alarms; by how much the gap shrinks
     rsenf bench live     honest feeds and looped, spliced, delayed or exchanged ones: how soon the
@@ -38,7 +40,7 @@ CALIBRATION = "calibration"
 MATCH = "match"
 DISCOVER = "discover"
 LIVE = "live"
-PIPELINE, FEEDS = "pipeline", "feeds"
+PIPELINE, FEEDS, TRACKER = "pipeline", "feeds", "tracker"
 _TABLES = (
     "idle",
     "enf",
@@ -50,6 +52,7 @@ _TABLES = (
     LIVE,
     PIPELINE,
     FEEDS,
+    TRACKER,
 )
 # Measured grids are not part of the project; in a checkout they lie beside it.
 _GRIDS = Path("../shared/data")
@@ -86,7 +89,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--picture", type=Path, metavar="FILE.png", help="calibration, discover, live: draw it"
     )
-    parser.add_argument("--repeat", type=count, metavar="N", help="match, pipeline: times each (5)")
+    parser.add_argument(
+        "--repeat", type=count, metavar="N", help="match, pipeline, tracker: times each (5)"
+    )
     parser.add_argument(
         "--feeds", type=count, metavar="N", help="feeds: from so many on, one by one"
     )
@@ -167,6 +172,10 @@ def run(args: argparse.Namespace) -> int:
         from rsenf.cli import bench_feeds
 
         return bench_feeds.run(args)
+    if args.table == TRACKER:
+        from rsenf.cli import bench_tracker
+
+        return bench_tracker.run(args)
     plan = _plan(args)
     clips = plan.nothing() if args.table == "claims" else plan.lit()
     if args.out:

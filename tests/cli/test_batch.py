@@ -94,6 +94,9 @@ def test_all_end_and_the_next_run_goes_on(
     assert sorted(table(out)) == sorted(["one.npz", STRANGE, "dark.npz", "mended.npz"])
     assert table(out)["one.npz"] == match
 
+    assert main(["batch", "idle", str(folder), "--out", str(out)]) == 2
+    assert "holds results of 'verify'" in capsys.readouterr().err
+
     dark(folder / "mended.npz", 7)
     assert main(words) == 0
     assert "to do: 1 of 4 (0 new, 1 changed since)\n" in capsys.readouterr().err

@@ -33,8 +33,8 @@ def batch_page(analysis: str, rows: Sequence[Mapping[str, Any]], settings: dict[
         Column("recording", lambda row: _path(row, folder)),
         Column("status", _status, badge=True),
         *SHOWN[analysis],
-        Column("remarks", _remarks),
         figure("recording (s)", "recording_s"),
+        Column("remarks", _remarks),
     ]
     script = (_HERE / "sort.js").read_text(encoding="utf-8")
     return fill(
@@ -51,7 +51,6 @@ def batch_page(analysis: str, rows: Sequence[Mapping[str, Any]], settings: dict[
         ],
         settings=settings,
         versions=sorted({str(row["rsenf_version"] or "") for row in rows} - {""}),
-        style=(_HERE / "page.css").read_text(encoding="utf-8"),
         script=script,
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
     )
