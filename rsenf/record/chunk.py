@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import zstandard
 from mcap.records import Chunk, ChunkIndex, MessageIndex
 
-from rsenf.record.container import StoredMessage, pack, pack_message
+from rsenf.record.container import StoredMessage, chunk_head, pack, pack_message
 
 ZSTD_LEVEL = 1  # higher levels shrink noise no further, and cost several times as much
 
@@ -152,6 +152,8 @@ class ChunkBuilder:
     def pack(self, start: int) -> PackedChunk:
         """Pack what was collected, which has messages, into the chunk at a file offset."""
         chunk, times = self.packed()
-        record = pack(chunk)
-        entry, message_indexes = index_chunk(chunk, start, len(record), times)
-        return PackedChunk(record + message_indexes, entry, extents_of(times))
+        head = chunk_head(chunk)
+        length = len(head) + len(chunk.data)
+        entry, message_indexes = index_chunk(chunk, start, length, times)
+        block = b"".join((head, chunk.data, message_indexes))
+        return PackedChunk(block, entry, extents_of(times))

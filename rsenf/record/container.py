@@ -24,6 +24,7 @@ from rsenf.errors import InputError
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")
 MESSAGE = struct.Struct("<HIQQ")
+CHUNK, SIZE, SHORT_SIZE = struct.Struct("<QQQI"), struct.Struct("<Q"), struct.Struct("<I")
 _TIMES, _TIME = struct.Struct("<HI"), struct.Struct("<QQ")
 LARGEST_CHUNK_BYTES = 1 << 28  # unpacked; writers make them of a few MB
 LARGEST_RECORD_BYTES = 1 << 29  # of those that are read into memory
@@ -106,6 +107,25 @@ def pack_message(message: StoredMessage) -> bytes:
             message.data,
         )
     )
+
+
+def chunk_head(chunk: Any) -> bytes:
+    """Serialise what of a chunk record comes before its data, a megabyte not to be copied often."""
+    compression = chunk.compression.encode()
+    fields = b"".join(
+        (
+            CHUNK.pack(
+                chunk.message_start_time,
+                chunk.message_end_time,
+                chunk.uncompressed_size,
+                chunk.uncompressed_crc,
+            ),
+            SHORT_SIZE.pack(len(compression)),
+            compression,
+            SIZE.pack(len(chunk.data)),
+        )
+    )
+    return HEAD.pack(Opcode.CHUNK, len(fields) + len(chunk.data)) + fields
 
 
 def unpack(kind: Any, body: bytes) -> Any:
