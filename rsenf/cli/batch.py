@@ -98,6 +98,11 @@ def _find(args: argparse.Namespace) -> Found:
     listed = read_list(_read(args.list), args.list) if args.list else []
     if not args.inputs and not listed:
         raise UsageError("no recordings are named", "name files and folders, or give --list FILE")
+    if any(os.path.realpath(path) == os.path.realpath(args.out) for path in args.inputs):
+        raise UsageError(
+            f"--out {args.out} is the folder that is to be read",
+            "name one of its own; it may be in it",
+        )
     found = find_recordings([*args.inputs, *listed], args.out)
     if not found.recordings:
         passed = f"; {found.passed_over.total()} files are not named like one" * bool(
