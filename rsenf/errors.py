@@ -8,6 +8,7 @@
     │   ├── ParameterError     2   a parameter of the capture model (rsenf.model.parameters)
     │   └── ReferenceFormatError 2 a grid reference that can't be read as one
     ├── InputError             1   a recording that yields nothing usable
+    │   └── NoSignal           1   what there is of it can be read, and has no flicker
     ├── SourceLost             1   a live source that can't be reached
     ├── RecordingError         1   a recording can't be written (disk full, no rights)
     ├── NodeFailed             1   a process of a graph died
@@ -74,6 +75,10 @@ class ReferenceFormatError(UsageError):
 
 class InputError(RsenfError):
     """A recording that yields nothing usable."""
+
+
+class NoSignal(InputError):
+    """A recording that can be read, but has no usable flicker of mains light in it."""
 
 
 class SourceLost(RsenfError):

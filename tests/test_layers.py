@@ -9,13 +9,14 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
-BASE = {"errors", "timebase", "stage", "whole_file", "messages"}
+BASE = {"errors", "timebase", "medians", "stage", "whole_file", "messages"}
 SIGNAL = {"decode", "rows", "flicker", "track", "idle", "match", "model", "live"}
 # Room -> rooms of rsenf it may import, besides itself.
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "timebase": set(),
     "stage": set(),
+    "medians": set(),
     "whole_file": {"errors"},
     "messages": {"errors", "timebase"},
     **dict.fromkeys(SIGNAL, BASE),
@@ -57,8 +58,11 @@ ALLOWED: dict[str, set[str]] = {
         "run",
         "discrepancy",
     },
+    # Many recordings, whatever is done with each.
+    "batch": BASE,
     "bench": {
         *BASE,
+        "batch",
         *SIGNAL,
         "live",
         "discrepancy",
@@ -72,6 +76,7 @@ ALLOWED: dict[str, set[str]] = {
     "cli": {
         *BASE,
         *SIGNAL,
+        "batch",
         "bus",
         "config",
         "dashboard",

@@ -18,6 +18,7 @@ From a seed to a table, one idea a file::
 
 What has a plan of its own::
 
-    search_days, search_trial, search_table
-               long references, a search of one with its time and memory, and their table
+    match_days, match_loop, match_trial, match_stream, match_table
+               long references, a loop over their lags, searches of one with their time and memory,
+               clips that come in bit by bit, and their tables
 """

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.batch.journal import Record
 from rsenf.bench.bounds import rate_bound
 from rsenf.bench.groups import Found, cells, cpu_ms_per_s, relative_errors
-from rsenf.bench.results import Record
 
 ALL = "all"
 # The one of these scenes with mains light in it: what an exposure that nearly suits it leaves.

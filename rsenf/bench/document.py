@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from rsenf.batch.journal import Record
 from rsenf.bench.claims_table import claims_rows
 from rsenf.bench.enf_table import enf_rows
 from rsenf.bench.groups import CELL, POOLED
 from rsenf.bench.idle_table import PAPER_AVERAGE_ERROR_PERCENT, idle_rows
-from rsenf.bench.results import Record
 
 
 def tabulate(table: str, records: Sequence[Record], *, pooled: bool = False) -> dict[str, Any]:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.batch.journal import Record
 from rsenf.bench.groups import CELL, Found, cells, cpu_ms_per_s, median, relative_errors, rms, worst
 from rsenf.bench.plan import LOSSLESS
-from rsenf.bench.results import Record
 from rsenf.track import TrackSettings
 
 DEFAULT = "projection"

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.batch.journal import Record
 from rsenf.bench.plan import LIT
-from rsenf.bench.results import Record
 from rsenf.messages.schema import FloatArray
 
 CELL = ("size", "frame_rate", "nominal_hz")

@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from rsenf.batch.journal import Record
 from rsenf.bench.groups import CELL, Found, cells, cpu_ms_per_s, median, relative_errors, rms, worst
 from rsenf.bench.plan import LOSSLESS
-from rsenf.bench.results import Record
 
 DEFAULT = "coherent"
 # Average error over each of five cameras, six videos of 720p at 29.97 fps each, percentage points

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from rsenf.bench.results import Record, Results
-from rsenf.bench.workers import T, Work, work_all
+from rsenf.batch.journal import Journal, Record
+from rsenf.batch.pool import Work
+from rsenf.bench.workers import T, work_all
 
 Progress = Callable[[int, int], None]
 
@@ -33,10 +34,10 @@ def measure_missing(
     progress : callable, optional
         Called with the number measured so far, and of those that were missing.
     """
-    with Results(out) as results:
-        missing = [task for task in tasks if task.key not in results.records]
+    with Journal(out) as journal:
+        missing = [task for task in tasks if task.key not in journal.records]
         progress(0, len(missing))
         for done, record in enumerate(work_all(missing, work, jobs), 1):
-            results.add(record)
+            journal.add(record)
             progress(done, len(missing))
-        return results.of(task.key for task in tasks)
+        return journal.of(task.key for task in tasks)

@@ -28,6 +28,7 @@ VERBS = {
     "tables": "print the paper's idle tables and line figures, with its errata and a simulation",
     "reference": "keep years of grid frequency in a store: import, list, info, export",
     "discover": "find what a model of the capture lacks of a recording, and add it",
+    "batch": "verify, idle, track or discover for folders of recordings, into one table",
     "simulate": "film a lamp on a known grid with a simulated rolling-shutter camera",
     "bench": "measure every estimator on the same simulated clips",
     "run": "start the processes of a graph, show their state, stop them cleanly",

@@ -6,11 +6,13 @@
     rsenf bench recording-time   still and moving films cut into clips, each searched for in a day:
                          decisions true, false and none, by every matcher
     rsenf bench calibration   likelihood ratios of the time of recording: how reliable they are
-    rsenf bench search   blind searches of a day to a year of reference: time and memory, beside a
-                         plain FFT correlation
+    rsenf bench match    blind searches of a day to ten years of reference: time and memory, beside
+                         a loop over all lags and a plain FFT correlation
     rsenf bench pipeline   frames a second from the file to the estimate, processor time, memory and
                          latency: in one process and as a graph, beside ffmpeg's decoder
     rsenf bench feeds    live feeds added until this machine can't carry one more
+    rsenf bench tracker  an hour of video after its frames are decoded: processor time and memory by
+                         method, rows and frame rate; row means beside copying a plane
     rsenf bench discover   effects hidden in recordings: found and named rightly, wrongly or not at
                          all; false alarms; by how much the gap shrinks
     rsenf bench live     honest feeds and looped, spliced, delayed or exchanged ones: how soon the
@@ -30,26 +32,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rsenf.batch.journal import Record
     from rsenf.bench.plan import Clip, Plan
-    from rsenf.bench.results import Record
 
 RECORDING_TIME = "recording-time"
 CALIBRATION = "calibration"
-SEARCH = "search"
+MATCH = "match"
 DISCOVER = "discover"
 LIVE = "live"
-PIPELINE, FEEDS = "pipeline", "feeds"
+PIPELINE, FEEDS, TRACKER = "pipeline", "feeds", "tracker"
 _TABLES = (
     "idle",
     "enf",
     "claims",
     RECORDING_TIME,
     CALIBRATION,
-    SEARCH,
+    MATCH,
     DISCOVER,
     LIVE,
     PIPELINE,
     FEEDS,
+    TRACKER,
 )
 # Measured grids are not part of the project; in a checkout they lie beside it.
 _GRIDS = Path("../shared/data")
@@ -87,7 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--picture", type=Path, metavar="FILE.png", help="calibration, discover, live: draw it"
     )
     parser.add_argument(
-        "--repeat", type=count, metavar="N", help="search, pipeline: times each (3, 5)"
+        "--repeat", type=count, metavar="N", help="match, pipeline, tracker: times each (5)"
     )
     parser.add_argument(
         "--feeds", type=count, metavar="N", help="feeds: from so many on, one by one"
@@ -149,10 +152,10 @@ def run(args: argparse.Namespace) -> int:
         from rsenf.cli import bench_calibration
 
         return bench_calibration.run(args)
-    if args.table == SEARCH:
-        from rsenf.cli import bench_search
+    if args.table == MATCH:
+        from rsenf.cli import bench_match
 
-        return bench_search.run(args)
+        return bench_match.run(args)
     if args.table == DISCOVER:
         from rsenf.cli import bench_discover
 
@@ -169,6 +172,10 @@ def run(args: argparse.Namespace) -> int:
         from rsenf.cli import bench_feeds
 
         return bench_feeds.run(args)
+    if args.table == TRACKER:
+        from rsenf.cli import bench_tracker
+
+        return bench_tracker.run(args)
     plan = _plan(args)
     clips = plan.nothing() if args.table == "claims" else plan.lit()
     if args.out:
@@ -196,8 +203,8 @@ def _plan(args: argparse.Namespace) -> Plan:
 
 def _records(args: argparse.Namespace, clips: list[Clip], folder: Path) -> list[Record]:
     """Results of lit clips and of those with nothing to claim are different files."""
+    from rsenf.batch.journal import read_records
     from rsenf.bench.measure import measure
-    from rsenf.bench.results import read_records
     from rsenf.bench.session import measure_missing
     from rsenf.cli.console import progress_bar, say
 

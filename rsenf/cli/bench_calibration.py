@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rsenf.bench.results import Record
+    from rsenf.batch.journal import Record
 
 _SEARCHES, _QUICK = 400, 12
 _RECORDS = "calibration.jsonl"

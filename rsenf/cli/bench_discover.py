@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rsenf.batch.journal import Record
     from rsenf.bench.discover.plan import Case, Plan
-    from rsenf.bench.results import Record
 
 _RECORDS = "discover.jsonl"
 _QUICK_EFFECTS = ("harmonics", "frame_drop", "timestamp_jitter")
@@ -83,8 +83,8 @@ def clock_cases_of(args: argparse.Namespace, plan: Plan) -> list[Case]:
 
 
 def _records(args: argparse.Namespace, plan: Plan) -> list[Record]:
+    from rsenf.batch.journal import read_records
     from rsenf.bench.discover.beside import tried
-    from rsenf.bench.results import read_records
     from rsenf.bench.session import measure_missing
     from rsenf.cli.bench import grids_of
     from rsenf.cli.console import progress_bar

@@ -18,8 +18,8 @@ def run(args: argparse.Namespace) -> int:
     UsageError
         For a size or codec that there are no films of.
     """
+    from rsenf.batch.journal import read_records
     from rsenf.bench.pipeline.feeds import RESULTS, measure_feeds, tabulate, text
-    from rsenf.bench.results import read_records
     from rsenf.cli.bench_pipeline import films_of
     from rsenf.cli.console import print_json, say
     from rsenf.errors import EXIT_DONE

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rsenf.batch.journal import Record
     from rsenf.bench.live.plan import LivePlan
-    from rsenf.bench.results import Record
 
 _RECORDS, _ESTIMATES = "live.jsonl", "estimates"
 _QUICK: dict[str, Any] = {"clips": 9, "duration_s": 180.0}
@@ -70,8 +70,8 @@ def plan_of(args: argparse.Namespace) -> LivePlan:
 
 
 def _records(args: argparse.Namespace, plan: LivePlan) -> list[Record]:
+    from rsenf.batch.journal import read_records
     from rsenf.bench.live.trials import watched
-    from rsenf.bench.results import read_records
     from rsenf.bench.session import measure_missing
     from rsenf.cli.bench import grids_of
     from rsenf.cli.console import progress_bar

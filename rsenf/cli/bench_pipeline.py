@@ -25,11 +25,11 @@ def run(args: argparse.Namespace) -> int:
     UsageError
         For a size or codec that there are no films of.
     """
+    from rsenf.batch.journal import read_records
     from rsenf.bench.pipeline.contestants import has_ffmpeg
     from rsenf.bench.pipeline.films import CODECS, SIZES
     from rsenf.bench.pipeline.table import tabulate, text
     from rsenf.bench.pipeline.trial import RESULTS, measure_turns, turns
-    from rsenf.bench.results import read_records
     from rsenf.cli.console import note, print_json, say
     from rsenf.errors import EXIT_DONE
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rsenf.batch.journal import Record
     from rsenf.bench.recording_time.plan import RecordingPlan
-    from rsenf.bench.results import Record
 
 _FILMS, _TRIALS = "films", "recording-time.jsonl"
 _QUICK: dict[str, Any] = {
@@ -99,11 +99,11 @@ def _film(args: argparse.Namespace, plan: RecordingPlan, folder: Path) -> None:
 
 
 def _records(args: argparse.Namespace, plan: RecordingPlan, folder: Path) -> list[Record]:
+    from rsenf.batch.journal import read_records
     from rsenf.bench.recording_time.films import has_film
     from rsenf.bench.recording_time.references import NOISE_HZ
     from rsenf.bench.recording_time.session import cuts_of
     from rsenf.bench.recording_time.trials import run_trials
-    from rsenf.bench.results import read_records
     from rsenf.bench.session import measure_missing
     from rsenf.cli.bench import grids_of
     from rsenf.cli.console import progress_bar, say

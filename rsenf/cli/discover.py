@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,18 +28,28 @@ if TYPE_CHECKING:
     from rsenf.messages import RowBlock
     from rsenf.messages.schema import Float32Array
     from rsenf.model import CaptureModel
+    from rsenf.run.inputs import Input
 
+    Told = AbstractContextManager[Callable[[Any], None]]
+
+SILENT: Told = nullcontext(lambda told: None)
 MODEL, RESULT, RESIDUALS = "model.yaml", "discovery.json", "residuals.npz"
 PAGE = "report.html"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
+    parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
+    parser.add_argument("--out", type=Path, metavar="DIR", required=True, help="what is found")
+    parser.add_argument("--json", action="store_true", help="the result as JSON")
+    add_settings(parser)
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Arguments that say how a recording is looked at."""
     from rsenf.cli import discover_reference
     from rsenf.cli.console import add_row_arguments
 
-    parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
-    parser.add_argument("--out", type=Path, metavar="DIR", required=True, help="what is found")
     parser.add_argument(
         "--model", type=Path, metavar="FILE", help="to begin with (a lamp without harmonics)"
     )
@@ -51,7 +61,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.py",
         help="adds your own effects to the catalogue; configs/model/my_effect.py is a template",
     )
-    parser.add_argument("--json", action="store_true", help="the result as JSON")
     discover_reference.add_arguments(parser)
     add_row_arguments(parser)
 
@@ -66,31 +75,16 @@ def run(args: argparse.Namespace) -> int:
     UsageError
         For a folder that holds anything else, a model or effects that can't be meant so.
     """
-    from rsenf.cli.begun import begun
-    from rsenf.cli.console import note, print_json, say, stages
-    from rsenf.cli.discover_input import identity_of, recoded_by, rows_of
-    from rsenf.cli.discover_reference import by_frame_means, reference_of
-    from rsenf.discrepancy.beside import holds_frame_means
+    from rsenf.cli.console import note, print_json, progress_bar, say, stages
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
-    from rsenf.model import load_effects
     from rsenf.report.discovery import discovery_words
+    from rsenf.run.inputs import open_input_file
 
     _check_out(args.out)
-    for path in args.effects:
-        load_effects(path)
-    model, grid = _model(args), reference_of(args)
-    with begun(args.out, identity_of(args)) as kept:
-        blocks, recording, loss = rows_of(args, kept)
-        with _named(args.input), stages() as progress:
-            if kept.found:
-                progress(f"going on from what {kept.folder} has of a run that was stopped")
-            if grid and holds_frame_means(blocks):
-                result = by_frame_means(args, model, blocks, grid, progress)
-            else:
-                again = recoded_by(args, kept) if recording.begins_with == "frames" else None
-                result = _by_rows(args, model, blocks, again, grid, progress)
-            progress("writing the report")
-            _keep(args, result)
+    model, grid = begun_with(args)
+    recording = open_input_file(args.input, camera=args.camera)
+    reading = progress_bar("reading", recording.duration_s)
+    result, loss = discovered(args, recording, model, grid, reading, stages())
     if args.json:
         print_json(result.told)
     else:
@@ -102,6 +96,58 @@ def run(args: argparse.Namespace) -> int:
     return EXIT_LOSS if loss else EXIT_DONE
 
 
+def begun_with(args: argparse.Namespace) -> tuple[CaptureModel, Grid | None]:
+    """Return the model to begin with, once its effects are there, and the reference, if any."""
+    from rsenf.cli.discover_reference import reference_of
+    from rsenf.model import load_effects
+
+    for path in args.effects:
+        load_effects(path)
+    return _model(args), reference_of(args)
+
+
+def discovered(
+    args: argparse.Namespace,
+    recording: Input,
+    model: CaptureModel,
+    grid: Grid | None,
+    reading: Told = SILENT,
+    doing: Told = SILENT,
+) -> tuple[Result, str]:
+    """Fill the folder ``--out``; return what was found, and what could not be read.
+
+    Parameters
+    ----------
+    args : Namespace
+    recording : Input
+        What ``args.input`` names, opened.
+    model : CaptureModel
+        To begin with.
+    grid : Grid or None
+    reading, doing : context managers of callables, optional
+        Told how many seconds are read, and in words what is being done.
+    """
+    from rsenf.cli.begun import begun
+    from rsenf.cli.discover_input import identity_of, recoded_by, rows_of
+    from rsenf.cli.discover_reference import by_frame_means
+    from rsenf.discrepancy.beside import holds_frame_means
+
+    with begun(args.out, identity_of(args)) as kept:
+        with reading as seconds:
+            blocks, loss = rows_of(args, recording, kept, seconds)
+        with _named(args.input), doing as progress:
+            if kept.found:
+                progress(f"going on from what {kept.folder} has of a run that was stopped")
+            if grid and holds_frame_means(blocks):
+                result = by_frame_means(args, model, blocks, grid, progress)
+            else:
+                again = recoded_by(args, kept) if recording.begins_with == "frames" else None
+                result = _by_rows(args, model, blocks, again, grid, progress)
+            progress("writing the report")
+            _keep(args, result)
+    return result, loss
+
+
 @contextmanager
 def _named(path: str) -> Iterator[None]:
     """Say of which recording it is that something is wrong."""
@@ -110,7 +156,7 @@ def _named(path: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise InputError(f"{path}: {error.message}", error.hint) from error
+        raise type(error)(f"{path}: {error.message}", error.hint) from error
 
 
 def _by_rows(

@@ -28,18 +28,17 @@ def identity_of(args: argparse.Namespace) -> str:
     return f"{path.resolve()} {changed} {args.camera} {_settings(args)}"
 
 
-def rows_of(args: argparse.Namespace, run: Begun) -> tuple[list[RowBlock], Input, str]:
+def rows_of(
+    args: argparse.Namespace, recording: Input, run: Begun, progress: Callable[[float], None]
+) -> tuple[list[RowBlock], str]:
     """Return the rows of the recording's first stretch, and what of it could not be read."""
     from rsenf.messages import RowBlock, decode, encode
-    from rsenf.run.inputs import open_input_file
 
-    recording = open_input_file(args.input, camera=args.camera)
     if recording.begins_with != "frames":  # rows are read in no time
-        blocks, loss = _read(args, recording)
-        return blocks, recording, loss
+        return _read(args, recording, progress)
 
     def read() -> Arrays:
-        blocks, loss = _read(args, recording)
+        blocks, loss = _read(args, recording, progress)
         coded = [encode(block) for block in blocks]
         return {
             "bytes": np.frombuffer(b"".join(coded), np.uint8),
@@ -52,7 +51,7 @@ def rows_of(args: argparse.Namespace, run: Begun) -> tuple[list[RowBlock], Input
     for end in kept["ends"].tolist():
         blocks.append(decode(RowBlock, coded[begin:end]))
         begin = end
-    return blocks, recording, str(kept["loss"])
+    return blocks, str(kept["loss"])
 
 
 def recoded_by(
@@ -74,8 +73,9 @@ def recoded_by(
     return of
 
 
-def _read(args: argparse.Namespace, recording: Input) -> tuple[list[RowBlock], str]:
-    from rsenf.cli.console import progress_bar
+def _read(
+    args: argparse.Namespace, recording: Input, progress: Callable[[float], None]
+) -> tuple[list[RowBlock], str]:
     from rsenf.run.inline import analyse
 
     blocks: list[RowBlock] = []
@@ -84,8 +84,7 @@ def _read(args: argparse.Namespace, recording: Input) -> tuple[list[RowBlock], s
         if topic == "rows":
             blocks.append(message)
 
-    with progress_bar("reading", recording.duration_s) as progress:
-        analysis = analyse(recording, rows=_settings(args), progress=progress, tap=tap)
+    analysis = analyse(recording, rows=_settings(args), progress=progress, tap=tap)
     epoch = blocks[0].header.epoch if blocks else 0
     return [b for b in blocks if b.header.epoch == epoch], analysis.loss
 

@@ -13,19 +13,26 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
+    from rsenf.idle import IdleSettings
     from rsenf.run.inline import Analysis
+    from rsenf.run.inputs import Input
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import add_begin_argument, add_row_arguments
-
     parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
     parser.add_argument("other", nargs="?", metavar="OTHER", help="another, to compare it with")
-    parser.add_argument("--method", metavar="NAME", help="estimator (coherent)")
     parser.add_argument("--json", action="store_true", help="the estimate as JSON")
+    add_settings(parser)
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Arguments that say how the idle period is estimated."""
+    from rsenf.cli.console import add_begin_argument, add_row_arguments
+
+    parser.add_argument("--method", metavar="NAME", help="estimator (coherent)")
     add_begin_argument(parser, "frames", "rows")
     add_row_arguments(parser)
 
@@ -34,13 +41,13 @@ def run(args: argparse.Namespace) -> int:
     """Estimate a recording's idle period, or compare two recordings."""
     from rsenf.cli.console import note, print_json, say
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
-    from rsenf.report.idle import idle_json, idle_words
+    from rsenf.report.idle import idle_words
 
     paths = [path for path in (args.input, args.other) if path is not None]
     analyses = [_analyse(args, path) for path in paths]
     if args.json and len(paths) == 1:
         (analysis,) = analyses
-        print_json(idle_json(analysis.idle, [*_warnings(analysis), *_losses(analysis)]))
+        print_json(estimate_of(analysis))
     elif args.json:
         print_json(_compared(paths, analyses))
     else:
@@ -57,19 +64,43 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _analyse(args: argparse.Namespace, path: str) -> Analysis:
-    from rsenf.cli.console import progress_bar, row_settings
+    from rsenf.cli.console import progress_bar
+    from rsenf.run.inputs import open_input_file
+
+    idle_settings(args)
+    recording = open_input_file(path, camera=args.camera, begin=args.begin)
+    with progress_bar("estimating", recording.duration_s) as progress:
+        return estimated(args, recording, progress)
+
+
+def idle_settings(args: argparse.Namespace) -> IdleSettings:
+    """Return the settings that the arguments ask for."""
     from rsenf.errors import UsageError
     from rsenf.idle import METHODS, IdleSettings
-    from rsenf.run.inline import analyse
-    from rsenf.run.inputs import open_input_file
 
     method = args.method or IdleSettings.method
     if method not in METHODS:
         raise UsageError(f"no idle method {method!r}", f"one of {', '.join(METHODS)}")
-    settings = IdleSettings(method=method, nominal_hz=args.nominal_hz)
-    recording = open_input_file(path, camera=args.camera, begin=args.begin)
-    with progress_bar("estimating", recording.duration_s) as progress:
-        return analyse(recording, rows=row_settings(args), idle=settings, progress=progress)
+    return IdleSettings(method=method, nominal_hz=args.nominal_hz)
+
+
+def estimated(
+    args: argparse.Namespace,
+    recording: Input,
+    progress: Callable[[float], None] = lambda seconds: None,
+) -> Analysis:
+    """Estimate a recording's idle period."""
+    from rsenf.cli.console import row_settings
+    from rsenf.run.inline import analyse
+
+    return analyse(recording, rows=row_settings(args), idle=idle_settings(args), progress=progress)
+
+
+def estimate_of(analysis: Analysis) -> dict[str, Any]:
+    """Return what ``--json`` prints of an analysis."""
+    from rsenf.report.idle import idle_json
+
+    return idle_json(analysis.idle, [*_warnings(analysis), *_losses(analysis)])
 
 
 def _warnings(analysis: Analysis) -> list[str]:

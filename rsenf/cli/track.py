@@ -14,18 +14,24 @@ from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from rsenf.messages import EnfEstimate
     from rsenf.run.inline import Analysis
+    from rsenf.run.inputs import Input
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import add_begin_argument, add_row_arguments, add_track_arguments
-
     parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
     parser.add_argument("--json", action="store_true", help="JSON Lines")
+    add_settings(parser)
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Arguments that say how a recording is tracked."""
+    from rsenf.cli.console import add_begin_argument, add_row_arguments, add_track_arguments
+
     add_begin_argument(parser, "frames", "rows", "track")
     add_row_arguments(parser)
     add_track_arguments(parser, "--method", "--enf-method")
@@ -37,18 +43,16 @@ def run(args: argparse.Namespace) -> int:
         note,
         print_json,
         progress_bar,
-        row_settings,
         say,
         track_settings,
     )
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
-    from rsenf.run.inline import analyse
     from rsenf.run.inputs import open_input_file
 
-    rows, track = row_settings(args), track_settings(args, None)
+    track_settings(args, None)
     recording = open_input_file(args.input, camera=args.camera, begin=args.begin)
     with progress_bar("tracking", recording.duration_s) as progress:
-        analysis = analyse(recording, rows=rows, track=track, progress=progress)
+        analysis = tracked(args, recording, progress)
     if args.json:
         for estimate in analysis.estimates:
             print_json(as_json(estimate), indent=None)
@@ -63,6 +67,19 @@ def run(args: argparse.Namespace) -> int:
     if analysis.loss:
         say(f"{args.input}: {analysis.loss}")
     return EXIT_LOSS if analysis.loss else EXIT_DONE
+
+
+def tracked(
+    args: argparse.Namespace,
+    recording: Input,
+    progress: Callable[[float], None] = lambda seconds: None,
+) -> Analysis:
+    """Track a recording."""
+    from rsenf.cli.console import row_settings, track_settings
+    from rsenf.run.inline import analyse
+
+    rows, track = row_settings(args), track_settings(args, None)
+    return analyse(recording, rows=rows, track=track, progress=progress)
 
 
 def as_json(estimate: EnfEstimate) -> dict[str, Any]:

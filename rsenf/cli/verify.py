@@ -13,15 +13,38 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from rsenf.cli.references import Opened
     from rsenf.report.spectrum import ThinRows
     from rsenf.run.inline import Analysis
+    from rsenf.run.inputs import Input
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
+    parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
+    what = parser.add_mutually_exclusive_group(required=True)
+    add_reference(what)
+    what.add_argument("--against", metavar="OTHER", help="another recording: made together?")
+    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw what was compared")
+    parser.add_argument(
+        "--report", type=Path, metavar="DIR", help="report to read: HTML, JSON and pictures"
+    )
+    parser.add_argument("--json", action="store_true", help="the verdict as JSON")
+    add_settings(parser)
+
+
+def add_reference(to: Any, **more: Any) -> None:
+    """Argument that names references, added to a parser or a group of one."""
+    to.add_argument(
+        "--reference", action="append", metavar="REF", **more,
+        help="CSV, Parquet, WAV of the mains, or store:GRID; several for several grids",
+    )  # fmt: skip
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Arguments that say how a recording is verified."""
     from rsenf.cli.console import (
         add_begin_argument,
         add_reference_arguments,
@@ -30,13 +53,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         positive,
     )
 
-    parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
-    what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument(
-        "--reference", action="append", metavar="REF",
-        help="CSV, Parquet, WAV of the mains, or store:GRID; several for several grids",
-    )  # fmt: skip
-    what.add_argument("--against", metavar="OTHER", help="another recording: made together?")
     parser.add_argument(
         "--start", metavar="TIME", help="claimed start, ISO 8601 (UTC unless it says)"
     )
@@ -45,11 +61,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="how far a true start may be from the claimed one (1)",
     )  # fmt: skip
     parser.add_argument("--method", default="phase", metavar="NAME", help="matcher (phase)")
-    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw what was compared")
-    parser.add_argument(
-        "--report", type=Path, metavar="DIR", help="report to read: HTML, JSON and pictures"
-    )
-    parser.add_argument("--json", action="store_true", help="the verdict as JSON")
     parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     add_reference_arguments(parser)
     add_begin_argument(parser, "frames", "rows", "track")
@@ -59,23 +70,102 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Verify a recording's time."""
-    from rsenf.cli.console import note, print_json, say
-    from rsenf.cli.references import nominal_of, open_references
+    from rsenf.cli.console import note, print_json, progress_bar, say
+    from rsenf.cli.references import open_references
     from rsenf.cli.track import summary
     from rsenf.cli.verify_report import begin_report, finish_report
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
-    from rsenf.reference.moments import utc_ns
-    from rsenf.report.verdict import verdict_json, verdict_words
+    from rsenf.report.spectrum import ThinRows
+    from rsenf.report.verdict import verdict_words
+    from rsenf.run.inputs import open_input_file
 
     if args.against:
         from rsenf.cli import verify_against
 
         return verify_against.run(args)
-    claimed_ns = utc_ns(args.start, "--start") if args.start else 0
+    claimed_ns_of(args)
     _check_pictures(args)
     made_utc = begin_report(args.report) if args.report else ""
     references = open_references(args)
-    analysis, spectra = _analyse(args, references, claimed_ns)
+    recording = open_input_file(args.input, camera=args.camera, begin=args.begin)
+    spectra: dict[int, ThinRows] = defaultdict(ThinRows)  # by epoch
+
+    def tap(topic: str, message: Any) -> None:
+        if (args.picture or args.report) and topic == "rows":
+            spectra[message.header.epoch].add(message)
+
+    with progress_bar("verifying", recording.duration_s) as progress:
+        analysis = verified(args, recording, references, progress, tap, idle=bool(args.report))
+    if args.picture:
+        _draw(args.picture, analysis, spectra, references)
+    verdict = verdict_of(args, analysis, references)
+    if args.json:
+        print_json(verdict)
+    else:
+        print(verdict_words(analysis.result))
+        for line in verdict["warnings"]:
+            if line != analysis.loss:  # which is said below
+                note(line)
+    if not any(e.usable for e in analysis.estimates):
+        say(f"{args.input}: {summary(analysis)}")
+    if analysis.loss:
+        say(f"{args.input}: {analysis.loss}")
+    if args.report:
+        finish_report(args, references, analysis, spectra, verdict, made_utc)
+    return EXIT_LOSS if analysis.loss else EXIT_DONE
+
+
+def claimed_ns_of(args: argparse.Namespace) -> int:
+    """Return the claimed start, UTC since 1970; 0 for none."""
+    from rsenf.reference.moments import utc_ns
+
+    return utc_ns(args.start, "--start") if args.start else 0
+
+
+def verified(
+    args: argparse.Namespace,
+    recording: Input,
+    references: list[Opened],
+    progress: Callable[[float], None] = lambda seconds: None,
+    tap: Callable[[str, Any], None] = lambda topic, message: None,
+    *,
+    idle: bool = False,
+) -> Analysis:
+    """Compare a recording's ENF with references; its idle period is estimated on request."""
+    from rsenf.cli.console import row_settings, track_settings
+    from rsenf.cli.references import grids_of, nominal_of
+    from rsenf.idle import IdleSettings
+    from rsenf.match.settings import MatchSettings
+    from rsenf.match.stage import Match
+    from rsenf.run.inline import analyse
+
+    _check_lengths(args, recording.duration_s or 0.0, references)
+    grids, claimed_ns = grids_of(references), claimed_ns_of(args)
+    settings = MatchSettings(tolerance_s=args.tolerance_s)
+
+    def make_match() -> Match:
+        return Match(method=args.method, grids=grids, claimed_utc_ns=claimed_ns, settings=settings)
+
+    analysis = analyse(
+        recording,
+        rows=row_settings(args),
+        track=track_settings(args, nominal_of(references)),
+        idle=IdleSettings(nominal_hz=args.nominal_hz) if idle else None,
+        make_match=make_match,
+        progress=progress,
+        tap=tap,
+    )
+    _check_lengths(args, max(analysis.stretches_s, default=0.0), references)
+    return analysis
+
+
+def verdict_of(
+    args: argparse.Namespace, analysis: Analysis, references: list[Opened]
+) -> dict[str, Any]:
+    """Return what ``--json`` prints of an analysis."""
+    from rsenf.cli.references import nominal_of
+    from rsenf.report.verdict import verdict_json
+
     result = analysis.result
     notes = [
         f"{r.grid}: {line}" if len(references) > 1 else line for r in references for line in r.notes
@@ -85,61 +175,7 @@ def run(args: argparse.Namespace) -> int:
     nominal_hz = nominal_of(references)
     if nominal_hz and not args.nominal_hz and (result.decision == "no_match" or not usable):
         warnings.append(f"looked for a {nominal_hz:.0f} Hz grid, as the reference's is")
-    verdict = verdict_json(result, [*warnings, *filter(None, [analysis.loss])])
-    if args.json:
-        print_json(verdict)
-    else:
-        print(verdict_words(result))
-        for line in warnings:
-            note(line)
-    if not usable:
-        say(f"{args.input}: {summary(analysis)}")
-    if analysis.loss:
-        say(f"{args.input}: {analysis.loss}")
-    if args.report:
-        finish_report(args, references, analysis, spectra, verdict, made_utc)
-    return EXIT_LOSS if analysis.loss else EXIT_DONE
-
-
-def _analyse(
-    args: argparse.Namespace, references: list[Opened], claimed_ns: int
-) -> tuple[Analysis, Mapping[int, ThinRows]]:
-    from rsenf.cli.console import progress_bar, row_settings, track_settings
-    from rsenf.cli.references import grids_of, nominal_of
-    from rsenf.idle import IdleSettings
-    from rsenf.match.settings import MatchSettings
-    from rsenf.match.stage import Match
-    from rsenf.report.spectrum import ThinRows
-    from rsenf.run.inline import analyse
-    from rsenf.run.inputs import open_input_file
-
-    recording = open_input_file(args.input, camera=args.camera, begin=args.begin)
-    _check_lengths(args, recording.duration_s or 0.0, references)
-    grids = grids_of(references)
-    settings = MatchSettings(tolerance_s=args.tolerance_s)
-    spectra: dict[int, ThinRows] = defaultdict(ThinRows)  # by epoch
-
-    def tap(topic: str, message: Any) -> None:
-        if (args.picture or args.report) and topic == "rows":
-            spectra[message.header.epoch].add(message)
-
-    def make_match() -> Match:
-        return Match(method=args.method, grids=grids, claimed_utc_ns=claimed_ns, settings=settings)
-
-    with progress_bar("verifying", recording.duration_s) as progress:
-        analysis = analyse(
-            recording,
-            rows=row_settings(args),
-            track=track_settings(args, nominal_of(references)),
-            idle=IdleSettings(nominal_hz=args.nominal_hz) if args.report else None,
-            make_match=make_match,
-            progress=progress,
-            tap=tap,
-        )
-    _check_lengths(args, max(analysis.stretches_s, default=0.0), references)
-    if args.picture:
-        _draw(args.picture, analysis, spectra, references)
-    return analysis, spectra
+    return verdict_json(result, [*warnings, *filter(None, [analysis.loss])])
 
 
 def _draw(

@@ -46,15 +46,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _analysed(args: argparse.Namespace, path: str) -> Analysis:
-    from rsenf.cli.console import progress_bar, row_settings, track_settings
-    from rsenf.run.inline import analyse
+    from rsenf.cli.console import progress_bar
+    from rsenf.cli.track import tracked
     from rsenf.run.inputs import open_input_file
 
     recording = open_input_file(path, camera=args.camera, begin=args.begin)
     with progress_bar(f"tracking {path}", recording.duration_s) as progress:
-        return analyse(
-            recording, rows=row_settings(args), track=track_settings(args, None), progress=progress
-        )
+        return tracked(args, recording, progress)
 
 
 def _track(analysis: Analysis) -> Track:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rsenf.discrepancy.apart import LINES, STRIPS, apart_of
 from rsenf.discrepancy.estimates import Estimates, estimate
 from rsenf.discrepancy.settings import BLOCK_S, FEWEST_LINES, SHORTEST_S
-from rsenf.errors import InputError
+from rsenf.errors import InputError, NoSignal
 from rsenf.messages import RowBlock
 from rsenf.messages.schema import FloatArray
 from rsenf.timebase import NS_PER_S
@@ -152,7 +152,7 @@ def measured_of(blocks: Sequence[RowBlock], nominal_hz: float | None = None) -> 
             f"{SHORTEST_S:.0f} s are the least that is of use",
         )
     if np.ptp(level, axis=0).max() == 0.0:
-        raise InputError("every frame is the same", "give a recording of mains light")
+        raise NoSignal("every frame is the same", "give a recording of mains light")
     rate = frame_rate_of(stamp_s)
     slot = np.rint(stamp_s * float(rate)).astype(np.int64)
     axis = blocks[0].read_out_axis

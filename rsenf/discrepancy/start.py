@@ -12,7 +12,7 @@ from rsenf.discrepancy.measured import Measured
 from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.slopes import slopes_of
 from rsenf.discrepancy.theory import Course, Theory
-from rsenf.errors import InputError
+from rsenf.errors import InputError, NoSignal
 from rsenf.match.series import track_of
 from rsenf.model import CaptureModel, Light
 from rsenf.model.effects import DeliveryEffect
@@ -89,7 +89,7 @@ def _course(data: Measured) -> Course:
     track = track_of(estimates)
     if track.usable < LEAST_USABLE * track.enf_hz.size:
         reason = next((e.reason for e in estimates if not e.usable), "")
-        raise InputError(f"no flicker to fit a model to: {reason}", "film under mains light")
+        raise NoSignal(f"no flicker to fit a model to: {reason}", "film under mains light")
     t_s = track.first_s + track.hop_s * np.arange(track.enf_hz.size)
     known = np.isfinite(track.enf_hz)
     away_hz = np.interp(t_s, t_s[known], track.enf_hz[known] - track.nominal_hz)

@@ -69,7 +69,7 @@ def _bands(blocks: Sequence[RowBlock]) -> tuple[Float, Float]:
     usable = [b for b in blocks if b.usable and b.rows == blocks[0].rows]
     if not usable:
         return np.empty(0), np.empty((0, 0))
-    level = np.concatenate([b.level.mean(axis=2, dtype=np.float64) for b in usable])
+    level = np.concatenate([b.profiles() for b in usable])
     bands = min(BANDS, level.shape[1])
     starts = np.arange(bands) * level.shape[1] // bands
     sizes = np.diff(np.append(starts, level.shape[1]))

@@ -40,9 +40,15 @@ class FlickerFollower:
     min_snr : float
         Tone power over noise power in a resolution cell of a 20 s window, below which there is no
         signal.
+    every_s : int
+        Seconds that come out together, by one fit, which is most of the work. The last of them
+        has so many seconds less after it to go by than the first, but one.
     """
 
-    def __init__(self, nominal_hz: float | None = None, *, min_snr: float = MIN_SNR) -> None:
+    def __init__(
+        self, nominal_hz: float | None = None, *, min_snr: float = MIN_SNR, every_s: int = 1
+    ) -> None:
+        self._every_s = every_s
         self._nominals = NOMINALS_HZ if nominal_hz is None else (nominal_hz,)
         self._min_snr = min_snr
         self._waiting: list[RowBlock] = []
@@ -130,7 +136,7 @@ class FlickerFollower:
             self._look(end - look_s, end)
         if self._lock is not None:
             self._still = None
-            due = end - AHEAD_S if end >= WINDOW_S else 0
+            due = end - AHEAD_S + self._every_s - 1 if self._fits(end) else 0
         else:
             self._look_still(end, final=final)
             due = max(self._still_until - AHEAD_S, end - HOLD_S)
@@ -141,6 +147,10 @@ class FlickerFollower:
         kept_s = WINDOW_S if self._lock else 0
         self._buffer.forget_before(min(self._next, end - LOOK_S) - kept_s)
         return out
+
+    def _fits(self, end: int) -> bool:
+        """Whether a window is fitted that ends here; one is as long as can be."""
+        return end >= WINDOW_S and (end - WINDOW_S) % self._every_s == 0
 
     def _look_still(self, end: int, *, final: bool) -> None:
         """Look, now and then, for flicker that stands nearly still."""

@@ -10,7 +10,7 @@ left free.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +69,17 @@ class PhasePrior:
     def nodes(self) -> int:
         """How many nodes there are."""
         return int(self.basis.shape[0])
+
+    def nearest(self, psi_rad: Float) -> Float:
+        """Coefficients ``a`` of the path that is nearest to a phase at the nodes."""
+        left, size, right = self._parts
+        return np.asarray(((left.T @ psi_rad) / size) @ right)
+
+    @cached_property
+    def _parts(self) -> tuple[Float, Float, Float]:
+        """Singular values of the basis, and their directions at the nodes and among the ``a``."""
+        left, size, right = np.linalg.svd(self.basis, full_matrices=False)
+        return left, size, right
 
 
 @lru_cache(maxsize=128)

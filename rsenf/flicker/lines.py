@@ -99,5 +99,5 @@ def project(block: RowBlock, ramps: NDArray[np.complex128]) -> NDArray[np.comple
 
     Strips are averaged; rows in which nothing was steady count as their strip's background.
     """
-    profile = block.level.mean(axis=2, dtype=np.float64)
+    profile = block.profiles()
     return np.asarray(profile @ ramps, np.complex128)

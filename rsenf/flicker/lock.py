@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found, stands_out, strongest
 from rsenf.flicker.grid_prior import NODES_PER_S
-from rsenf.flicker.phase_fit import Frames, PhaseFit, Place, fit_phase
+from rsenf.flicker.node_sums import Frames, at_frames
+from rsenf.flicker.phase_fit import PhaseFit, fit_phase
 from rsenf.flicker.phase_path import PhasePath
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.second import FlickerSecond
@@ -132,13 +133,12 @@ class Lock:
             return dataclasses.replace(blank, reason="much less sure than what lies beside it")
         turns = float(psi[node + NODES_PER_S] - psi[node]) / (2.0 * np.pi)
         t_s = buffer.times(part)
-        at_frames = Place(t_s - start, psi.size).at_frames(psi)
         return dataclasses.replace(
             blank,
             usable=True,
             f0_hz=2.0 * self.nominal_hz + turns,
             f0_var_hz2=variance,
-            phase_rad=4.0 * np.pi * self.nominal_hz * t_s + at_frames,
+            phase_rad=4.0 * np.pi * self.nominal_hz * t_s + at_frames(t_s - start, psi),
             **self._amplitude(blank.index, fit, start),
         )
 

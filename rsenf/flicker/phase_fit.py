@@ -16,17 +16,17 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from itertools import accumulate
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.grid_prior import NODE_S, NODES_PER_S, phase_prior
+from rsenf.flicker.node_noise import noise_of, noise_of_turning
+from rsenf.flicker.node_sums import Frames, Gathered, Told
+from rsenf.flicker.turning import turning
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-Kind = TypeVar("Kind", np.float64, np.complex128)
 
 HARMONICS = 3
 # Further ones tell no phase, but a codec makes them, and they lie near the first.
@@ -51,25 +51,6 @@ COLUMNS_HZ, ALONG_HZ, ACROSS_HZ = (0.3, 1.6), (0.2, 0.8), (0.05, 0.5)
 SLOW = float(np.sinc(NODE_S))
 # A column's amplitude counts as far as it is beyond this many of its variances.
 SIGNIFICANT = 4.0
-
-
-@dataclass(frozen=True, eq=False)
-class Frames:
-    """Frames of one window.
-
-    Attributes
-    ----------
-    t_s : ndarray, shape (frames,)
-        Times since the window's first node.
-    carrier_rad : ndarray, shape (frames,)
-        Phase of the nominal illumination frequency at each.
-    columns : ndarray, shape (frames, columns)
-        Reduced profiles.
-    """
-
-    t_s: Float
-    carrier_rad: Float
-    columns: Float
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,52 +96,53 @@ def fit_phase(frames: Frames, psi_rad: Float) -> PhaseFit:
     psi_rad : ndarray, shape (nodes,)
         First guess of the phase at nodes ``NODE_S`` apart, relative to the nominal frequency's.
     """
-    fit, loudest = _settled(frames, psi_rad)
+    gathered = Gathered(frames, psi_rad.size)
+    fit, loudest = _settled(frames, gathered, psi_rad)
     if loudest == 1:
         return fit
     # What is taken for an overtone is louder than the flicker itself: it is the flicker.
-    nearer = _as_first(frames, fit.psi_rad, loudest)
+    nearer = _as_first(gathered, fit.psi_rad, loudest)
     if nearer is None:
         return fit
-    other, loudest = _settled(frames, nearer)
+    other, loudest = _settled(frames, gathered, nearer)
     return other if loudest == 1 else fit
 
 
-def _as_first(frames: Frames, psi_rad: Float, order: int) -> Float | None:
+def _as_first(frames: Gathered, psi_rad: Float, order: int) -> Float | None:
     """Phase by which a harmonic of this path is the first; None where its alias is elsewhere.
 
     Where the alias is a third of the frame rate, the second harmonic's mirror image lies on it.
     A path that takes the flicker for that image wanders half as much, the other way, and grids
     are more likely to wander less.
     """
-    place = Place(frames.t_s, psi_rad.size)
-    phase = order * (frames.carrier_rad + place.at_frames(psi_rad))
-    frames_at = place.sums(np.ones(phase.size))
+    phase = order * frames.phase_rad(psi_rad)
+    frames_at = frames.there.sum(axis=1)
     seen = np.flatnonzero(frames_at)
     for sign in (-1.0, 1.0):
-        turn = place.sums(np.exp(1j * (sign * phase - frames.carrier_rad)))[seen]
+        own = frames.there * turning(sign * phase - frames.carrier_rad)
+        turn = own.sum(axis=1)[seen]
         if np.median(np.abs(turn) / frames_at[seen]) > SLOW:
             phases = np.unwrap(np.angle(turn))
-            return np.asarray(np.interp(np.arange(place.nodes), seen, phases))
+            return np.asarray(np.interp(np.arange(psi_rad.size), seen, phases))
     return None
 
 
-def _settled(frames: Frames, psi_rad: Float) -> tuple[PhaseFit, int]:
+def _settled(frames: Frames, gathered: Gathered, psi_rad: Float) -> tuple[PhaseFit, int]:
     """Most probable phase near a first guess, and which harmonic is the loudest."""
-    prior = phase_prior(psi_rad.size).basis
-    place = Place(frames.t_s, psi_rad.size)
-    coefficient = _project(prior, psi_rad)
+    prior = phase_prior(psi_rad.size)
+    coefficient = prior.nearest(psi_rad)
     trust = np.ones(psi_rad.size)
     orders = tuple(range(1, HARMONICS + 1))
     settled = False
     for _ in range(MAX_STEPS):
-        psi = prior @ coefficient
-        amplitude = _amplitudes(frames, place, psi, trust, orders)
-        gradient, information, trust, gain = _likelihood(place, amplitude, trust)
-        precision = prior.T @ (information[:, None] * prior)
+        turn = gathered.there * turning(gathered.phase_rad(prior.basis @ coefficient))
+        waves = gathered.waves(turn, orders)
+        amplitude = _amplitudes(gathered.told(waves), trust, orders)
+        gradient, information, trust, gain = _likelihood(amplitude, trust)
+        precision = prior.basis.T @ (information[:, None] * prior.basis)
         precision.flat[:: len(precision) + 1] += 1.0
-        step = np.linalg.solve(precision, prior.T @ gradient - coefficient)
-        moved = prior @ step
+        step = np.linalg.solve(precision, prior.basis.T @ gradient - coefficient)
+        moved = prior.basis @ step
         shape = moved - moved.mean()
         largest = np.max(np.abs(shape))
         coefficient = coefficient + step * min(1.0, 1.0 / max(largest, 1e-12))
@@ -170,177 +152,143 @@ def _settled(frames: Frames, psi_rad: Float) -> tuple[PhaseFit, int]:
             if settled:
                 break
             settled = True
-            orders += _nuisances(place, amplitude)
-    psi = prior @ coefficient
-    over_second = (prior[NODES_PER_S:] - prior[:-NODES_PER_S]) / (2.0 * np.pi)
+            orders += _nuisances(gathered, turn, amplitude, orders)
+    over_second = (prior.basis[NODES_PER_S:] - prior.basis[:-NODES_PER_S]) / (2.0 * np.pi)
     solved = np.linalg.solve(precision, over_second.T)
     fit = PhaseFit(
-        psi_rad=psi,
+        psi_rad=prior.basis @ coefficient,
         second_var_hz2=np.einsum("ij,ji->i", over_second, solved),
         template=amplitude.harmonic[0],
         weights=amplitude.weights[0],
         information=information,
         gain=gain,
         t_s=frames.t_s,
-        deviation=_deviation(amplitude),
+        deviation=_deviation(gathered, turn, waves, amplitude),
     )
-    power = [float(np.sum(np.abs(c) ** 2)) for c in amplitude.harmonic]
-    return fit, 1 + int(np.argmax(power))
-
-
-class Place:
-    """Where the frames, in the order of time, lie between the nodes."""
-
-    def __init__(self, t_s: Float, nodes: int) -> None:
-        self.nodes = nodes
-        self._left = np.clip((t_s / NODE_S).astype(np.intp), 0, nodes - 2)
-        self._beyond = t_s / NODE_S - self._left
-        self._nearest = np.clip(np.rint(t_s / NODE_S).astype(np.intp), 0, nodes - 1)
-        self._seen, self._first = np.unique(self._nearest, return_index=True)
-
-    def at_frames(self, values: Float) -> Float:
-        """Values at nodes, linear in between, at the frames."""
-        return values[self._left] * (1.0 - self._beyond) + values[self._left + 1] * self._beyond
-
-    def of_nodes(self, values: Float) -> Float:
-        """Value of the nearest node, at the frames."""
-        return np.asarray(values[self._nearest])
-
-    def sums(self, values: NDArray[Kind]) -> NDArray[Kind]:
-        """Sum over the frames nearest to each node, shape (nodes, …)."""
-        out = np.zeros((self.nodes, *values.shape[1:]), values.dtype)
-        out[self._seen] = np.add.reduceat(values, self._first, axis=0)
-        return out
+    return fit, 1 + int(np.argmax(np.sum(np.abs(amplitude.harmonic) ** 2, axis=1)))
 
 
 @dataclass(frozen=True, eq=False)
 class Amplitudes:
-    """``harmonic[k−1]`` is ``C_k`` (columns,), ``weights[k−1]`` one over its columns' noise."""
+    """What follows from a phase by least squares.
 
-    harmonic: list[Complex]
-    weights: list[Float]
-    turns: list[Complex]  # exp(j·k·φ) at the frames
-    residual: Float  # (frames, columns)
+    Attributes
+    ----------
+    harmonic : ndarray of complex, shape (HARMONICS, columns)
+        ``C_k``.
+    weights : ndarray, shape (HARMONICS, columns)
+        One over the columns' noise near each harmonic.
+    found : ndarray, shape (waves, columns)
+        Each wave's share of the columns.
+    told : Told
+        The sums that it follows from.
+    left : ndarray, shape (nodes, HARMONICS, columns)
+        Sums of what the model leaves times ``exp(j·k·φ)``.
+    """
+
+    harmonic: Complex
+    weights: Float
+    found: Float
+    told: Told
+    left: Complex
 
 
-def _project(prior: Float, psi_rad: Float) -> Float:
-    """Coefficients whose path is nearest to a phase."""
-    return np.asarray(np.linalg.lstsq(prior, psi_rad, rcond=1e-9)[0])
-
-
-def _amplitudes(
-    frames: Frames, place: Place, psi: Float, trust: Float, orders: tuple[int, ...]
-) -> Amplitudes:
-    first = np.exp(1j * (frames.carrier_rad + place.at_frames(psi)))
-    powers = list(accumulate([first] * max(orders), np.multiply))
-    turns = [powers[k - 1] for k in orders]
-    weight = place.of_nodes(trust)
-    design = np.column_stack(
-        [np.ones(first.size)] + [part for turn in turns for part in (turn.real, turn.imag)]
-    )
-    weighted = design * weight[:, None]
-    gram = weighted.T @ design
-    ridge = np.repeat(
-        [RIDGE * first.size / size**2 for size in [HARMONIC_SIZE[k - 1] for k in orders]], 2
-    )
+def _amplitudes(told: Told, trust: Float, orders: tuple[int, ...]) -> Amplitudes:
+    gram = np.tensordot(trust, told.waves, 1)
+    seen, weight = float(told.waves[:, 0, 0].sum()), float(gram[0, 0])
+    ridge = np.repeat([RIDGE * seen / HARMONIC_SIZE[k - 1] ** 2 for k in orders], 2)
     gram.flat[:: len(gram) + 1] += np.concatenate([[0.0], ridge])
-    found = np.linalg.solve(gram, weighted.T @ frames.columns)
-    residual = frames.columns - design @ found
-    harmonic, weights = [], []
-    for k, turn in enumerate(turns[:HARMONICS]):
-        raw = found[1 + 2 * k] - 1j * found[2 + 2 * k]
-        noise = _noise(place.sums(residual * (weight * turn.conj())[:, None])) / weight.sum()
-        noise = np.maximum(noise, 1e-6 * noise.max() + 1e-12)
-        doubt = SIGNIFICANT * 4.0 * noise / first.size
-        shrink = np.maximum(0.0, 1.0 - doubt / np.maximum(np.abs(raw) ** 2, 1e-30))
-        harmonic.append(raw * shrink)
-        weights.append(1.0 / noise)
-    return Amplitudes(harmonic, weights, turns, residual)
+    found = np.asarray(np.linalg.solve(gram, np.tensordot(trust, told.columns, 1)))
+    real, imag = _left(told, found, range(HARMONICS))
+    raw = found[1 : 2 * HARMONICS : 2] - 1j * found[2 : 2 * HARMONICS + 1 : 2]
+    own = trust[:, None, None]
+    noise = noise_of_turning(own * real, own * imag, COLUMNS_HZ) / weight
+    noise = np.maximum(noise, 1e-6 * noise.max(axis=1, keepdims=True) + 1e-12)
+    doubt = SIGNIFICANT * 4.0 * noise / seen
+    shrink = np.maximum(0.0, 1.0 - doubt / np.maximum(np.abs(raw) ** 2, 1e-30))
+    return Amplitudes(raw * shrink, np.asarray(1.0 / noise), found, told, real + 1j * imag)
 
 
-def _nuisances(place: Place, amplitude: Amplitudes) -> tuple[int, ...]:
+def _left(told: Told, found: Float, harmonics: range) -> tuple[Float, Float]:
+    """Sums of what is left of the columns times cosine and sine of some of the waves' harmonics.
+
+    Shapes (nodes, harmonics, columns): what the waves found would have added up to is taken away.
+    """
+    own = slice(1 + 2 * harmonics.start, 1 + 2 * harmonics.stop)
+    modelled = told.waves[:, own, : len(found)].reshape(-1, len(found)) @ found
+    left = told.columns[:, own] - modelled.reshape(told.columns[:, own].shape)
+    return left[:, 0::2], left[:, 1::2]
+
+
+def _nuisances(
+    frames: Gathered, turn: Complex, amplitude: Amplitudes, orders: tuple[int, ...]
+) -> tuple[int, ...]:
     """Further harmonics that stand out in some column."""
-    first, out = amplitude.turns[0], []
-    for k in range(HARMONICS + 1, NUISANCES + 1):
-        turn = first.conj()[:, None] ** k
-        demodulated = amplitude.residual * turn
-        power = np.abs(demodulated.sum(axis=0)) ** 2
-        if np.any(power > STANDS_OUT * _noise(place.sums(demodulated))):
-            out.append(k)
-    return tuple(out)
+    further = tuple(range(HARMONICS + 1, NUISANCES + 1))
+    told = frames.told(frames.waves(turn, orders + further))
+    real, imag = _left(told, amplitude.found, range(len(orders), len(orders + further)))
+    power = real.sum(axis=0) ** 2 + imag.sum(axis=0) ** 2
+    stands_out = np.any(power > STANDS_OUT * noise_of_turning(real, imag, COLUMNS_HZ), axis=1)
+    return tuple(k for k, there in zip(further, stands_out, strict=True) if there)
 
 
-def _noise(series: Float | Complex, band_hz: tuple[float, float] = COLUMNS_HZ) -> Float:
-    """Power of a node series' transform near, but not at, 0 Hz; shape as one row.
-
-    The median of exponentially distributed powers is ln 2 of their mean, and isn't moved by a
-    line nearby.
-    """
-    waves = _waves(series.shape[0], band_hz, one_sided=series.dtype.kind == "f")
-    power = np.abs(waves @ series) ** 2
-    middle = power.shape[0] // 2
-    if power.shape[0] % 2:
-        return np.asarray(np.partition(power, middle, axis=0)[middle] / np.log(2.0))
-    halves = np.partition(power, (middle - 1, middle), axis=0)
-    return np.asarray((halves[middle - 1] + halves[middle]) / (2.0 * np.log(2.0)))
-
-
-@functools.cache
-def _waves(nodes: int, band_hz: tuple[float, float], *, one_sided: bool) -> Complex:
-    """Rows of the discrete Fourier transform that lie in a band; far fewer than all.
-
-    Of a real series both sides have the same powers, and so the same median as one of them.
-    """
-    freq_hz = np.fft.fftfreq(nodes, NODE_S)
-    away = freq_hz if one_sided else np.abs(freq_hz)
-    among = np.flatnonzero((away >= band_hz[0]) & (away <= band_hz[1]))
-    return np.asarray(np.exp(-2j * np.pi * np.outer(among, np.arange(nodes)) / nodes))
-
-
-def _deviation(amplitude: Amplitudes) -> Complex:
+def _deviation(frames: Gathered, turn: Complex, waves: Float, amplitude: Amplitudes) -> Complex:
     weighted = amplitude.weights[0] * amplitude.harmonic[0].conj()
     power = float(np.sum(weighted * amplitude.harmonic[0]).real)
     if power <= 0.0:
-        return np.zeros(amplitude.residual.shape[0], np.complex128)
-    return np.asarray(2.0 * (amplitude.residual @ weighted) * amplitude.turns[0].conj() / power)
+        return np.zeros(frames.frames, np.complex128)
+    model = np.einsum("nwp,w->np", waves, amplitude.found @ weighted)
+    left = frames.columns @ weighted - model
+    return frames.in_order(2.0 * left * turn.conj() / power)
+
+
+@functools.cache
+def _around(nodes: int) -> Float:
+    """Matrix that sums over the nodes around each, by :data:`GAIN_WINDOW`."""
+    return np.array([np.convolve(one, GAIN_WINDOW, "same") for one in np.eye(nodes)]).T
 
 
 def _gain(across: Float, expected: Float) -> Float:
     """Size of the flicker around each node relative to the window's, at most one and a half."""
-    beyond = np.convolve(across, GAIN_WINDOW, "same")
-    share = np.convolve(expected, GAIN_WINDOW, "same")
-    steady = STEADY * np.max(share)
+    around = _around(across.shape[0])
+    beyond, share = around @ across, around @ expected
+    steady = STEADY * np.max(share, axis=0)
     return np.asarray(np.clip(1.0 + beyond / np.maximum(share + steady, 1e-30), 0.0, 1.5))
 
 
-def _likelihood(
-    place: Place, amplitude: Amplitudes, trust: Float
-) -> tuple[Float, Float, Float, Float]:
+def _likelihood(amplitude: Amplitudes, trust: Float) -> tuple[Float, Float, Float, Float]:
     """Gradient and information of the phase at each node, from all harmonics.
 
     Also how far each node is trusted next time, and the first harmonic's gain.
     """
-    gradient, information = np.zeros(place.nodes), np.zeros(place.nodes)
-    new, first_gain = trust, np.ones(place.nodes)
-    for k, turn in enumerate(amplitude.turns[:HARMONICS], start=1):
-        harmonic = amplitude.harmonic[k - 1]
-        weighted = amplitude.weights[k - 1] * harmonic
-        left = k * turn * (amplitude.residual @ weighted)
-        told = -place.sums(left.imag)
-        # The sum over the columns of a wave's square, along the phase: Σ w·(k·Im turn·C)².
-        power, turned = (weighted @ harmonic.conj()).real, turn * turn * (weighted @ harmonic)
-        expected = place.sums(0.5 * k**2 * (power - turned.real))
-        # The columns' noise may go together: what is left of their sum says how much.
-        across = place.sums(left.real)
-        if expected.sum() <= 0.0:
-            continue
-        gain = _gain(trust * across, trust * expected)
-        total = (trust * expected).sum()
-        excess = max(_noise(trust * told, ALONG_HZ), _noise(trust * across, ACROSS_HZ)) / total
-        excess = max(excess, 1e-3)
-        gradient += gain * trust * told / excess
-        information += gain**2 * trust * expected / excess
-        if k == 1:
-            away = (told**2 + across**2) / np.maximum(expected * excess, 1e-30)
-            new, first_gain = (TAILS + 2.0) / (TAILS + away), gain
-    return gradient, information, new, first_gain
+    order = np.arange(1, HARMONICS + 1)
+    weighted = amplitude.weights * amplitude.harmonic
+    left = order * np.einsum("nkc,kc->nk", amplitude.left, weighted)
+    told, across = -left.imag, left.real
+    # The sum over the columns of a wave's square, along the phase: Σ w·(k·Im turn·C)².
+    power = np.sum(weighted * amplitude.harmonic.conj(), axis=1).real
+    turned = np.sum(weighted * amplitude.harmonic, axis=1)
+    frames_at, squared = _squares(amplitude.told)
+    expected = 0.5 * order**2 * (power * frames_at - (squared * turned).real)
+    hears = expected.sum(axis=0) > 0.0
+    own = trust[:, None]
+    total = np.where(hears, (own * expected).sum(axis=0), 1.0)
+    # The columns' noise may go together: what is left of their sum says how much.
+    noise = np.maximum(noise_of(own * told, ALONG_HZ), noise_of(own * across, ACROSS_HZ))
+    excess = np.maximum(noise / total, 1e-3)
+    gain = _gain(own * across, own * expected)
+    gradient = np.sum(np.where(hears, gain * own * told / excess, 0.0), axis=1)
+    information = np.sum(np.where(hears, gain**2 * own * expected / excess, 0.0), axis=1)
+    if not hears[0]:
+        return gradient, information, trust, np.ones(trust.size)
+    away = told[:, 0] ** 2 + across[:, 0] ** 2
+    away /= np.maximum(expected[:, 0] * excess[0], 1e-30)
+    return gradient, information, (TAILS + 2.0) / (TAILS + away), gain[:, 0]
+
+
+def _squares(told: Told) -> tuple[Float, Complex]:
+    """How many frames are around each node, (nodes, 1), and the sums of ``exp(2j·k·φ)``."""
+    cosine, sine = (range(first, 2 * HARMONICS + 1, 2) for first in (1, 2))
+    of = told.waves
+    squared = of[:, cosine, cosine] - of[:, sine, sine] + 2j * of[:, cosine, sine]
+    return of[:, :1, 0], squared

@@ -40,6 +40,7 @@ class ProfileBasis:
         count = int(np.ceil(max_turns / TURNS_STEP))
         self._turns: Float = np.asarray(np.arange(-count, count + 1) * TURNS_STEP, np.float64)
         self._grid = self.ramps(self._turns)
+        self._grid_power = np.sum(np.abs(self._grid) ** 2, axis=0)
 
     @property
     def columns(self) -> int:
@@ -51,17 +52,21 @@ class ProfileBasis:
 
         Frame by frame, so that how frames were cut into blocks changes no bit.
         """
-        profile = block.level.mean(axis=2, dtype=np.float64)
+        profile = block.profiles()
         return np.asarray((profile[:, None, :] @ self._waves)[:, 0, :] / self.rows)
 
     def ramps(self, turns: Float) -> Complex:
         """Columns of ramps ``exp(j·2π·turns·x)`` down the frame, shape (columns, ramps)."""
         place = (np.arange(self.rows) + 0.5) / self.rows
-        return np.asarray(self._waves.T @ np.exp(2j * np.pi * np.outer(place, turns)) / self.rows)
+        angle = 2.0 * np.pi * np.outer(place, turns)
+        # Real products: a complex one would make all the waves complex first.
+        return np.asarray(
+            (self._waves.T @ np.cos(angle) + 1j * (self._waves.T @ np.sin(angle))) / self.rows
+        )
 
     def turns_of(self, template: Complex) -> float:
         """Turns of the ramp that is most like a template, shape (columns,)."""
-        power = np.abs(template.conj() @ self._grid) ** 2 / np.sum(np.abs(self._grid) ** 2, axis=0)
+        power = np.abs(template.conj() @ self._grid) ** 2 / self._grid_power
         peak = int(np.clip(np.argmax(power), 1, power.size - 2))
         a, b, c = power[peak - 1 : peak + 2]
         bend = a - 2.0 * b + c

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rsenf.flicker.acquire import SEARCH_HZ
 from rsenf.flicker.grid_prior import MEAN_STD_HZ, NODES_PER_S, phase_prior
 from rsenf.flicker.lines import alias_hz
-from rsenf.flicker.phase_fit import Place
+from rsenf.flicker.node_sums import at_frames
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.zero_alias import MIN_ROWS, ZeroAlias, separate
 from rsenf.messages import RowBlock
@@ -68,7 +68,7 @@ class StillFlicker:
             return
         t_s = (block.frame_pts_ns - origin_ns) / 1e9
         edges = np.unique(np.linspace(0, block.rows, min(block.rows, BANDS) + 1).astype(int))
-        profile = block.level.mean(axis=2, dtype=np.float64)
+        profile = block.profiles()
         bands = np.add.reduceat(profile, edges[:-1], axis=1) / np.diff(edges)
         for t, number, rows in zip(t_s.tolist(), block.frame_number.tolist(), bands, strict=True):
             k = int(t * BINS_PER_S)
@@ -119,8 +119,7 @@ class StillFlicker:
             return dataclasses.replace(blank, reason="too few frames are usable")
         psi = path.psi_rad
         turned = float(psi[node + NODES_PER_S] - psi[node]) / (2.0 * np.pi)
-        at_frames = Place(frame_t_s - path.start, psi.size).at_frames(psi)
-        bins = Place(path.t_s[own] - path.start, psi.size).at_frames(psi)
+        bins = at_frames(path.t_s[own] - path.start, psi)
         beyond = np.mean(np.exp(1j * (path.told_rad[own] - bins)))
         return dataclasses.replace(
             blank,
@@ -128,7 +127,8 @@ class StillFlicker:
             reason="",
             f0_hz=2.0 * self.nominal_hz + turned,
             f0_var_hz2=float(path.second_var_hz2[node]) + MODEL_STD_HZ**2,
-            phase_rad=4.0 * np.pi * self.nominal_hz * frame_t_s + at_frames,
+            phase_rad=4.0 * np.pi * self.nominal_hz * frame_t_s
+            + at_frames(frame_t_s - path.start, psi),
             amplitude=complex(path.size * np.exp(1j * psi[node + NODES_PER_S // 2]) * beyond),
             amplitude_var=float(path.size**2 * np.mean(path.told_var[own]) / own.sum()),
         )
@@ -171,8 +171,7 @@ def _path(
     sign = _direction(found, stands_hz - 2.0 * nominal_hz)
     told = sign * found.phase_rad + 2.0 * np.pi * (stands_hz - 2.0 * nominal_hz) * t_s
     prior = phase_prior((end - start) * NODES_PER_S + 1).basis
-    place = Place(t_s - start, prior.shape[0])
-    seen = np.column_stack([place.at_frames(direction) for direction in prior.T])
+    seen = np.column_stack([at_frames(t_s - start, direction) for direction in prior.T])
     noise = found.phase_cov + 1e-12 * np.eye(t_s.size)
     heard = np.linalg.solve(noise, np.column_stack([seen, told - told.mean()]))
     precision = seen.T @ heard[:, :-1] + np.eye(prior.shape[1])

@@ -13,12 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.flicker.turning import turning
+
 Complex = NDArray[np.complex128]
 Float = NDArray[np.float64]
 
 # Bins of the grid per resolution cell of a Hann window of the same length: fine enough for the
 # error of quadratic interpolation to be below 1e-3 of a cell.
 OVERSAMPLING = 4
+GROUP = 12  # near the root of how many offsets there are
 # Cells on either side of the tone that tell the noise.
 NOISE_CELLS = 10
 # Neighbours of a peak of a Hann window are this close to it at least; else it is no such peak.
@@ -85,7 +88,7 @@ class ToneFinder:
             ``|amplitude|²`` times what the constant leaves independent of the tone.
         """
         weights = self.window(t_s)
-        turns = self._rotations(t_s) * weights
+        turns = self._rotations(t_s, weights)
         # Gram matrix of {constant, tone}: 1 on the diagonal, overlap beside it.
         overlap = turns @ carrier
         mean = (weights * carrier.conj()) @ baseband
@@ -93,12 +96,17 @@ class ToneFinder:
         amplitude = (turns @ baseband - overlap[:, None] * mean) / left[:, None]
         return amplitude, np.abs(amplitude) ** 2 * left[:, None]
 
-    def _rotations(self, t_s: Float) -> Complex:
-        """``exp(−j·2π·offset·t)``, shape (offsets, samples), by repeated multiplication."""
-        out = np.empty((self.offsets_hz.size, t_s.size), np.complex128)
-        out[0] = np.exp(-2j * np.pi * self.offsets_hz[0] * t_s)
-        out[1:] = np.exp(-2j * np.pi * (self.offsets_hz[1] - self.offsets_hz[0]) * t_s)
-        return np.multiply.accumulate(out, axis=0)
+    def _rotations(self, t_s: Float, weights: Float) -> Complex:
+        """``exp(−j·2π·offset·t)`` times the weights, shape (offsets, samples).
+
+        The offsets are equidistant: a turn by each is one by the first of its group times one
+        within the group, and those are the same in all groups.
+        """
+        step_hz = self.offsets_hz[1] - self.offsets_hz[0]
+        within = turning(-2.0 * np.pi * np.outer(np.arange(GROUP) * step_hz, t_s))
+        groups = turning(-2.0 * np.pi * np.outer(self.offsets_hz[::GROUP], t_s)) * weights
+        every = groups[:, None] * within
+        return every.reshape(-1, t_s.size)[: self.offsets_hz.size]
 
     def strongest(self, power: Float, t_s: Float) -> Tone:
         """Peak of one periodogram: quadratic interpolation of its logarithm, and its errors.

@@ -18,6 +18,11 @@ from rsenf.messages import RowBlock
 Float = NDArray[np.float64]
 
 
+# Nobody waits for the phase of a single second here, and any has at least seven seconds after it to
+# go by, in which a grid shows where it is going.
+EVERY_S = 8
+
+
 @dataclass(frozen=True, eq=False)
 class PhasedBlock:
     """Rows, and the phase of the flicker at each of their frames: NaN where it isn't known."""
@@ -45,7 +50,7 @@ class Pairing:
     """
 
     def __init__(self, nominal_hz: float | None) -> None:
-        self._follower = FlickerFollower(nominal_hz)
+        self._follower = FlickerFollower(nominal_hz, every_s=EVERY_S)
         self._waiting: deque[RowBlock] = deque()
         self._phase: dict[int, float] = {}
         self._reached = -1

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.flicker.turning import turning
 from rsenf.idle.moments import HARMONICS, RIDGE, Moments, orders
 
 Float = NDArray[np.float64]
@@ -104,17 +105,18 @@ class Profile:
     def _solve(self, turns: Float, weight: Float) -> tuple[Complex, Complex]:
         """Right-hand sides and solutions, each (tries, orders)."""
         rows, count = self.brightness.size, self.orders.size
-        once = np.exp(2j * np.pi * np.outer(turns, np.arange(rows) / rows))
-        power = np.ones_like(once)
+        once = turning(2.0 * np.pi * np.outer(turns, np.arange(rows) / rows))
+        heavy, told = self.brightness**2, self.brightness * self._response
         spread = np.empty((count + 1, turns.size), np.complex128)
         pull = np.empty((turns.size, count), np.complex128)
-        heavy = weight * self.brightness**2
+        weighted = weight * np.ones_like(once)  # the weights times the ramp's powers
         for d in range(count + 1):
-            spread[d] = np.sum(heavy * power, axis=1)
+            spread[d] = weighted @ heavy
             for i in np.flatnonzero(np.abs(self.orders) == d):
-                down = power.conj() if self.orders[i] > 0 else power
-                pull[:, i] = np.sum(weight * self.brightness * self._response[i] * down, axis=1)
-            power = power * once
+                down = self.orders[i] > 0
+                own = weighted @ (told[i].conj() if down else told[i])
+                pull[:, i] = own.conj() if down else own
+            weighted = weighted * once
         step = self.orders[None, :] - self.orders[:, None]
         ramps = np.where((step < 0)[..., None], spread[np.abs(step)].conj(), spread[np.abs(step)])
         normal = np.moveaxis(self._gram[..., None] * ramps, 2, 0)

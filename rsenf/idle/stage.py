@@ -107,7 +107,7 @@ class IdleStage:
         assert self._moments is not None
         known = np.isfinite(phased.phase_rad)
         if phased.block.usable and known.any():
-            level = phased.block.level[known].mean(axis=2, dtype=np.float64)
+            level = phased.block.profiles()[known]
             self._moments.add(phased.phase_rad[known], level)
 
     def _finding(self, rate_hz: float) -> Finding:

@@ -70,24 +70,30 @@ class Picture:
 
     def add(self, block: RowBlock) -> None:
         """Look at a block's frames."""
-        for pts_ns, level in zip(block.frame_pts_ns.tolist(), block.level, strict=True):
+        if not block.frames:
+            return
+        alike = self._alike(block.level)
+        for pts_ns, level, same in zip(
+            block.frame_pts_ns.tolist(), block.level, alike, strict=True
+        ):
             if self._began_ns is None:
                 self._began_ns = pts_ns
-            if not self._is_same(level):
+            if not same:
                 self._digest = hashlib.blake2b(level.tobytes(), digest_size=8).digest()
                 self._look_up(pts_ns, self._digest)
-            self._before = level
             self._late.append((pts_ns, self._digest))
             while self._late[0][0] < pts_ns - self._frozen_ns:
                 self._late.popleft()
-        if block.frames:
-            self._conclude(int(block.frame_pts_ns[-1]))
+        self._before = block.level[-1]
+        self._conclude(int(block.frame_pts_ns[-1]))
 
-    def _is_same(self, level: Float32Array) -> bool:
+    def _alike(self, level: Float32Array) -> list[bool]:
+        """Whether each frame shows the same as the one before it."""
         before = self._before
-        if before is None or before.shape != level.shape:
-            return False
-        return float(np.abs(level - before).max()) < ALIKE_LEVELS
+        if before is None or before.shape != level.shape[1:]:
+            before = np.full(level.shape[1:], np.inf, np.float32)
+        steps = np.abs(np.diff(level, axis=0, prepend=before[None]))
+        return [bool(far < ALIKE_LEVELS) for far in steps.max(axis=(1, 2))]
 
     def _look_up(self, pts_ns: int, digest: bytes) -> None:
         """See whether just this frame was there before, and as long ago as those before it."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
+from rsenf.match.estimates import Rows, rows_of
 from rsenf.messages import EnfEstimate, ReferenceBlock
 from rsenf.messages.schema import FloatArray
 
@@ -88,23 +89,30 @@ def track_of(estimates: Sequence[EnfEstimate]) -> Track:
 
     The hop is the smallest usual distance of two estimates. Raises ``ValueError`` without any.
     """
-    ordered = sorted(estimates, key=lambda e: e.start_pts_ns + e.end_pts_ns)
-    first_s, hop_s, index = uniform_axis(np.array([e.t_s for e in ordered]))
-    enf, var = (np.full(index[-1] + 1, np.nan) for _ in range(2))
-    good = np.array([e.usable and np.isfinite(e.enf_hz) for e in ordered])
-    enf[index[good]] = [e.enf_hz for e in ordered if e.usable and np.isfinite(e.enf_hz)]
-    var[index[good]] = [e.enf_var_hz2 for e in ordered if e.usable and np.isfinite(e.enf_hz)]
-    phase, phase_var = _phases(ordered, index, good)
-    nominals = [e.nominal_hz for e in ordered if e.usable and np.isfinite(e.nominal_hz)]
+    return track_of_rows(rows_of(estimates))
+
+
+def track_of_rows(rows: Rows) -> Track:
+    """Do the same with estimates that were kept."""
+    rows = rows[np.argsort(rows["start_ns"] + rows["end_ns"], kind="stable")]
+    first_s, hop_s, index = uniform_axis(rows["t_s"])
+    good = rows["usable"] & np.isfinite(rows["enf_hz"])
+
+    def on_axis(name: str) -> FloatArray:
+        out = np.full(index[-1] + 1, np.nan)
+        out[index[good]] = rows[name][good]
+        return out
+
+    nominals = rows["nominal_hz"][rows["usable"] & np.isfinite(rows["nominal_hz"])]
     return Track(
         first_s=first_s,
         hop_s=hop_s,
-        window_s=(ordered[0].end_pts_ns - ordered[0].start_pts_ns) / 1e9,
-        enf_hz=enf,
-        var_hz2=var,
-        nominal_hz=float(np.median(nominals)) if nominals else float("nan"),
-        phase_rad=phase,
-        phase_var_rad2=phase_var,
+        window_s=float(rows["end_ns"][0] - rows["start_ns"][0]) / 1e9,
+        enf_hz=on_axis("enf_hz"),
+        var_hz2=on_axis("var_hz2"),
+        nominal_hz=float(np.median(nominals)) if nominals.size else float("nan"),
+        phase_rad=on_axis("phase_rad"),
+        phase_var_rad2=on_axis("phase_var_rad2"),
     )
 
 
@@ -118,22 +126,6 @@ def uniform_axis(t_s: FloatArray) -> tuple[float, float, NDArray[np.int64]]:
     # Whole milliseconds: frame times make a hop of one second a little uneven.
     hop_s = max(round(float(np.median(steps)), 3), 1e-3) if steps.size else 1.0
     return first_s, hop_s, np.rint((t_s - first_s) / hop_s).astype(np.int64)
-
-
-def _phases(
-    ordered: Sequence[EnfEstimate], index: NDArray[np.int64], good: NDArray[np.bool_]
-) -> tuple[FloatArray, FloatArray]:
-    """Phase and its variance of each estimate that has an amplitude, on the uniform axis."""
-    phase, var = (np.full(index[-1] + 1, np.nan) for _ in range(2))
-    for i, e in enumerate(ordered):
-        if not good[i] or e.points != 1 or e.carrier_hz != 2.0 * e.nominal_hz:
-            continue
-        power = float(e.amplitude_re[0] ** 2 + e.amplitude_im[0] ** 2)
-        if power > 0.0:
-            phase[index[i]] = np.arctan2(e.amplitude_im[0], e.amplitude_re[0])
-            both = (e.amplitude_var_re[0] + e.amplitude_var_im[0]) / 2.0
-            var[index[i]] = float(both) / power
-    return phase, var
 
 
 def grid_of(blocks: Sequence[ReferenceBlock]) -> Grid:

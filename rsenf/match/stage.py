@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 from rsenf.errors import SchemaMismatch, UsageError
 from rsenf.match.clip_phase import clip_phase
 from rsenf.match.correlate import match_ncc
+from rsenf.match.estimates import EstimateStore, Rows
 from rsenf.match.examine import examined
 from rsenf.match.jumps import without_jumps
 from rsenf.match.matcher import Finding, Matcher, nothing_to_decide, of_nominal, one_reference
@@ -19,9 +19,9 @@ from rsenf.match.paper import Metric
 from rsenf.match.paper_tracks import HypothesisStore
 from rsenf.match.phase import match_phase
 from rsenf.match.result import result_of
-from rsenf.match.series import Grid, Track, grid_of, track_of
+from rsenf.match.series import Grid, Track, grid_of, track_of_rows
 from rsenf.match.settings import MatchSettings
-from rsenf.messages import EnfEstimate, Header, MatchResult, ReferenceBlock
+from rsenf.messages import EnfEstimate, MatchResult, ReferenceBlock
 from rsenf.timebase import nanoseconds
 
 NAN = float("nan")
@@ -99,7 +99,8 @@ class Match:
         self._begin()
 
     def _begin(self) -> None:
-        self._estimates: list[EnfEstimate] = []
+        self._estimates = EstimateStore()
+        self._last: EnfEstimate | None = None
         self._hypotheses = HypothesisStore()
         self._epoch: tuple[str, int] | None = None
         self._due: list[int] = []  # numbers of estimates at which interim results are due
@@ -124,32 +125,33 @@ class Match:
             out = self.flush()
             self._begin()
         self._epoch = epoch
-        _ensure_follows(message, self._estimates)
+        _ensure_follows(message, self._last)
         if message.rank != 0:
             if tracker_for(self.method):
                 self._hypotheses.add(message)
             return out
         if self._every_ns and self._is_due(message):
-            self._due.append(self._forgotten + len(self._estimates) + 1)
-        self._estimates.append(message)
+            self._due.append(self._forgotten + self._estimates.rows.size + 1)
+        self._estimates.add(message)
+        self._last = message
         out += self._interim()
         self._forget()
         return out
 
     def _forget(self) -> None:
         """Leave out what is older than the hours kept, once that is an eighth of all."""
-        oldest_ns = self._estimates[-1].end_pts_ns - self._keep_ns
-        eighth = self._estimates[len(self._estimates) // 8]
-        if not self._keep_ns or eighth.start_pts_ns >= oldest_ns:
+        rows = self._estimates.rows
+        oldest_ns = rows["end_ns"][-1] - self._keep_ns
+        if not self._keep_ns or rows["start_ns"][rows.size // 8] >= oldest_ns:
             return
-        kept = [e for e in self._estimates if e.start_pts_ns >= oldest_ns]
-        self._forgotten += len(self._estimates) - len(kept)
-        self._estimates = kept
+        old = int(np.searchsorted(rows["start_ns"], oldest_ns))
+        self._estimates.forget(old)
+        self._forgotten += old
         self._due = [count for count in self._due if count > self._forgotten]
 
     def flush(self) -> list[Any]:
         """Return the final result of the epoch, whatever there is to go by."""
-        return [self._result(self._estimates, final=True)]
+        return [self._result(self._estimates.rows, final=True)]
 
     def _take_block(self, block: ReferenceBlock) -> None:
         if self.grid not in ("", block.grid) or not block.samples:
@@ -172,7 +174,7 @@ class Match:
         All of the clip is compared again each time. Results that came at every period of a long one
         would cost the square of its length; those that wait for a share more of it don't.
         """
-        before = self._estimates[-1].end_pts_ns if self._estimates else message.origin_pts_ns
+        before = self._last.end_pts_ns if self._last else message.origin_pts_ns
         now, last = (
             (t_ns - message.origin_pts_ns) // self._every_ns
             for t_ns in (message.end_pts_ns, before)
@@ -187,7 +189,7 @@ class Match:
         if not self._due or not self._reference_ready():
             return []
         counts = [count - self._forgotten for count in self._due]
-        out = [self._result(self._estimates[:count], final=False) for count in counts]
+        out = [self._result(self._estimates.rows[:count], final=False) for count in counts]
         self._due = []
         return out
 
@@ -199,15 +201,15 @@ class Match:
                 return False
         return bool(self._blocks or self._grids)
 
-    def _result(self, estimates: list[EnfEstimate], *, final: bool) -> MatchResult:
-        estimates, cut = self._recent(estimates)
-        track, jumps = (track_of(estimates), 0) if estimates else (None, 0)
+    def _result(self, rows: Rows, *, final: bool) -> MatchResult:
+        rows, cut = self._recent(rows)
+        track, jumps = (track_of_rows(rows), 0) if rows.size else (None, 0)
         if track and not tracker_for(self.method):
             track, jumps = without_jumps(track)
         grids = [*self._grids, *(grid_of(list(b.values())) for b in self._blocks.values())]
         method = self._method_for(track)
         try:
-            finding = self._finding(method, track, estimates, grids)
+            finding = self._finding(method, track, rows, grids)
             if final and method == "phase" and track and finding.grid:
                 own = of_nominal(track, grids)
                 finding = examined(finding, track, own, self.settings, self.claimed_utc_ns)
@@ -220,7 +222,7 @@ class Match:
         if method != self.method:
             warnings.append(f"these estimates carry no phase: compared by {method}")
         finding = dataclasses.replace(finding, warnings=(*finding.warnings, *warnings))
-        header = _header(estimates, self._published)
+        header = self._estimates.header(rows, self._published)
         self._published += 1
         return result_of(
             finding,
@@ -234,49 +236,52 @@ class Match:
             final=final,
         )
 
-    def _recent(self, estimates: list[EnfEstimate]) -> tuple[list[EnfEstimate], str]:
+    def _recent(self, rows: Rows) -> tuple[Rows, str]:
         """Return the estimates of the last hours, and what to say of those left out."""
-        if not self._keep_ns or not estimates:
-            return estimates, ""
-        oldest_ns = estimates[-1].end_pts_ns - self._keep_ns
-        kept = [e for e in estimates if e.start_pts_ns >= oldest_ns] or estimates[-1:]
-        if not self._forgotten and len(kept) == len(estimates):
-            return kept, ""
-        return kept, f"longer than {self._keep_ns / 3.6e12:g} h: compared by what came last"
+        if not self._keep_ns or not rows.size:
+            return rows, ""
+        oldest_ns = rows["end_ns"][-1] - self._keep_ns
+        old = min(int(np.searchsorted(rows["start_ns"], oldest_ns)), rows.size - 1)
+        if not self._forgotten and not old:
+            return rows, ""
+        return rows[old:], f"longer than {self._keep_ns / 3.6e12:g} h: compared by what came last"
 
     def _method_for(self, track: Track | None) -> str:
         no_phase = track is not None and track.usable and clip_phase(track) is None
         return "ncc" if self.method == "phase" and no_phase else self.method
 
-    def _finding(
-        self, method: str, track: Track | None, estimates: list[EnfEstimate], grids: list[Grid]
-    ) -> Finding:
+    def _finding(self, method: str, track: Track | None, rows: Rows, grids: list[Grid]) -> Finding:
         matcher, reason = METHODS[method], ""
         if track is None:
             reason = "no ENF estimate: the clip is shorter than one window"
         elif not grids:
             reason = "no reference"
         elif isinstance(matcher, Metric):
-            hypotheses = self._hypotheses.hypotheses(estimates[-1].end_pts_ns)
+            hypotheses = self._hypotheses.hypotheses(int(rows["end_ns"][-1]))
             if hypotheses:
                 found = matcher(hypotheses, grids, self.settings)
-                return found if track.usable else _doubted(found, estimates)
-            reason = _why_no_hypotheses(method, estimates)
+                return found if track.usable else _doubted(found, self._estimates.said(rows[-1])[1])
+            reason = self._why_no_hypotheses(method, rows[-1])
         else:
             reason = nothing_to_decide(track, grids, self.settings)
             if not track.usable:
-                reason = ": ".join(filter(None, (reason, _usual_reason(estimates))))
+                reason = ": ".join(filter(None, (reason, self._estimates.usual_reason(rows))))
             if not reason:
                 own = of_nominal(track, grids)
                 return matcher(track, own, self.settings, self.claimed_utc_ns)
         return Finding(decision="no_decision", reason=reason)
 
+    def _why_no_hypotheses(self, method: str, last: Any) -> str:
+        other, reason = self._estimates.said(last)
+        if other != PAPER_TRACKER:
+            return f"{method} compares the hypotheses of {PAPER_TRACKER!r}, not an ENF by {other!r}"
+        return f"no usable signal: {reason}"
 
-def _ensure_follows(message: EnfEstimate, before: list[EnfEstimate]) -> None:
+
+def _ensure_follows(message: EnfEstimate, last: EnfEstimate | None) -> None:
     """Refuse an estimate of another origin, or of a time that doesn't follow the last one's."""
-    if not before:
+    if last is None:
         return
-    last = before[-1]
     pause_ns = message.start_pts_ns - last.start_pts_ns
     if message.origin_pts_ns != last.origin_pts_ns or not 0 <= pause_ns <= MOST_PAUSE_NS:
         raise SchemaMismatch("an estimate out of place")
@@ -286,30 +291,7 @@ def _axis(block: ReferenceBlock) -> tuple[int, int, str]:
     return block.t0_ns, block.step_ns, str(block.nominal_hz)
 
 
-def _doubted(found: Finding, estimates: list[EnfEstimate]) -> Finding:
+def _doubted(found: Finding, reason: str) -> Finding:
     """Say of a finding that no hypothesis stood out of the noise."""
-    warning = f"no line of the flicker is sure to be there: {estimates[-1].reason}"
+    warning = f"no line of the flicker is sure to be there: {reason}"
     return dataclasses.replace(found, warnings=(*found.warnings, warning))
-
-
-def _why_no_hypotheses(method: str, estimates: list[EnfEstimate]) -> str:
-    if estimates[-1].method != PAPER_TRACKER:
-        other = estimates[-1].method
-        return f"{method} compares the hypotheses of {PAPER_TRACKER!r}, not an ENF by {other!r}"
-    return f"no usable signal: {estimates[-1].reason}"
-
-
-def _usual_reason(estimates: list[EnfEstimate]) -> str:
-    """Why most of them aren't usable."""
-    ((reason, _),) = Counter(e.reason for e in estimates).most_common(1)
-    return reason
-
-
-def _header(estimates: list[EnfEstimate], seq: int) -> Header:
-    """Cover all the estimates' frames."""
-    if not estimates:
-        return Header(seq=seq)
-    first, last = estimates[0].header, estimates[-1].header
-    return dataclasses.replace(
-        first.numbered(seq), frame_last=last.frame_last, arrival_time_ns=last.arrival_time_ns
-    )

@@ -150,4 +150,5 @@ def _rising(values: Any) -> bool:
 
 def _within(values: Any, most: float) -> bool:
     """Whether all are numbers, and none larger; of whole ones without taking the size of any."""
-    return bool(np.all((values > -most) & (values < most)))
+    # Of NaN neither holds.
+    return not values.size or bool(-most < values.min() and values.max() < most)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
+import numpy as np
+
 from rsenf.messages.header import Header
-from rsenf.messages.schema import Float32Array, Int64Array, UInt32Array, field, message
+from rsenf.messages.schema import Float32Array, FloatArray, Int64Array, UInt32Array, field, message
 
 
 @message(version=1)
@@ -51,3 +54,11 @@ class RowBlock:
         wire="float",
         shape=("frames", "bands", "tiles"),
     )
+
+    def profiles(self) -> FloatArray:
+        """Mean luma of each row of each frame, shape (frames, rows): its strips', averaged.
+
+        Strip by strip: numpy is slow along so short an axis.
+        """
+        strips = (self.level[:, :, k].astype(np.float64) for k in range(self.level.shape[2]))
+        return np.asarray(functools.reduce(np.add, strips) / self.level.shape[2])

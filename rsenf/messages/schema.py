@@ -41,6 +41,8 @@ M = TypeVar("M")
 _registry: dict[str, type[Any]] = {}
 _building = threading.Lock()
 _specs: dict[type[Any], tuple[FieldSpec, ...]] = {}
+_plans: dict[type[Any], tuple[tuple[str, ...], tuple[FieldSpec, ...]]] = {}
+_twins: dict[type[Any], Any] = {}
 
 
 def field(
@@ -172,20 +174,36 @@ def _twin_classes() -> dict[str, Any]:
 
 def twin_class(cls: type[Any]) -> Any:
     """Protobuf class of the fast twin of a message class."""
-    with _building:  # a cache alone lets two threads that come first at once build two
-        return _twin_classes()[cls.__name__]
+    twin = _twins.get(cls)
+    if twin is None:
+        with _building:  # a cache alone lets two threads that come first at once build two
+            twin = _twins[cls] = _twin_classes()[cls.__name__]
+    return twin
+
+
+def _plan(cls: type[Any]) -> tuple[tuple[str, ...], tuple[FieldSpec, ...]]:
+    """Return the fields that go over as they are, and those that something is to be done to."""
+    plan = _plans.get(cls)
+    if plan is None:
+        specs = field_specs(cls)
+        plan = _plans[cls] = (
+            tuple(spec.name for spec in specs if spec.kind == "scalar"),
+            tuple(spec for spec in specs if spec.kind != "scalar"),
+        )
+    return plan
 
 
 def to_wire(msg: Any) -> Any:
     """Turn a message into its Protobuf twin, ready to serialise."""
-    values: dict[str, Any] = {}
-    for spec in field_specs(type(msg)):
+    scalars, others = _plan(type(msg))
+    values: dict[str, Any] = {name: getattr(msg, name) for name in scalars}
+    for spec in others:
         value = getattr(msg, spec.name)
         if spec.kind == "array":
             value = _array_bytes(msg, spec, value)
         elif spec.kind == "message":
             value = None if value is None else to_wire(value)
-        elif spec.kind == "repeated" and spec.wire in _registry:
+        elif spec.wire in _registry:
             value = [to_wire(v) for v in value]
         values[spec.name] = value
     return twin_class(type(msg))(**values)
@@ -206,15 +224,16 @@ def from_wire(cls: type[M], wire: Any) -> M:
     SchemaMismatch
         When an array's length isn't the product of its dimensions.
     """
-    values: dict[str, Any] = {}
-    for spec in field_specs(cls):
+    scalars, others = _plan(cls)
+    values: dict[str, Any] = {name: getattr(wire, name) for name in scalars}
+    for spec in others:
         value = getattr(wire, spec.name)
         if spec.kind == "array":
             value = _shaped(cls, wire, spec, value)
         elif spec.kind == "message":
             nested = _registry[spec.wire]
             value = from_wire(nested, value) if wire.HasField(spec.name) else None
-        elif spec.kind == "repeated":
+        else:
             nested_cls = _registry.get(spec.wire)
             value = tuple(from_wire(nested_cls, v) if nested_cls else v for v in value)
         values[spec.name] = value

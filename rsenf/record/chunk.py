@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import zstandard
 from mcap.records import Chunk, ChunkIndex, MessageIndex
 
-from rsenf.record.container import StoredMessage, pack, pack_message
+from rsenf.record.container import StoredMessage, chunk_head, pack, pack_message
 
 ZSTD_LEVEL = 1  # higher levels shrink noise no further, and cost several times as much
 
@@ -41,16 +41,16 @@ class Extent(NamedTuple):
 
 def extents_of(times: Times) -> dict[int, Extent]:
     """Return the extent of each channel in a chunk."""
-    return {
-        n: Extent(len(entries), min(entries)[0], max(entries)[0], _back_ns(entries))
-        for n, entries in times.items()
-    }
+    return {n: _extent(entries) for n, entries in times.items()}
 
 
-def _back_ns(entries: list[tuple[int, int]]) -> int:
-    """How far a time may lie before the highest of those written earlier."""
+def _extent(entries: list[tuple[int, int]]) -> Extent:
     written = [time_ns for time_ns, _ in sorted(entries, key=itemgetter(1))]
-    return max(top - t for top, t in zip(accumulate(written, max), written, strict=True))
+    ordered = sorted(written)
+    back_ns = 0
+    if ordered != written:  # how far a time lies before the highest of those written earlier
+        back_ns = max(top - t for top, t in zip(accumulate(written, max), written, strict=True))
+    return Extent(len(written), ordered[0], ordered[-1], back_ns)
 
 
 def timed(chunk: Any, times: Times) -> Any:
@@ -152,6 +152,8 @@ class ChunkBuilder:
     def pack(self, start: int) -> PackedChunk:
         """Pack what was collected, which has messages, into the chunk at a file offset."""
         chunk, times = self.packed()
-        record = pack(chunk)
-        entry, message_indexes = index_chunk(chunk, start, len(record), times)
-        return PackedChunk(record + message_indexes, entry, extents_of(times))
+        head = chunk_head(chunk)
+        length = len(head) + len(chunk.data)
+        entry, message_indexes = index_chunk(chunk, start, length, times)
+        block = b"".join((head, chunk.data, message_indexes))
+        return PackedChunk(block, entry, extents_of(times))

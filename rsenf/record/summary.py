@@ -9,10 +9,10 @@ from io import BytesIO
 from typing import Any, BinaryIO
 
 from mcap.opcode import Opcode
-from mcap.records import ChunkIndex, Footer, MessageIndex, Metadata, MetadataIndex, Statistics
+from mcap.records import ChunkIndex, Footer, Metadata, MetadataIndex, Statistics
 
 from rsenf.record.chunk import Extent, Times, extents_of
-from rsenf.record.container import HEAD, MAGIC, DamagedError, Record, unpack, walk
+from rsenf.record.container import HEAD, MAGIC, DamagedError, Record, unpack, unpack_times, walk
 from rsenf.record.index import DATA_END, Index
 from rsenf.record.scan import Contents, Watch, define, scan
 from rsenf.record.sound import OURS
@@ -158,9 +158,9 @@ def _chunk_extents(stream: BinaryIO, limit: int, entry: Any) -> dict[int, Extent
     start = entry.chunk_start_offset + entry.chunk_length
     times: Times = {}
     for record in _records_at(stream, limit, start, entry.message_index_length):
-        found = unpack(MessageIndex, record.body)
-        if found.records:
-            times[found.channel_id] = found.records
+        channel, entries = unpack_times(record.body)
+        if entries:
+            times[channel] = entries
     extents = extents_of(times)
     first_ns = min((extent.first_ns for extent in extents.values()), default=0)
     last_ns = max((extent.last_ns for extent in extents.values()), default=0)

@@ -126,6 +126,11 @@ def _stands_out(place: dict[str, Any], parts: int) -> bool:
     return bool(parts > 1 and place["share"] > UNEVEN / parts)
 
 
+def effect_words(effect: dict[str, Any]) -> str:
+    """Say an effect in one line: its name, or those of its class, and its parameters."""
+    return ": ".join(filter(None, [_name(effect), ", ".join(_parameters(effect))]))
+
+
 def _name(effect: dict[str, Any]) -> str:
     return str(effect["name"]) if effect["name"] else " or ".join(effect["class"])
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.medians import median_of_few
 from rsenf.messages.schema import Float32Array
 
 BAND_ROWS = 16
@@ -91,7 +92,7 @@ class SteadyMask:
     ) -> tuple[Float32Array, Float32Array]:
         """Return the common factor of each band, (frames, bands), and what is left of each cell."""
         floor = np.maximum(background, 1.0)
-        gain = np.maximum(_median_of_tiles(cells / floor), 1e-3)
+        gain = np.maximum(median_of_few(cells / floor), 1e-3)
         return gain, cells - gain[:, :, None] * floor
 
     def _learn(
@@ -108,10 +109,3 @@ class SteadyMask:
         rate = np.where(steady, LEARNING_RATE, LEARNING_RATE / MOVING_SLOWDOWN)
         step = rate[self._band_of_row] * (flat.mean(axis=0) - self.background)
         self._background = np.asarray(self.background + step, np.float32)
-
-
-def _median_of_tiles(cells: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Median over the last axis; of so few numbers, sorting them is faster than ``np.median``."""
-    tiles = cells.shape[-1]
-    cells = np.sort(cells, axis=-1)
-    return np.asarray((cells[..., (tiles - 1) // 2] + cells[..., tiles // 2]) / 2.0)

@@ -22,6 +22,7 @@ from rsenf.messages import (
     RowBlock,
 )
 from rsenf.rows.settings import RowsSettings
+from rsenf.run.heap import keep_heap
 from rsenf.run.inputs import Input
 from rsenf.run.row_sampling import make_rows
 from rsenf.run.runner import Chain, Runner
@@ -129,6 +130,7 @@ def analyse(
     InputError
         When nothing of the recording can be read.
     """
+    keep_heap()
     out = Analysis()
 
     judge = _judge_of(make_live, reference)

@@ -47,7 +47,12 @@ class Input(ABC):
 
 
 def open_input_file(
-    path: str | Path, *, camera: str = "", source: str = "", begin: str = "rows"
+    path: str | Path,
+    *,
+    camera: str = "",
+    source: str = "",
+    begin: str = "rows",
+    threads: int = 0,
 ) -> Input:
     """Open a recording by what it is, not by what it is called.
 
@@ -62,6 +67,8 @@ def open_input_file(
     begin : str
         What to take of an MCAP recording: 'rows', 'track' for its estimates, or 'frames', which
         decodes its video again.
+    threads : int, optional
+        That decode a video file; as many as there are cores unless given.
 
     Raises
     ------
@@ -88,7 +95,7 @@ def open_input_file(
         from rsenf.run.npz import Luminance
 
         return Luminance(path, source or f"file/{path.stem}")
-    return Video(path, source or f"file/{path.stem}")
+    return Video(path, source or f"file/{path.stem}", threads)
 
 
 def _recorded(path: Path, camera: str, begin: str, source: str) -> Input:
@@ -121,13 +128,13 @@ class Video(Input):
 
     begins_with = "frames"
 
-    def __init__(self, path: Path, source: str) -> None:
+    def __init__(self, path: Path, source: str, threads: int = 0) -> None:
         from rsenf.decode.source import open_source
         from rsenf.decode.spec import SourceSpec
 
         self.name = path.name
         self._source = open_source(
-            SourceSpec(url=str(path), kind="file"),
+            SourceSpec(url=str(path), kind="file", threads=threads),
             source=source,
             run_id="",
             clock_ns=time.time_ns,

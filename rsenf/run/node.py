@@ -33,6 +33,7 @@ from rsenf.config.node_kinds import ExternalNode
 from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, RsenfError, UsageError
 from rsenf.run.at_end import end_process
 from rsenf.run.health import HealthReport
+from rsenf.run.heap import keep_heap
 from rsenf.run.log import complain
 from rsenf.run.peers import Peers
 
@@ -233,6 +234,7 @@ def run_node(body: Callable[[NodeProcess], None]) -> NoReturn:
     body : callable
         Opens the node's streams and loops over its stage until done or ``node.stop`` is set.
     """
+    keep_heap()
     args, code = _arguments(), EXIT_FAILED
     try:
         code = _run(body, args)

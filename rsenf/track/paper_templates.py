@@ -71,7 +71,7 @@ class PaperTemplates:
 
         Strips are averaged. Beside a frame that never came the idle period stays empty.
         """
-        profile = block.level.mean(axis=2, dtype=np.float64)
+        profile = block.profiles()
         # A real matrix times the two parts of a complex one: half the work.
         value = np.asarray(profile @ self._ramps.view(np.float64)).view(np.complex128)
         own = profile @ self._features

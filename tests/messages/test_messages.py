@@ -174,6 +174,7 @@ def test_threads_that_encode_first_at_once_share_one_set_of_classes(
 
     monkeypatch.setattr(schema, "file_descriptor", slowly)
     schema._twin_classes.cache_clear()
+    schema._twins.clear()
     with ThreadPoolExecutor(4) as threads:
         classes = list(threads.map(schema.twin_class, [Header] * 4))
     assert len(set(classes)) == 1

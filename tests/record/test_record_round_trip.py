@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import pytest
+from mcap.records import Chunk
 from record_samples import (
     NOW_NS,
     ROWS,
@@ -21,6 +22,7 @@ from rsenf.errors import InputError, SchemaMismatch, UsageError
 from rsenf.messages import Frame, Mark, RowBlock, VideoPacket, encode
 from rsenf.messages.schema import field_specs, message_classes
 from rsenf.record import Recorder, header_of, input_facts, open_recording
+from rsenf.record.container import chunk_head, pack
 
 TOPIC_CLASSES = [
     cls for cls in message_classes().values() if any(s.name == "header" for s in field_specs(cls))
@@ -240,3 +242,16 @@ def test_input_facts(tmp_path):
     }
     with pytest.raises(InputError, match=r"none\.mp4: no such file"):
         input_facts(tmp_path / "none.mp4")
+
+
+@pytest.mark.parametrize("compression", ["", "zstd"])
+def test_the_head_of_a_chunk_is_what_the_library_writes(compression):
+    chunk = Chunk(
+        compression=compression,
+        data=bytes(range(200)),
+        message_start_time=2**40,
+        message_end_time=2**41,
+        uncompressed_crc=2**31,
+        uncompressed_size=300,
+    )
+    assert chunk_head(chunk) + chunk.data == pack(chunk)

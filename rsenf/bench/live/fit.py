@@ -7,10 +7,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from rsenf.batch.journal import Record
 from rsenf.bench.bounds import count_bound
 from rsenf.bench.live.rules import live_at, span_of
 from rsenf.bench.live.table import alarms_at
-from rsenf.bench.results import Record
 from rsenf.errors import InputError
 from rsenf.live.settings import VERSION
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.batch.journal import Record
 from rsenf.bench.bounds import count_bound, rate_interval
 from rsenf.bench.live.correlation import LIMIT
 from rsenf.bench.live.onsets import false_and_delay, onsets
 from rsenf.bench.live.plan import ATTACKS, OTHER
-from rsenf.bench.results import Record
 
 Row = dict[str, Any]
 Times = Callable[[Record], Sequence[float]]

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.batch.journal import Record
 from rsenf.bench.memory import HELD, PEAK, memory_mb
 from rsenf.bench.pipeline.films import SIZES, Film, reference_of
 from rsenf.bench.pipeline.graphs import Ran, Split, run_split
-from rsenf.bench.results import Record
 from rsenf.errors import NodeFailed
 from rsenf.messages import Frame, Header
 from rsenf.rows.stage import Rows

@@ -12,10 +12,10 @@ from statistics import median
 from typing import Any
 
 from rsenf import __version__
+from rsenf.batch.journal import Record, read_records
 from rsenf.bench.pipeline.films import FRAME_RATE, Film, made
 from rsenf.bench.pipeline.graphs import Heard, Ran, Split, run_split
 from rsenf.bench.pipeline.trial import FILMS, VERSION
-from rsenf.bench.results import Record, read_records
 from rsenf.bench.session import measure_missing
 from rsenf.bench.text import Table, titled
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.batch.journal import Record
 from rsenf.bench.pipeline.contestants import COPY, FFMPEG, LIVE, MEANS, ONE, PYAV, SPLITS
-from rsenf.bench.results import Record
 from rsenf.bench.text import Table, titled
 
 Row = dict[str, Any]

@@ -9,9 +9,9 @@ from functools import partial
 from pathlib import Path
 
 from rsenf import __version__
+from rsenf.batch.journal import Record, read_records
 from rsenf.bench.pipeline.contestants import LIVE, contestants, time_it
 from rsenf.bench.pipeline.films import Film, made
-from rsenf.bench.results import Record, read_records
 from rsenf.bench.session import measure_missing
 
 VERSION = 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
+from rsenf.batch.journal import Record
 from rsenf.bench.recording_time.paper import PUBLISHED
 from rsenf.bench.recording_time.quality_table import evidence_rows, recovery_rows
 from rsenf.bench.recording_time.table import (
@@ -15,7 +16,6 @@ from rsenf.bench.recording_time.table import (
     order_rows,
     trials_of,
 )
-from rsenf.bench.results import Record
 
 
 def tabulate(records: Sequence[Record]) -> Row:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+from rsenf.batch.journal import Record
 from rsenf.bench.bounds import rate_bound
 from rsenf.bench.plan import LOSSLESS
 from rsenf.bench.recording_time.paper import (
@@ -16,7 +17,6 @@ from rsenf.bench.recording_time.paper import (
 from rsenf.bench.recording_time.references import PRESENT
 from rsenf.bench.recording_time.search import PAPER_METRICS
 from rsenf.bench.recording_time.trials import FALSE, NONE, TRUE
-from rsenf.bench.results import Record
 
 Row = dict[str, Any]
 

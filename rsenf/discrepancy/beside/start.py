@@ -9,7 +9,7 @@ import numpy as np
 
 from rsenf.discrepancy.beside.clip import Clip
 from rsenf.discrepancy.beside.laid import FEWEST_BLOCKS, MARGIN_S, Beside
-from rsenf.errors import InputError
+from rsenf.errors import InputError, NoSignal
 from rsenf.match import Match, MatchSettings
 from rsenf.match.clip_phase import AVERAGED_S
 from rsenf.match.kernel import average, window_kernel
@@ -37,7 +37,7 @@ def beside_of(clip: Clip, grid: Grid) -> Beside:
     usable = [e for e in clip.estimates if e.usable]
     if not usable:
         why = clip.estimates[0].reason if clip.estimates else "shorter than one window"
-        raise InputError(f"no ENF to compare with the reference: {why}", "see rsenf track")
+        raise NoSignal(f"no ENF to compare with the reference: {why}", "see rsenf track")
     _check_grid(usable, grid)
     known = [e.snr_db for e in usable if np.isfinite(e.snr_db)]
     snr_db = float(np.median(known)) if known else float("nan")

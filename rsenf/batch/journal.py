@@ -1,15 +1,19 @@
-"""The file of records: one line of JSON for each clip, added as it comes, never rewritten."""
+"""The journal of a long run: one line of JSON for each task, added as it is done, never rewritten.
+
+What is done again gets a line of its own, which counts instead of the one before.
+"""
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import IO, Any, Self
 
-from rsenf.errors import InputError, RecordingError
+from rsenf.errors import InputError, RecordingError, UsageError
 
 Record = dict[str, Any]
 
@@ -32,40 +36,58 @@ def read_records(path: Path) -> dict[str, Record]:
             records[record["key"]] = record
         except (ValueError, TypeError, KeyError) as exc:
             raise InputError(
-                f"{path}:{number}: not a record of a benchmark", "delete the line, or the file"
+                f"{path}:{number}: not a record of what was done", "delete the line, or the file"
             ) from exc
     return records
 
 
-class Results:
+class Journal:
     """A file of records, open for more; what stands in it is kept.
 
     Raises
     ------
     RecordingError
         When it can't be written.
+    UsageError
+        When another run is writing it.
     InputError
         When it holds something else.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.records = read_records(path)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = path.open("ab")
-            self._file.truncate(_whole_bytes(path))
         except OSError as exc:
             raise RecordingError(
                 f"can't write {path}: {exc.strerror}", "choose another --out"
             ) from exc
+        try:
+            _take(self._file, path)
+            self.records = read_records(path)
+            self._file.truncate(_whole_bytes(path))
+        except BaseException:
+            self._file.close()
+            raise
 
     def add(self, record: Record) -> None:
-        """Add a record; once this returns, it is on the disk."""
+        """Add a record; once this returns, it is on the disk.
+
+        Raises
+        ------
+        RecordingError
+            When it can't be written.
+        """
         line = json.dumps(record, allow_nan=False, separators=(",", ":"))
-        self._file.write(line.encode() + b"\n")
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        try:
+            self._file.write(line.encode() + b"\n")
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as exc:
+            raise RecordingError(
+                f"can't write {self.path}: {exc.strerror}", "what it has so far is kept"
+            ) from exc
         self.records[record["key"]] = record
 
     def of(self, keys: Iterable[str]) -> list[Record]:
@@ -82,6 +104,21 @@ class Results:
         trace: TracebackType | None,
     ) -> None:
         self._file.close()
+
+
+def _take(file: IO[bytes], path: Path) -> None:
+    """Take a file for this process alone, for as long as it is open.
+
+    File systems without locks know no such thing; there nobody is kept out.
+    """
+    try:
+        fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise UsageError(
+            f"{path}: another run is writing it", "wait for its end, or choose another --out"
+        ) from None
+    except OSError:
+        return
 
 
 def _whole_bytes(path: Path) -> int:

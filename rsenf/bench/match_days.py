@@ -71,8 +71,11 @@ def real_day(folder: Path | None, seed: int) -> Stretch:
     return Stretch("continental, 2022-09-17", NOMINAL_HZ, 1.0, read_reference(path).freq_hz)
 
 
-def clip_of(haystack: Haystack) -> Track:
-    """Draw a clip's estimates: noisy as of a coded video, on a clock that is 20 ppm fast."""
+def clip_of(haystack: Haystack, number: int = 0) -> Track:
+    """Draw a clip's estimates: noisy as of a coded video, on a clock that is 20 ppm fast.
+
+    Clips of other numbers are of the same time, with other errors.
+    """
     drawn = Drawn(
         start_s=haystack.clip_start_s % DAY_S,
         seconds=haystack.clip_s,
@@ -85,7 +88,7 @@ def clip_of(haystack: Haystack) -> Track:
         reference_hz=REFERENCE_HZ,
     )
     day = real_day(haystack.folder, haystack.seed)
-    return track_of_clip(day, drawn, np.random.default_rng([haystack.seed, 1]))
+    return track_of_clip(day, drawn, np.random.default_rng([haystack.seed, 1, number]))
 
 
 def write_haystack(haystack: Haystack, store: Path) -> None:
@@ -140,7 +143,7 @@ def _record(raster: Raster, samples: int) -> Record:
         nominal_hz=NOMINAL_HZ,
         step_ns=raster.step_ns,
         phase_ns=raster.t0_ns,
-        name="made by rsenf bench search",
+        name="made by rsenf bench match",
         sha256="",
         size_bytes=0,
         options={},

@@ -1,0 +1,60 @@
+"""What of a batch is left to do, going by its journal."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from rsenf.batch.columns import DONE, NO_SIGNAL, VERSION, Row
+from rsenf.batch.recordings import Recording
+from rsenf.errors import UsageError
+
+NEW, CHANGED, OTHER, TRIED = "new", "changed since", "done with other settings", "without a result"
+
+
+def check_analysis(analysis: str, rows: Iterable[Row], out: Path) -> None:
+    """Refuse to replace the results of another analysis.
+
+    Raises
+    ------
+    UsageError
+        When there are any.
+    """
+    others = {str(row.get("analysis")) for row in rows} - {analysis}
+    if others:
+        problem = f"--out {out}: holds results of '{min(others)}'"
+        raise UsageError(problem, f"name another folder for those of '{analysis}'")
+
+
+def left_to_do(
+    recordings: Iterable[Recording], rows: Mapping[str, Row], settings: str
+) -> tuple[list[Recording], Counter[str]]:
+    """Return the recordings without a result that still holds, and why how many haven't one.
+
+    Parameters
+    ----------
+    recordings : iterable of Recording
+    rows : mapping of dict
+        Of the journal, by the key of the recording.
+    settings : str
+        Fingerprint of all that results depend on besides.
+    """
+    left, reasons = [], Counter[str]()
+    for recording in recordings:
+        reason = _why(recording, rows.get(recording.key), settings)
+        if reason:
+            left.append(recording)
+            reasons[reason] += 1
+    return left, reasons
+
+
+def _why(recording: Recording, row: Row | None, settings: str) -> str:
+    """Say why a recording is to be done, if it is."""
+    if row is None:
+        return NEW
+    if (row.get("version"), row.get("settings")) != (VERSION, settings):
+        return OTHER
+    if (row["size_bytes"], row["modified_ns"]) != (recording.size_bytes, recording.modified_ns):
+        return CHANGED
+    return "" if row["status"] in (DONE, NO_SIGNAL) else TRIED

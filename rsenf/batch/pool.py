@@ -1,0 +1,153 @@
+"""Processes that work through tasks side by side; one that dies costs no more than its task."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import signal
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from typing import Any, Generic, TypeVar
+
+from rsenf.errors import RsenfError
+
+T = TypeVar("T")
+Work = Callable[[T], dict[str, Any]]
+_LAST_BREATH_S = 2.0
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """Why there is no answer to a task.
+
+    Parameters
+    ----------
+    text : str
+        In one line.
+    died : bool
+        The process died of it, rather than that an exception was raised.
+    trace : str
+        The exception's traceback.
+    """
+
+    text: str
+    died: bool = False
+    trace: str = ""
+
+
+@dataclass(frozen=True)
+class Done(Generic[T]):
+    """A task with its answer, or with why there is none; ``tries`` is None when nobody counted."""
+
+    task: T
+    answer: dict[str, Any] | Trouble
+    tries: int | None
+
+
+def worked(tasks: Sequence[T], work: Work[T], jobs: int, tries: int = 1) -> Iterator[Done[T]]:
+    """Work through tasks in so many processes; yields each once, as it is done.
+
+    Closing the iterator, or an exception in its user, ends the processes at once.
+
+    Parameters
+    ----------
+    tasks : sequence
+    work : callable
+        From a task to its answer; other processes import it by its name.
+    jobs : int
+    tries : int, optional
+        How many processes may die of a task. It is tried again last, when others need less memory.
+    """
+    left = deque((task, 1) for task in tasks)
+    workers: list[_Worker[T]] = []
+    try:
+        while left or any(worker.task for worker in workers):
+            for worker in [w for w in workers if w.task is None][: len(left)]:
+                worker.give(*left.popleft())
+            while left and len(workers) < jobs:
+                workers.append(_Worker(work))
+                workers[-1].give(*left.popleft())
+            busy = {worker.connection: worker for worker in workers if worker.task}
+            for ready in wait(list(busy)):
+                assert isinstance(ready, Connection)
+                task, tried, answer = busy[ready].answer()
+                if isinstance(answer, Trouble) and answer.died:
+                    workers.remove(busy[ready])
+                    if tried < tries:
+                        left.append((task, tried + 1))
+                        continue
+                yield Done(task, answer, tried)
+    finally:
+        for worker in workers:
+            worker.end()
+
+
+class _Worker(Generic[T]):
+    """A process, and what it works on."""
+
+    def __init__(self, work: Work[T]) -> None:
+        # A fresh interpreter each: a fork would share the threads' locks of FFmpeg and OpenCV.
+        context = multiprocessing.get_context("spawn")
+        self.task: tuple[T, int] | None = None
+        self.connection, theirs = context.Pipe()
+        self._process = context.Process(target=_work, args=(theirs, work), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def give(self, task: T, tried: int) -> None:
+        """Have it work on a task; whether it is alive shows when its answer is asked for."""
+        self.task = task, tried
+        with contextlib.suppress(OSError):
+            self.connection.send(task)
+
+    def answer(self) -> tuple[T, int, dict[str, Any] | Trouble]:
+        """Take its answer to what it was given."""
+        assert self.task is not None
+        (task, tried), self.task = self.task, None
+        try:
+            return task, tried, self.connection.recv()
+        except (EOFError, OSError):
+            self._process.join(_LAST_BREATH_S)  # before it is ended, to learn how it ended
+            self.end()
+            return task, tried, Trouble(_death(self._process.exitcode), died=True)
+
+    def end(self) -> None:
+        """End the process at once."""
+        self.connection.close()
+        self._process.terminate()
+        self._process.join()
+
+
+def _death(exit_code: int | None) -> str:
+    """Say how a process died."""
+    if exit_code is None or exit_code >= 0:
+        return f"the process that worked on it ended by itself, with {exit_code}"
+    try:
+        name = signal.Signals(-exit_code).name
+    except ValueError:
+        name = f"signal {-exit_code}"
+    return f"the process that worked on it was ended by {name}"
+
+
+def _work(connection: Connection, work: Work[Any]) -> None:
+    """Work on what comes, until nothing more does."""
+    # Ctrl-C reaches every process of a terminal; the parent ends this one.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with contextlib.suppress(EOFError, OSError):  # the parent is gone
+        while True:
+            connection.send(answered(connection.recv(), work))
+
+
+def answered(task: T, work: Work[T]) -> dict[str, Any] | Trouble:
+    """Work on a task; an exception becomes a trouble."""
+    import cv2
+
+    cv2.setNumThreads(1)
+    try:
+        return work(task)
+    except Exception as exc:  # noqa: BLE001  # told to whoever gave the task
+        text = str(exc) if isinstance(exc, RsenfError) else f"{type(exc).__name__}: {exc}"
+        return Trouble(text, trace=traceback.format_exc())

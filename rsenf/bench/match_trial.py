@@ -1,0 +1,172 @@
+"""Searches of a long reference for a clip, timed beside a loop over the lags and a plain FFT."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from statistics import median
+from typing import Any, cast
+
+import numpy as np
+import scipy
+
+from rsenf import __version__
+from rsenf.batch.journal import Record, read_records
+from rsenf.bench.match_days import (
+    DAY_S,
+    FIRST_S,
+    GRID,
+    NOMINAL_HZ,
+    Haystack,
+    clip_of,
+    real_day,
+    write_haystack,
+)
+from rsenf.bench.match_loop import drawn_parts, lag_by_lag, loop_cpu_s
+from rsenf.bench.memory import HELD, PEAK, memory_mb, restart_peak
+from rsenf.bench.session import measure_missing
+from rsenf.match import MatchSettings
+from rsenf.match.coarse import survey
+from rsenf.match.phase import match_phase
+from rsenf.match.score import LagScorer
+from rsenf.match.series import Grid, Track
+from rsenf.messages.schema import FloatArray
+from rsenf.timebase import seconds
+
+VERSION = 3
+RIGHT_S = 1.0  # a match is right when its lag is no further from the truth
+LONGEST_PLAIN = 400 * DAY_S  # samples, whose spectra take 1.4 GB
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Searches to be timed, so many; ``store`` holds their reference once it is written."""
+
+    haystack: Haystack
+    repeats: int
+    store: Path = Path()
+
+    @property
+    def key(self) -> str:
+        """Name that tells it from any other."""
+        h = self.haystack
+        gaps = "gaps" if h.gaps else "whole"
+        return f"{h.days} days {gaps} {h.clip_s}s {h.seed} x{self.repeats} v{VERSION}"
+
+
+def measure_trials(
+    trials: Sequence[Trial], out: Path, progress: Callable[[Trial], None]
+) -> list[Record]:
+    """Measure what has no record yet, one after the other, each in a process of its own."""
+    for trial in trials:
+        if trial.key not in read_records(out):
+            progress(trial)
+            with tempfile.TemporaryDirectory() as folder:
+                write_haystack(trial.haystack, Path(folder))
+                measure_missing([replace(trial, store=Path(folder))], timed_searches, out, 1)
+    records = read_records(out)
+    return [records[trial.key] for trial in trials]
+
+
+def timed_searches(trial: Trial) -> Record:
+    """Search for one clip after the other, each of the same time with errors of its own.
+
+    Beside each search, in turn: the part of it that looks at all lags, a loop over as many, and a
+    plain correlation by FFT. Memory is that of the first search, before anything else takes any.
+    """
+    haystack, day = trial.haystack, real_day(trial.haystack.folder, trial.haystack.seed)
+    load, settings = os.getloadavg()[0], MatchSettings()
+    hour = Grid("warm up", NOMINAL_HZ, 0, 1.0, day.freq_hz[:7200])
+    match_phase(clip_of(haystack, trial.repeats), [hour], settings)  # imports, and the like
+    restart_peak()
+    held_mb = memory_mb(HELD)
+    found, times, peak_mb = [], [], None
+    for again in range(trial.repeats):
+        track, grid, took = clip_of(haystack, again), _stored(trial.store), {}
+        finding, took["search"] = _timed(match_phase, track, [grid], settings)
+        peak_mb = peak_mb or memory_mb(PEAK)
+        _, took["lags"] = _timed(survey, track, _stored(trial.store), settings)
+        times.append(took | _beside(track, grid, haystack.seed, settings))
+        found.append(finding)
+    # What the store has begins with its first sample that isn't in a gap.
+    true_lag_s = haystack.clip_start_s - (seconds(grid.t0_ns) - FIRST_S)
+    errors_s = [abs(f.lag_s - true_lag_s) for f in found]
+    return {
+        "version": VERSION,
+        "key": trial.key,
+        "days": haystack.days,
+        "gaps": haystack.gaps,
+        "clip_s": haystack.clip_s,
+        "seed": haystack.seed,
+        "grid": day.name,
+        "samples": grid.freq_hz.size,
+        "missing_ratio": _missing(grid),
+        "clip_in_reference_ratio": _covered(grid, track, true_lag_s),
+        "repeats": trial.repeats,
+        "right": sum(error_s <= RIGHT_S for error_s in errors_s),
+        "worst_error_s": max((e for e in errors_s if not math.isnan(e)), default=None),
+        "cpu_s": {name: median(took[name] for took in times) for name in times[0]},
+        "loop_over_lags": median(took["loop"] / took["lags"] for took in times),
+        "loop_over_search": median(
+            (took["loop"] + took["search"] - took["lags"]) / took["search"] for took in times
+        ),
+        "peak_mb": peak_mb - held_mb if peak_mb and held_mb else None,
+        "load": load,
+        "versions": {
+            "rsenf": __version__, "numpy": np.__version__, "scipy": scipy.__version__
+        },
+    }  # fmt: skip
+
+
+def _timed(work: Callable[..., Any], *given: Any) -> tuple[Any, float]:
+    """Do some work; return what came of it, and the processor time that it took."""
+    began_s = time.process_time()
+    return work(*given), time.process_time() - began_s
+
+
+def _beside(track: Track, grid: Grid, seed: int, settings: MatchSettings) -> dict[str, float]:
+    """Time what the search is compared with; all of the loop on a short reference only."""
+    clip_hz, out = track.enf_hz, {}
+    least = LagScorer(track, np.empty(0), settings, track.usable * track.hop_s).min_pairs
+    lags = grid.freq_hz.size + clip_hz.size - 1
+    out["loop"] = loop_cpu_s(clip_hz, drawn_parts(grid.freq_hz, clip_hz.size, seed), lags, least)
+    if grid.freq_hz.size > LONGEST_PLAIN:
+        return out
+    from scipy.signal import correlate
+
+    held = np.asarray(grid.freq_hz)
+    _, out["correlate"] = _timed(correlate, _away(held), _away(clip_hz), "valid", "fft")
+    if grid.freq_hz.size <= DAY_S:
+        _, out["whole_loop"] = _timed(lag_by_lag, clip_hz, held, 1 - clip_hz.size, lags, least)
+    return out
+
+
+def _stored(store: Path) -> Grid:
+    """Open the reference, of which nothing has been read."""
+    from rsenf.reference import open_reference
+
+    reference = open_reference(f"store:{GRID}", store=store)
+    freq_hz = cast("FloatArray", reference.freq_hz)  # read as it is asked for, in slices
+    return Grid(GRID, reference.nominal_hz, reference.t0_ns, reference.step_s, freq_hz)
+
+
+def _away(freq_hz: FloatArray) -> FloatArray:
+    """Deviation from the nominal frequency, none in gaps: what a plain correlation takes."""
+    return np.asarray(np.nan_to_num(freq_hz - NOMINAL_HZ, nan=0.0), np.float64)
+
+
+def _missing(grid: Grid) -> float:
+    """Share of the reference that is gaps."""
+    parts = (grid.freq_hz[k : k + DAY_S] for k in range(0, grid.freq_hz.size, DAY_S))
+    return float(sum(np.isnan(part).sum() for part in parts)) / grid.freq_hz.size
+
+
+def _covered(grid: Grid, track: Track, lag_s: float) -> float:
+    """Share of the clip's usable seconds that the reference has."""
+    there = grid.freq_hz[int(lag_s) : int(lag_s) + track.enf_hz.size]
+    return float(np.isfinite(there[np.isfinite(track.enf_hz)]).mean())

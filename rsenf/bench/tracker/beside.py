@@ -1,0 +1,127 @@
+"""Every stage after the frames, beside decoding them: processor time for a second of 1080p."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rsenf.bench.pipeline.films import FRAME_RATE, SIZES, Film, made
+from rsenf.bench.tracker.hour import WARM_UP_S, spent_s
+from rsenf.bench.tracker.light import T0_NS, Light, reference
+from rsenf.decode.luma import luma_plane
+from rsenf.idle import IdleSettings, make_idle
+from rsenf.live import Live
+from rsenf.live.settings import LiveSettings
+from rsenf.match.stage import Match
+from rsenf.messages import Frame, Header
+from rsenf.rows.stage import Rows
+from rsenf.track import TrackSettings, make_tracker
+
+INTERIM_S = 60.0  # between results of the match
+AFTER = ("track", "idle", "match", "live")
+
+
+@dataclass(frozen=True)
+class Beside:
+    """The stages with their usual settings, and a decoder, in turn.
+
+    Parameters
+    ----------
+    frames : int
+        Length of the film, whole seconds.
+    parts, part_s : int, float
+        How often, and how much video each time.
+    """
+
+    frames: int
+    parts: int
+    part_s: float
+
+    @property
+    def key(self) -> str:
+        """Name that tells it from any other."""
+        return f"beside 1080p {self.frames} frames {self.parts} x {self.part_s:g} s"
+
+    def measure(self, seed: int, films: Path) -> dict[str, Any]:
+        """Decode and sample the film, and run the stages on as many rows, part by part."""
+        film = Film("1080p", "h264", self.frames, self.frames, seed)
+        path = made(film, films)
+        light = Light(SIZES["1080p"][1], float(FRAME_RATE), seed)
+        run = _Stages(light, int(WARM_UP_S + self.parts * self.part_s) + 1)
+        run.part(0.0, WARM_UP_S)
+        _decoded(path, lambda number, luma: None)
+        parts = []
+        for k in range(self.parts):
+            spent = {"decode": _decoded(path, lambda number, luma: None), "rows": _sampled(path)}
+            seconds = self.frames / float(FRAME_RATE)
+            ms = {name: 1e3 * s / seconds for name, s in spent.items()}
+            stages = run.part(WARM_UP_S + k * self.part_s, self.part_s)
+            parts.append(ms | {name: 1e3 * s / self.part_s for name, s in stages.items()})
+        return {"bitrate_bps": film.bitrate_bps, "ms_per_s": parts}
+
+
+class _Stages:
+    """All stages after the rows, fed with a light's as they would be in a graph."""
+
+    def __init__(self, light: Light, seconds: int) -> None:
+        self._light = light
+        self._track = make_tracker(TrackSettings())
+        self._idle = make_idle(IdleSettings())
+        self._match = Match(interim_every_s=INTERIM_S)
+        self._live = Live(LiveSettings(), start_utc_ns=T0_NS)
+        known = reference(max(seconds, 3600))
+        self._match.update(known)
+        self._live.update(known)
+
+    def part(self, start_s: float, length_s: float) -> dict[str, float]:
+        """Run them on some seconds; return what each has spent (s)."""
+        spent = dict.fromkeys(AFTER, 0.0)
+        for block in self._light.blocks(start_s, length_s):
+            tracked: list[Any] = []
+            told: list[Any] = []
+            spent["track"] += spent_s(self._track, [block], tracked)
+            spent["idle"] += spent_s(self._idle, [block], told)
+            arrived_ns = block.header.arrival_time_ns
+            tracked, told = (
+                [_arrived(message, arrived_ns) for message in messages]
+                for messages in (tracked, told)
+            )
+            spent["match"] += spent_s(self._match, tracked)
+            spent["live"] += spent_s(self._live, [block, *tracked, *told])
+        return spent
+
+
+def _arrived(message: Any, at_ns: int) -> Any:
+    header = dataclasses.replace(message.header, arrival_time_ns=at_ns)
+    return dataclasses.replace(message, header=header)
+
+
+def _sampled(path: Path) -> float:
+    """Processor time of the row means of a film, with the mask."""
+    rows, spent = Rows(), [0.0]
+
+    def sample(number: int, luma: Any) -> None:
+        header = Header(frame_first=number, frame_last=number, seq=number)
+        height_px, width_px = luma.shape
+        frame = Frame(header=header, height_px=height_px, width_px=width_px, luma=luma)
+        spent[0] += spent_s(rows, [frame])
+
+    _decoded(path, sample)
+    return spent[0]
+
+
+def _decoded(path: Path, show: Callable[[int, Any], None]) -> float:
+    """Decode a film on one thread, show every plane, and return the processor time."""
+    import av
+
+    begun_s = time.process_time()
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        stream.thread_type, stream.thread_count = "NONE", 1
+        for number, frame in enumerate(container.decode(stream)):
+            show(number, luma_plane(frame))
+    return time.process_time() - begun_s

@@ -1,0 +1,100 @@
+"""Row means of planes that no cache holds any more, beside copying the same bytes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.bench.pipeline.films import SIZES
+from rsenf.messages import Frame, Header
+from rsenf.model.seeds import generator
+from rsenf.rows.settings import RowsSettings
+from rsenf.rows.stage import Rows
+
+Luma = NDArray[np.uint8]
+
+HELD_BYTES = 64 << 20  # planes take turns: more of them than a cache holds
+LEVELS, NOISE, LIT = (70, 130), 3, 210
+ALIGNED_PX = 64  # a decoder's lines begin at multiples of so many
+
+
+@dataclass(frozen=True)
+class Planes:
+    """Planes of one size.
+
+    Parameters
+    ----------
+    size : str
+        Of :data:`rsenf.bench.pipeline.films.SIZES`.
+    rounds, blocks : int
+        How often each is timed, and on how many blocks of frames.
+    """
+
+    size: str
+    rounds: int
+    blocks: int
+
+    @property
+    def key(self) -> str:
+        """Name that tells it from any other."""
+        return f"planes {self.size} {self.rounds} x {self.blocks} blocks"
+
+    def measure(self, seed: int) -> dict[str, Any]:
+        """Time copying and each way of sampling, in turn; microseconds a plane, by round."""
+        width_px, height_px = SIZES[self.size]
+        still, moving = (planes(height_px, width_px, seed, box=box) for box in (False, True))
+        to = np.empty_like(still[0])
+        one = RowsSettings(strips=1, tiles=1, mask=False)
+        works: dict[str, tuple[Sequence[Luma], Callable[[int, Luma], Any]]] = {
+            "copy": (still, lambda number, luma: np.copyto(to, luma)),
+            "means": (still, _sampler(one)),
+            "still": (still, _sampler(RowsSettings())),
+            "moving": (moving, _sampler(RowsSettings())),
+        }
+        for of, work in works.values():
+            self._timed_us(of, work)
+        return {
+            "size": self.size,
+            "us": [
+                {name: self._timed_us(of, work) for name, (of, work) in works.items()}
+                for _ in range(self.rounds)
+            ],
+        }
+
+    def _timed_us(self, of: Sequence[Luma], work: Callable[[int, Luma], Any]) -> float:
+        count = self.blocks * RowsSettings().block_frames
+        begun_s = time.process_time()
+        for number in range(count):
+            work(number, of[number % len(of)])
+        return (time.process_time() - begun_s) / count * 1e6
+
+
+def _sampler(settings: RowsSettings) -> Callable[[int, Luma], Any]:
+    rows = Rows(settings)
+
+    def sample(number: int, luma: Luma) -> None:
+        header = Header(frame_first=number, frame_last=number, seq=number)
+        height_px, width_px = luma.shape
+        rows.update(Frame(header=header, height_px=height_px, width_px=width_px, luma=luma))
+
+    return sample
+
+
+def planes(height_px: int, width_px: int, seed: int, *, box: bool) -> list[Luma]:
+    """Make planes of a textured wall, as a decoder lays them in memory; a box may cross it."""
+    rng = generator(seed, "planes")
+    padded_px = -(-width_px // ALIGNED_PX) * ALIGNED_PX
+    wall = rng.integers(*LEVELS, (height_px, padded_px), np.uint8)
+    out = []
+    for number in range(max(HELD_BYTES // wall.size, 8)):
+        plane = wall + rng.integers(0, NOISE, padded_px, np.uint8)
+        if box:
+            left = number * width_px // 32 % (width_px * 3 // 4)
+            plane[height_px // 4 : height_px // 2, left : left + width_px // 6] = LIT
+        out.append(plane[:, :width_px])
+    return out

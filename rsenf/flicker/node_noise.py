@@ -1,0 +1,58 @@
+"""Noise of what is summed at the nodes: the power of its transform near, but not at, 0 Hz.
+
+The median of exponentially distributed powers is ln 2 of their mean, and isn't moved by a line
+nearby.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.flicker.grid_prior import NODE_S
+from rsenf.medians import median_of_few
+
+Float = NDArray[np.float64]
+
+
+def noise_of(series: Float, band_hz: tuple[float, float]) -> Float:
+    """Noise of several real series, shape (nodes, …), each as one number, shape (…)."""
+    real, imag = _transforms(series, band_hz)
+    # Both sides of a real series have the same powers, and so the same median as one of them.
+    return np.asarray(median_of_few(real**2 + imag**2) / np.log(2.0))
+
+
+def noise_of_turning(real: Float, imag: Float, band_hz: tuple[float, float]) -> Float:
+    """Noise of several complex series by their parts, shapes (nodes, …).
+
+    With ``A`` and ``B`` the transforms of the parts, that of the series is ``A + j·B`` on one side
+    of 0 Hz, and the conjugate of ``A − j·B`` on the other.
+    """
+    a_re, a_im = _transforms(real, band_hz)
+    b_re, b_im = _transforms(imag, band_hz)
+    above = (a_re - b_im) ** 2 + (a_im + b_re) ** 2
+    below = (a_re + b_im) ** 2 + (b_re - a_im) ** 2
+    return np.asarray(median_of_few(np.concatenate([above, below], axis=-1)) / np.log(2.0))
+
+
+def _transforms(series: Float, band_hz: tuple[float, float]) -> tuple[Float, Float]:
+    """Real and imaginary part of the transforms above 0 Hz, shape (…, frequencies)."""
+    nodes, *several = series.shape
+    waves = _waves(nodes, band_hz)
+    both = (series.reshape(nodes, -1).T @ waves).reshape(*several, -1)
+    half = waves.shape[1] // 2
+    return both[..., :half], both[..., half:]
+
+
+@functools.cache
+def _waves(nodes: int, band_hz: tuple[float, float]) -> Float:
+    """Columns of the discrete Fourier transform that lie in a band: far fewer than all.
+
+    Cosines first, then as many sines: shape (nodes, 2·frequencies).
+    """
+    freq_hz = np.fft.fftfreq(nodes, NODE_S)
+    among = np.flatnonzero((freq_hz >= band_hz[0]) & (freq_hz <= band_hz[1]))
+    angle = 2.0 * np.pi * np.outer(np.arange(nodes), among) / nodes
+    return np.hstack([np.cos(angle), -np.sin(angle)])

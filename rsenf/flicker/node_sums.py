@@ -1,0 +1,130 @@
+"""Frames gathered by the node that is nearest to each, and summed there.
+
+The phase is kept at nodes a quarter of a second apart, and whatever a fit has to know of the frames
+are sums over those around each node: of the columns times the waves, and of the waves times each
+other. All nodes have room for as many frames as the fullest; where there is none, waves are zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.flicker.grid_prior import NODE_S
+
+Float = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Frames of one window, in the order of time.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (frames,)
+        Times since the window's first node.
+    carrier_rad : ndarray, shape (frames,)
+        Phase of the nominal illumination frequency at each.
+    columns : ndarray, shape (frames, columns)
+        Reduced profiles.
+    """
+
+    t_s: Float
+    carrier_rad: Float
+    columns: Float
+
+
+def at_frames(t_s: Float, values: Float) -> Float:
+    """Values at nodes, linear in between, at times of any shape since the first node."""
+    left, beyond = _between(t_s, values.size)
+    return _linear(values, left, beyond)
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """Sums over the frames around each node; the first wave is the constant 1.
+
+    Attributes
+    ----------
+    columns : ndarray, shape (nodes, waves, columns)
+        Of waves times columns.
+    waves : ndarray, shape (nodes, waves, waves)
+        Of waves times waves.
+    """
+
+    columns: Float
+    waves: Float
+
+
+class Gathered:
+    """Frames by their nearest nodes.
+
+    Parameters
+    ----------
+    frames : Frames
+    nodes : int
+
+    Attributes
+    ----------
+    there : ndarray of bool, shape (nodes, places)
+        Where there is a frame.
+    columns : ndarray, shape (nodes, places, columns)
+    carrier_rad : ndarray, shape (nodes, places)
+    """
+
+    def __init__(self, frames: Frames, nodes: int) -> None:
+        nearest = np.clip(np.rint(frames.t_s / NODE_S).astype(np.intp), 0, nodes - 1)
+        count = np.bincount(nearest, minlength=nodes)
+        place = np.arange(nearest.size) - (np.cumsum(count) - count)[nearest]
+        self.there = np.arange(max(int(count.max()), 1)) < count[:, None]
+        self.columns = np.zeros((*self.there.shape, frames.columns.shape[1]))
+        self.columns[nearest, place] = frames.columns
+        self.carrier_rad, t_s = np.zeros(self.there.shape), np.zeros(self.there.shape)
+        self.carrier_rad[nearest, place], t_s[nearest, place] = frames.carrier_rad, frames.t_s
+        self._left, self._beyond = _between(t_s, nodes)
+        self._place = nearest, place
+
+    @property
+    def frames(self) -> int:
+        """How many frames there are."""
+        return int(self._place[0].size)
+
+    def phase_rad(self, psi_rad: Float) -> Float:
+        """Phase at every place, by that at the nodes relative to the carrier's."""
+        return self.carrier_rad + _linear(psi_rad, self._left, self._beyond)
+
+    def in_order(self, values: NDArray[np.complex128]) -> Complex:
+        """What is known at every place, of the frames alone, in the order of time."""
+        return np.asarray(values[self._place])
+
+    def waves(self, turn: Complex, orders: tuple[int, ...]) -> Float:
+        """A constant, and cosine and sine of some harmonics, shape (nodes, waves, places).
+
+        ``turn`` is ``exp(j·φ)`` at every place, and none where there is no frame.
+        """
+        out = np.empty((self.there.shape[0], 1 + 2 * len(orders), self.there.shape[1]))
+        out[:, 0] = self.there
+        power, order = turn, 1
+        for i, wanted in enumerate(orders):
+            for _ in range(wanted - order):
+                power = power * turn
+            order = wanted
+            out[:, 1 + 2 * i], out[:, 2 + 2 * i] = power.real, power.imag
+        return out
+
+    def told(self, waves: Float) -> Told:
+        """Sum the frames around each node."""
+        return Told(waves @ self.columns, waves @ waves.transpose(0, 2, 1))
+
+
+def _between(t_s: Float, nodes: int) -> tuple[NDArray[np.intp], Float]:
+    """Node to the left of each time, and how far beyond it, in nodes."""
+    left = np.clip((t_s / NODE_S).astype(np.intp), 0, nodes - 2)
+    return left, t_s / NODE_S - left
+
+
+def _linear(values: Float, left: NDArray[np.intp], beyond: Float) -> Float:
+    return np.asarray(values[left] * (1.0 - beyond) + values[left + 1] * beyond)

@@ -1,0 +1,7 @@
+"""The result table of a batch as a page."""
+
+from __future__ import annotations
+
+from rsenf.report.batch_page.page import batch_page
+
+__all__ = ["batch_page"]

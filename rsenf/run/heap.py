@@ -1,0 +1,20 @@
+"""Keeps what the C library's heap has been given, for the next block of the same size."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+
+# Of glibc's malloc.h. Blocks from 128 kB on come straight from the system unless told otherwise,
+# and go back to it: each time, every page of a recording's megabyte, or of an array of rows, is
+# cleared and mapped anew, which takes as long as the work on it.
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+_LARGEST_KEPT, _KEPT = 32 << 20, 128 << 20
+
+
+def keep_heap() -> None:
+    """Let blocks of up to 32 MiB be taken from memory that is there. Does nothing elsewhere."""
+    with contextlib.suppress(OSError, AttributeError, TypeError):  # another C library, or none
+        mallopt = ctypes.CDLL(None).mallopt
+        mallopt(_M_MMAP_THRESHOLD, _LARGEST_KEPT)
+        mallopt(_M_TRIM_THRESHOLD, _KEPT)

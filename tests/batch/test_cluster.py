@@ -1,0 +1,92 @@
+"""A Dask cluster of two worker processes, one of which is killed: all is done, and once."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from rsenf.batch.cluster import worked_on_cluster
+from rsenf.batch.pool import Trouble
+from rsenf.errors import UsageError
+from tests.batch.batch_works import Order, obey
+from tests.conftest import ROOT
+
+pytest.importorskip("distributed")
+
+
+@pytest.fixture
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Address of the scheduler of two workers, one thread each, in processes of their own."""
+    folder = tmp_path_factory.mktemp("dask")
+    where = folder / "scheduler.json"
+    surroundings = os.environ | {
+        "PYTHONPATH": str(ROOT),
+        "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1",
+    }
+    dask = [sys.executable, "-m", "dask"]
+    words = ["--scheduler-file", str(where), "--no-dashboard"]
+    more = ["--nworkers", "2", "--nthreads", "1", "--local-directory", str(folder)]
+    with (folder / "log").open("w") as log:
+        started = [
+            subprocess.Popen([*dask, *command], env=surroundings, stdout=log, stderr=log)
+            for command in (["scheduler", "--port", "0", *words], ["worker", *words, *more])
+        ]
+    try:
+        while not where.exists():
+            assert started[0].poll() is None, (folder / "log").read_text()
+            time.sleep(0.05)
+        yield json.loads(where.read_text())["address"]
+    finally:
+        for process in reversed(started):  # workers that look for their scheduler end late
+            process.terminate()
+            try:
+                process.wait(20)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+def done_on(scheduler: str, does: dict[str, str], folder: Path) -> dict[str, str]:
+    """Return what has become of orders, each of which has to come back once."""
+    orders = [Order(name, what, folder) for name, what in does.items()]
+    done = list(worked_on_cluster(orders, obey, scheduler, print))
+    assert sorted(one.task.name for one in done) == sorted(does)
+    return {
+        one.task.name: one.answer.text if isinstance(one.answer, Trouble) else "done"
+        for one in done
+    }
+
+
+@pytest.mark.processes
+def test_a_killed_worker_costs_no_more_than_a_deadly_task(scheduler: str, tmp_path: Path) -> None:
+    mark = tmp_path / "killed"
+
+    def kill() -> None:
+        while not (mark.exists() and mark.read_text().endswith("\n")):
+            time.sleep(0.02)
+        os.kill(int(mark.read_text()), signal.SIGKILL)
+
+    killer = threading.Thread(target=kill, daemon=True)
+    killer.start()
+    easy = dict.fromkeys("abcdef", "")
+    found = done_on(scheduler, {"killed": "wait once", "wrong": "raise", **easy}, tmp_path)
+    assert found == {**dict.fromkeys(["killed", *easy], "done"), "wrong": "ValueError: wrong"}
+    assert len(set(mark.read_text().split())) == 2
+
+    found = done_on(scheduler, {"deadly": "die", **easy}, tmp_path)
+    died = "2 workers died while they worked on it"
+    assert found == {"deadly": died, **dict.fromkeys(easy, "done")}
+    assert len((tmp_path / "deadly").read_text().split()) == 2
+
+
+def test_a_scheduler_that_is_not_there() -> None:
+    with pytest.raises(UsageError, match="no Dask scheduler"):
+        list(worked_on_cluster([], obey, "tcp://127.0.0.1:9", print))
