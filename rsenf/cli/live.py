@@ -104,7 +104,7 @@ def _check_input(args: argparse.Namespace) -> None:
     if args.reference_camera:
         raise UsageError(
             f"{args.input} has no other camera",
-            "--reference-camera needs an .mcap recording of several; --reference takes a grid's log",
+            "--reference-camera needs an .mcap recording of several cameras",
         )
     if not args.start:
         raise UsageError(
