@@ -191,9 +191,10 @@ def _write(out: Path, settings: Settings, rows: Sequence[Row]) -> None:
     from rsenf.batch.table import table_rows, write_parquet
     from rsenf.cli.batch_settings import told_settings
     from rsenf.report.batch_page import batch_page
+    from rsenf.report.pages import setting
     from rsenf.whole_file import whole_file
 
-    told = {name: str(value) for name, value in told_settings(settings).items()}
+    told = {name: setting(value) for name, value in told_settings(settings).items()}
     table = table_rows(settings.analysis, rows)
     write_parquet(out / TABLE, settings.analysis, table, told)
     page = batch_page(settings.analysis, table, told)
