@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import multiprocessing
 import signal
+import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -47,7 +49,9 @@ class Done(Generic[T]):
     tries: int | None
 
 
-def worked(tasks: Sequence[T], work: Work[T], jobs: int, tries: int = 1) -> Iterator[Done[T]]:
+def worked(
+    tasks: Sequence[T], work: Work[T], jobs: int, tries: int = 1, timeout_s: float = math.inf
+) -> Iterator[Done[T]]:
     """Work through tasks in so many processes; yields each once, as it is done.
 
     Closing the iterator, or an exception in its user, ends the processes at once.
@@ -60,29 +64,39 @@ def worked(tasks: Sequence[T], work: Work[T], jobs: int, tries: int = 1) -> Iter
     jobs : int
     tries : int, optional
         How many processes may die of a task. It is tried again last, when others need less memory.
+    timeout_s : float, optional
+        How long a task may take; then its process is ended, and it isn't tried again.
     """
     left = deque((task, 1) for task in tasks)
     workers: list[_Worker[T]] = []
     try:
         while left or any(worker.task for worker in workers):
             for worker in [w for w in workers if w.task is None][: len(left)]:
-                worker.give(*left.popleft())
+                worker.give(*left.popleft(), timeout_s)
             while left and len(workers) < jobs:
                 workers.append(_Worker(work))
-                workers[-1].give(*left.popleft())
-            busy = {worker.connection: worker for worker in workers if worker.task}
-            for ready in wait(list(busy)):
-                assert isinstance(ready, Connection)
-                task, tried, answer = busy[ready].answer()
+                workers[-1].give(*left.popleft(), timeout_s)
+            for worker in _ready([worker for worker in workers if worker.task]):
+                task, tried, answer = worker.answer()
                 if isinstance(answer, Trouble) and answer.died:
-                    workers.remove(busy[ready])
-                    if tried < tries:
+                    workers.remove(worker)
+                    if tried < tries and not worker.is_late:
                         left.append((task, tried + 1))
                         continue
                 yield Done(task, answer, tried)
     finally:
         for worker in workers:
             worker.end()
+
+
+def _ready(workers: list[_Worker[T]]) -> list[_Worker[T]]:
+    """Wait for workers that have an answer, or take too long for one."""
+    by_connection = {worker.connection: worker for worker in workers}
+    left_s = min(worker.due_s for worker in workers) - time.monotonic()
+    answered = wait(list(by_connection), max(left_s, 0.0) if math.isfinite(left_s) else None)
+    if answered:
+        return [by_connection[one] for one in answered if isinstance(one, Connection)]
+    return [worker for worker in workers if worker.give_up_if_late()]
 
 
 class _Worker(Generic[T]):
@@ -92,14 +106,16 @@ class _Worker(Generic[T]):
         # A fresh interpreter each: a fork would share the threads' locks of FFmpeg and OpenCV.
         context = multiprocessing.get_context("spawn")
         self.task: tuple[T, int] | None = None
+        self.due_s, self.is_late = math.inf, False
         self.connection, theirs = context.Pipe()
         self._process = context.Process(target=_work, args=(theirs, work), daemon=True)
         self._process.start()
         theirs.close()
 
-    def give(self, task: T, tried: int) -> None:
+    def give(self, task: T, tried: int, timeout_s: float) -> None:
         """Have it work on a task; whether it is alive shows when its answer is asked for."""
-        self.task = task, tried
+        self.task, self._timeout_s = (task, tried), timeout_s
+        self.due_s, self.is_late = time.monotonic() + timeout_s, False
         with contextlib.suppress(OSError):
             self.connection.send(task)
 
@@ -112,7 +128,15 @@ class _Worker(Generic[T]):
         except (EOFError, OSError):
             self._process.join(_LAST_BREATH_S)  # before it is ended, to learn how it ended
             self.end()
-            return task, tried, Trouble(_death(self._process.exitcode), died=True)
+            why = f"not done within {self._timeout_s:g} s" if self.is_late else ""
+            return task, tried, Trouble(why or _death(self._process.exitcode), died=True)
+
+    def give_up_if_late(self) -> bool:
+        """Kill a process that takes too long; whether it did."""
+        self.is_late = time.monotonic() >= self.due_s
+        if self.is_late:
+            self._process.kill()
+        return self.is_late
 
     def end(self) -> None:
         """End the process at once."""

@@ -127,11 +127,17 @@ def read_list(data: bytes, name: str) -> list[str]:
     Raises
     ------
     UsageError
-        When it isn't a list of paths.
+        When it isn't a list of paths, or nothing is there of what it lists.
     """
     parts = data.split(b"\0") if b"\0" in data else data.splitlines()
     lines = [part for part in parts if part.strip()]
-    longest = max(map(len, lines), default=0)
-    if not lines or longest > os.pathconf("/", "PC_PATH_MAX"):
+    longest = max((len(name) for line in lines for name in line.split(b"/")), default=0)
+    if not lines or longest > os.pathconf("/", "PC_NAME_MAX"):
         raise UsageError(f"{name}: not a list of recordings", "one path a line")
-    return [os.fsdecode(line) for line in lines]
+    paths = [os.fsdecode(line) for line in lines]
+    if not any(map(os.path.lexists, paths)):
+        raise UsageError(
+            f"{name}: nothing of what it lists is there, such as {paths[0]!r}",
+            "relative paths are taken from the folder that you are in",
+        )
+    return paths

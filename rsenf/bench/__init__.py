@@ -18,7 +18,7 @@ From a seed to a table, one idea a file::
 
 What has a plan of its own::
 
-    match_days, match_loop, match_trial, match_table
+    match_days, match_loop, match_trial, match_stream, match_table
                long references, a loop over their lags, searches of one with their time and memory,
-               and their table
+               clips that come in bit by bit, and their tables
 """

@@ -26,10 +26,18 @@ program held before it. found: clips, of so many; error: the worst; clip there: 
 clip's time isn't a gap."""
 
 
-def tabulate(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the rows of the table, and what they were made from."""
+_STREAM_HEAD = ("clip", "results", "matches", "all results", "the last one", "ms a second", "MB")
+_STREAM_NOTE = """\
+A clip that comes in second by second, searched for in a day of reference: at every minute, later
+whenever a quarter more of it is there, and at the end, where the finding is examined, too. Seconds
+of processor time of the stage; ms a second: of the clip; MB: the most memory beyond the start's."""
+
+
+def tabulate(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict[str, Any]:
+    """Return the rows of the tables, and what they were made from."""
     return {
         "table": "match",
+        "streams": list(streams),
         "clip_s": sorted({r["clip_s"] for r in records}),
         "seeds": sorted({r["seed"] for r in records}),
         "repeats": sorted({r["repeats"] for r in records}),
@@ -49,15 +57,20 @@ def _row(record: Record) -> dict[str, Any]:
 
 
 def text(document: dict[str, Any]) -> str:
-    """Return the table for a terminal."""
+    """Return the tables for a terminal."""
     rows = (_cells(row) for row in document["rows"])
     note = _NOTE.format(sampled=f"{RUNS * RUN:,}")
-    return f"{aligned(_HEAD, rows)}\n\n{note}\n{_made_from(document)}"
+    streams = aligned(_STREAM_HEAD, map(_stream_cells, document["streams"]))
+    return (
+        f"{aligned(_HEAD, rows)}\n\n{note}\n{_made_from(document)}\n\n{streams}\n\n{_STREAM_NOTE}"
+    )
 
 
 def page(document: dict[str, Any]) -> str:
-    """Return the table in Markdown."""
-    return f"{markdown(_HEAD, map(_cells, document['rows']))}\n\n{_made_from(document)}"
+    """Return the tables in Markdown."""
+    rows = markdown(_HEAD, map(_cells, document["rows"]))
+    streams = markdown(_STREAM_HEAD, map(_stream_cells, document["streams"]))
+    return f"{rows}\n\n{_made_from(document)}\n\n{streams}"
 
 
 def _cells(row: dict[str, Any]) -> list[str]:
@@ -78,6 +91,18 @@ def _cells(row: dict[str, Any]) -> list[str]:
         f"{row['loop_over_lags']:.0f}",
         f"{row['loop_over_search']:.0f}",
         f"{cpu_s['correlate']:.2f} s" if "correlate" in cpu_s else "–",
+    ]
+
+
+def _stream_cells(row: Record) -> list[str]:
+    return [
+        f"{row['clip_s'] / 60:g} min" if row["clip_s"] < 3600 else f"{row['clip_s'] / 3600:g} h",
+        f"{row['results']}",
+        f"{row['matches']}",
+        f"{row['cpu_s']:.2f} s",
+        f"{row['cpu_s'] - row['coming_cpu_s']:.2f} s",
+        f"{row['cpu_s'] / row['clip_s'] * 1e3:.2f}",
+        "–" if row["peak_mb"] is None else f"{row['peak_mb']:.0f}",
     ]
 
 

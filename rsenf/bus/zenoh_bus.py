@@ -42,6 +42,11 @@ WAIT_BEFORE_CLOSE_US = 3_600_000_000
 # Between hosts a sender that waits may wait for a link that is broken, which isn't opened anew
 # while anybody does; what is lost by closing it is got back.
 LINKED_WAIT_US = 5_000_000
+# A link on which nothing is heard for a lease counts as broken, and is closed with all that is on
+# it. Where senders wait for a slow reader, a router doesn't listen to them for as long. Within a
+# host nobody vanishes unheard: the end of a process closes its links.
+LEASE_MS, LOCAL_LEASE_MS = 10_000, 3_600_000
+LOCAL = ("/127.0.0.1:", "/localhost:", "/[::1]:")
 # A thread that hands a message on waits for its receiver. On two cores Zenoh has one such thread: a
 # frame that waits for the node that samples it would keep that node's own row blocks from coming
 # in, and all would stand still. A router, or a peer, needs a thread for each of its links; who has
@@ -88,6 +93,8 @@ def _config(settings: BusSettings) -> zenoh.Config:
     patient = settings.mode == "router"
     linked = patient and (settings.connect or len(settings.listen) > 1)
     wait_us = LINKED_WAIT_US if linked else WAIT_BEFORE_CLOSE_US
+    endpoints = (*settings.connect, *settings.listen)
+    local = endpoints and all(any(part in e for part in LOCAL) for e in endpoints)
     values: dict[str, Any] = {
         "mode": settings.mode,
         "connect/endpoints": list(settings.connect),
@@ -99,6 +106,7 @@ def _config(settings: BusSettings) -> zenoh.Config:
         "connect/retry": {"period_init_ms": RETRY_MS, "period_increase_factor": 1},
         "transport/shared_memory/enabled": False,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": wait_us,
+        "transport/link/tx/lease": LOCAL_LEASE_MS if local else LEASE_MS,
         # Without anybody to look for, opening needn't wait half a second for answers.
         **({} if settings.multicast else {"scouting/delay": 0}),
         **settings.zenoh,

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import math
 import os
 import sys
 from pathlib import Path
@@ -36,7 +37,7 @@ _TRIES = 2  # processes that a recording may cost
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import count
+    from rsenf.cli.console import count, positive
     from rsenf.cli.verify import add_reference
 
     verbs = parser.add_subparsers(dest="analysis", metavar="VERB", required=True)
@@ -48,6 +49,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         verb.add_argument("--jobs", type=count, metavar="N", help="processes (one for each core)")
         verb.add_argument(
             "--scheduler", metavar="ADDRESS", help="of a Dask cluster that does the work"
+        )
+        verb.add_argument(
+            "--timeout-s", type=positive, metavar="S", help="give a recording up after so long"
         )
         verb.add_argument("--json", action="store_true", help="the summary as JSON")
         if name == "verify":
@@ -98,6 +102,13 @@ def _find(args: argparse.Namespace) -> Found:
     listed = read_list(_read(args.list), args.list) if args.list else []
     if not args.inputs and not listed:
         raise UsageError("no recordings are named", "name files and folders, or give --list FILE")
+    if args.scheduler and args.timeout_s:
+        raise UsageError("--timeout-s with --scheduler", "a cluster's workers can't be ended")
+    if any(os.path.realpath(path) == os.path.realpath(args.out) for path in args.inputs):
+        raise UsageError(
+            f"--out {args.out} is the folder that is to be read",
+            "name one of its own; it may be in it",
+        )
     found = find_recordings([*args.inputs, *listed], args.out)
     if not found.recordings:
         passed = f"; {found.passed_over.total()} files are not named like one" * bool(
@@ -157,7 +168,7 @@ def _done(args: argparse.Namespace, tasks: list[Job], jobs: int) -> Iterator[Don
         return worked_on_cluster(tasks, work_on, args.scheduler, say)
     from rsenf.batch.pool import worked
 
-    return worked(tasks, work_on, jobs, _TRIES)
+    return worked(tasks, work_on, jobs, _TRIES, args.timeout_s or math.inf)
 
 
 def _row(done: Done[Job]) -> Row:
@@ -180,9 +191,10 @@ def _write(out: Path, settings: Settings, rows: Sequence[Row]) -> None:
     from rsenf.batch.table import table_rows, write_parquet
     from rsenf.cli.batch_settings import told_settings
     from rsenf.report.batch_page import batch_page
+    from rsenf.report.pages import setting
     from rsenf.whole_file import whole_file
 
-    told = {name: str(value) for name, value in told_settings(settings).items()}
+    told = {name: setting(value) for name, value in told_settings(settings).items()}
     table = table_rows(settings.analysis, rows)
     write_parquet(out / TABLE, settings.analysis, table, told)
     page = batch_page(settings.analysis, table, told)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rsenf.cli.references import Opened
 
 # Of the batch itself: no result depends on them.
-OWN = ("debug", "analysis", "inputs", "list", "out", "jobs", "scheduler", "json")
+OWN = ("debug", "analysis", "inputs", "list", "out", "jobs", "scheduler", "timeout_s", "json")
 
 
 def settings_of(args: argparse.Namespace, threads: int) -> Settings:

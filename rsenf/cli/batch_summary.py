@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rsenf.batch.columns import Row
     from rsenf.batch.recordings import Found
 
-_LISTED = 20  # of those without a result
+_LISTED = 20  # of those without a result, or read in part
 
 
 def plan_words(recordings: int, left: int, reasons: Counter[str]) -> str:
@@ -38,10 +38,12 @@ def summary_of(args: argparse.Namespace, found: Found, rows: Sequence[Row]) -> d
         "analysis": args.analysis,
         "recordings": len(rows),
         **{status: statuses[status] for status in STATUSES},
-        "with_loss": sum(bool(row.get("loss")) for row in rows),
         "verdicts": dict(verdicts.most_common()),
         "without_result": [
             {name: row[name] for name in ("path", "status", "reason")} for row in _without(rows)
+        ],
+        "read_in_part": [
+            {name: row[name] for name in ("path", "loss")} for row in rows if row.get("loss")
         ],
         "passed_over": dict(found.passed_over.most_common()),
         "named_again": found.again,
@@ -72,11 +74,13 @@ def print_summary(args: argparse.Namespace, summary: dict[str, Any]) -> None:
         note(f"not named like recordings, passed over: {kinds}")
     if summary["named_again"]:
         note(f"found under another name too, done once: {summary['named_again']}")
-    for row in summary["without_result"][:_LISTED]:
-        say(f"{row['status']}: {_one_line(row['path'])}: {_one_line(row['reason'])}")
-    more = len(summary["without_result"]) - _LISTED
-    if more > 0:
-        say(f"… and {more} more: see the table")
+    in_part = [f"read in part: {r['path']}: {r['loss']}" for r in summary["read_in_part"]]
+    without = [f"{r['status']}: {r['path']}: {r['reason']}" for r in summary["without_result"]]
+    for lines in (in_part, without):
+        for line in lines[:_LISTED]:
+            say(_one_line(line))
+        if len(lines) > _LISTED:
+            say(f"… and {len(lines) - _LISTED} more: see the table")
     for line in summary["unreadable_folders"]:
         say(f"folder not looked into: {_one_line(line)}")
 

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rsenf.bench.match_stream import Stream
     from rsenf.bench.match_trial import Trial
 
 _CLIP_S = 600
+_STREAMS_S = (600, 3600, 3 * 3600, 10 * 3600)
 _REPEATS = 5
 _QUICK_DAYS, _QUICK_REPEATS = 7, 1
 _RECORDS = "match.jsonl"
@@ -24,8 +26,10 @@ def run(args: argparse.Namespace) -> int:
     UsageError
         For a clip that doesn't fit a day.
     """
+    from rsenf.bench.match_stream import timed_stream
     from rsenf.bench.match_table import page, tabulate, text
     from rsenf.bench.match_trial import measure_trials
+    from rsenf.bench.session import measure_missing
     from rsenf.cli.console import print_json, say
     from rsenf.errors import EXIT_DONE
 
@@ -33,7 +37,8 @@ def run(args: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory() as temporary:
         out = (args.out or Path(temporary)) / _RECORDS
         records = measure_trials(trials, out, lambda trial: say(f"searching: {trial.key}"))
-    document = tabulate(records)
+        streams = measure_missing(_streams(args), timed_stream, out, 1)
+    document = tabulate(records, streams)
     if args.json:
         print_json(document)
     else:
@@ -59,3 +64,11 @@ def _trials(args: argparse.Namespace) -> list[Trial]:
         for gaps in (False, True)
         if not (args.quick and days > _QUICK_DAYS)
     ]
+
+
+def _streams(args: argparse.Namespace) -> list[Stream]:
+    from rsenf.bench.match_stream import Stream
+    from rsenf.cli.bench import grids_of
+
+    folder, seed = grids_of(args), args.first_seed or 0
+    return [Stream(s, seed, folder) for s in _STREAMS_S if not args.quick or s <= _CLIP_S]

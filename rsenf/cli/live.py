@@ -80,7 +80,7 @@ def _analyse(args: argparse.Namespace) -> tuple[Analysis, list[str]]:
 
     start_ns = utc_ns(args.start, "--start") if args.start else 0
     recording = open_input_file(args.input, camera=args.camera, begin=args.begin)
-    _check_start(args)
+    _check_input(args)
     blocks, notes = _reference(args)
     with progress_bar("judging", recording.duration_s) as progress:
         analysis = analyse(
@@ -95,11 +95,18 @@ def _analyse(args: argparse.Namespace) -> tuple[Analysis, list[str]]:
     return analysis, notes
 
 
-def _check_start(args: argparse.Namespace) -> None:
-    """Refuse what doesn't tell when its pictures came."""
+def _check_input(args: argparse.Namespace) -> None:
+    """Refuse what doesn't tell when its pictures came, or has no other camera."""
     from rsenf.errors import UsageError
 
-    if not args.start and not args.input.lower().endswith(".mcap"):
+    if args.input.lower().endswith(".mcap"):
+        return
+    if args.reference_camera:
+        raise UsageError(
+            f"{args.input} has no other camera",
+            "--reference-camera needs an .mcap recording of several cameras",
+        )
+    if not args.start:
         raise UsageError(
             f"{args.input} doesn't tell when its pictures arrived",
             "say when the first was taken: --start 2026-11-22T10:00:00Z",

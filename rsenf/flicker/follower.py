@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, acquire
-from rsenf.flicker.lock import AHEAD_S, TOO_FEW, WINDOW_S, Lock, frames_of
+from rsenf.flicker.lock import AHEAD_S, SHORT_S, TOO_FEW, WINDOW_S, Lock, frames_of
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slow_time import SlowTime
@@ -23,8 +23,7 @@ HARMONICS = 3
 # Frames held back until the frame rate is known well enough.
 RATE_NEEDS_S = 1.0
 LEAST_RATE_HZ, MOST_RATE_HZ = 0.1, 1e5  # beyond these it is no camera's
-LOOK_S = 20  # window in which flicker is looked for
-SHORT_S = 8  # the same for a clip that is shorter
+LOOK_S = 20  # window in which flicker is looked for, if the clip isn't shorter
 HOLD_S = 60  # seconds are held back so long while nothing is found
 GIVE_UP_S = 30  # seconds without the tone after which it is looked for anew
 MIN_FILL_RATIO = 0.8

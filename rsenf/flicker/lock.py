@@ -27,6 +27,7 @@ Complex = NDArray[np.complex128]
 
 WINDOW_S = 31  # that a second's phase is fitted in
 AHEAD_S = 15  # of it, after the second
+SHORT_S = 8  # the shortest that anything is fitted in
 CHECK_S = 20  # window in which the tone has to stand out
 MIN_FILL_RATIO = 0.5
 TOO_FEW = "too few frames are usable"
@@ -101,7 +102,8 @@ class Lock:
         index, first = blank.index, int(buffer.first_t_s)
         start = max(min(index + 1 + AHEAD_S, end) - WINDOW_S, first)
         stop = min(start + WINDOW_S, end)
-        fit = self.extend(buffer, start, stop)
+        # After a long gap, what is left of the buffer may begin where the window ends, or later.
+        fit = self.extend(buffer, start, stop) if stop - start >= SHORT_S else None
         blank = dataclasses.replace(blank, nominal_hz=self.nominal_hz, turns=self.turns)
         if fit is None:
             return dataclasses.replace(blank, reason=TOO_FEW)

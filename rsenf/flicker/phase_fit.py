@@ -194,11 +194,11 @@ class Amplitudes:
 
 
 def _amplitudes(told: Told, trust: Float, orders: tuple[int, ...]) -> Amplitudes:
-    gram = np.tensordot(trust, told.waves, 1)
+    gram = _weighted(trust, told.waves)
     seen, weight = float(told.waves[:, 0, 0].sum()), float(gram[0, 0])
     ridge = np.repeat([RIDGE * seen / HARMONIC_SIZE[k - 1] ** 2 for k in orders], 2)
     gram.flat[:: len(gram) + 1] += np.concatenate([[0.0], ridge])
-    found = np.asarray(np.linalg.solve(gram, np.tensordot(trust, told.columns, 1)))
+    found = np.asarray(np.linalg.solve(gram, _weighted(trust, told.columns)))
     real, imag = _left(told, found, range(HARMONICS))
     raw = found[1 : 2 * HARMONICS : 2] - 1j * found[2 : 2 * HARMONICS + 1 : 2]
     own = trust[:, None, None]
@@ -207,6 +207,11 @@ def _amplitudes(told: Told, trust: Float, orders: tuple[int, ...]) -> Amplitudes
     doubt = SIGNIFICANT * 4.0 * noise / seen
     shrink = np.maximum(0.0, 1.0 - doubt / np.maximum(np.abs(raw) ** 2, 1e-30))
     return Amplitudes(raw * shrink, np.asarray(1.0 / noise), found, told, real + 1j * imag)
+
+
+def _weighted(trust: Float, sums: Float) -> Float:
+    """Add up sums at the nodes, each by how far it is trusted."""
+    return (trust @ sums.reshape(trust.size, -1)).reshape(sums.shape[1:])
 
 
 def _left(told: Told, found: Float, harmonics: range) -> tuple[Float, Float]:

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rsenf.flicker.grid_prior import wander_rad2
 from rsenf.match.clip_phase import RAD_PER_CYCLE, ClipPhase
@@ -88,13 +87,10 @@ def _of_steps(clip: ClipPhase, spread_rad2: Callable[[FloatArray], FloatArray]) 
     """Covariance of the steps, from the mean square by which the phase strays over a time."""
     index = np.rint((clip.t_s - clip.t_s[0]) / clip.hop_s).astype(np.int64)
     spread = spread_rad2(np.arange(index[-1] + 1) * clip.hop_s)
-    a, b = index[:-1], index[1:]
-
-    def over(i: NDArray[np.int64], j: NDArray[np.int64]) -> FloatArray:
-        return np.asarray(spread[np.abs(np.subtract.outer(i, j))], np.float64)
-
-    across = over(b, a)
-    return (across + across.T - over(a, a) - over(b, b)) / 2.0
+    over = spread[np.abs(np.subtract.outer(index, index))]
+    return np.asarray(
+        (over[1:, :-1] + over[:-1, 1:] - over[:-1, :-1] - over[1:, 1:]) / 2.0, np.float64
+    )
 
 
 def _noise(clip: ClipPhase) -> FloatArray:

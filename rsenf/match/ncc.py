@@ -148,7 +148,9 @@ class _Powers:
         from scipy import fft
 
         if (power, weight) not in self._spectra:
-            self._spectra[power, weight] = weight * fft.rfft(self.of[power], self._size)
+            self._spectra[power, weight] = fft.rfft(self.of[power], self._size)
+            if weight != 1.0:
+                self._spectra[power, weight] *= weight
         return self._spectra[power, weight]
 
     def running(self, power: int, length: int) -> FloatArray:
@@ -187,9 +189,12 @@ class _Stretch:
                 out = out + weight * self.y.running(j, n)[: self.count]
             else:
                 product = x.spectrum(i, weight) * self.y.spectrum(j)
-                spectrum = product if spectrum is None else spectrum + product
+                if spectrum is None:
+                    spectrum = product
+                else:
+                    spectrum += product
         if spectrum is not None:
-            out = out + fft.irfft(spectrum, self.size)[n - 1 : n - 1 + self.count]
+            out = out + fft.irfft(spectrum, self.size, overwrite_x=True)[n - 1 : n - 1 + self.count]
         return out
 
 

@@ -41,9 +41,7 @@ class SteadyMask:
     def __init__(self, rows: int, tiles: int) -> None:
         self.bands = max(1, rows // BAND_ROWS)
         self._band_starts = np.arange(self.bands) * rows // self.bands
-        self._band_sizes = np.diff(np.append(self._band_starts, rows)).astype(np.float32)
-        self._band_of_row = np.repeat(np.arange(self.bands), self._band_sizes.astype(int))
-        self._band_cells = self._band_sizes.astype(int) * tiles
+        self._band_rows = np.diff(np.append(self._band_starts, rows))
         self.shape = (rows, tiles)
         self._background: Float32Array | None = None
         self._spread = np.full((self.bands, tiles), MIN_DEVIATION_LEVEL / SPREADS, np.float32)
@@ -58,7 +56,7 @@ class SteadyMask:
     def band_means(self, level: Float32Array) -> Float32Array:
         """Average tile means over bands of rows: (…, rows, tiles) to (…, bands, tiles)."""
         sums = np.add.reduceat(level, self._band_starts, axis=-2)
-        return np.asarray(sums / self._band_sizes[:, None], np.float32)
+        return np.asarray(sums / self._band_rows[:, None].astype(np.float32))
 
     def update(self, level: Float32Array) -> NDArray[np.bool_]:
         """Learn from a block and tell which cells stayed steady throughout it.
@@ -82,9 +80,9 @@ class SteadyMask:
             self._spread <= RESTLESS_LEVEL
         )
         # Written out to every tile: numpy is slow where a short axis is the one that repeats.
-        common = np.repeat(gain, self._band_cells, axis=1).reshape(level.shape)
+        common = np.repeat(gain, self._band_rows * level.shape[2], axis=1).reshape(level.shape)
         self._learn(level / common, deviation, steady, first)
-        return np.asarray(steady[self._band_of_row])
+        return np.repeat(steady, self._band_rows, axis=0)
 
     @staticmethod
     def _deviation(
@@ -107,5 +105,5 @@ class SteadyMask:
         weight = 1.0 if first else np.where(steady, LEARNING_RATE, 0.0)
         self._spread = np.asarray(self._spread + weight * (spread - self._spread), np.float32)
         rate = np.where(steady, LEARNING_RATE, LEARNING_RATE / MOVING_SLOWDOWN)
-        step = rate[self._band_of_row] * (flat.mean(axis=0) - self.background)
+        step = np.repeat(rate, self._band_rows, axis=0) * (flat.mean(axis=0) - self.background)
         self._background = np.asarray(self.background + step, np.float32)

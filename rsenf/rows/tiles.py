@@ -53,7 +53,7 @@ def tile_sums(luma: NDArray[np.uint8], axis: str, tiles: int) -> Float32Array:
     if axis == "columns":
         edges = itertools.pairwise(tile_edges(height_px, tiles))
         sums = np.concatenate([_sums(luma[a:b], 0) for a, b in edges]).T
-    elif width_px % tiles == 0 and luma.flags.c_contiguous:
+    elif tiles == 1 or (width_px % tiles == 0 and luma.flags.c_contiguous):
         sums = _sums(luma.reshape(height_px * tiles, -1), 1).reshape(height_px, tiles)
     else:
         at_once = max(CACHED_BYTES // luma.strides[0], 1)

@@ -35,5 +35,15 @@ def test_whoever_looks_away_ends_the_processes(tmp_path: Path) -> None:
     assert multiprocessing.active_children() == []
 
 
+def test_what_takes_too_long_is_given_up(tmp_path: Path) -> None:
+    orders = [Order("slow", "wait", tmp_path), *(Order(name, "", tmp_path) for name in "ab")]
+    # Long enough for a process to start, which counts.
+    done = {d.task.name: d for d in worked(orders, obey, jobs=1, tries=2, timeout_s=10.0)}
+    assert sorted(done) == ["a", "b", "slow"]
+    told = done["slow"]
+    assert (told.answer, told.tries) == (Trouble("not done within 10 s", died=True), 1)
+    assert multiprocessing.active_children() == []
+
+
 def test_nothing_to_do_starts_nothing() -> None:
     assert list(worked([], obey, jobs=2)) == []

@@ -21,6 +21,7 @@ from rsenf.bench.match_days import (
     write_haystack,
 )
 from rsenf.bench.match_loop import lag_by_lag
+from rsenf.bench.match_stream import Stream, timed_stream
 from rsenf.bench.match_table import page, tabulate, text
 from rsenf.bench.match_trial import Trial, measure_trials
 from rsenf.cli import main
@@ -117,7 +118,9 @@ def test_a_trial_is_measured_once_and_makes_a_table(tmp_path: Path) -> None:
     again = measure_trials(trials, tmp_path / "match.jsonl", begun.append)
     assert begun == trials
     assert again == records
-    document = tabulate(records)
+    stream = {"clip_s": 7200, "results": 3, "matches": 2, "coming_cpu_s": 1.0, "cpu_s": 3.6,
+              "peak_mb": None}  # fmt: skip
+    document = tabulate(records, [stream])
     (row,) = json.loads(json.dumps(document, allow_nan=False))["rows"]
     assert row["right"] == 2
     assert row["worst_error_s"] < 1.0
@@ -127,6 +130,13 @@ def test_a_trial_is_measured_once_and_makes_a_table(tmp_path: Path) -> None:
     assert row["loop_over_lags"] > row["loop_over_search"] > 1
     assert "a day" in text(document)
     assert page(document).startswith("| reference |")
+    assert "| 2 h | 3 | 2 | 3.60 s | 2.60 s | 0.50 | – |" in page(document)
+
+
+def test_a_clip_that_comes_in_is_matched_on_the_way() -> None:
+    record = timed_stream(Stream(130, 4, None))
+    assert (record["results"], record["matches"]) == (3, 3)
+    assert 0 < record["coming_cpu_s"] < record["cpu_s"]
 
 
 def test_a_clip_longer_than_a_day_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

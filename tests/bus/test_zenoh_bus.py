@@ -231,3 +231,21 @@ def test_nothing_waits_after_the_bus_is_closed() -> None:
         bus.subscribe(inbox, TRACK, SIGNALS)
     assert inbox.closed
     assert drain(inbox) == []
+
+
+@pytest.mark.parametrize(
+    ("settings", "lease_ms"),
+    [
+        (BusSettings(connect=("tcp/127.0.0.1:7447",)), zenoh_bus.LOCAL_LEASE_MS),
+        (BusSettings(mode="router", listen=("tls/[::1]:7447",)), zenoh_bus.LOCAL_LEASE_MS),
+        (BusSettings(connect=("tcp/10.0.0.7:7447",)), zenoh_bus.LEASE_MS),
+        (
+            BusSettings(mode="router", listen=("tcp/127.0.0.1:7447", "tcp/0.0.0.0:7448")),
+            zenoh_bus.LEASE_MS,
+        ),
+        (BusSettings(multicast=True), zenoh_bus.LEASE_MS),
+    ],
+)
+def test_within_a_host_no_silent_link_is_given_up(settings: BusSettings, lease_ms: int) -> None:
+    config = zenoh_bus._config(settings)
+    assert int(config.get_json("transport/link/tx/lease")) == lease_ms

@@ -209,6 +209,7 @@ def test_two_at_once_are_refused(
         (["idle", "gone.mp4"], "gone.mp4: no such file or folder"),
         (["idle"], "no recordings are named"),
         (["idle", "nothing"], "no recordings in nothing"),
+        (["idle", "out"], "--out out is the folder that is to be read"),
         (["idle", "--list", "gone"], "--list gone: No such file"),
         (["idle", "clip.npz", "--method", "magic"], "no idle method 'magic'"),
         (["track", "clip.npz", "--method", "magic"], "no ENF method 'magic'"),
@@ -223,9 +224,11 @@ def test_what_cannot_be_meant_is_one_line(
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     (tmp_path / "nothing").mkdir()
+    if "out" in words:
+        (tmp_path / "out").mkdir()
     (tmp_path / "clip.npz").touch()
     assert main(["batch", *words, "--out", "out"]) == 2
     told = capsys.readouterr()
     assert (told.out, told.err.count("\n")) == ("", 1)
     assert said in told.err
-    assert not (tmp_path / "out").exists()
+    assert not (tmp_path / "out" / "batch.jsonl").exists()

@@ -85,3 +85,11 @@ def test_what_does_not_tell_the_time_is_refused_in_one_line(
     said = capsys.readouterr().err.splitlines()
     assert len([line for line in said if line.startswith("rsenf")]) == 1
     assert hint in said[-1]
+
+
+def test_another_camera_is_only_in_a_recording(
+    files: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["live", files[0], "--reference-camera", "other", "--start", "2026-01-02"]
+    assert main(words) == EXIT_USAGE
+    assert "has no other camera" in capsys.readouterr().err

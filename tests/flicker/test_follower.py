@@ -135,6 +135,22 @@ def test_lost_frames_are_bridged_with_wider_errors() -> None:
             assert abs(s.f0_hz - truth[s.index]) < max(4e-4, 5 * np.sqrt(s.f0_var_hz2))
 
 
+@pytest.mark.parametrize("gap_s", [33, 120, 700])
+def test_a_gap_longer_than_any_window_is_crossed(gap_s: int) -> None:
+    clip = film(seconds=90.5, seed=8)
+    t = clip.frame_time_s + np.where(clip.frame_time_s > 45.0, gap_s, 0)
+    truth = 2 * np.array(clip.truth["enf_hz"])
+    out = follow(clip.level, t, nominal_hz=50.0)
+    assert [s.index for s in out] == list(range(90 + gap_s))
+    assert not any(s.usable for s in out[46 : 44 + gap_s])
+    assert all(s.usable for s in out[:30])
+    assert all(s.usable for s in out[-20:])
+    for s in out:
+        if s.usable:
+            at = s.index if s.index < 46 else s.index - gap_s
+            assert abs(s.f0_hz - truth[at]) < max(1e-3, 5 * np.sqrt(s.f0_var_hz2))
+
+
 def test_blocks_that_are_not_usable_do_not_count(clip: RowData) -> None:
     follower = FlickerFollower()
     out = []

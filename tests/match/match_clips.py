@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from rsenf.bench.match_stream import estimates_of
 from rsenf.match.kernel import average, window_kernel
 from rsenf.match.series import Grid, Track
-from rsenf.messages import EnfEstimate, Header, ReferenceBlock
+from rsenf.messages import Header, ReferenceBlock
 
 WINDOW_S = 20.0
 SMEAR_STD_HZ = 1.5e-3
@@ -61,41 +64,8 @@ def grid_from(freq_hz, *, step_s=1.0, t0_ns=0, nominal_hz=50.0):
 
 def estimates_from(track, *, epoch=0, seq=0):
     """The messages that would make this track."""
-    out = []
-    for i, (enf, var) in enumerate(zip(track.enf_hz, track.var_hz2, strict=True)):
-        centre_ns = round((track.first_s + i * track.hop_s) * 1e9)
-        half_ns = round(track.window_s / 2 * 1e9)
-        out.append(
-            EnfEstimate(
-                header=Header(run_id="r", source="site/cam", epoch=epoch, seq=seq + i),
-                method="stft",
-                nominal_hz=track.nominal_hz,
-                start_pts_ns=centre_ns - half_ns,
-                end_pts_ns=centre_ns + half_ns,
-                enf_hz=float(enf),
-                enf_var_hz2=float(var),
-                usable=bool(np.isfinite(enf)),
-                **_amplitude(track, i, centre_ns),
-            )
-        )
-    return out
-
-
-def _amplitude(track, i, centre_ns):
-    """The amplitude of one level that has a track's phase, if it has any."""
-    phase, variance = track.phase_rad[i], np.array([track.phase_var_rad2[i]])
-    if not np.isfinite(phase):
-        return {}
-    return {
-        "carrier_hz": 2.0 * track.nominal_hz,
-        "points": 1,
-        "amplitude_pts_ns": np.array([centre_ns]),
-        "amplitude_re": np.array([np.cos(phase)]),
-        "amplitude_im": np.array([np.sin(phase)]),
-        "amplitude_var_re": variance,
-        "amplitude_var_im": variance,
-        "amplitude_cov": np.zeros(1),
-    }
+    header = Header(run_id="r", source="site/cam", epoch=epoch, seq=seq)
+    return [replace(e, method="stft") for e in estimates_of(track, header)]
 
 
 def blocks_from(grid, block=500):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,9 +15,11 @@ from rsenf.messages import Frame, Header
 from rsenf.model.seeds import generator
 from rsenf.rows.settings import RowsSettings
 from rsenf.rows.stage import Rows
+from rsenf.rows.tiles import tile_sums
 
 Luma = NDArray[np.uint8]
 
+BLOCK_FRAMES = RowsSettings().block_frames
 HELD_BYTES = 64 << 20  # planes take turns: more of them than a cache holds
 LEVELS, NOISE, LIT = (70, 130), 3, 210
 ALIGNED_PX = 64  # a decoder's lines begin at multiples of so many
@@ -49,12 +51,11 @@ class Planes:
         width_px, height_px = SIZES[self.size]
         still, moving = (planes(height_px, width_px, seed, box=box) for box in (False, True))
         to = np.empty_like(still[0])
-        one = RowsSettings(strips=1, tiles=1, mask=False)
-        works: dict[str, tuple[Sequence[Luma], Callable[[int, Luma], Any]]] = {
-            "copy": (still, lambda number, luma: np.copyto(to, luma)),
-            "means": (still, _sampler(one)),
-            "still": (still, _sampler(RowsSettings())),
-            "moving": (moving, _sampler(RowsSettings())),
+        works: dict[str, tuple[list[Any], Callable[[Any], Any]]] = {
+            "copy": (still, lambda luma: np.copyto(to, luma)),
+            "means": (still, lambda luma: tile_sums(luma, "rows", 1) / width_px),
+            "still": (_frames(still), Rows().update),
+            "moving": (_frames(moving), Rows().update),
         }
         for of, work in works.values():
             self._timed_us(of, work)
@@ -66,23 +67,25 @@ class Planes:
             ],
         }
 
-    def _timed_us(self, of: Sequence[Luma], work: Callable[[int, Luma], Any]) -> float:
-        count = self.blocks * RowsSettings().block_frames
+    def _timed_us(self, of: list[Any], work: Callable[[Any], Any]) -> float:
+        count = self.blocks * BLOCK_FRAMES
         begun_s = time.process_time()
         for number in range(count):
-            work(number, of[number % len(of)])
+            work(of[number % len(of)])
         return (time.process_time() - begun_s) / count * 1e6
 
 
-def _sampler(settings: RowsSettings) -> Callable[[int, Luma], Any]:
-    rows = Rows(settings)
-
-    def sample(number: int, luma: Luma) -> None:
-        header = Header(frame_first=number, frame_last=number, seq=number)
-        height_px, width_px = luma.shape
-        rows.update(Frame(header=header, height_px=height_px, width_px=width_px, luma=luma))
-
-    return sample
+def _frames(lumas: list[Luma]) -> list[Frame]:
+    height_px, width_px = lumas[0].shape
+    return [
+        Frame(
+            header=Header(frame_first=number, frame_last=number, seq=number),
+            height_px=height_px,
+            width_px=width_px,
+            luma=luma,
+        )
+        for number, luma in enumerate(lumas)
+    ]
 
 
 def planes(height_px: int, width_px: int, seed: int, *, box: bool) -> list[Luma]:
@@ -91,7 +94,7 @@ def planes(height_px: int, width_px: int, seed: int, *, box: bool) -> list[Luma]
     padded_px = -(-width_px // ALIGNED_PX) * ALIGNED_PX
     wall = rng.integers(*LEVELS, (height_px, padded_px), np.uint8)
     out = []
-    for number in range(max(HELD_BYTES // wall.size, 8)):
+    for number in range(max(HELD_BYTES // (wall.size * BLOCK_FRAMES), 1) * BLOCK_FRAMES):
         plane = wall + rng.integers(0, NOISE, padded_px, np.uint8)
         if box:
             left = number * width_px // 32 % (width_px * 3 // 4)

@@ -99,7 +99,7 @@ class SampleFile:
             index = (t_ns - raster.t0_ns) // raster.step_ns
         total = rows["sum_uhz"].to_numpy()
         if not several:
-            once = np.ones(group.rows, np.uint32)
+            once = np.broadcast_to(np.uint32(1), group.rows)
             return Samples(index, total, once, total, total, UNIT_HZ)
         low, high = (_or_total(rows[name], total) for name in ("low_uhz", "high_uhz"))
         return Samples(index, total, rows["readings"].to_numpy(), low, high, UNIT_HZ)

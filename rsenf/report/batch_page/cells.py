@@ -29,9 +29,10 @@ class Column:
     cell: Callable[[Row], Cell]
     number: bool = False
     badge: bool = False
+    whole: bool = False  # never broken into lines
 
 
-def text(heading: str, name: str) -> Column:
+def text(heading: str, name: str, *, whole: bool = False) -> Column:
     """Column of a text as it stands."""
 
     def cell(row: Row) -> Cell:
@@ -39,7 +40,7 @@ def text(heading: str, name: str) -> Column:
         shown = "; ".join(value) if isinstance(value, list) else str(value or "").replace("_", " ")
         return Cell(shown, shown or None)
 
-    return Column(heading, cell)
+    return Column(heading, cell, whole=whole)
 
 
 def figure(heading: str, name: str, std: str = "", scale: float = 1.0) -> Column:
@@ -104,7 +105,7 @@ def file(heading: str, name: str) -> Column:
 SHOWN: dict[str, tuple[Column, ...]] = {
     "verify": (
         text("decision", "decision"),
-        text("start (UTC)", "start_utc"),
+        text("start (UTC)", "start_utc", whole=True),
         figure("into the reference (s)", "lag_s", "lag_std_s"),
         text("grid", "grid"),
         figure("log10 LR, other times", "log10_lr"),
