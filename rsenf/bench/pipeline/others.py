@@ -59,4 +59,5 @@ def others_said(document: dict[str, Any]) -> str:
     ratio = document["others_ratio"]
     if ratio is None or ratio <= BUSY_RATIO:
         return ""
-    return f"; other programs took up to {100 * ratio:.0f} % of the machine: go by processor time alone"
+    taken = f"{100 * ratio:.0f} %"
+    return f"; other programs took up to {taken} of the machine: go by processor time alone"
