@@ -42,7 +42,8 @@ def run(args: argparse.Namespace) -> int:
         if args.quick:
             films = films_of(args, (_QUICK_SIZE,), CODECS[:1], lambda size: _QUICK_FRAMES)
         else:
-            films = films_of(args, tuple(SIZES), CODECS, lambda size: _FRAMES[size])
+            frames = round(30 * args.duration_s) if args.duration_s else 0
+            films = films_of(args, tuple(SIZES), CODECS, lambda size: frames or _FRAMES[size])
         with tempfile.TemporaryDirectory() as temporary:
             records = measure_turns(
                 turns(films, rounds),

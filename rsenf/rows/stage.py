@@ -139,6 +139,15 @@ def _by_strip(per_tile: Float32Array, strips: int) -> Float32Array:
     return functools.reduce(np.add, (of_strip[..., k] for k in range(of_strip.shape[-1])))
 
 
+def _over_tiles(per_tile: Float32Array) -> Float32Array:
+    """Add up all tiles, pair by pair, as ``sum`` does with eight of them: (…, tiles) to (…, 1)."""
+    while (tiles := per_tile.shape[-1]) > 1:
+        pairs = per_tile[..., 0 : tiles - 1 : 2] + per_tile[..., 1::2]
+        odd = per_tile[..., tiles - tiles % 2 :]
+        per_tile = np.concatenate([pairs, odd], axis=-1) if odd.size else pairs
+    return per_tile
+
+
 def _paint_over(
     sums: Float32Array, keep: NDArray[np.bool_], background: Float32Array
 ) -> Float32Array:
@@ -146,8 +155,7 @@ def _paint_over(
     rows = np.flatnonzero(~keep.all(axis=1))
     touched = slice(rows[0], rows[-1] + 1)
     seen, steady, background = sums[:, touched], keep[touched], background[touched]
-    bright = (seen * steady).sum(axis=2, keepdims=True)
-    usual = (background * steady).sum(axis=1)[:, None]
+    bright, usual = _over_tiles(seen * steady), _over_tiles(background * steady)
     gain = np.divide(bright, usual, out=np.ones_like(bright), where=usual > 0)
     out = sums.copy()
     np.copyto(out[:, touched], background * gain, where=~steady)

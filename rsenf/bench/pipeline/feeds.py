@@ -15,6 +15,7 @@ from rsenf import __version__
 from rsenf.batch.journal import Record, read_records
 from rsenf.bench.pipeline.films import FRAME_RATE, Film, made
 from rsenf.bench.pipeline.graphs import Heard, Ran, Split, run_split
+from rsenf.bench.pipeline.others import most_of_others, others_said, watch_others
 from rsenf.bench.pipeline.trial import FILMS, VERSION
 from rsenf.bench.session import measure_missing
 from rsenf.bench.text import Table, titled
@@ -88,9 +89,9 @@ def carried(many: Many, films: Path) -> Record:
     """Run so many feeds, and tell whether all of them were carried."""
     film = many.film
     split = Split(cameras=many.feeds, threads=1, pace=True)
-    load = os.getloadavg()[0]
+    path, others = made(film, films), watch_others()
     with tempfile.TemporaryDirectory(prefix="rsenf-bench-") as folder:
-        ran = run_split(split, made(film, films), Path(folder))
+        ran = run_split(split, path, Path(folder))
     late = [lateness_s(blocks) for blocks in by_camera(ran)]
     seconds, cpu_s = film.frames / float(FRAME_RATE), ran.cpu_s
     last = [sorted(of[-len(of) // 4 :]) for of in late]
@@ -104,7 +105,7 @@ def carried(many: Many, films: Path) -> Record:
         "feeds": many.feeds,
         "seconds": seconds,
         "cores": os.cpu_count(),
-        "load": load,
+        "others_ratio": others(),
         "rsenf": __version__,
         "node_cpu_s": cpu_s,
         "cpu_s": sum(cpu_s.values()),
@@ -153,6 +154,7 @@ def tabulate(records: list[Record]) -> dict[str, Any]:
     return {
         "table": "feeds",
         "mark": MARK,
+        "others_ratio": most_of_others(records),
         "carried": [{"size": s, "codec": c, "feeds": n} for (s, c), n in most.items()],
         "rows": rows,
     }
@@ -162,11 +164,8 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Return the table for a terminal, or in Markdown."""
     lines = [_cells(row) for row in document["rows"]]
     told = [f"{c['feeds']} feeds of {c['size']} are carried" for c in document["carried"]]
-    cores, load = (sorted({row[k] for row in document["rows"]}) for k in ("cores", "load"))
-    made_from = (
-        f"{'; '.join(told)}; {', '.join(map(str, cores))} cores, load of the machine before each "
-        f"run {load[0]:.1f} to {load[-1]:.1f}"
-    )
+    cores = sorted({row["cores"] for row in document["rows"]})
+    made_from = f"{'; '.join(told)}; {', '.join(map(str, cores))} cores{others_said(document)}"
     tables: list[Table] = [("Feeds at 30 frames/s", _HEAD, lines)]
     return titled(tables, [made_from] if on_page else [_NOTE, made_from], on_page=on_page)
 

@@ -62,6 +62,11 @@ class Film:
         return f"{self.size}-{self.codec}-{self.frames}-{self.filmed}-{self.seed}.mp4"
 
     @property
+    def once(self) -> str:
+        """File name of what is filmed."""
+        return f"once-{self.size}-{self.codec}-{self.filmed}-{self.seed}.mp4"
+
+    @property
     def bitrate_bps(self) -> int:
         """Mean bit rate."""
         return BITRATES_BPS[self.size] // (2 if self.codec == "h265" else 1)
@@ -82,14 +87,13 @@ class Film:
 
 def made(film: Film, folder: Path) -> Path:
     """Return a film's file, which is made where there is none, with the grid's table beside it."""
-    path = folder / film.name
+    path, once = folder / film.name, folder / film.once
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
         write_grid(film, reference_of(path))
-        once = path.with_suffix(".once.mp4")
-        shoot(film, once)
+        if not once.exists():
+            shoot(film, once)
         repeat(once, path, film.times)
-        once.unlink()
     return path
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from rsenf.batch.journal import Record
 from rsenf.bench.pipeline.contestants import COPY, FFMPEG, LIVE, MEANS, ONE, PYAV, SPLITS
+from rsenf.bench.pipeline.others import most_of_others, others_said
 from rsenf.bench.text import Table, titled
 
 Row = dict[str, Any]
@@ -44,7 +45,7 @@ def tabulate(records: Sequence[Record]) -> Row:
         "decoder": decoder,
         "rounds": max((r["number"] + 1 for r in timed), default=0),
         "cores": sorted({r["cores"] for r in records}),
-        "load": [f(r["load"] for r in records) for f in (min, max)] if records else [],
+        "others_ratio": most_of_others(records),
         "versions": sorted({r["rsenf"] for r in records}),
         "rows": [row for group in groups.values() for row in _rows(group, decoder)],
         "latency": [row for r in records if r["contestant"] == LIVE for row in _late(r)],
@@ -118,8 +119,9 @@ def _late(record: Record) -> Iterable[Row]:
 def text(document: Row, *, on_page: bool = False) -> str:
     """Return the tables for a terminal, or in Markdown."""
     notes = [_LATE_NOTE, _made_from(document)]
+    judged = not others_said(document)
     tables: list[Table] = [
-        ("Frame rate and processor time", _HEAD, [_cells(row) for row in document["rows"]]),
+        ("Frame rate and processor time", _HEAD, [_cells(row, judged) for row in document["rows"]]),
         ("Latency", _LATE_HEAD, [_late_cells(row) for row in document["latency"]]),
     ]
     notes = [_NOTE.format(decoder=document["decoder"]), *notes]
@@ -129,14 +131,10 @@ def text(document: Row, *, on_page: bool = False) -> str:
 
 
 def _made_from(document: Row) -> str:
-    if not document["load"]:
-        return "nothing was timed"
     cores = ", ".join(map(str, document["cores"]))
-    low, high = document["load"]
     missing = "" if document["decoder"] == FFMPEG else "; ffmpeg isn't here: compared with PyAV"
     return (
-        f"medians of {document['rounds']} rounds on {cores} cores; load of the machine before each "
-        f"turn {low:.1f} to {high:.1f}{missing}"
+        f"medians of {document['rounds']} rounds on {cores} cores{missing}{others_said(document)}"
     )
 
 
@@ -144,9 +142,11 @@ def _film(row: Row) -> str:
     return f"{row['size']} {row['codec'].upper().replace('H', 'H.')}"
 
 
-def _cells(row: Row) -> list[str]:
-    mark = row["mark"]
-    reached = "" if mark is None else f"{mark:g} {'yes' if row['rate_ratio'] >= mark else 'no'}"
+def _cells(row: Row, judged: bool) -> list[str]:
+    mark, reached = row["mark"], ""
+    if mark is not None:
+        held = "yes" if row["rate_ratio"] >= mark else "no"
+        reached = f"{mark:g} {held if judged else 'not told'}"
     return [
         _film(row), f"{row['bitrate_bps'] / 1e6:g}", row["contestant"],
         f"{row['frames_per_s']:.0f}", f"{row['rate_ratio']:.2f}", reached,

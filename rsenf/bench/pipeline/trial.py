@@ -12,6 +12,7 @@ from rsenf import __version__
 from rsenf.batch.journal import Record, read_records
 from rsenf.bench.pipeline.contestants import LIVE, contestants, time_it
 from rsenf.bench.pipeline.films import Film, made
+from rsenf.bench.pipeline.others import watch_others
 from rsenf.bench.session import measure_missing
 
 VERSION = 1
@@ -69,7 +70,8 @@ def measure_turns(
 def taken(turn: Turn, films: Path) -> Record:
     """Take a turn."""
     film = turn.film
-    load_before = os.getloadavg()[0]
+    path, others = made(film, films), watch_others()
+    timed = time_it(turn.contestant, film, path)
     return {
         "version": VERSION,
         "key": turn.key,
@@ -78,8 +80,8 @@ def taken(turn: Turn, films: Path) -> Record:
         "codec": film.codec,
         "bitrate_bps": film.bitrate_bps,
         "number": turn.number,
-        "load": load_before,
+        "others_ratio": others(),
         "cores": os.cpu_count(),
         "rsenf": __version__,
-        **time_it(turn.contestant, film, made(film, films)),
+        **timed,
     }
