@@ -9,11 +9,14 @@ import ctypes
 # and go back to it: each time, every page of a recording's megabyte, or of an array of rows, is
 # cleared and mapped anew, which takes as long as the work on it.
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
-_LARGEST_KEPT, _KEPT = 32 << 20, 128 << 20
+_LARGEST_KEPT, _KEPT = 4 << 20, 16 << 20
 
 
 def keep_heap() -> None:
-    """Let blocks of up to 32 MiB be taken from memory that is there. Does nothing elsewhere."""
+    """Let blocks of up to 4 MiB be taken from memory that is there: 16 MiB of it, at most, wait.
+
+    Larger ones, of a search, go back. With another C library than glibc this does nothing.
+    """
     with contextlib.suppress(OSError, AttributeError, TypeError):  # another C library, or none
         mallopt = ctypes.CDLL(None).mallopt
         mallopt(_M_MMAP_THRESHOLD, _LARGEST_KEPT)
