@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import dataclasses
+import gc
 import json
 import tracemalloc
 from fractions import Fraction
@@ -358,7 +359,7 @@ def test_after_an_hour_memory_grows_no_more():
     tracemalloc.start()
     for second in range(0, seconds, 2):
         shown.put(camera.enf(second))
-        if second % 20 == 0:
+        if second % 10 == 0:  # more alarms than are kept, and than Python has small numbers for
             shown.put(camera.alarm(second, second), health("n", "k", START_NS))
             key, block = rows  # by memory a block is like another
             fresh = dataclasses.replace(
@@ -371,9 +372,12 @@ def test_after_an_hour_memory_grows_no_more():
         if second % 100 == 0:
             shown.session.news()
         if second in (4100, seconds - 2):
+            gc.collect()
             sizes.append(tracemalloc.get_traced_memory()[0])
     tracemalloc.stop()
-    assert sizes[1] < sizes[0] + 10_000 < 1_000_000
+    # Of the 650 estimates since, not even 32 bytes each, the least that any object takes, are kept;
+    # the table of a dict that is laid out anew takes 9 kB, at its own time.
+    assert sizes[1] < sizes[0] + 20_000 < 1_000_000
     late = Session(shown.site)
     late.ask(json.dumps({"feed": DOOR, "series": "hour"}))
     told = json.loads(late.news())
