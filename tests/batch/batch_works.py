@@ -34,3 +34,8 @@ def obey(order: Order) -> dict[str, Any]:
     if order.does == "wait" or (order.does == "wait once" and first):
         time.sleep(60.0)
     return {"name": order.name, "pid": os.getpid()}
+
+
+def status_name(dask_worker: Any) -> str:
+    """Return what a worker, or a nanny, says it is doing; Dask gives it by the argument's name."""
+    return str(dask_worker.status.name)

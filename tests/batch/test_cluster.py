@@ -17,7 +17,7 @@ import pytest
 from rsenf.batch.cluster import worked_on_cluster
 from rsenf.batch.pool import Trouble
 from rsenf.errors import UsageError
-from tests.batch.batch_works import Order, obey
+from tests.batch.batch_works import Order, obey, status_name
 from tests.conftest import ROOT
 
 pytest.importorskip("distributed")
@@ -33,7 +33,7 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1",
     }
     dask = [sys.executable, "-m", "dask"]
-    words = ["--scheduler-file", str(where), "--no-dashboard"]
+    words = ["--scheduler-file", str(where), "--no-dashboard", "--host", "127.0.0.1"]
     more = ["--nworkers", "2", "--nthreads", "1", "--local-directory", str(folder)]
     with (folder / "log").open("w") as log:
         started = [
@@ -44,7 +44,9 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         while not where.exists():
             assert started[0].poll() is None, (folder / "log").read_text()
             time.sleep(0.05)
-        yield json.loads(where.read_text())["address"]
+        address = json.loads(where.read_text())["address"]
+        wait_for_nannies(address, 2)
+        yield address
     finally:
         for process in reversed(started):  # workers that look for their scheduler end late
             process.terminate()
@@ -52,6 +54,15 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
                 process.wait(20)
             except subprocess.TimeoutExpired:
                 process.kill()
+
+
+def wait_for_nannies(address: str, count: int) -> None:
+    """Wait until so many can start their worker anew: one whose worker dies before gives up."""
+    from distributed import Client
+
+    with Client(address, set_as_default=False) as client:
+        while list(client.run(status_name, nanny=True).values()) != ["running"] * count:
+            time.sleep(0.05)
 
 
 def done_on(scheduler: str, does: dict[str, str], folder: Path) -> dict[str, str]:
