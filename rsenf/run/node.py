@@ -94,7 +94,8 @@ class NodeProcess:
             lambda: sum(p.sent for p in self._publishers),
             restarts,
         )
-        self.say, self.note_input = self._health.say, self._health.note_input
+        self.say, self.show = self._health.say, self._health.show
+        self.note_input = self._health.note_input
         self._watch_peers()
 
     # --- the streams -----------------------------------------------------------------------
