@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from rsenf.messages import Frame, Header, RowBlock
 from rsenf.messages.schema import Float32Array
 from rsenf.rows.settings import RowsSettings
 from rsenf.rows.steady import SteadyMask
-from rsenf.rows.tiles import tile_pixels, tile_sums
+from rsenf.rows.tiles import Int32Array, tile_pixels, tile_sums
 
 # Below this share of steady pixels, or above this share of clipped rows, the row means say more
 # about motion or the sensor's limits than about the light.
@@ -39,9 +38,10 @@ class Rows:
     def __init__(self, settings: RowsSettings | None = None) -> None:
         self.settings = settings or RowsSettings()
         self._headers: list[Header] = []  # of the block's frames, with their sums
-        self._size_px = 0, 0  # of its frames, height and width
-        self._sums: list[Float32Array] = []
-        self._steady: SteadyMask | None = None
+        self._sums: list[Int32Array] = []
+        self._size_px = 0, 0  # height and width of frames, and what goes by it
+        self._cut: _Cut
+        self._steady: SteadyMask
 
     def update(self, message: Frame) -> list[Any]:
         """Take a frame; return the block that it completes, if any."""
@@ -61,27 +61,29 @@ class Rows:
     def _take(self, frame: Frame) -> None:
         if frame.luma is None:
             raise ValueError("a frame without its luma plane")
-        s = self.settings
-        height_px, width_px = self._size_px
-        if self._headers and frame.luma.shape != self._size_px:
-            raise UsageError(
-                f"frame {frame.header.frame_first} is {frame.luma.shape[1]}×{frame.luma.shape[0]}, "
-                f"those before it {width_px}×{height_px}"
-            )
-        tiles = s.tiles if s.mask or s.tile_means else s.strips
-        self._sums.append(tile_sums(frame.luma, s.read_out_axis, tiles))
+        if frame.luma.shape != self._size_px:
+            self._resize(*frame.luma.shape)
         # The picture itself isn't kept: it may be a view of a buffer that will be used again.
+        axis, tiles = self.settings.read_out_axis, self._cut.tiles
+        self._sums.append(tile_sums(frame.luma, axis, tiles))
         self._headers.append(frame.header)
-        self._size_px = frame.height_px, frame.width_px
+
+    def _resize(self, height_px: int, width_px: int) -> None:
+        if self._headers:
+            raise UsageError(
+                f"the frame after {self._headers[-1].frame_first} is {width_px}×{height_px}, "
+                f"those before it {self._size_px[1]}×{self._size_px[0]}"
+            )
+        self._size_px = height_px, width_px
+        self._cut = _Cut(self._size_px, self.settings)
+        self._steady = SteadyMask(self._cut.tiles, self._cut.rows)
 
     def _finish(self) -> RowBlock:
-        s, headers = self.settings, self._headers
-        sums = np.stack(self._sums)
-        rows, in_row = tile_pixels(*self._size_px, s.read_out_axis, sums.shape[2])
-        # Written out to every row: numpy is slow where a short axis is the one that repeats.
-        pixels = np.tile(in_row.astype(np.float32), (rows, 1))
-        level, kept = self._level(sums, pixels)
-        steady_ratio = float(kept.sum()) / float(rows * in_row.sum())
+        s, headers, cut = self.settings, self._headers, self._cut
+        sums = np.stack(self._sums, dtype=np.float32)
+        tile_means = self._tile_means(sums)
+        level, kept = self._level(sums)
+        steady_ratio = float(kept.sum()) / float(cut.kept_px.sum())
         clipped = np.count_nonzero((level <= BLACK_LEVEL) | (level >= WHITE_LEVEL)) / level.size
         reason = _why_unusable(steady_ratio, clipped)
         block = RowBlock(
@@ -92,7 +94,7 @@ class Rows:
             ),
             read_out_axis=s.read_out_axis,
             frames=len(headers),
-            rows=rows,
+            rows=cut.rows,
             strips=s.strips,
             frame_number=np.array([h.frame_first for h in headers], np.int64),
             frame_pts_ns=np.array([h.pts_ns for h in headers], np.int64),
@@ -102,64 +104,85 @@ class Rows:
             clipped_ratio=clipped,
             usable=not reason,
             reason=reason,
-            **self._tile_means(sums, pixels),
+            **tile_means,
         )
         self._headers, self._sums = [], []
         return block
 
-    def _level(
-        self, sums: Float32Array, pixels: Float32Array
-    ) -> tuple[Float32Array, NDArray[np.uint32]]:
-        """Row means per strip, (frames, rows, strips), and the pixels behind them."""
-        strips = self.settings.strips
-        keep = np.ones(pixels.shape, bool)
-        if self.settings.mask:
-            if self._steady is None or self._steady.shape != pixels.shape:
-                self._steady = SteadyMask(*pixels.shape)
-            keep = self._steady.update(sums / pixels)
-            if not keep.all():
-                sums = _paint_over(sums, keep, self._steady.background * pixels)
-        level = _by_strip(sums, strips) / _by_strip(pixels, strips)
-        return level, _by_strip(keep * pixels, strips).astype(np.uint32)
+    def _level(self, sums: Float32Array) -> tuple[Float32Array, NDArray[np.uint32]]:
+        """Row means per strip, (frames, rows, strips), and the pixels behind them.
 
-    def _tile_means(self, sums: Float32Array, pixels: Float32Array) -> dict[str, Any]:
+        What moves is painted over in ``sums``.
+        """
+        cut, mask, kept_px = self._cut, self._steady, self._cut.kept_px
+        if self.settings.mask:
+            steady = mask.update(sums / cut.tile_px)
+            if not steady.all():
+                _paint_over(sums, mask.background * cut.tile_px, mask, steady)
+                of_bands = _by_strip(steady * cut.tile_px, self.settings.strips)
+                kept_px = mask.rows_of(of_bands).astype(np.uint32).T.copy()
+        level = np.empty((len(sums), *kept_px.shape), np.float32)
+        by_strip = _by_strip(sums, self.settings.strips)
+        np.divide(by_strip, cut.strip_px, out=level.transpose(0, 2, 1))
+        return level, kept_px
+
+    def _tile_means(self, sums: Float32Array) -> dict[str, Any]:
         if not self.settings.tile_means:
             return {}
-        bands = self._steady or SteadyMask(*pixels.shape)
-        level = bands.band_means(sums / pixels)
-        return {"bands": bands.bands, "tiles": pixels.shape[1], "tile_level": level}
+        level = self._steady.band_means(sums / self._cut.tile_px)
+        return {
+            "bands": self._steady.bands,
+            "tiles": sums.shape[1],
+            "tile_level": level.transpose(0, 2, 1).copy(),
+        }
+
+
+class _Cut:
+    """How planes of one size are cut, and the pixels of a row in each part.
+
+    Parameters
+    ----------
+    size_px : tuple of int
+        Height and width.
+    settings : RowsSettings
+    """
+
+    def __init__(self, size_px: tuple[int, int], settings: RowsSettings) -> None:
+        tiles, strips = settings.tiles, settings.strips
+        self.tiles = tiles if settings.mask or settings.tile_means else strips
+        self.rows, in_row = tile_pixels(*size_px, settings.read_out_axis, self.tiles)
+        self.tile_px = in_row.astype(np.float32)[:, None]
+        self.strip_px = _by_strip(self.tile_px, strips)
+        self.kept_px = np.tile(self.strip_px.T.astype(np.uint32), (self.rows, 1))
+        self.kept_px.flags.writeable = False  # every block in which nothing moves has this one
 
 
 def _by_strip(per_tile: Float32Array, strips: int) -> Float32Array:
-    """Add up the tiles of each strip: (…, tiles) to (…, strips).
-
-    Tile by tile of all rows, which is many times faster than row by row.
-    """
-    of_strip = per_tile.reshape(*per_tile.shape[:-1], strips, -1)
-    return functools.reduce(np.add, (of_strip[..., k] for k in range(of_strip.shape[-1])))
+    """Add up the tiles of each strip, one after the other: (…, tiles, n) to (…, strips, n)."""
+    *more, _, n = per_tile.shape
+    return np.asarray(np.add.reduce(per_tile.reshape(*more, strips, -1, n), axis=-2))
 
 
 def _over_tiles(per_tile: Float32Array) -> Float32Array:
-    """Add up all tiles, pair by pair, as ``sum`` does with eight of them: (…, tiles) to (…, 1)."""
-    while (tiles := per_tile.shape[-1]) > 1:
-        pairs = per_tile[..., 0 : tiles - 1 : 2] + per_tile[..., 1::2]
-        odd = per_tile[..., tiles - tiles % 2 :]
-        per_tile = np.concatenate([pairs, odd], axis=-1) if odd.size else pairs
-    return per_tile
+    """Add up all tiles, pair by pair, as ``sum`` does with eight of them: (tiles, n) to (n,)."""
+    while (tiles := len(per_tile)) > 1:
+        pairs = per_tile[0 : tiles - 1 : 2] + per_tile[1::2]
+        per_tile = np.concatenate([pairs, per_tile[tiles - 1 :]]) if tiles % 2 else pairs
+    return np.asarray(per_tile[0])
 
 
 def _paint_over(
-    sums: Float32Array, keep: NDArray[np.bool_], background: Float32Array
-) -> Float32Array:
+    sums: Float32Array, background: Float32Array, mask: SteadyMask, steady: NDArray[np.bool_]
+) -> None:
     """Replace what moves by its background, as bright as the steady part of the same row."""
-    rows = np.flatnonzero(~keep.all(axis=1))
-    touched = slice(rows[0], rows[-1] + 1)
-    seen, steady, background = sums[:, touched], keep[touched], background[touched]
-    bright, usual = _over_tiles(seen * steady), _over_tiles(background * steady)
+    moved = np.flatnonzero(~steady.all(axis=0))
+    touched = slice(mask.band_starts[moved[0]], mask.band_starts[moved[-1] + 1])
+    seen, background = sums[..., touched], background[:, touched]
+    keep = mask.rows_of(steady)[:, touched]
+    counts = keep.astype(np.float32)
+    bright, usual = np.add.reduce(seen * counts, axis=1), _over_tiles(background * counts)
     gain = np.divide(bright, usual, out=np.ones_like(bright), where=usual > 0)
-    out = sums.copy()
-    np.copyto(out[:, touched], background * gain, where=~steady)
-    return out
+    np.copyto(seen, background * gain[:, None], where=~keep)
 
 
 def _why_unusable(steady_ratio: float, clipped_ratio: float) -> str:

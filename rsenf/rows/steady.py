@@ -10,6 +10,8 @@ does.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,57 +34,61 @@ RESTLESS_LEVEL = 6.0
 class SteadyMask:
     """Background, spread and decision, one block of frames at a time.
 
+    Rows are the last axis of everything: neighbours in memory, so that each step is one long loop.
+
     Parameters
     ----------
-    rows, tiles : int
+    tiles, rows : int
         Size of the tile means.
     """
 
-    def __init__(self, rows: int, tiles: int) -> None:
+    def __init__(self, tiles: int, rows: int) -> None:
         self.bands = max(1, rows // BAND_ROWS)
-        self._band_starts = np.arange(self.bands) * rows // self.bands
-        self._band_rows = np.diff(np.append(self._band_starts, rows))
-        self.shape = (rows, tiles)
+        self.band_starts = np.arange(self.bands + 1) * rows // self.bands
+        self._band_rows = np.diff(self.band_starts)
+        self._rows_in_band = self._band_rows.astype(np.float32)
+        self.shape = (tiles, rows)
         self._background: Float32Array | None = None
-        self._spread = np.full((self.bands, tiles), MIN_DEVIATION_LEVEL / SPREADS, np.float32)
+        self._spread = np.full((tiles, self.bands), MIN_DEVIATION_LEVEL / SPREADS, np.float32)
 
     @property
     def background(self) -> Float32Array:
-        """Background level of every row and tile, shape (rows, tiles)."""
+        """Background level of every tile and row, shape (tiles, rows)."""
         if self._background is None:
             raise ValueError("no block has been seen yet")
         return self._background
 
     def band_means(self, level: Float32Array) -> Float32Array:
-        """Average tile means over bands of rows: (…, rows, tiles) to (…, bands, tiles)."""
-        sums = np.add.reduceat(level, self._band_starts, axis=-2)
-        return np.asarray(sums / self._band_rows[:, None].astype(np.float32))
+        """Average over bands of rows: (…, rows) to (…, bands)."""
+        sums = np.add.reduceat(level, self.band_starts[:-1], axis=-1)
+        return np.asarray(np.divide(sums, self._rows_in_band, out=sums))
+
+    def rows_of(self, of_bands: NDArray[Any]) -> NDArray[Any]:
+        """Write out to every row: (…, bands) to (…, rows)."""
+        return np.repeat(of_bands, self._band_rows, axis=-1)
 
     def update(self, level: Float32Array) -> NDArray[np.bool_]:
         """Learn from a block and tell which cells stayed steady throughout it.
 
         Parameters
         ----------
-        level : ndarray of float32, shape (frames, rows, tiles)
+        level : ndarray of float32, shape (frames, tiles, rows)
             Mean luma of each row in each tile.
 
         Returns
         -------
-        ndarray of bool, shape (rows, tiles)
+        ndarray of bool, shape (tiles, bands)
         """
         first = self._background is None
         if self._background is None:
             self._background = np.asarray(np.median(level, axis=0), np.float32)
         background = self.band_means(self._background)
         gain, deviation = self._deviation(self.band_means(level), background)
-        worst = np.max(np.abs(deviation), axis=0)
-        steady = (worst <= np.maximum(MIN_DEVIATION_LEVEL, SPREADS * self._spread)) & (
-            self._spread <= RESTLESS_LEVEL
-        )
-        # Written out to every tile: numpy is slow where a short axis is the one that repeats.
-        common = np.repeat(gain, self._band_rows * level.shape[2], axis=1).reshape(level.shape)
-        self._learn(level / common, deviation, steady, first)
-        return np.repeat(steady, self._band_rows, axis=0)
+        worst = np.abs(deviation).max(axis=0)
+        usual = np.maximum(MIN_DEVIATION_LEVEL, SPREADS * self._spread)
+        steady = np.asarray((worst <= usual) & (self._spread <= RESTLESS_LEVEL))
+        self._learn(level / self.rows_of(gain)[:, None], deviation, steady, first)
+        return steady
 
     @staticmethod
     def _deviation(
@@ -90,8 +96,8 @@ class SteadyMask:
     ) -> tuple[Float32Array, Float32Array]:
         """Return the common factor of each band, (frames, bands), and what is left of each cell."""
         floor = np.maximum(background, 1.0)
-        gain = np.maximum(median_of_few(cells / floor), 1e-3)
-        return gain, cells - gain[:, :, None] * floor
+        gain = np.maximum(median_of_few((cells / floor).transpose(0, 2, 1)), 1e-3)
+        return gain, cells - gain[:, None] * floor
 
     def _learn(
         self,
@@ -101,9 +107,14 @@ class SteadyMask:
         first: bool,
     ) -> None:
         # The spread is learnt only where nothing moves, or motion would soon count as usual.
-        spread = np.sqrt(np.mean(deviation**2, axis=0))
+        spread = np.sqrt(_mean_of_frames(deviation**2))
         weight = 1.0 if first else np.where(steady, LEARNING_RATE, 0.0)
         self._spread = np.asarray(self._spread + weight * (spread - self._spread), np.float32)
         rate = np.where(steady, LEARNING_RATE, LEARNING_RATE / MOVING_SLOWDOWN)
-        step = np.repeat(rate, self._band_rows, axis=0) * (flat.mean(axis=0) - self.background)
+        step = self.rows_of(rate) * (_mean_of_frames(flat) - self.background)
         self._background = np.asarray(self.background + step, np.float32)
+
+
+def _mean_of_frames(of: Float32Array) -> Float32Array:
+    """Average over the first axis, without all that ``np.mean`` looks at before it does."""
+    return np.asarray(np.add.reduce(of, axis=0) / len(of))

@@ -14,8 +14,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.messages.schema import Float32Array
-
 # Threads inside OpenCV fight the decoder's for the same cores, and these sums are limited by
 # memory, not by arithmetic.
 cv2.setNumThreads(1)
@@ -32,7 +30,7 @@ def tile_edges(width_px: int, tiles: int) -> tuple[int, ...]:
     return tuple(round(i * width_px / tiles) for i in range(tiles + 1))
 
 
-def tile_sums(luma: NDArray[np.uint8], axis: str, tiles: int) -> Float32Array:
+def tile_sums(luma: NDArray[np.uint8], axis: str, tiles: int) -> Int32Array:
     """Sum the luma of every row over each tile.
 
     Parameters
@@ -46,20 +44,24 @@ def tile_sums(luma: NDArray[np.uint8], axis: str, tiles: int) -> Float32Array:
 
     Returns
     -------
-    ndarray of float32, shape (rows, tiles)
-        Exact: a tile would have to be 65 000 pixels wide to exceed float32's integers.
+    ndarray of int32, shape (tiles, rows)
     """
     height_px, width_px = luma.shape
     if axis == "columns":
-        edges = itertools.pairwise(tile_edges(height_px, tiles))
-        sums = np.concatenate([_sums(luma[a:b], 0) for a, b in edges]).T
-    elif tiles == 1 or (width_px % tiles == 0 and luma.flags.c_contiguous):
-        sums = _sums(luma.reshape(height_px * tiles, -1), 1).reshape(height_px, tiles)
-    else:
-        at_once = max(CACHED_BYTES // luma.strides[0], 1)
-        bands = range(0, height_px, at_once)
-        sums = np.concatenate([_uneven(luma[top : top + at_once], tiles) for top in bands])
-    return sums.astype(np.float32, order="C")
+        sums = np.empty((tiles, width_px), np.int32)
+        for k, (a, b) in enumerate(itertools.pairwise(tile_edges(height_px, tiles))):
+            _sum(luma[a:b], 0, sums[k : k + 1])
+        return sums
+    if tiles == 1 or (width_px % tiles == 0 and luma.flags.c_contiguous):
+        cells = np.empty((height_px * tiles, 1), np.int32)
+        _sum(luma.reshape(len(cells), -1), 1, cells)
+        by_row = cells.reshape(height_px, tiles)
+        return by_row.T if tiles == 1 else np.asarray(cv2.transpose(by_row))
+    sums = np.empty((tiles, height_px, 1), np.int32)
+    at_once = max(CACHED_BYTES // luma.strides[0], 1)
+    for top in range(0, height_px, at_once):
+        _uneven(luma[top : top + at_once], sums[:, top : top + at_once])
+    return sums[:, :, 0]
 
 
 def tile_pixels(
@@ -71,18 +73,17 @@ def tile_pixels(
     return rows, edges[1:] - edges[:-1]
 
 
-def _uneven(band: NDArray[np.uint8], tiles: int) -> Int32Array:
-    """Sum each row of some over tiles that memory isn't cut by, shape (rows, tiles).
+def _uneven(band: NDArray[np.uint8], sums: Int32Array) -> None:
+    """Sum each row of some over tiles that memory isn't cut by: ``sums``, shape (tiles, rows, 1).
 
     Reading a tile skips the rest of each row, at which memory is several times slower. So whole
-    rows come first, and the last tile is what the others leave of them.
+    rows come first, only to be in the cache when their tiles are read.
     """
-    whole = _sums(band, 1)
-    edges = itertools.pairwise(tile_edges(band.shape[1], tiles)[:-1])
-    parts = [_sums(band[:, a:b], 1) for a, b in edges]
-    return np.concatenate([*parts, whole - sum(parts)], axis=1)
+    _sum(band, 1, sums[0])
+    for k, (a, b) in enumerate(itertools.pairwise(tile_edges(band.shape[1], len(sums)))):
+        _sum(band[:, a:b], 1, sums[k])
 
 
-def _sums(part: NDArray[np.uint8], dim: int) -> Int32Array:
+def _sum(part: NDArray[np.uint8], dim: int, into: Int32Array) -> None:
     """Sum along a dimension, exactly; it stays, with a length of 1."""
-    return np.asarray(cv2.reduce(part, dim, cv2.REDUCE_SUM, dtype=cv2.CV_32S))
+    cv2.reduce(part, dim, cv2.REDUCE_SUM, into, cv2.CV_32S)
