@@ -8,6 +8,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+# The stage needs it with its first verdict: loaded here, it doesn't keep pictures waiting then.
+import scipy.linalg  # noqa: F401
+
 from rsenf.bus.bus import Publisher
 from rsenf.bus.keys import camera_key, reference_key, source_of
 from rsenf.config.graph import beside_rows

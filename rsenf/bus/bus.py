@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -12,11 +13,15 @@ from typing import Any, Protocol
 from rsenf.bus.delivery import Delivery
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.sequence import Envelope, place_of
+from rsenf.bus.several import MOST, apart, joined
 from rsenf.messages import encode, encoding_of
 
 # What is kept of a topic is a few minutes, but no more memory than this: rows of 1080p are 0.26 MB
 # a second.
 KEPT_BYTES = 32 * 2**20
+# Of a sender that runs ahead of time, messages go several at once: to wake everybody on their way
+# takes longer than what is done with one. So many bytes of them, or as many as come in so long.
+TOGETHER_BYTES, TOGETHER_S = 2**18, 0.1
 
 
 class Publisher(ABC):
@@ -45,9 +50,20 @@ class Publisher(ABC):
         self._kept: deque[tuple[str, Envelope]] = deque(maxlen=max(delivery.kept, delivery.history))
         self._kept_bytes = 0
         self._lock = threading.Lock()
+        self._together: list[Envelope] = []  # not sent yet
+        self._together_bytes, self._together_since_s = 0, 0.0
 
-    def send(self, message: Any) -> None:
-        """Send a message; waits for slow receivers when the topic is lossless."""
+    def send(self, message: Any, *, more: bool = False) -> None:
+        """Send a message; waits for slow receivers when the topic is lossless.
+
+        Parameters
+        ----------
+        message : message
+            What is sent.
+        more : bool
+            Whether others follow at once, so that it may wait for them and go with them. Only for
+            who sends from one thread, and flushes at the end.
+        """
         if self.run_suffix:
             message = _of_run(message, message.header.run_id + self.run_suffix)
         item = Envelope(
@@ -61,8 +77,27 @@ class Publisher(ABC):
         if self.keeps:
             with self._lock:
                 self._keep(place_of(self.sender, message.header), item)
-        self._put(item)
         self.sent += 1
+        if more or self._together:
+            self._gather(item, more=more)
+        else:
+            self._put(item)
+
+    def _gather(self, item: Envelope, *, more: bool) -> None:
+        now_s = time.monotonic()
+        if not self._together:
+            self._together_since_s = now_s
+        self._together.append(item)
+        self._together_bytes += len(item.payload)
+        full = self._together_bytes >= TOGETHER_BYTES or len(self._together) == MOST
+        if full or not more or now_s - self._together_since_s >= TOGETHER_S:
+            self.flush()
+
+    def flush(self) -> None:
+        """Send what still waits for others to go with it."""
+        if self._together:
+            items, self._together, self._together_bytes = self._together, [], 0
+            self._put(joined(items))
 
     @property
     def keeps(self) -> bool:
@@ -127,13 +162,14 @@ class Subscription:
         self._lock = threading.Lock()
 
     def take(self, item: Envelope) -> None:
-        """Take a live message. Called by the transport, which it makes wait."""
-        item = self._for_me(item)
+        """Take live messages. Called by the transport, which it makes wait."""
+        items = apart(self._for_me(item))
         with self._lock:
             if self._held is not None:
-                self._held.append(item)
+                self._held += items
                 return
-        self._inbox.put(item, self._delivery)
+        for item in items:
+            self._inbox.put(item, self._delivery)
 
     def _for_me(self, item: Envelope) -> Envelope:
         """Who only looks doesn't ask for what it missed."""

@@ -18,6 +18,9 @@ from rsenf.run.latency import LastMinute
 from rsenf.run.peers import Peers
 
 EVERY_S = 1.0
+# Of a file played as fast as it goes, a newest estimate may come a hundred times a second, and
+# every node of the graph hears what each says.
+DETAIL_EVERY_S = 0.5
 _STATM = Path("/proc/self/statm")
 
 
@@ -78,6 +81,13 @@ class HealthReport:
         with self._lock:
             self.state, self.detail = state, redact(detail)
             self._publish()
+
+    def show(self, detail: str) -> None:
+        """Change what is said of a running node, without a word for every change."""
+        with self._lock:
+            self.state, self.detail = "running", redact(detail)
+            if time.monotonic() - self._published_s >= DETAIL_EVERY_S:
+                self._publish()
 
     def beat(self) -> None:
         """Publish when a second is over, or when another node was lost. To be called often."""

@@ -94,7 +94,8 @@ class NodeProcess:
             lambda: sum(p.sent for p in self._publishers),
             restarts,
         )
-        self.say, self.note_input = self._health.say, self._health.note_input
+        self.say, self.show = self._health.say, self._health.show
+        self.note_input = self._health.note_input
         self._watch_peers()
 
     # --- the streams -----------------------------------------------------------------------
@@ -215,7 +216,9 @@ class NodeProcess:
     def live(self, body: Callable[[NodeProcess], None]) -> int:
         """Run the body, and say how it ended; returns the exit code."""
         try:
-            body(self)
+            with contextlib.ExitStack() as stack:
+                stack.callback(self._flush)
+                body(self)
         except RsenfError as exc:
             self.say("failed", str(exc))
             raise
@@ -224,6 +227,10 @@ class NodeProcess:
             raise
         self.say("done", self._health.detail)
         return self.exit_code
+
+    def _flush(self) -> None:
+        for publisher in self._publishers:
+            publisher.flush()
 
 
 def run_node(body: Callable[[NodeProcess], None]) -> NoReturn:

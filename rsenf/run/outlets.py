@@ -32,7 +32,8 @@ class Outlet(Protocol):
 def open_outlet(node: NodeProcess, config: DecodeNode, *, live: bool) -> Outlet:
     """Open what the configuration asks for."""
     if config.frames == "fused":
-        return _Fused(config, node.publisher(config.camera, "rows"))
+        ahead = not (live or config.pace)
+        return _Fused(config, node.publisher(config.camera, "rows"), ahead=ahead)
     return open_frames(node, config, config.camera, live=live)
 
 
@@ -64,13 +65,14 @@ class _Departed:
 class _Fused:
     """A rows stage in the same process."""
 
-    def __init__(self, config: DecodeNode, rows: Publisher) -> None:
+    def __init__(self, config: DecodeNode, rows: Publisher, *, ahead: bool) -> None:
         self._runner = Runner("rows", lambda: make_rows(config.rows))
         self._rows = rows
+        self._ahead = ahead  # of time: what follows a block comes at once
 
     def send(self, frame: Frame) -> None:
         for block in self._runner.feed(frame):
-            self._rows.send(block)
+            self._rows.send(block, more=self._ahead and not block.header.is_end)
 
     def finish(self, last: Header) -> None:
         self.send(Frame(header=last.numbered(last.seq + 1, Mark.END)))

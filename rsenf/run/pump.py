@@ -104,7 +104,7 @@ class TellingLane(Lane):
             super().send([message])
             if not message.header.is_end:
                 self.latest[self.camera] = f"{self.camera} {message.in_short}"
-                self.node.say("running", "; ".join(self.latest.values()))
+                self.node.show("; ".join(self.latest.values()))
 
 
 def pump(node: NodeProcess, lanes: list[Lane]) -> None:

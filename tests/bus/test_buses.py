@@ -16,6 +16,8 @@ from rsenf.bus.delivery import LOOKING, SIGNALS, Delivery
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import alive_key
 from rsenf.bus.loopback import Loopback
+from rsenf.bus.sequence import Envelope
+from rsenf.messages import encode
 
 Join = Callable[[str], Any]  # a context manager around a bus, as one process would have it
 
@@ -95,6 +97,25 @@ def test_who_joins_late_or_again_gets_the_history_once_and_in_order(join: Join) 
         sending.join(20)
         assert not sending.is_alive()
         assert late[0] >= 60  # the last 40 of at least 100
+
+
+def test_what_is_sent_together_comes_one_by_one_in_order_and_whole(join: Join) -> None:
+    with join("a") as a, join("b") as b:
+        inbox = Inbox()
+        b.subscribe(inbox, TRACK, SIGNALS)
+        meet(b, a)
+        publisher = a.publisher(TRACK, SIGNALS)
+        puts: list[Envelope] = []
+        put = publisher._put
+        publisher._put = lambda item: (puts.append(item), put(item))[1]  # type: ignore[method-assign]
+        for seq in range(300):
+            publisher.send(estimate(seq), more=seq < 299)
+        assert len(puts) < 60  # at most 64 at once, or what comes in a tenth of a second
+        received = [inbox.receive(20.0) for _ in range(300)]
+        assert [r.message.header.seq for r in received if r] == list(range(300))
+        assert all(r.payload == encode(r.message) for r in received if r)
+        assert publisher.sent == inbox.counters.received == 300
+        assert inbox.counters.missed == inbox.counters.rejected == inbox.counters.duplicates == 0
 
 
 def test_history_is_not_asked_for_where_there_is_none(join: Join) -> None:

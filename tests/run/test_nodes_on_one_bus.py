@@ -22,6 +22,7 @@ from rsenf.messages import EnfEstimate, Frame, Header, Health, IdleEstimate, Row
 from rsenf.rows.stage import Rows
 from rsenf.run import peers as peers_module
 from rsenf.run import pump as pump_module
+from rsenf.run.health import EVERY_S
 from rsenf.run.node import NodeProcess
 from rsenf.run.peers import Peers
 from rsenf.run.pump import Lane, TellingLane, pump
@@ -429,7 +430,28 @@ class Guessing:
         ]
 
 
-def test_an_idle_node_says_how_far_it_has_come_with_each_camera(network: Loopback) -> None:
+def test_what_a_node_shows_is_told_now_and_then_and_with_its_next_beat(
+    network: Loopback, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = [100.0]
+    monkeypatch.setattr("rsenf.run.health.time.monotonic", lambda: now_s[0])
+    node, health = node_on(network, "track"), health_of(network, "track")
+    details = []
+    for count in range(71):  # 64 a second
+        node.show(f"estimate {count}")
+        now_s[0] += 1 / 64
+    node._health.beat()
+    now_s[0] += EVERY_S
+    node._health.beat()
+    while received := health.receive(0.0):
+        details.append(received.message.detail)
+    assert details == ["estimate 0", "estimate 32", "estimate 64", "estimate 70"]
+
+
+def test_an_idle_node_says_how_far_it_has_come_with_each_camera(
+    network: Loopback, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rsenf.run.health.DETAIL_EVERY_S", 0.0)
     nodes = {"idle": {"kind": "idle", "cameras": ["cam", "yard"]}}
     node = node_on(network, "idle", {"version": 1, "site": "lab", "nodes": nodes})
     health = health_of(network, "idle")
