@@ -6,11 +6,21 @@ the first second that isn't out yet, and onwards (:mod:`rsenf.flicker.lock`).
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, acquire
-from rsenf.flicker.lock import AHEAD_S, SHORT_S, TOO_FEW, WINDOW_S, Lock, frames_of
+from rsenf.flicker.lock import (
+    AHEAD_S,
+    SHORT_S,
+    TOGETHER_S,
+    TOO_FEW,
+    WINDOW_S,
+    Lock,
+    frames_of,
+)
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slow_time import SlowTime
@@ -39,15 +49,9 @@ class FlickerFollower:
     min_snr : float
         Tone power over noise power in a resolution cell of a 20 s window, below which there is no
         signal.
-    every_s : int
-        Seconds that come out together, by one fit, which is most of the work. The last of them
-        has so many seconds less after it to go by than the first, but one.
     """
 
-    def __init__(
-        self, nominal_hz: float | None = None, *, min_snr: float = MIN_SNR, every_s: int = 1
-    ) -> None:
-        self._every_s = every_s
+    def __init__(self, nominal_hz: float | None = None, *, min_snr: float = MIN_SNR) -> None:
         self._nominals = NOMINALS_HZ if nominal_hz is None else (nominal_hz,)
         self._min_snr = min_snr
         self._waiting: list[RowBlock] = []
@@ -55,7 +59,8 @@ class FlickerFollower:
         self._buffer = SlowTime(1, 0)
         self._rate_hz = float("nan")
         self._reached = 0  # whole seconds that have been looked at
-        self._next = 0  # second to be emitted next
+        self._next = 0  # second to be looked at next
+        self._ready: deque[FlickerSecond] = deque()  # by a fit already, but not due yet
         self._lock: Lock | None = None
         self._still: StillFlicker | None = None  # where an alias may be at 0 Hz
         self._still_until = 0  # second up to which its phase is known
@@ -135,21 +140,20 @@ class FlickerFollower:
             self._look(end - look_s, end)
         if self._lock is not None:
             self._still = None
-            due = end - AHEAD_S + self._every_s - 1 if self._fits(end) else 0
+            known = end - AHEAD_S + TOGETHER_S - 1 if _fits(end) else 0
         else:
             self._look_still(end, final=final)
-            due = max(self._still_until - AHEAD_S, end - HOLD_S)
-        out = []
-        while self._next < (end if final else due):
-            out.append(self._second(self._next, end))
+            known = max(self._still_until - AHEAD_S, end - HOLD_S)
+        while self._next < (end if final else known):
+            self._ready.append(self._second(self._next, end))
             self._next += 1
+        due = end if final else end - AHEAD_S
+        out = []
+        while self._ready and self._ready[0].index < due:
+            out.append(self._ready.popleft())
         kept_s = WINDOW_S if self._lock else 0
         self._buffer.forget_before(min(self._next, end - LOOK_S) - kept_s)
         return out
-
-    def _fits(self, end: int) -> bool:
-        """Whether a window is fitted that ends here; one is as long as can be."""
-        return end >= WINDOW_S and (end - WINDOW_S) % self._every_s == 0
 
     def _look_still(self, end: int, *, final: bool) -> None:
         """Look, now and then, for flicker that stands nearly still."""
@@ -201,3 +205,8 @@ class FlickerFollower:
         first = int(self._buffer.first_t_s)
         for before in range(start - 1, first - 1, -1):
             lock.extend(self._buffer, before, before + LOOK_S)
+
+
+def _fits(end: int) -> bool:
+    """Whether a window is fitted that ends here; one is as long as can be."""
+    return end >= WINDOW_S and (end - WINDOW_S) % TOGETHER_S == 0

@@ -1,7 +1,8 @@
 """Flicker that was found, followed from second to second.
 
 Each second's phase is that of the window around it, fitted anew from what was known before, and
-checked: the tone must stand out where the fit says it is.
+checked: the tone must stand out where the fit says it is. Some seconds in a row share a window, for
+fits are most of the work.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 WINDOW_S = 31  # that a second's phase is fitted in
-AHEAD_S = 15  # of it, after the second
+AHEAD_S = 15  # of it, after the first second that it is fitted for
+TOGETHER_S = 4  # seconds that share a window
 SHORT_S = 8  # the shortest that anything is fitted in
 CHECK_S = 20  # window in which the tone has to stand out
 MIN_FILL_RATIO = 0.5
@@ -81,6 +83,7 @@ class Lock:
         self._template: Complex = own / np.linalg.norm(own)
         self._path = PhasePath(found.psi_rad, start)
         self._fit: tuple[tuple[int, int], PhaseFit | None] = (0, 0), None
+        self._checked: tuple[tuple[int, int], tuple[Tone, str]] = (0, 0), (_NO_TONE, TOO_FEW)
         self.failed = 0  # seconds in a row in which the tone didn't stand out
 
     def extend(self, buffer: SlowTime, start: int, end: int) -> PhaseFit | None:
@@ -107,7 +110,7 @@ class Lock:
         blank = dataclasses.replace(blank, nominal_hz=self.nominal_hz, turns=self.turns)
         if fit is None:
             return dataclasses.replace(blank, reason=TOO_FEW)
-        check_from = max(min(index - CHECK_S // 2, stop - CHECK_S), start)
+        check_from = max(min(_middle(index) - CHECK_S // 2, stop - CHECK_S), start)
         tone, reason = self._check(buffer, check_from, min(check_from + CHECK_S, stop))
         self.failed = self.failed + 1 if reason else 0
         self._path.forget_before(start)
@@ -159,7 +162,12 @@ class Lock:
         }
 
     def _check(self, buffer: SlowTime, start: int, end: int) -> tuple[Tone, str]:
-        """Whether the tone stands out in a window, where the fit says it is."""
+        """Whether the tone stands out in a window, where the fit says it is; looked up once."""
+        if self._checked[0] != (start, end):
+            self._checked = (start, end), self._checked_anew(buffer, start, end)
+        return self._checked[1]
+
+    def _checked_anew(self, buffer: SlowTime, start: int, end: int) -> tuple[Tone, str]:
         t_s, columns = frames_of(buffer, start, end)
         if t_s.size < MIN_FILL_RATIO * self._rate_hz * (end - start):
             return _NO_TONE, TOO_FEW
@@ -200,6 +208,12 @@ class Lock:
 
 
 _NO_TONE = Tone(0.0, np.inf, 0.0, 0.0, at_edge=False)
+
+
+def _middle(index: int) -> int:
+    """Middle of the seconds that share a window with one of them, wherever one ends."""
+    first = index - (index + 1 + AHEAD_S - WINDOW_S) % TOGETHER_S
+    return first + TOGETHER_S // 2
 
 
 def frames_of(buffer: SlowTime, start: int, end: int) -> tuple[Float, Float]:

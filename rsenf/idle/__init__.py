@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rsenf.errors import UsageError
+from rsenf.flicker.shared import Follower
 from rsenf.idle import coherent, line_ratio, vertical_phase
 from rsenf.idle.seen import Finding, Seen
 from rsenf.idle.settings import IdleSettings
@@ -19,8 +20,14 @@ METHODS: dict[str, Callable[[Seen], Finding]] = {
 }
 
 
-def make_idle(settings: IdleSettings) -> Stage:
+def make_idle(settings: IdleSettings, follower: Follower | None = None) -> Stage:
     """Build the estimator that the settings name: row blocks in, idle estimates out.
+
+    Parameters
+    ----------
+    settings : IdleSettings
+    follower : Follower, optional
+        One that is shared with another stage; of its own without.
 
     Raises
     ------
@@ -29,7 +36,7 @@ def make_idle(settings: IdleSettings) -> Stage:
     """
     if settings.method not in METHODS:
         raise UsageError(f"no idle method {settings.method!r}", f"one of {', '.join(METHODS)}")
-    return IdleStage(settings, METHODS[settings.method])
+    return IdleStage(settings, METHODS[settings.method], follower)
 
 
 __all__ = ["METHODS", "IdleSettings", "make_idle"]

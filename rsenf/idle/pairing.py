@@ -13,14 +13,10 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.follower import FlickerFollower
 from rsenf.flicker.second import FlickerSecond
+from rsenf.flicker.shared import Follower
 from rsenf.messages import RowBlock
 
 Float = NDArray[np.float64]
-
-
-# Nobody waits for the phase of a single second here, and any has at least seven seconds after it to
-# go by, in which a grid shows where it is going.
-EVERY_S = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +34,8 @@ class Pairing:
     ----------
     nominal_hz : float, optional
         50 or 60; found by the follower when not given.
+    follower : Follower, optional
+        One that is shared with another stage; of its own without.
 
     Attributes
     ----------
@@ -49,8 +47,8 @@ class Pairing:
         Why it didn't stand behind the others.
     """
 
-    def __init__(self, nominal_hz: float | None) -> None:
-        self._follower = FlickerFollower(nominal_hz, every_s=EVERY_S)
+    def __init__(self, nominal_hz: float | None, follower: Follower | None = None) -> None:
+        self._follower = follower or FlickerFollower(nominal_hz)
         self._waiting: deque[RowBlock] = deque()
         self._phase: dict[int, float] = {}
         self._reached = -1

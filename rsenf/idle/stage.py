@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.flicker.lines import alias_hz
+from rsenf.flicker.shared import Follower
 from rsenf.flicker.zero_alias_bins import RowBins
 from rsenf.idle.frame_clock import FrameClock
 from rsenf.idle.limits import (
@@ -44,11 +45,18 @@ class IdleStage:
     settings : IdleSettings
     conclude : callable
         The method: from what has been seen to what is found.
+    follower : Follower, optional
+        One that is shared with another stage; of its own without.
     """
 
-    def __init__(self, settings: IdleSettings, conclude: Callable[[Seen], Finding]) -> None:
+    def __init__(
+        self,
+        settings: IdleSettings,
+        conclude: Callable[[Seen], Finding],
+        follower: Follower | None = None,
+    ) -> None:
         self._settings, self._conclude = settings, conclude
-        self._pairing = Pairing(settings.nominal_hz)
+        self._pairing = Pairing(settings.nominal_hz, follower)
         self._sawtooth = Sawtooth()
         self._moments: Moments | None = None
         self._bins = RowBins(0.0)

@@ -7,8 +7,7 @@ anew with each key frame, and better in the frames after. Those of long ago agai
 
 from __future__ import annotations
 
-import hashlib
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,10 +58,12 @@ class Picture:
     def __init__(self, frozen_s: float, loop_s: float) -> None:
         self._frozen_ns, self._loop_ns = nanoseconds(frozen_s), nanoseconds(loop_s)
         self._before: Float32Array | None = None
-        self._digest = b""  # of the picture before
-        self._late: deque[tuple[int, bytes]] = deque()
-        self._seen: dict[bytes, int] = {}
-        self._order: deque[tuple[int, bytes]] = deque()
+        # Pictures are told apart by Python's hash of their bytes, which no other process knows.
+        self._digest = 0  # of the picture before
+        self._late: deque[tuple[int, int]] = deque()  # frames of the time to frozen
+        self._pictures: Counter[int] = Counter()  # how often each is among them
+        self._seen: dict[int, int] = {}
+        self._order: deque[tuple[int, int]] = deque()
         self._again: tuple[int, int, int] | None = None  # since, until, period
         self._loop: tuple[int, int, int] | None = None  # the same, while it is said to be one
         self._began_ns: int | None = None
@@ -79,23 +80,32 @@ class Picture:
             if self._began_ns is None:
                 self._began_ns = pts_ns
             if not same:
-                self._digest = hashlib.blake2b(level.tobytes(), digest_size=8).digest()
+                self._digest = hash(level.tobytes())
                 self._look_up(pts_ns, self._digest)
-            self._late.append((pts_ns, self._digest))
-            while self._late[0][0] < pts_ns - self._frozen_ns:
-                self._late.popleft()
+            self._keep(pts_ns, self._digest)
         self._before = block.level[-1]
         self._conclude(int(block.frame_pts_ns[-1]))
+
+    def _keep(self, pts_ns: int, digest: int) -> None:
+        """Keep a frame, and let go of those that are too old."""
+        self._late.append((pts_ns, digest))
+        self._pictures[digest] += 1
+        while self._late[0][0] < pts_ns - self._frozen_ns:
+            _, old = self._late.popleft()
+            self._pictures[old] -= 1
+            if not self._pictures[old]:
+                del self._pictures[old]
 
     def _alike(self, level: Float32Array) -> list[bool]:
         """Whether each frame shows the same as the one before it."""
         before = self._before
         if before is None or before.shape != level.shape[1:]:
             before = np.full(level.shape[1:], np.inf, np.float32)
-        steps = np.abs(np.diff(level, axis=0, prepend=before[None]))
-        return [bool(far < ALIKE_LEVELS) for far in steps.max(axis=(1, 2))]
+        steps = level - np.concatenate([before[None], level[:-1]])
+        far = np.abs(steps, out=steps).reshape(len(level), -1).max(axis=1)
+        return [bool(alike) for alike in far < ALIKE_LEVELS]
 
-    def _look_up(self, pts_ns: int, digest: bytes) -> None:
+    def _look_up(self, pts_ns: int, digest: int) -> None:
         """See whether just this frame was there before, and as long ago as those before it."""
         then_ns = self._seen.get(digest)
         if then_ns is not None and pts_ns - then_ns >= LEAST_PERIOD_NS:
@@ -128,7 +138,8 @@ class Picture:
             self._loop = None
         full = self._began_ns is not None and now_ns - self._began_ns >= self._frozen_ns
         seen_ns = now_ns - self._late[0][0]  # little, where none came for a while
-        if full and 2 * seen_ns > self._frozen_ns and self._stands_since(now_ns - self._frozen_ns):
+        stood_long = _few(len(self._pictures), len(self._late))
+        if full and 2 * seen_ns > self._frozen_ns and stood_long:
             stood = self.facts.frozen_since_ns
             frozen_since = stood if stood is not None else self._late[0][0]
             self._again = self._loop = None
@@ -140,4 +151,9 @@ class Picture:
     def _stands_since(self, since_ns: int) -> bool:
         """Whether the frames since a time show few pictures, again and again."""
         pictures = [digest for pts_ns, digest in self._late if pts_ns >= since_ns]
-        return len(set(pictures)) <= max(1.0, FEW_RATIO * len(pictures))
+        return _few(len(set(pictures)), len(pictures))
+
+
+def _few(different: int, frames: int) -> bool:
+    """Whether so few different pictures among so many frames are one that stands."""
+    return different <= max(1.0, FEW_RATIO * frames)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rsenf.bus.keys import TOPICS
-from rsenf.idle import IdleSettings, make_idle
+from rsenf.idle import IdleSettings
 from rsenf.messages import (
     Alarm,
     EnfEstimate,
@@ -22,12 +22,13 @@ from rsenf.messages import (
     RowBlock,
 )
 from rsenf.rows.settings import RowsSettings
+from rsenf.run.following import FollowingStages
 from rsenf.run.heap import keep_heap
 from rsenf.run.inputs import Input
 from rsenf.run.row_sampling import make_rows
 from rsenf.run.runner import Chain, Runner
 from rsenf.stage import Stage
-from rsenf.track import TrackSettings, make_tracker
+from rsenf.track import TrackSettings
 
 JUDGED_BY = ("rows", "track", "idle")
 Message = Frame | RowBlock | EnfEstimate
@@ -157,11 +158,12 @@ def analyse(
 
     tracked = recording.begins_with == "track"
     sampler = Chain(_row_runners(recording, rows))
-    to_track = _track_runners(track) if track and not tracked else []
+    make = FollowingStages(track, idle)
+    to_track = [Runner("track", make.tracker)] if track and not tracked else []
     to_match = _match_runners(make_match, reference) if track or tracked else []
     branches = [Chain([*to_track, *to_match], listen)]
     if idle and not tracked:
-        branches.append(Chain([Runner("idle", lambda: make_idle(idle))], listen))
+        branches.append(Chain([Runner("idle", make.idle)], listen))
 
     def feed(message: Message) -> None:
         for block in sampler.feed(message):
@@ -189,11 +191,6 @@ def _row_runners(recording: Input, rows: RowsSettings) -> list[Runner]:
     """Return the rows stage, for a recording that needs it."""
     needed = recording.begins_with == "frames"
     return [Runner("rows", lambda: make_rows(rows))] if needed else []
-
-
-def _track_runners(track: TrackSettings) -> list[Runner]:
-    """Return the tracker."""
-    return [Runner("track", lambda: make_tracker(track))]
 
 
 def _match_runners(

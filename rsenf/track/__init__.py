@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rsenf.errors import UsageError
+from rsenf.flicker.shared import Follower
 from rsenf.stage import Stage
 from rsenf.track.frame_mean import FrameMeanTracker
 from rsenf.track.paper import PaperTracker
@@ -26,8 +27,14 @@ METHODS: dict[str, Callable[[TrackSettings], Stage]] = {
 }
 
 
-def make_tracker(settings: TrackSettings) -> Stage:
+def make_tracker(settings: TrackSettings, follower: Follower | None = None) -> Stage:
     """Build the estimator that the settings name.
+
+    Parameters
+    ----------
+    settings : TrackSettings
+    follower : Follower, optional
+        One that ``projection`` shares with another stage; of its own without.
 
     Raises
     ------
@@ -36,6 +43,8 @@ def make_tracker(settings: TrackSettings) -> Stage:
     """
     if settings.method not in METHODS:
         raise UsageError(f"no ENF method {settings.method!r}", f"one of {', '.join(METHODS)}")
+    if follower is not None and settings.method == "projection":
+        return ProjectionTracker(settings, follower)
     return METHODS[settings.method](settings)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from rsenf.flicker.faint import FAINT, MIN_FLICKER_RATIO
 from rsenf.flicker.follower import FlickerFollower
 from rsenf.flicker.second import FlickerSecond
+from rsenf.flicker.shared import Follower
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
 from rsenf.track.settings import TrackSettings
@@ -28,11 +29,15 @@ class ProjectionTracker:
     ----------
     settings : TrackSettings, optional
         The window is the signal's own choice: ``window_s`` and ``hop_s`` aren't used.
+    follower : Follower, optional
+        One that is shared with another stage; of its own without.
     """
 
-    def __init__(self, settings: TrackSettings | None = None) -> None:
-        self.settings = settings or TrackSettings(method="projection")
-        self._follower = FlickerFollower(self.settings.nominal_hz, min_snr=self.settings.min_snr)
+    def __init__(
+        self, settings: TrackSettings | None = None, follower: Follower | None = None
+    ) -> None:
+        s = self.settings = settings or TrackSettings(method="projection")
+        self._follower = follower or FlickerFollower(s.nominal_hz, min_snr=s.min_snr)
         self._header: Header | None = None
         self._least_level = 0.0
 

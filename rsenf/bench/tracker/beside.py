@@ -13,13 +13,14 @@ from rsenf.bench.pipeline.films import FRAME_RATE, SIZES, Film, made
 from rsenf.bench.tracker.hour import WARM_UP_S, spent_s
 from rsenf.bench.tracker.light import T0_NS, Light, reference
 from rsenf.decode.luma import luma_plane
-from rsenf.idle import IdleSettings, make_idle
+from rsenf.idle import IdleSettings
 from rsenf.live import Live
 from rsenf.live.settings import LiveSettings
 from rsenf.match.stage import Match
 from rsenf.messages import Frame, Header
 from rsenf.rows.stage import Rows
-from rsenf.track import TrackSettings, make_tracker
+from rsenf.run.following import FollowingStages
+from rsenf.track import TrackSettings
 
 INTERIM_S = 60.0  # between results of the match
 AFTER = ("track", "idle", "match", "live")
@@ -65,12 +66,12 @@ class Beside:
 
 
 class _Stages:
-    """All stages after the rows, fed with a light's as they would be in a graph."""
+    """All stages after the rows, fed with a light's as they are where one process has them all."""
 
     def __init__(self, light: Light, seconds: int) -> None:
         self._light = light
-        self._track = make_tracker(TrackSettings())
-        self._idle = make_idle(IdleSettings())
+        stages = FollowingStages(TrackSettings(), IdleSettings())
+        self._track, self._idle = stages.tracker(), stages.idle()
         self._match = Match(interim_every_s=INTERIM_S)
         self._live = Live(LiveSettings(), start_utc_ns=T0_NS)
         known = reference(max(seconds, 3600))

@@ -1,0 +1,46 @@
+"""A follower that two stages share: both are told what each would have found alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rsenf.flicker.follower import FlickerFollower
+from rsenf.flicker.shared import shared
+from rsenf.messages import Header, RowBlock
+from rsenf.model import CaptureModel, Shutter, simulate_rows, synthetic_grid
+from rsenf.rows.luminance import blocks_from_luminance
+
+
+def blocks(seconds: float) -> list[RowBlock]:
+    shutter = Shutter(rows=60, columns=80)
+    clip = simulate_rows(CaptureModel(shutter=shutter), synthetic_grid(7, 60.0), seconds, 7)
+    return list(blocks_from_luminance(clip.level, clip.frame_time_s, Header(source="t/c")))
+
+
+def test_both_are_told_what_one_alone_finds() -> None:
+    """Whoever comes first, and however far ahead."""
+    given = blocks(36.0)
+    alone = FlickerFollower()
+    expected = [alone.update(block) for block in given] + [alone.flush()]
+    one, other = shared(FlickerFollower())
+    found_by_one = [one.update(block) for block in given[:60]]
+    found_by_other = [other.update(block) for block in given] + [other.flush()]
+    found_by_one += [one.update(block) for block in given[60:]] + [one.flush()]
+    assert one.origin_ns == other.origin_ns == alone.origin_ns
+    assert sum(map(len, expected)) == 36
+    for a, b, c in zip(expected, found_by_one, found_by_other, strict=True):
+        assert [s.index for s in a] == [s.index for s in b]
+        assert all(x is y for x, y in zip(b, c, strict=True))
+        assert all(
+            np.array_equal(x.phase_rad, y.phase_rad) and x.f0_var_hz2 == y.f0_var_hz2
+            for x, y in zip(a, b, strict=True)
+        )
+
+
+def test_other_blocks_are_no_company() -> None:
+    one, other = shared(FlickerFollower())
+    first, second = blocks(1.0)[:2]
+    one.update(first)
+    with pytest.raises(RuntimeError, match="fed differently"):
+        other.update(second)
