@@ -11,6 +11,7 @@ import av
 from av.container import InputContainer
 from av.stream import Disposition
 
+from rsenf.decode.ahead import Step, ahead
 from rsenf.decode.source import Item, Stamp, VideoSource
 from rsenf.decode.spec import SourceSpec
 from rsenf.decode.stream import Packet, StreamDecoder
@@ -25,6 +26,8 @@ _HINT = "give a video file that plays, such as mp4, mov, mkv, webm or avi"
 
 class FileSource(VideoSource):
     """Frames of a video file, as fast as they are asked for.
+
+    Decoding goes ahead in a thread of its own, unless the frames are paced.
 
     Parameters
     ----------
@@ -54,23 +57,28 @@ class FileSource(VideoSource):
         self._broken_off = ""
         # FFmpeg must not be closed by one thread while another is inside it.
         self._lock = Lock()
-        self._ahead = self._first_items()
+        self._taken = Step([], self._loss(), self._warnings())
+        self._first = self._first_items()
         self.info = self._decoder.info
 
     def _first_items(self) -> list[Item]:
-        ahead: list[Item] = []
+        first: list[Item] = []
         while not self._decoder.started and not self._stop.is_set():
-            items = self._step()
-            if items is None:
+            step = self._step()
+            if step is None:
                 self.close()
                 raise InputError(f"{self._path}: no frame can be decoded{self._because()}", _HINT)
-            ahead += items
-        return ahead
+            first += self._take(step)
+        return first
 
     def _because(self) -> str:
         return f" ({self.loss})" if self.loss else ""
 
-    def _step(self) -> list[Item] | None:
+    def _take(self, step: Step) -> list[Item]:
+        self._taken = step
+        return step.items
+
+    def _step(self) -> Step | None:
         """Decode one packet; None at the end."""
         packet: Packet | None
         with self._lock:
@@ -83,17 +91,30 @@ class FileSource(VideoSource):
                 packet = cast(Packet, av.Packet())  # an empty one: gives out the last frames
             if packet is None:
                 return None
-            return self._decoder.feed(packet, self._stamp.clock_ns())
+            items = self._decoder.feed(packet, self._stamp.clock_ns())
+            return Step(items, self._loss(), self._warnings())
+
+    def _steps(self) -> Iterator[Step]:
+        while (step := self._step()) is not None:
+            yield step
 
     def _items(self) -> Iterator[Item]:
-        ahead, self._ahead = self._ahead, []
-        yield from ahead
-        while (items := self._step()) is not None:
-            yield from items
+        first, self._first = self._first, []
+        yield from first
+        for step in self._steps() if self._pacer else ahead(self._steps, self._stop):
+            yield from self._take(step)
 
     @property
     def loss(self) -> str:
         """What was lost so far, in one line; empty for nothing."""
+        return self._taken.loss
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a result should say about its input though nothing was lost, one line each."""
+        return self._taken.warnings
+
+    def _loss(self) -> str:
         decoder = self._decoder
         lost = []
         if self._missing_bytes:
@@ -108,9 +129,7 @@ class FileSource(VideoSource):
             lost.append(f"damaged frames, left out: {decoder.damaged_frames}")
         return "; ".join(lost)
 
-    @property
-    def warnings(self) -> list[str]:
-        """What a result should say about its input though nothing was lost, one line each."""
+    def _warnings(self) -> list[str]:
         found = []
         if self._several:
             found.append("it has several video streams: one was taken")

@@ -44,16 +44,19 @@ class Pump(Generic[T]):
         Returns the generator. What it raises is raised by :meth:`get`, after the items before it.
     stop : Stop
         Ends :meth:`get`, and the generator at its next item.
-    can_begin : callable
+    can_begin : callable, optional
         Whether nothing before an item is needed to go on with it. After a drop all others are
         dropped, too, up to one.
-    now_s : callable
+    now_s : callable, optional
         A steady clock.
+    depth : int, optional
+        Items that may wait; then the generator is made to.
 
     Attributes
     ----------
     may_drop : bool
-        Off until somebody takes items regularly: before that, the source waits.
+        Off until somebody takes items regularly: before that, the source waits. It always waits
+        where nothing is live.
     skipped : int
         Items that were dropped before the one that :meth:`get` returned last.
     """
@@ -62,15 +65,16 @@ class Pump(Generic[T]):
         self,
         produce: Callable[[], Iterator[T]],
         stop: Stop,
-        can_begin: Callable[[T], bool],
+        can_begin: Callable[[T], bool] = lambda item: True,
         now_s: Callable[[], float] = time.monotonic,
+        depth: int = _DEPTH,
     ) -> None:
         self._produce = produce
         self._stop = stop
         self._can_begin = can_begin
         self._now_s = now_s
         self._closed = threading.Event()
-        self._queue: queue.Queue[tuple[T | Exception, int]] = queue.Queue(_DEPTH)
+        self._queue: queue.Queue[tuple[T | Exception, int]] = queue.Queue(depth)
         self._full_since_s: float | None = None
         self._dropped = 0  # since the last item that was queued
         self.may_drop = False
