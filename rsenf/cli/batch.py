@@ -6,9 +6,10 @@
 
 Every recording ends with a result, or with the reason why it has none, in OUT: batch.parquet,
 batch.html to look at, and batch.jsonl, the journal, to which each is added as it is done. Stopped,
-the same command goes on from there. What has changed since is done again, and so is what had no
-result. Processes of this machine do it, or with --scheduler the workers of a Dask cluster, which
-must see the same folders under the same names. 'rsenf batch VERB --help' tells a verb's options.
+the same command goes on from there. What has changed since is done again, and so is what failed, or
+could not be read; what is of no use only with --retry. Processes of this machine do it, or with
+--scheduler the workers of a Dask cluster, which must see the same folders under the same names.
+'rsenf batch VERB --help' tells a verb's options.
 """
 
 from __future__ import annotations
@@ -52,6 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         )
         verb.add_argument(
             "--timeout-s", type=positive, metavar="S", help="give a recording up after so long"
+        )
+        verb.add_argument(
+            "--retry", action="store_true", help="do what is unusable again, though unchanged"
         )
         verb.add_argument("--json", action="store_true", help="the summary as JSON")
         if name == "verify":
@@ -138,14 +142,17 @@ def _work(
     jobs: int,
 ) -> None:
     """Do what the journal doesn't have, and add it."""
-    from rsenf.batch.plan import check_analysis, left_to_do
+    from rsenf.batch.plan import check_analysis, is_useless, left_to_do
     from rsenf.cli.batch_summary import plan_words
     from rsenf.cli.batch_work import Job
     from rsenf.cli.console import progress_bar, say
 
     check_analysis(args.analysis, journal.records.values(), args.out)
-    left, reasons = left_to_do(recordings, journal.records, settings.fingerprint)
-    say(plan_words(len(recordings), len(left), reasons))
+    left, reasons = left_to_do(recordings, journal.records, settings.fingerprint, retry=args.retry)
+    doing = {recording.key for recording in left}
+    passed = journal.of(r.key for r in recordings if r.key not in doing)
+    useless = sum(is_useless(row) for row in passed)
+    say(plan_words(len(recordings), len(left), reasons, useless))
     try:
         with progress_bar(args.analysis, len(left), "recordings") as progress:
             tasks = [Job(recording, settings) for recording in left]

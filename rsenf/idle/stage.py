@@ -77,8 +77,7 @@ class IdleStage:
         if message.rows != self._rows:
             return []
         self._look(message)
-        for phased in self._pairing.update(message):
-            self._take(phased)
+        self._take(self._pairing.update(message))
         passed = self._clock.span_s / self._settings.every_s
         if passed < self._due:
             return []
@@ -87,8 +86,7 @@ class IdleStage:
 
     def flush(self) -> list[Any]:
         """Return the last estimate, from all of the stream."""
-        for phased in self._pairing.flush():
-            self._take(phased)
+        self._take(self._pairing.flush())
         return [self._publish()] if self._newest is not None else []
 
     def _begin(self, block: RowBlock) -> None:
@@ -110,13 +108,17 @@ class IdleStage:
             self._binned_s = self._clock.span_s
         self._sawtooth.add(block.level.mean(axis=(1, 2), dtype=np.float64))
 
-    def _take(self, phased: PhasedBlock) -> None:
+    def _take(self, phased: list[PhasedBlock]) -> None:
         """Add the frames whose phase is known now."""
+        usable = [p for p in phased if p.block.usable]
+        if not usable:
+            return
         assert self._moments is not None
-        known = np.isfinite(phased.phase_rad)
-        if phased.block.usable and known.any():
-            level = phased.block.profiles()[known]
-            self._moments.add(phased.phase_rad[known], level)
+        phase_rad = np.concatenate([p.phase_rad for p in usable])
+        known = np.isfinite(phase_rad)
+        if known.any():
+            level = np.concatenate([p.block.profiles() for p in usable])
+            self._moments.add(phase_rad[known], level[known])
 
     def _finding(self, rate_hz: float) -> Finding:
         """What can be said before any method has a say, or the method's word."""

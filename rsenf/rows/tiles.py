@@ -53,9 +53,7 @@ def tile_sums(luma: NDArray[np.uint8], axis: str, tiles: int) -> Int32Array:
             _sum(luma[a:b], 0, sums[k : k + 1])
         return sums
     if tiles == 1 or (width_px % tiles == 0 and luma.flags.c_contiguous):
-        cells = np.empty((height_px * tiles, 1), np.int32)
-        _sum(luma.reshape(len(cells), -1), 1, cells)
-        by_row = cells.reshape(height_px, tiles)
+        by_row = _sum(luma.reshape(height_px * tiles, -1), 1).reshape(height_px, tiles)
         return by_row.T if tiles == 1 else np.asarray(cv2.transpose(by_row))
     sums = np.empty((tiles, height_px, 1), np.int32)
     at_once = max(CACHED_BYTES // luma.strides[0], 1)
@@ -84,6 +82,6 @@ def _uneven(band: NDArray[np.uint8], sums: Int32Array) -> None:
         _sum(band[:, a:b], 1, sums[k])
 
 
-def _sum(part: NDArray[np.uint8], dim: int, into: Int32Array) -> None:
+def _sum(part: NDArray[np.uint8], dim: int, into: Int32Array | None = None) -> Int32Array:
     """Sum along a dimension, exactly; it stays, with a length of 1."""
-    cv2.reduce(part, dim, cv2.REDUCE_SUM, into, cv2.CV_32S)
+    return np.asarray(cv2.reduce(part, dim, cv2.REDUCE_SUM, into, cv2.CV_32S))
