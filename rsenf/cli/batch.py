@@ -106,8 +106,6 @@ def _find(args: argparse.Namespace) -> Found:
     listed = read_list(_read(args.list), args.list) if args.list else []
     if not args.inputs and not listed:
         raise UsageError("no recordings are named", "name files and folders, or give --list FILE")
-    if args.scheduler and args.timeout_s:
-        raise UsageError("--timeout-s with --scheduler", "a cluster's workers can't be ended")
     if any(os.path.realpath(path) == os.path.realpath(args.out) for path in args.inputs):
         raise UsageError(
             f"--out {args.out} is the folder that is to be read",
@@ -168,14 +166,15 @@ def _done(args: argparse.Namespace, tasks: list[Job], jobs: int) -> Iterator[Don
     """Have recordings done, here or elsewhere."""
     from rsenf.cli.batch_work import work_on
 
+    timeout_s = args.timeout_s or math.inf
     if args.scheduler and tasks:
         from rsenf.batch.cluster import worked_on_cluster
         from rsenf.cli.console import say
 
-        return worked_on_cluster(tasks, work_on, args.scheduler, say)
+        return worked_on_cluster(tasks, work_on, args.scheduler, say, timeout_s)
     from rsenf.batch.pool import worked
 
-    return worked(tasks, work_on, jobs, _TRIES, args.timeout_s or math.inf)
+    return worked(tasks, work_on, jobs, _TRIES, timeout_s)
 
 
 def _row(done: Done[Job]) -> Row:

@@ -31,6 +31,9 @@ from rsenf.messages import IdleEstimate, RowBlock
 from rsenf.timebase import NS_PER_S
 
 MIN_ROWS = 16
+# Of a long stream hardly anything is new to the next estimate, which waits until it is so much
+# longer, or for so long.
+GROWN, LONGEST_S = 0.125, 60.0
 # Of a stream, how much is kept in bins: longer ones would blur what the grid's deviation turns.
 BINNED_S = 240.0
 # Half-width of the 95 % interval in standard errors: Student's t for a dozen bands of rows.
@@ -78,10 +81,11 @@ class IdleStage:
             return []
         self._look(message)
         self._take(self._pairing.update(message))
-        passed = self._clock.span_s / self._settings.every_s
-        if passed < self._due:
+        span_s, every_s = self._clock.span_s, self._settings.every_s
+        if span_s < self._due * every_s:
             return []
-        self._due = int(passed) + 1
+        wait_s = min(GROWN * span_s, LONGEST_S)
+        self._due = int(span_s / every_s) + max(int(wait_s / every_s), 1)
         return [self._publish()]
 
     def flush(self) -> list[Any]:
