@@ -58,8 +58,7 @@ def tile_sums(luma: NDArray[np.uint8], axis: str, tiles: int) -> Int32Array:
         return sums[:, 0]
     if tiles == 1 or (width_px % tiles == 0 and luma.flags.c_contiguous):
         cells = cv2.reduce(luma.reshape(height_px * tiles, -1), 1, SUM, None, INT32)
-        by_row = np.asarray(cells).reshape(height_px, tiles)
-        return by_row.T if tiles == 1 else np.asarray(cv2.transpose(by_row))
+        return np.asarray(cells).reshape(height_px, tiles).T
     sums = np.empty((tiles, height_px, 1), np.int32)
     at_once = max(CACHED_BYTES // luma.strides[0], 1)
     for top in range(0, height_px, at_once):
