@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from rsenf.batch.columns import DONE, NO_SIGNAL, VERSION, Row
+from rsenf.batch.columns import DONE, NO_SIGNAL, UNUSABLE, VERSION, Row
 from rsenf.batch.recordings import Recording
 from rsenf.errors import UsageError
 
@@ -28,9 +28,12 @@ def check_analysis(analysis: str, rows: Iterable[Row], out: Path) -> None:
 
 
 def left_to_do(
-    recordings: Iterable[Recording], rows: Mapping[str, Row], settings: str
+    recordings: Iterable[Recording], rows: Mapping[str, Row], settings: str, *, retry: bool
 ) -> tuple[list[Recording], Counter[str]]:
-    """Return the recordings without a result that still holds, and why how many haven't one.
+    """Return the recordings that are to be done, and why how many of them are.
+
+    What was read to its end and is of no use stays so until it changes; what could not be read, or
+    failed, may do better the next time.
 
     Parameters
     ----------
@@ -39,17 +42,19 @@ def left_to_do(
         Of the journal, by the key of the recording.
     settings : str
         Fingerprint of all that results depend on besides.
+    retry : bool
+        Whether what is of no use is to be done again, too.
     """
     left, reasons = [], Counter[str]()
     for recording in recordings:
-        reason = _why(recording, rows.get(recording.key), settings)
+        reason = _why(recording, rows.get(recording.key), settings, retry)
         if reason:
             left.append(recording)
             reasons[reason] += 1
     return left, reasons
 
 
-def _why(recording: Recording, row: Row | None, settings: str) -> str:
+def _why(recording: Recording, row: Row | None, settings: str, retry: bool) -> str:
     """Say why a recording is to be done, if it is."""
     if row is None:
         return NEW
@@ -57,4 +62,10 @@ def _why(recording: Recording, row: Row | None, settings: str) -> str:
         return OTHER
     if (row["size_bytes"], row["modified_ns"]) != (recording.size_bytes, recording.modified_ns):
         return CHANGED
-    return "" if row["status"] in (DONE, NO_SIGNAL) else TRIED
+    settled = row["status"] in (DONE, NO_SIGNAL) or (is_useless(row) and not retry)
+    return "" if settled else TRIED
+
+
+def is_useless(row: Row) -> bool:
+    """Whether a recording was read, all of it, and is of no use."""
+    return row["status"] == UNUSABLE and row["sha256"] is not None

@@ -29,10 +29,18 @@ class FrameSender:
         Planes the ring holds.
     reader_gone : callable
         Says when waiting for the reader is in vain.
+    ahead : bool
+        Whether frames come faster than they were filmed: half a ring of them is told of at once.
     """
 
     def __init__(
-        self, publisher: Publisher, ring_name: str, slots: int, reader_gone: Callable[[], bool]
+        self,
+        publisher: Publisher,
+        ring_name: str,
+        slots: int,
+        reader_gone: Callable[[], bool],
+        *,
+        ahead: bool = False,
     ) -> None:
         self._publisher = publisher
         self._ring_name, self._slots = ring_name, slots
@@ -40,6 +48,7 @@ class FrameSender:
         self._reader_gone = reader_gone
         self._ring: RingWriter | None = None
         self._rings = 0
+        self._at_once, self._sent = slots // 2 if ahead else 1, 0
 
     def send(self, frame: Frame) -> None:
         """Send a frame whose ``luma`` is filled."""
@@ -54,7 +63,8 @@ class FrameSender:
             )
         else:
             frame = dataclasses.replace(frame, luma=None, pixels=luma.tobytes())
-        self._publisher.send(frame)
+        self._sent += 1
+        self._publisher.send(frame, more=self._sent % self._at_once > 0)
 
     def _ring_for(self, plane_bytes: int) -> RingWriter:
         """Return the ring; a new one when the picture has grown."""
@@ -72,6 +82,7 @@ class FrameSender:
         self._wait_until_read()
 
     def _wait_until_read(self) -> None:
+        self._publisher.flush()
         if self._ring and self._lossless:
             while not self._ring.drained() and not self._reader_gone():
                 time.sleep(0.005)

@@ -6,9 +6,10 @@
 
 Every recording ends with a result, or with the reason why it has none, in OUT: batch.parquet,
 batch.html to look at, and batch.jsonl, the journal, to which each is added as it is done. Stopped,
-the same command goes on from there. What has changed since is done again, and so is what had no
-result. Processes of this machine do it, or with --scheduler the workers of a Dask cluster, which
-must see the same folders under the same names. 'rsenf batch VERB --help' tells a verb's options.
+the same command goes on from there. What has changed since is done again, and so is what failed, or
+could not be read; what is of no use only with --retry. Processes of this machine do it, or with
+--scheduler the workers of a Dask cluster, which must see the same folders under the same names.
+'rsenf batch VERB --help' tells a verb's options.
 """
 
 from __future__ import annotations
@@ -52,6 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         )
         verb.add_argument(
             "--timeout-s", type=positive, metavar="S", help="give a recording up after so long"
+        )
+        verb.add_argument(
+            "--retry", action="store_true", help="do what is unusable again, though unchanged"
         )
         verb.add_argument("--json", action="store_true", help="the summary as JSON")
         if name == "verify":
@@ -102,8 +106,6 @@ def _find(args: argparse.Namespace) -> Found:
     listed = read_list(_read(args.list), args.list) if args.list else []
     if not args.inputs and not listed:
         raise UsageError("no recordings are named", "name files and folders, or give --list FILE")
-    if args.scheduler and args.timeout_s:
-        raise UsageError("--timeout-s with --scheduler", "a cluster's workers can't be ended")
     if any(os.path.realpath(path) == os.path.realpath(args.out) for path in args.inputs):
         raise UsageError(
             f"--out {args.out} is the folder that is to be read",
@@ -138,14 +140,17 @@ def _work(
     jobs: int,
 ) -> None:
     """Do what the journal doesn't have, and add it."""
-    from rsenf.batch.plan import check_analysis, left_to_do
+    from rsenf.batch.plan import check_analysis, is_useless, left_to_do
     from rsenf.cli.batch_summary import plan_words
     from rsenf.cli.batch_work import Job
     from rsenf.cli.console import progress_bar, say
 
     check_analysis(args.analysis, journal.records.values(), args.out)
-    left, reasons = left_to_do(recordings, journal.records, settings.fingerprint)
-    say(plan_words(len(recordings), len(left), reasons))
+    left, reasons = left_to_do(recordings, journal.records, settings.fingerprint, retry=args.retry)
+    doing = {recording.key for recording in left}
+    passed = journal.of(r.key for r in recordings if r.key not in doing)
+    useless = sum(is_useless(row) for row in passed)
+    say(plan_words(len(recordings), len(left), reasons, useless))
     try:
         with progress_bar(args.analysis, len(left), "recordings") as progress:
             tasks = [Job(recording, settings) for recording in left]
@@ -161,14 +166,15 @@ def _done(args: argparse.Namespace, tasks: list[Job], jobs: int) -> Iterator[Don
     """Have recordings done, here or elsewhere."""
     from rsenf.cli.batch_work import work_on
 
+    timeout_s = args.timeout_s or math.inf
     if args.scheduler and tasks:
         from rsenf.batch.cluster import worked_on_cluster
         from rsenf.cli.console import say
 
-        return worked_on_cluster(tasks, work_on, args.scheduler, say)
+        return worked_on_cluster(tasks, work_on, args.scheduler, say, timeout_s)
     from rsenf.batch.pool import worked
 
-    return worked(tasks, work_on, jobs, _TRIES, args.timeout_s or math.inf)
+    return worked(tasks, work_on, jobs, _TRIES, timeout_s)
 
 
 def _row(done: Done[Job]) -> Row:

@@ -16,7 +16,11 @@ if TYPE_CHECKING:
     from rsenf.cli.references import Opened
 
 # Of the batch itself: no result depends on them.
-OWN = ("debug", "analysis", "inputs", "list", "out", "jobs", "scheduler", "timeout_s", "json")
+# fmt: off
+OWN = (
+    "debug", "analysis", "inputs", "list", "out", "jobs", "scheduler", "timeout_s", "retry", "json",
+)
+# fmt: on
 
 
 def settings_of(args: argparse.Namespace, threads: int) -> Settings:

@@ -15,13 +15,14 @@ if TYPE_CHECKING:
 _LISTED = 20  # of those without a result, or read in part
 
 
-def plan_words(recordings: int, left: int, reasons: Counter[str]) -> str:
-    """Say what is to be done, and why."""
+def plan_words(recordings: int, left: int, reasons: Counter[str], useless: int) -> str:
+    """Say what is to be done, and why; and how many were of no use and haven't changed."""
     from rsenf.batch.plan import NEW
 
     again = [f"{number} {why}" for why, number in reasons.items() if why != NEW]
     why = f" ({', '.join([f'{reasons[NEW]} new', *again])})" if again else ""
-    return f"recordings to do: {left} of {recordings}{why}"
+    more = f"; unusable before, and unchanged: {useless} (--retry does them again)" * bool(useless)
+    return f"recordings to do: {left} of {recordings}{why}{more}"
 
 
 def summary_of(args: argparse.Namespace, found: Found, rows: Sequence[Row]) -> dict[str, Any]:

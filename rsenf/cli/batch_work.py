@@ -79,6 +79,7 @@ def work_on(job: Job) -> Row:
     if settings.version != __version__:
         raise RsenfError(f"the batch is rsenf {settings.version}'s, this worker has {__version__}")
     _check_same(recording, "when it was looked for")
+    _open_shared(settings)
     begun_s = time.monotonic()
     try:
         row = _analysed(recording, settings)
@@ -230,6 +231,14 @@ def _begun_with(settings: Settings) -> tuple[CaptureModel, Grid | None]:
     from rsenf.cli.discover import begun_with
 
     return begun_with(settings.arguments)
+
+
+def _open_shared(settings: Settings) -> None:
+    """Open what all recordings need: where that can't be, none of them is to blame."""
+    if settings.analysis == "verify":
+        _references(settings)
+    elif settings.analysis == "discover":
+        _begun_with(settings)
 
 
 def _own_name(path: str) -> str:

@@ -43,7 +43,7 @@ GAIN_WINDOW, STEADY = np.hanning(26)[1:-1], 0.1
 TAILS = 4.0
 MAX_STEPS = 16
 REST, NEARLY = 1e-2, 1.0
-REST_RAD, NEARLY_RAD = 1e-4, 5e-4
+REST_RAD, NEARLY_RAD = 2e-4, 2e-3
 # Noise is told from bands around the tone. What is in quadrature to the phase can be taken from
 # close by; along it, the phase has followed whatever is slow.
 COLUMNS_HZ, ALONG_HZ, ACROSS_HZ = (0.3, 1.6), (0.2, 0.8), (0.05, 0.5)

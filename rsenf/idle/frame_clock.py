@@ -26,13 +26,14 @@ class FrameClock:
         if self._first_ns < 0:
             self._first_ns = self._last_ns = int(pts[0])
             self._last_number = int(number[0])
-        gaps = np.diff(pts, prepend=self._last_ns)
-        jumps = np.diff(number, prepend=self._last_number)
-        if not self._usual_ns and np.any(gaps > 0):
-            self._usual_ns = float(np.median(gaps[gaps > 0]))
-        by_time = np.rint(gaps / self._usual_ns) if self._usual_ns else jumps
-        self._periods += int(np.sum(np.maximum(jumps, by_time)))
-        self._last_ns, self._last_number = int(pts[-1]), int(number[-1])
+        if not self._usual_ns:
+            gaps = np.diff(pts, prepend=self._last_ns)
+            self._usual_ns = float(np.median(gaps[gaps > 0])) if np.any(gaps > 0) else 0.0
+        for pts_ns, frame in zip(pts.tolist(), number.tolist(), strict=True):
+            gap_ns, jump = pts_ns - self._last_ns, frame - self._last_number
+            by_time = round(gap_ns / self._usual_ns) if self._usual_ns else jump
+            self._periods += max(jump, by_time)
+            self._last_ns, self._last_number = pts_ns, frame
 
     @property
     def span_s(self) -> float:

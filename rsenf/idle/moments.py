@@ -11,6 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.flicker.turning import turning
+
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -51,11 +53,14 @@ class Moments:
         phase_rad : ndarray, shape (frames,)
         level : ndarray, shape (frames, rows)
         """
-        waves = np.exp(1j * np.arange(2 * HARMONICS + 1)[:, None] * phase_rad)
+        waves = turning(np.arange(2 * HARMONICS + 1)[:, None] * phase_rad)
         self.frames += phase_rad.size
         self.turn += waves.sum(axis=1)
-        self.row += waves[: HARMONICS + 1].conj() @ level
-        step = np.diff(level, axis=1)
+        # Real products: a complex one would make all the levels complex first.
+        own = waves[: HARMONICS + 1]
+        self.row.real += own.real @ level
+        self.row.imag -= own.imag @ level
+        step = level[:, 1:] - level[:, :-1]
         self.contrast += np.einsum("nl,nl->l", step, step)
 
     def gram(self, orders: NDArray[np.int64]) -> Complex:

@@ -10,6 +10,8 @@ they explain, as a function of ``q``, is the profile likelihood.
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,8 +24,11 @@ Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 GRID_STEP = 1 / 16  # turns; the peak of a ramp is two turns wide
+GROUPS = 128  # of rows, that are enough to see where the peak is
 STEP = 1e-3  # turns, between the points of a parabola
 ROUNDS = 12  # of it, at most
+REST = 1e-6  # turns: after a step so short there is nothing left to do
+THREE = np.array([-STEP, 0.0, STEP])
 FARTHEST = 0.5  # turns that the refinement may go from where it begins
 
 
@@ -62,7 +67,7 @@ class Ramp:
 
 
 class Profile:
-    """The profile likelihood of the turns, for any weighting of the rows.
+    """The profile likelihood of the turns, of all rows or without some of them.
 
     Parameters
     ----------
@@ -80,49 +85,81 @@ class Profile:
         inner, cross, own = level[:-1, :-1], level[:-1, -1], level[-1, -1].real
         response = moments.response(self.orders)
         self._gram = inner - np.outer(cross, cross.conj()) / own
-        self._response = response - cross[:, None] * moments.row[0] / own
+        self._heavy = (brightness**2).astype(np.complex128)
+        self._told = brightness * (response - cross[:, None] * moments.row[0] / own)
+        self._place = np.arange(brightness.size) / brightness.size
 
-    def explained(self, turns: Float, weight: Float) -> Float:
-        """Sum of squares that the best amplitudes explain.
+    def coarse(self) -> Profile:
+        """Return the profile of some groups of rows: all but as likely, and sooner told."""
+        groups = min(GROUPS, self.brightness.size)
+        starts = np.arange(groups) * self.brightness.size // groups
+        out = copy.copy(self)
+        out._heavy, out._told = (
+            np.add.reduceat(rows, starts, axis=-1) for rows in (self._heavy, self._told)
+        )
+        sizes = np.diff(starts, append=self.brightness.size)
+        out._place = np.add.reduceat(self._place, starts) / sizes
+        return out
+
+    def explained(self, turns: Float) -> Float:
+        """Sum of squares that the best amplitudes explain, for each of some turns."""
+        return _explained(*self._solve(turns, _all))
+
+    def without_each(self, turns: Float, starts: NDArray[np.int64]) -> Float:
+        """Return the same without one band of rows after another, shape (turns, bands).
 
         Parameters
         ----------
         turns : ndarray, shape (tries,)
-        weight : ndarray, shape (tries, rows) or (1, rows)
-
-        Returns
-        -------
-        ndarray, shape (tries,)
+        starts : ndarray, shape (bands,)
+            First row of each band.
         """
-        pull, amplitude = self._solve(turns, weight)
-        return np.asarray(np.sum(pull.conj() * amplitude, axis=1).real)
+
+        def others(ramp: Complex, rows: Complex) -> Complex:
+            own = np.add.reduceat(ramp * rows, starts, axis=1)
+            return np.asarray((own.sum(axis=1, keepdims=True) - own).ravel())
+
+        return _explained(*self._solve(turns, others)).reshape(turns.size, -1)
 
     def amplitude(self, turns: float) -> Complex:
-        """``a_k`` of the positive orders, all rows weighing the same."""
-        _, found = self._solve(np.array([turns]), np.ones((1, self.brightness.size)))
+        """``a_k`` of the positive orders."""
+        _, found = self._solve(np.array([turns]), _all)
         return np.asarray(2.0 * found[0, self.orders > 0])
 
-    def _solve(self, turns: Float, weight: Float) -> tuple[Complex, Complex]:
-        """Right-hand sides and solutions, each (tries, orders)."""
-        rows, count = self.brightness.size, self.orders.size
-        once = turning(2.0 * np.pi * np.outer(turns, np.arange(rows) / rows))
-        heavy, told = self.brightness**2, self.brightness * self._response
-        spread = np.empty((count + 1, turns.size), np.complex128)
-        pull = np.empty((turns.size, count), np.complex128)
-        weighted = weight * np.ones_like(once)  # the weights times the ramp's powers
+    def _solve(
+        self, turns: Float, added: Callable[[Complex, Complex], Complex]
+    ) -> tuple[Complex, Complex]:
+        """Right-hand sides and solutions, each (cases, orders).
+
+        ``added`` adds up a ramp (turns, rows) times what rows tell (rows,), to (cases,).
+        """
+        count = self.orders.size
+        once = turning(2.0 * np.pi * np.outer(turns, self._place))
+        spread, pulls = [], {}
+        ramp = np.ones_like(once)  # its powers
         for d in range(count + 1):
-            spread[d] = weighted @ heavy
+            spread.append(added(ramp, self._heavy))
             for i in np.flatnonzero(np.abs(self.orders) == d):
                 down = self.orders[i] > 0
-                own = weighted @ (told[i].conj() if down else told[i])
-                pull[:, i] = own.conj() if down else own
-            weighted = weighted * once
+                own = added(ramp, self._told[i].conj() if down else self._told[i])
+                pulls[int(i)] = own.conj() if down else own
+            ramp = ramp * once
+        pull = np.stack([pulls[i] for i in range(count)], axis=1)
         step = self.orders[None, :] - self.orders[:, None]
-        ramps = np.where((step < 0)[..., None], spread[np.abs(step)].conj(), spread[np.abs(step)])
+        below = np.array(spread)[np.abs(step)]
+        ramps = np.where((step < 0)[..., None], below.conj(), below)
         normal = np.moveaxis(self._gram[..., None] * ramps, 2, 0)
         ridge = RIDGE * np.trace(normal, axis1=1, axis2=2).real / count
         normal = normal + ridge[:, None, None] * np.eye(count)
         return pull, np.asarray(np.linalg.solve(normal, pull[..., None])[..., 0], np.complex128)
+
+
+def _all(ramp: Complex, rows: Complex) -> Complex:
+    return np.asarray(ramp @ rows)
+
+
+def _explained(pull: Complex, amplitude: Complex) -> Float:
+    return np.asarray(np.sum(pull.conj() * amplitude, axis=1).real)
 
 
 def find_ramp(moments: Moments, most_turns: float) -> Ramp:
@@ -137,42 +174,52 @@ def find_ramp(moments: Moments, most_turns: float) -> Ramp:
     most_turns : float
     """
     brightness = moments.row[0].real / moments.frames
-    even = np.ones((1, brightness.size))
-    first = Profile(moments, 1, brightness)
+    first = Profile(moments, 1, brightness).coarse()
     half = int(np.ceil(most_turns / GRID_STEP))
     grid = np.asarray(np.arange(-half, half + 1) * GRID_STEP, np.float64)
-    start = float(grid[np.argmax(first.explained(grid, even))])
+    start = float(grid[np.argmax(first.explained(grid))])
     for _ in range(2):
         profile = Profile(moments, HARMONICS, brightness)
-        turns, curvature = climb(profile, np.array([start]), even)
-        start = float(turns[0])
+        start, curvature = climb(profile.explained, start)
         amplitude = profile.amplitude(start)
         brightness = _brightness(moments, amplitude, start)
-    return Ramp(start, float(curvature[0]), amplitude, moments.noise_var(), brightness)
+    return Ramp(start, curvature, amplitude, moments.noise_var(), brightness)
 
 
-def climb(profile: Profile, turns: Float, weight: Float) -> tuple[Float, Float]:
-    """Climb from each start to the top next to it; return tops and curvatures there.
+def climb(explained: Callable[[Float], Float], start: float) -> tuple[float, float]:
+    """Climb from a start to the top next to it; return the top, and the curvature there.
 
     Parameters
     ----------
-    turns : ndarray, shape (tries,)
-    weight : ndarray, shape (tries, rows) or (1, rows)
+    explained : callable
+        Of some turns (tries,), what they explain (tries,).
+    start : float
     """
-    start, now, bend = turns, turns, np.zeros(turns.size)
+    now, bend = start, 0.0
     for _ in range(ROUNDS):
-        below, here, above = (profile.explained(now + d, weight) for d in (-STEP, 0.0, STEP))
-        bend = (2.0 * here - below - above) / STEP**2
-        slope = (above - below) / (2.0 * STEP)
-        # Where it bends upwards the top is some way off, uphill.
-        move = np.where(bend > 0, slope / np.where(bend > 0, bend, 1.0), np.sign(slope) * GRID_STEP)
-        new = np.clip(
-            now + np.clip(move, -GRID_STEP, GRID_STEP), start - FARTHEST, start + FARTHEST
-        )
-        moved, now = np.max(np.abs(new - now)), new
-        if moved < 1e-9:
+        move, bent = step_up(explained(now + THREE))
+        bend = float(bent)
+        new = float(np.clip(now + move, start - FARTHEST, start + FARTHEST))
+        moved, now = abs(new - now), new
+        if moved < REST:
             break
     return now, bend
+
+
+def step_up(three: Float) -> tuple[Float, Float]:
+    """Step to the top of parabolas through three points each, and their curvatures.
+
+    Parameters
+    ----------
+    three : ndarray, shape (3, …)
+        What turns :data:`THREE` beyond the present ones explain.
+    """
+    below, here, above = three
+    bend = (2.0 * here - below - above) / STEP**2
+    slope = (above - below) / (2.0 * STEP)
+    # Where it bends upwards the top is some way off, uphill.
+    move = np.where(bend > 0, slope / np.where(bend > 0, bend, 1.0), np.sign(slope) * GRID_STEP)
+    return np.clip(move, -GRID_STEP, GRID_STEP), bend
 
 
 def _brightness(moments: Moments, amplitude: Complex, turns: float) -> Float:

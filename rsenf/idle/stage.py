@@ -31,6 +31,9 @@ from rsenf.messages import IdleEstimate, RowBlock
 from rsenf.timebase import NS_PER_S
 
 MIN_ROWS = 16
+# Of a long stream hardly anything is new to the next estimate, which waits until it is so much
+# longer, or for so long.
+GROWN, LONGEST_S = 0.125, 60.0
 # Of a stream, how much is kept in bins: longer ones would blur what the grid's deviation turns.
 BINNED_S = 240.0
 # Half-width of the 95 % interval in standard errors: Student's t for a dozen bands of rows.
@@ -77,18 +80,17 @@ class IdleStage:
         if message.rows != self._rows:
             return []
         self._look(message)
-        for phased in self._pairing.update(message):
-            self._take(phased)
-        passed = self._clock.span_s / self._settings.every_s
-        if passed < self._due:
+        self._take(self._pairing.update(message))
+        span_s, every_s = self._clock.span_s, self._settings.every_s
+        if span_s < self._due * every_s:
             return []
-        self._due = int(passed) + 1
+        wait_s = min(GROWN * span_s, LONGEST_S)
+        self._due = int(span_s / every_s) + max(int(wait_s / every_s), 1)
         return [self._publish()]
 
     def flush(self) -> list[Any]:
         """Return the last estimate, from all of the stream."""
-        for phased in self._pairing.flush():
-            self._take(phased)
+        self._take(self._pairing.flush())
         return [self._publish()] if self._newest is not None else []
 
     def _begin(self, block: RowBlock) -> None:
@@ -106,17 +108,21 @@ class IdleStage:
             return
         if self._clock.span_s < BINNED_S and block.strips == self._strips:
             t_s = (block.frame_pts_ns - self._first.frame_pts_ns[0]) / NS_PER_S
-            self._bins.add(t_s, block.level.astype(np.float64))
+            self._bins.add(t_s, block.level)
             self._binned_s = self._clock.span_s
         self._sawtooth.add(block.level.mean(axis=(1, 2), dtype=np.float64))
 
-    def _take(self, phased: PhasedBlock) -> None:
+    def _take(self, phased: list[PhasedBlock]) -> None:
         """Add the frames whose phase is known now."""
+        usable = [p for p in phased if p.block.usable]
+        if not usable:
+            return
         assert self._moments is not None
-        known = np.isfinite(phased.phase_rad)
-        if phased.block.usable and known.any():
-            level = phased.block.profiles()[known]
-            self._moments.add(phased.phase_rad[known], level)
+        phase_rad = np.concatenate([p.phase_rad for p in usable])
+        known = np.isfinite(phase_rad)
+        if known.any():
+            level = np.concatenate([p.block.profiles() for p in usable])
+            self._moments.add(phase_rad[known], level[known])
 
     def _finding(self, rate_hz: float) -> Finding:
         """What can be said before any method has a say, or the method's word."""

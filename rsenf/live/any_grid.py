@@ -58,9 +58,9 @@ class AnyGrid:
         return self._bank.was_out
 
     def phase_after(self, passed_s: float) -> tuple[float, float]:
-        """Phase foretold for some seconds after the last, and its variance."""
-        turn, kick = _over(passed_s)
-        return self._bank.phase_after(turn, self._lively2[:, None, None] * kick)
+        """Phase foretold for some seconds after the last, by the best filter, and its variance."""
+        best, (turn, kick) = self._bank.best, _over(passed_s)
+        return self._bank.phase_after(best, turn, self._lively2[best] * kick)
 
 
 def _drift() -> FloatArray:

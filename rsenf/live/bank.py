@@ -117,11 +117,15 @@ class Bank:
         mean = float(self.weight @ own)
         return mean, float(self.weight @ (var + (own - mean) ** 2))
 
-    def phase_after(self, turn: FloatArray, kick: FloatArray) -> tuple[float, float]:
-        """Phase foretold by the filter of most weight, a while on, and its variance."""
-        best = int(self.weight.argmax())
-        ahead = turn @ self.cov[best] @ turn.T + kick[best]
-        return float((turn @ self.mean[best])[0]), float(ahead[0, 0])
+    @property
+    def best(self) -> int:
+        """Which filter has most weight."""
+        return int(self.weight.argmax())
+
+    def phase_after(self, one: int, turn: FloatArray, kick: FloatArray) -> tuple[float, float]:
+        """Phase foretold by one filter, a while on, and its variance."""
+        ahead = turn @ self.cov[one] @ turn.T + kick
+        return float((turn @ self.mean[one])[0]), float(ahead[0, 0])
 
 
 def _wrapped(away_rad: FloatArray) -> FloatArray:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rsenf.medians import median_of_few
 from rsenf.messages import EnfEstimate, IdleEstimate
 
 NEW_S = 8  # seconds whose flicker is compared with that of the minutes before
@@ -46,8 +47,8 @@ class FlickerSize:
             return None
         every = np.array(self._log)
         old, new = every[:-NEW_S], every[-NEW_S:]
-        middle = float(np.median(old))
-        scatter = MAD_TO_STD * float(np.median(np.abs(old - middle)))
+        middle = float(median_of_few(old))
+        scatter = MAD_TO_STD * float(median_of_few(np.abs(old - middle)))
         limit = max(SURE_STDS * scatter, LEAST_LOG)
         away = new - middle
         if not (np.abs(away) > limit).all() or abs(away.sum()) != np.abs(away).sum():

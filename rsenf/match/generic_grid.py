@@ -110,9 +110,13 @@ def _gaussian(steps: FloatArray, covariance: FloatArray) -> FloatArray:
     A step is only known up to whole turns: it is taken for the one nearest to what the steps before
     foretell, as the phase filter does at a lag. One slip costs no more here than there.
     """
+    from scipy.linalg import solve_triangular
+
     root = np.linalg.cholesky(covariance)
-    std, white = np.diag(root), np.empty(steps.size)
-    for i in range(steps.size):
+    std = np.diag(root)
+    white = solve_triangular(root, steps, lower=True, check_finite=False)
+    slips = np.flatnonzero(np.abs(white * std) > TURN_RAD / 2.0)
+    for i in range(slips[0], steps.size) if slips.size else ():
         away = float(steps[i] - root[i, :i] @ white[:i])
         white[i] = (away - TURN_RAD * round(away / TURN_RAD)) / std[i]
     return np.asarray(-0.5 * white**2 - np.log(std) - 0.5 * np.log(TURN_RAD))

@@ -116,11 +116,14 @@ def innovations(
     size = (len(errors), residual_rad.shape[1])
     own, ramp = (_Followed(shape, spread.wandering) for shape in (size, spread.shape))
     residual = residual_rad / (2.0 * np.pi)  # in turns, of which whole ones don't count
+    everywhere: NDArray[np.bool_] = np.all(known, axis=1)
     log_f, rr, vv, vr = (np.zeros(shape) for shape in (spread.shape, spread.shape, size, size))
     for i in range(clip.size):
-        f, keep, gain = spread.step(i, known[i])
-        told = np.where(known[i], 1.0 / f, 0.0)
-        log_f += np.where(known[i], np.log(2.0 * np.pi * f), 0.0)
+        f, keep, gain = spread.step(i, None if everywhere[i] else known[i])
+        told, level = 1.0 / f, np.log(2.0 * np.pi * f)
+        if not everywhere[i]:
+            told, level = np.where(known[i], told, 0.0), np.where(known[i], level, 0.0)
+        log_f += level
         r = ramp.innovation(RAD_PER_CYCLE * (clip.t_s[i] - clip.t_s[0]), keep)
         v = own.innovation(residual[i], keep)
         v -= np.rint(v)
@@ -163,9 +166,9 @@ class _Spread:
         self._ab = np.zeros_like(self._bb)
 
     def step(
-        self, i: int, known: NDArray[np.bool_]
+        self, i: int, known: NDArray[np.bool_] | None
     ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
-        """Go on to a phase.
+        """Go on to a phase, the way to which is known at all lags, or at those given.
 
         Returns
         -------
@@ -178,7 +181,7 @@ class _Spread:
         """
         aa, ab, bb, keep = self._aa, self._ab, self._bb, self._keep[i]
         aa += self._grow[i]
-        if not known.all():
+        if known is not None:
             keep = np.where(known, keep, 0.0)
             aa[:, ~known] = UNKNOWN_RAD2
         ab *= keep

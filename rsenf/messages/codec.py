@@ -55,7 +55,12 @@ def class_for(encoding: str) -> type[Any]:
 
 def encode(msg: Any) -> bytes:
     """Serialise a message, the same bytes for the same message every time."""
-    return bytes(to_wire(msg).SerializeToString(deterministic=True))
+    return serialise(to_wire(msg))
+
+
+def serialise(wire: Any) -> bytes:
+    """Serialise a message's Protobuf twin."""
+    return bytes(wire.SerializeToString(deterministic=True))
 
 
 def decode(cls: type[Any], payload: bytes) -> Any:
@@ -66,13 +71,23 @@ def decode(cls: type[Any], payload: bytes) -> Any:
     SchemaMismatch
         When the bytes don't parse, or an array doesn't fit its shape.
     """
+    return from_wire(cls, parse(cls, payload))
+
+
+def parse(cls: type[Any], payload: bytes) -> Any:
+    """Parse a message as far as its Protobuf twin, which has its fields by the same names.
+
+    Raises
+    ------
+    SchemaMismatch
+        When the bytes don't parse.
+    """
     from google.protobuf.message import DecodeError
 
     try:
-        wire = twin_class(cls).FromString(payload)
+        return twin_class(cls).FromString(payload)
     except DecodeError as exc:
         raise SchemaMismatch(f"{len(payload)} bytes that are not a {schema_name(cls)}") from exc
-    return from_wire(cls, wire)
 
 
 def canonical(msg: Any) -> bytes:

@@ -16,6 +16,7 @@ from rsenf.messages.reference_block import ReferenceBlock
 from rsenf.messages.row_block import RowBlock
 from rsenf.messages.schema import field_specs
 
+_MARKS = tuple(Mark)
 # Numbers are counted and added up, times subtracted: far from where either would overflow.
 MOST_COUNTED = 2**48
 MOST_NS = 2**62  # 146 years
@@ -59,7 +60,7 @@ def out_of_place(header: Header, last: Header | None) -> str:
 def _of_header(header: Header) -> str:
     if not (0 <= header.seq < MOST_COUNTED and 0 <= header.epoch < MOST_COUNTED):
         return "a number of a message that can't be"
-    if header.mark not in tuple(Mark):
+    if header.mark not in _MARKS:
         return f"no mark: {header.mark}"
     if not -1 <= header.frame_first <= max(header.frame_last, -1) < MOST_COUNTED:
         return "frames that can't be"

@@ -12,7 +12,6 @@ import functools
 from typing import Any, NamedTuple
 
 from rsenf.errors import SchemaMismatch
-from rsenf.messages import VideoPacket
 
 VIDEO = "foxglove.CompressedVideo"
 IMAGE = "foxglove.CompressedImage"
@@ -44,13 +43,13 @@ def knows(schema: str) -> bool:
     return schema in _FIELDS
 
 
-def to_foxglove(packet: VideoPacket, time_ns: int) -> Picture | None:
+def to_foxglove(packet: Any, time_ns: int) -> Picture | None:
     """Put a packet in Foxglove's form.
 
     Parameters
     ----------
     packet : VideoPacket
-        The packet.
+        The packet, or its Protobuf twin.
     time_ns : int
         Its place on the recording's time line, UTC since 1970.
 

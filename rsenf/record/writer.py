@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,7 +9,9 @@ from types import TracebackType
 from typing import Any
 
 from rsenf.errors import SchemaMismatch
-from rsenf.messages import Frame, Header, Mark, VideoPacket, decode, encode
+from rsenf.messages import Frame, Header, Mark, VideoPacket, encode
+from rsenf.messages.codec import parse, serialise
+from rsenf.messages.schema import to_wire
 from rsenf.record.channels import Channels
 from rsenf.record.container import StoredMessage
 from rsenf.record.continuity import Continuity
@@ -21,6 +22,11 @@ from rsenf.record.index import Index
 from rsenf.record.provenance import program_facts
 from rsenf.record.topics import topics_of
 from rsenf.timebase import NS_PER_S, nanoseconds
+
+# What is recorded in another form than it is sent in: a frame without its pixels, and a packet's
+# picture as others know it.
+REFORMED = (Frame, VideoPacket)
+PIXELS = ("ring", "ring_slot", "ring_ticket", "pixels")
 
 
 class Recorder:
@@ -125,14 +131,13 @@ class Recorder:
         RecordingError
             When the file can't take it; what was flushed before is safe, in a closed file.
         """
-        if isinstance(message, Frame):
-            message = _without_pixels(message)
-        if not self._takes(topic, type(message), message.header):
+        cls, header = type(message), message.header
+        if not self._takes(topic, cls, header):
             return False
-        if isinstance(message, VideoPacket):
-            self._put_video(topic, message)
+        if cls in REFORMED:
+            self._put_reformed(topic, cls, to_wire(message), header)
         else:
-            self._put_message(topic, type(message), encode(message), message.header)
+            self._put_message(topic, cls, encode(message), header)
         return True
 
     def write_encoded(
@@ -140,15 +145,17 @@ class Recorder:
     ) -> bool:
         """Record a message as it came from the bus, reading no more of it than its header.
 
-        Frames and video packets, which are recorded in another form, are decoded.
+        Frames and video packets, which are recorded in another form, are parsed.
         Otherwise as :meth:`write`.
         """
-        if cls in (Frame, VideoPacket):
-            return self.write(topic, decode(cls, payload))
+        wire = parse(cls, payload) if cls in REFORMED else None
         header = header or header_of(payload)
         if not self._takes(topic, cls, header):
             return False
-        self._put_message(topic, cls, payload, header)
+        if wire is not None:
+            self._put_reformed(topic, cls, wire, header)
+        else:
+            self._put_message(topic, cls, payload, header)
         return True
 
     def add_metadata(self, name: str, values: Mapping[str, Any]) -> None:
@@ -184,17 +191,25 @@ class Recorder:
         self._put(self._channels.of_messages(topic, cls), payload, header, log_time_ns)
         self._after_message()
 
-    def _put_video(self, topic: str, packet: VideoPacket) -> None:
-        header = packet.header
+    def _put_reformed(self, topic: str, cls: type[Any], wire: Any, header: Header) -> None:
+        """Record a frame or a video packet, given as its Protobuf twin, which is used up."""
+        if cls is VideoPacket:
+            self._put_video(topic, wire, header)
+            return
+        for name in PIXELS:
+            wire.ClearField(name)
+        self._put_message(topic, cls, serialise(wire), header)
+
+    def _put_video(self, topic: str, packet: Any, header: Header) -> None:
         log_time_ns = self._timeline.log_time_ns(VideoPacket, header)
         picture = to_foxglove(packet, log_time_ns) if header.mark == Mark.DATA else None
         if picture is not None:
             channel_id = self._channels.of_pictures(topic, picture.schema)
             self._put(channel_id, picture.payload, header, log_time_ns)
-            packet = dataclasses.replace(packet, data=b"")
+            packet.ClearField("data")
         # The companion follows its picture within the same chunk: neither is there without the
         # other, and a reader puts the two together again.
-        self._put(self._channels.of_packets(topic), encode(packet), header, log_time_ns)
+        self._put(self._channels.of_packets(topic), serialise(packet), header, log_time_ns)
         self._after_message()
 
     def _put(self, channel_id: int, payload: bytes, header: Header, log_time_ns: int) -> None:
@@ -223,7 +238,3 @@ class Recorder:
 
 def _strings(values: Mapping[str, Any]) -> dict[str, str]:
     return {str(key): str(value) for key, value in values.items()}
-
-
-def _without_pixels(frame: Frame) -> Frame:
-    return dataclasses.replace(frame, ring="", ring_slot=0, ring_ticket=0, pixels=b"", luma=None)

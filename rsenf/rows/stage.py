@@ -80,10 +80,10 @@ class Rows:
 
     def _finish(self) -> RowBlock:
         s, headers, cut = self.settings, self._headers, self._cut
-        sums = np.stack(self._sums, dtype=np.float32)
+        sums = np.array(self._sums, np.float32)
         tile_means = self._tile_means(sums)
         level, kept = self._level(sums)
-        steady_ratio = float(kept.sum()) / float(cut.kept_px.sum())
+        steady_ratio = float(np.add.reduce(kept, axis=None)) / cut.all_px
         clipped = np.count_nonzero((level <= BLACK_LEVEL) | (level >= WHITE_LEVEL)) / level.size
         reason = _why_unusable(steady_ratio, clipped)
         block = RowBlock(
@@ -154,6 +154,7 @@ class _Cut:
         self.tile_px = in_row.astype(np.float32)[:, None]
         self.strip_px = _by_strip(self.tile_px, strips)
         self.kept_px = np.tile(self.strip_px.T.astype(np.uint32), (self.rows, 1))
+        self.all_px = float(self.kept_px.sum())
         self.kept_px.flags.writeable = False  # every block in which nothing moves has this one
 
 
@@ -178,11 +179,11 @@ def _paint_over(
     moved = np.flatnonzero(~steady.all(axis=0))
     touched = slice(mask.band_starts[moved[0]], mask.band_starts[moved[-1] + 1])
     seen, background = sums[..., touched], background[:, touched]
-    keep = mask.rows_of(steady)[:, touched]
-    counts = keep.astype(np.float32)
-    bright, usual = np.add.reduce(seen * counts, axis=1), _over_tiles(background * counts)
+    keep = mask.rows_of(steady.astype(np.float32))[:, touched]
+    left = seen * keep
+    bright, usual = np.add.reduce(left, axis=1), _over_tiles(background * keep)
     gain = np.divide(bright, usual, out=np.ones_like(bright), where=usual > 0)
-    np.copyto(seen, background * gain[:, None], where=~keep)
+    np.add(left, background * (1.0 - keep) * gain[:, None], out=seen)
 
 
 def _why_unusable(steady_ratio: float, clipped_ratio: float) -> str:

@@ -111,8 +111,10 @@ class SteadyMask:
         weight = 1.0 if first else np.where(steady, LEARNING_RATE, 0.0)
         self._spread = np.asarray(self._spread + weight * (spread - self._spread), np.float32)
         rate = np.where(steady, LEARNING_RATE, LEARNING_RATE / MOVING_SLOWDOWN)
-        step = self.rows_of(rate) * (_mean_of_frames(flat) - self.background)
-        self._background = np.asarray(self.background + step, np.float32)
+        learnt = self.rows_of(rate)
+        learnt *= _mean_of_frames(flat) - self.background
+        learnt += self.background
+        self._background = learnt.astype(np.float32)
 
 
 def _mean_of_frames(of: Float32Array) -> Float32Array:

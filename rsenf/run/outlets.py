@@ -31,22 +31,28 @@ class Outlet(Protocol):
 
 def open_outlet(node: NodeProcess, config: DecodeNode, *, live: bool) -> Outlet:
     """Open what the configuration asks for."""
+    ahead = not (live or config.pace)
     if config.frames == "fused":
-        ahead = not (live or config.pace)
         return _Fused(config, node.publisher(config.camera, "rows"), ahead=ahead)
-    return open_frames(node, config, config.camera, live=live)
+    return open_frames(node, config, config.camera, live=live, ahead=ahead)
 
 
 def open_frames(
-    node: NodeProcess, config: DecodeNode | ReplayNode, camera: str, *, live: bool = False
+    node: NodeProcess,
+    config: DecodeNode | ReplayNode,
+    camera: str,
+    *,
+    live: bool = False,
+    ahead: bool = False,
 ) -> Outlet:
     """Open the way of a camera's frames to the node that samples them."""
     frames = node.publisher(camera, "frames", live=live)
     reader = reader_of_frames(node.graph, camera)
     if config.frames == "ring" and not reader:
-        return _Unread(frames)
+        return _Unread(frames, ahead=ahead)
     name = f"rsenf-{node.run_id}-{camera}" if config.frames == "ring" else ""
-    return FrameSender(frames, name, config.ring_slots, _Departed(node.peers, reader))
+    departed = _Departed(node.peers, reader)
+    return FrameSender(frames, name, config.ring_slots, departed, ahead=ahead)
 
 
 class _Departed:
@@ -84,11 +90,11 @@ class _Fused:
 class _Unread:
     """Nobody samples the frames: only what is known of each travels, for recording."""
 
-    def __init__(self, frames: Publisher) -> None:
-        self._frames = frames
+    def __init__(self, frames: Publisher, *, ahead: bool) -> None:
+        self._frames, self._ahead = frames, ahead
 
     def send(self, frame: Frame) -> None:
-        self._frames.send(dataclasses.replace(frame, luma=None))
+        self._frames.send(dataclasses.replace(frame, luma=None), more=self._ahead)
 
     def finish(self, last: Header) -> None:
         self._frames.send(Frame(header=last.numbered(last.seq + 1, Mark.END)))

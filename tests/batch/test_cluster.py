@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -65,13 +66,21 @@ def wait_for_nannies(address: str, count: int) -> None:
             time.sleep(0.05)
 
 
-def done_on(scheduler: str, does: dict[str, str], folder: Path) -> dict[str, str]:
-    """Return what has become of orders, each of which has to come back once."""
+Ended = tuple[str, int | None]
+
+
+def done_on(
+    scheduler: str, does: dict[str, str], folder: Path, timeout_s: float = math.inf
+) -> dict[str, Ended]:
+    """Return what has become of orders, each of which has to come back once, by which try."""
     orders = [Order(name, what, folder) for name, what in does.items()]
-    done = list(worked_on_cluster(orders, obey, scheduler, print))
+    done = list(worked_on_cluster(orders, obey, scheduler, print, timeout_s))
     assert sorted(one.task.name for one in done) == sorted(does)
     return {
-        one.task.name: one.answer.text if isinstance(one.answer, Trouble) else "done"
+        one.task.name: (
+            one.answer.text if isinstance(one.answer, Trouble) else "done",
+            one.tries,
+        )
         for one in done
     }
 
@@ -89,13 +98,20 @@ def test_a_killed_worker_costs_no_more_than_a_deadly_task(scheduler: str, tmp_pa
     killer.start()
     easy = dict.fromkeys("abcdef", "")
     found = done_on(scheduler, {"killed": "wait once", "wrong": "raise", **easy}, tmp_path)
-    assert found == {**dict.fromkeys(["killed", *easy], "done"), "wrong": "ValueError: wrong"}
+    fine = dict.fromkeys(easy, ("done", 1))
+    assert found == fine | {"killed": ("done", 2), "wrong": ("ValueError: wrong", 1)}
     assert len(set(mark.read_text().split())) == 2
 
     found = done_on(scheduler, {"deadly": "die", **easy}, tmp_path)
     died = "2 workers died while they worked on it"
-    assert found == {"deadly": died, **dict.fromkeys(easy, "done")}
+    assert found == fine | {"deadly": (died, 2)}
     assert len((tmp_path / "deadly").read_text().split()) == 2
+
+    found = done_on(scheduler, {"late": "wait", **easy}, tmp_path, timeout_s=1.5)
+    assert found == fine | {"late": ("not done within 1.5 s", 1)}
+    (late,) = (tmp_path / "late").read_text().split()
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(late), 0)
 
 
 def test_a_scheduler_that_is_not_there() -> None:

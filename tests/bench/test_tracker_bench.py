@@ -46,13 +46,14 @@ def test_planes_have_padded_lines_and_a_box_crosses_some() -> None:
     assert not any((a == 210).any() for a in still[:4])
     assert all((a == 210).any() for a in moving)
     record = measured(Planes("480p", 1, 1), 0, Path())
-    assert set(record["us"][0]) == {"copy", "means", "still", "moving"}
+    assert set(record["us"][0]) == {"copy", "read", "means", "still", "moving"}
     assert all(us > 0 for us in record["us"][0].values())
 
 
 def test_ratios_are_those_of_each_round() -> None:
     rounds = [
-        {"copy": c, "means": m, "still": 2.0, "moving": 3.0} for c, m in ((1, 1), (4, 2), (9, 3))
+        {"copy": c, "read": 1.0, "means": m, "still": 2.0, "moving": 3.0}
+        for c, m in ((1, 1), (4, 2), (9, 3))
     ]
     part = {"decode": 100.0, "rows": 3.0, "track": 1.0, "idle": 0.5, "match": 0.25, "live": 0.25}
     common = {"load": 1.0, "rsenf": "x"}

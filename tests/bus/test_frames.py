@@ -39,11 +39,12 @@ def never() -> bool:
     return False
 
 
+@pytest.mark.parametrize("ahead", [False, True], ids=["one by one", "some at once"])
 @pytest.mark.parametrize("ring", [RING, ""])
-def test_every_plane_comes_whole_and_in_order(ring: str) -> None:
+def test_every_plane_comes_whole_and_in_order(ring: str, ahead: bool) -> None:
     """More frames than slots, of several sizes, with lines padded by the decoder."""
     publisher, inbox = pair(FRAMES_FILE)
-    sender, receiver = FrameSender(publisher, ring, 3, never), FrameReceiver()
+    sender, receiver = FrameSender(publisher, ring, 5, never, ahead=ahead), FrameReceiver()
     sizes = [(6, 7)] * 10 + [(8, 853)] * 5 + [(4, 4)] * 3 + [(20, 1366)] * 5
     frames = [frame(seq, *size) for seq, size in enumerate(sizes)]
     padded = np.zeros((20, 1408), np.uint8)

@@ -83,8 +83,12 @@ def test_all_end_and_the_next_run_goes_on(
     assert "<b>&" not in page
     assert "http" not in page.replace("http-equiv", "")
 
-    # What is mended is done, and what is as it was isn't done again.
+    # What is mended is done, and what is as it was isn't done again, be it of use or not.
     journal = (out / "batch.jsonl").read_bytes()
+    assert main(words) == 1
+    unchanged = "unusable before, and unchanged: 2 (--retry does them again)"
+    assert f"recordings to do: 0 of 5; {unchanged}\n" in capsys.readouterr().err
+    assert (out / "batch.jsonl").read_bytes() == journal
     (folder / "text.mp4").unlink()
     (folder / "empty.mp4").unlink()
     dark(folder / "mended.npz")

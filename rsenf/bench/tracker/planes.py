@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,16 +45,17 @@ class Planes:
     @property
     def key(self) -> str:
         """Name that tells it from any other."""
-        return f"planes {self.size} {self.rounds} x {self.blocks} blocks"
+        return f"planes {self.size} {self.rounds} x {self.blocks} blocks, read as well"
 
     def measure(self, seed: int) -> dict[str, Any]:
-        """Time copying and each way of sampling, in turn; microseconds a plane, by round."""
+        """Time copying, reading and sampling, in turn; microseconds a plane, by round."""
         width_px, height_px = SIZES[self.size]
         still, moving = (planes(height_px, width_px, seed, box=box) for box in (False, True))
         to = np.empty_like(still[0])
         works: dict[str, tuple[list[Any], Callable[[Any], Any]]] = {
             "copy": (still, lambda luma: np.copyto(to, luma)),
-            "means": (still, lambda luma: tile_sums(luma, "rows", 1) / width_px),
+            "read": (still, lambda luma: cv2.norm(luma, cv2.NORM_INF)),
+            "means": (still, _row_means(width_px)),
             "still": (_frames(still), Rows().update),
             "moving": (_frames(moving), Rows().update),
         }
@@ -73,6 +75,19 @@ class Planes:
         for number in range(count):
             work(of[number % len(of)])
         return (time.process_time() - begun_s) / count * 1e6
+
+
+def _row_means(width_px: int) -> Callable[[Luma], None]:
+    """Return what takes a plane, and divides its sums when a block of planes has come."""
+    sums: list[Any] = []
+
+    def take(luma: Luma) -> None:
+        sums.append(tile_sums(luma, "rows", 1))
+        if len(sums) == BLOCK_FRAMES:
+            np.array(sums, np.float32) / width_px
+            sums.clear()
+
+    return take
 
 
 def _frames(lumas: list[Luma]) -> list[Frame]:

@@ -13,15 +13,17 @@ from rsenf.bench.tracker.beside import AFTER
 Row = dict[str, Any]
 _HOUR = ("method", "settings", "rows", "frames/s", "hours", "s an hour", "ms a frame", "MB")
 _BESIDE = ("stage", "ms a second", "÷ decode")
-_PLANES = ("plane", "copy", "row means", "÷ copy", "mask, still", "÷ copy", "mask, moving",
-           "÷ copy")  # fmt: skip
+_SAMPLED = ("read", "means", "still", "moving")
+_PLANES = ("plane", "copy", "read", "÷ copy", "row means", "÷ copy", "mask, still", "÷ copy",
+           "mask, moving", "÷ copy")  # fmt: skip
 _NOTE = """\
 s an hour: seconds of processor time for an hour of rows, once flicker has been found; MB: the most
 memory beyond what the program held before. ÷ decode: over PyAV decoding the film on one thread, in
 the same round; after: all stages after the row means together, the usual settings, a result of the
-match every minute. Planes, microseconds each: copied to one that the cache may hold, one mean a
-row, two strips with the steady-pixel mask, everything up to the block of rows; lines are padded as
-decoders pad them. Medians of rounds of processor time, and of their own ratios."""
+match every minute. Planes, microseconds each: copied to one that the cache may hold; read once, for
+the brightest pixel; one mean a row; two strips with the steady-pixel mask, everything up to the
+block of rows. Lines are padded as decoders pad them. Medians of rounds of processor time, and of
+their own ratios."""
 
 
 def tabulate(records: Sequence[Record]) -> dict[str, Any]:
@@ -58,10 +60,7 @@ def _beside(record: Record) -> list[Row]:
 
 def _planes(record: Record) -> Row:
     rounds = record["us"]
-    over = {
-        f"{name}_over_copy": median(r[name] / r["copy"] for r in rounds)
-        for name in ("means", "still", "moving")
-    }
+    over = {f"{name}_over_copy": median(r[name] / r["copy"] for r in rounds) for name in _SAMPLED}
     us = {f"{name}_us": median(r[name] for r in rounds) for name in rounds[0]}
     return {"size": record["size"]} | us | over
 
@@ -94,7 +93,7 @@ def _beside_cells(row: Row) -> list[str]:
 def _planes_cells(row: Row) -> list[str]:
     sampled = (
         cell
-        for name in ("means", "still", "moving")
+        for name in _SAMPLED
         for cell in (f"{row[f'{name}_us']:.0f}", f"{row[f'{name}_over_copy']:.2f}")
     )
     return [row["size"], f"{row['copy_us']:.0f}", *sampled]
