@@ -108,7 +108,7 @@ class IdleStage:
             return
         if self._clock.span_s < BINNED_S and block.strips == self._strips:
             t_s = (block.frame_pts_ns - self._first.frame_pts_ns[0]) / NS_PER_S
-            self._bins.add(t_s, block.level.astype(np.float64))
+            self._bins.add(t_s, block.level)
             self._binned_s = self._clock.span_s
         self._sawtooth.add(block.level.mean(axis=(1, 2), dtype=np.float64))
 

@@ -37,6 +37,7 @@ QUICK: tuple[Errors, ...] = tuple(
 )
 QUICK_SHIFTS_S = (-0.5, 0.0, 0.5)
 REFINED = 24
+HOPELESS = 100.0  # nats below the best peak, of which no second pass makes anything
 APART_S = 6.0  # nearer lags are one place
 LEAST_STD_S = 0.01  # of a lag, in the search for its peak
 
@@ -291,13 +292,16 @@ def all_refined(scorer: PhaseScorer, places: Sequence[Place]) -> list[Place]:
     if not places:
         return []
     lag_s = np.array([place.lag_s for place in places])
-    std_s = np.full(len(places), 0.25)
+    std_s, height = np.full(len(places), 0.25), np.full(len(places), -np.inf)
+    hopeful = np.arange(len(places))
     for spread in (np.arange(-4, 5), np.arange(-3, 4)):
-        at = lag_s[:, None] + std_s[:, None] * spread
+        at = lag_s[hopeful, None] + std_s[hopeful, None] * spread
         score = scorer.scores(np.asarray(at.ravel(), np.float64)).reshape(at.shape)
-        lag_s, std_s, height = np.array(
-            [_top(*peak) for peak in zip(at, score, std_s, strict=True)]
-        ).T
+        tops = [_top(*peak) for peak in zip(at, score, std_s[hopeful], strict=True)]
+        lag_s[hopeful], std_s[hopeful], height[hopeful] = np.array(tops).T
+        best_first = np.argsort(-height, kind="stable")
+        reported = best_first[: scorer.settings.candidates]
+        hopeful = np.union1d(reported, np.flatnonzero(height > height.max() - HOPELESS))
     return [
         Place(place.grid, float(lag), float(std), float(top))
         for place, lag, std, top in zip(places, lag_s, std_s, height, strict=True)
