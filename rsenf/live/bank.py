@@ -77,9 +77,10 @@ class Bank:
         self.cov = turn @ self.cov @ turn.T + kick
         # The phase can't be less known than not at all. What it has in common with the other states
         # shrinks with it: a covariance that doesn't hold together makes the filters run away.
-        shrunk = np.sqrt(np.minimum(UNKNOWN_RAD2 / self.cov[:, 0, 0], 1.0))[:, None]
-        self.cov[:, 0, :] *= shrunk
-        self.cov[:, :, 0] *= shrunk
+        if self.cov[:, 0, 0].max() > UNKNOWN_RAD2:
+            shrunk = np.sqrt(np.minimum(UNKNOWN_RAD2 / self.cov[:, 0, 0], 1.0))[:, None]
+            self.cov[:, 0, :] *= shrunk
+            self.cov[:, :, 0] *= shrunk
 
     def take(self, phase_rad: float, own_rad2: float) -> float:
         """Take a phase in; return its log-likelihood given those before (nats)."""
@@ -95,10 +96,14 @@ class Bank:
         # A phase that might be any, by what was foretold, tells nothing but itself.
         anew = lost | (spread > UNIFORM_RAD2)
         gain = self.cov[:, :, 0] / spread[:, None]
-        self.mean += np.where(anew[:, None], 0.0, gain * away[:, None])
         learnt = gain[:, :, None] * self.cov[:, None, 0, :]
-        self.cov -= np.where(anew[:, None, None], 0.0, learnt)
-        self._restart(anew, phase_rad, noise)
+        gain *= away[:, None]
+        if anew.any():
+            gain[anew], learnt[anew] = 0.0, 0.0
+        self.mean += gain
+        self.cov -= learnt
+        if anew.any():
+            self._restart(anew, phase_rad, noise)
         weight = np.exp(joint - total)
         self.was_out = bool(weight @ lost > 0.5)
         self.weight = (1.0 - self._share) * weight + self._share * self._prior
