@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
-BASE = {"errors", "timebase", "medians", "stage", "whole_file", "messages"}
+BASE = {"errors", "timebase", "medians", "stage", "whole_file", "cores", "messages"}
 SIGNAL = {"decode", "rows", "flicker", "track", "idle", "match", "model", "live"}
 # Room -> rooms of rsenf it may import, besides itself.
 ALLOWED: dict[str, set[str]] = {
@@ -18,6 +18,7 @@ ALLOWED: dict[str, set[str]] = {
     "stage": set(),
     "medians": set(),
     "whole_file": {"errors"},
+    "cores": set(),
     "messages": {"errors", "timebase"},
     **dict.fromkeys(SIGNAL, BASE),
     # What estimators of the ENF and of the idle period have in common.

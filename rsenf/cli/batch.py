@@ -75,10 +75,11 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.batch.recordings import JOURNAL
     from rsenf.cli.batch_settings import settings_of
     from rsenf.cli.batch_summary import exit_code, print_summary, summary_of
+    from rsenf.cores import cores
 
     found = _find(args)
-    jobs = min(args.jobs or _cores(), len(found.recordings))
-    settings = settings_of(args, threads=1 if args.scheduler else max(1, _cores() // jobs))
+    jobs = min(args.jobs or cores(), len(found.recordings))
+    settings = settings_of(args, threads=1 if args.scheduler else max(1, cores() // jobs))
     with Journal(args.out / JOURNAL) as journal:
         _work(args, found.recordings, settings, journal, jobs)
         rows = journal.of(recording.key for recording in found.recordings)
@@ -86,13 +87,6 @@ def run(args: argparse.Namespace) -> int:
     summary = summary_of(args, found, rows)
     print_summary(args, summary)
     return exit_code(rows, found)
-
-
-def _cores() -> int:
-    """How many cores this process may use."""
-    if sys.platform == "linux":
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _find(args: argparse.Namespace) -> Found:

@@ -61,7 +61,7 @@ class DecodeNode(Supervised):
     rows: RowsSettings = Field(RowsSettings(), description="row sampling, when fused")
     record_video: bool = Field(True, description="send the compressed packets, for recording")
     pace: bool = Field(False, description="play a file at its own speed, as if live")
-    threads: int = Field(0, ge=0, description="decoder threads; 0 lets FFmpeg choose")
+    threads: int = Field(0, ge=0, description="decoder threads; 0 is what keeps all cores busy")
     ring_slots: int = Field(8, ge=2, le=256)
     open_timeout_s: float = Field(10.0, gt=0)
     read_timeout_s: float = Field(10.0, gt=0)

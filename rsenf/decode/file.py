@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Lock
@@ -11,6 +12,7 @@ import av
 from av.container import InputContainer
 from av.stream import Disposition
 
+from rsenf.cores import cores
 from rsenf.decode.ahead import Step, ahead
 from rsenf.decode.source import Item, Stamp, VideoSource
 from rsenf.decode.spec import SourceSpec
@@ -21,6 +23,7 @@ from rsenf.errors import InputError, UsageError
 
 # Things that FFmpeg opens though they are no recordings: text as pictures, lists of other files.
 _NOT_VIDEO = {"tty", "bin", "xbin", "adf", "idf", "concat", "hls", "dash", "sdp", "image2"}
+_MOST_THREADS = 16  # FFmpeg's own limit when it chooses
 _HINT = "give a video file that plays, such as mp4, mov, mkv, webm or avi"
 
 
@@ -51,6 +54,7 @@ class FileSource(VideoSource):
         stream = _video_stream(self._container, self._path)
         self._several = len(self._container.streams.video) > 1
         self._is_avi = self._container.format.name == "avi"
+        spec = dataclasses.replace(spec, threads=_threads(spec))
         self._decoder = StreamDecoder(self._container, stream, spec, stamp)
         self._packets = self._container.demux(stream)
         self._missing_bytes = missing_bytes(self._path)
@@ -146,6 +150,17 @@ class FileSource(VideoSource):
         super().close()
         with self._lock:
             self._container.close()
+
+
+def _threads(spec: SourceSpec) -> int:
+    """Return how many threads decode.
+
+    FFmpeg takes one more than there are cores (none beside its own on one). What is decoded ahead
+    has one more picture begun, for while their owner waits its turn with Python.
+    """
+    if spec.threads or spec.pace or cores() == 1:
+        return spec.threads
+    return min(cores() + 2, _MOST_THREADS)
 
 
 def _open(path: Path) -> InputContainer:

@@ -56,8 +56,8 @@ class SourceSpec:
     kind : {'file', 'rtsp', 'v4l2'}
         Which of them it is; :func:`kind_of` tells.
     threads : int
-        Decoder threads. 0 is as many as there are cores: best for one file, but a live feed is
-        then late by a frame a thread. 1 is best where many feeds share the cores.
+        Decoder threads. 0 is what keeps all cores busy: best for one file, but a live feed is then
+        late by a frame a thread. 1 is best where many feeds share the cores.
     with_packets : bool
         Also yield each compressed picture, for recording without re-encoding.
     pace : bool

@@ -10,13 +10,15 @@ from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
 from threading import Event
+from typing import Any
 
 import numpy as np
 import pytest
 from decode_clips import cut_short, make_clip, pictures, source_of
 
+from rsenf.decode import SourceSpec
 from rsenf.decode.ahead import BATCH_BYTES, BATCH_FRAMES, BATCHES, Step, ahead
-from rsenf.decode.file import FileSource
+from rsenf.decode.file import FileSource, _threads
 from rsenf.decode.waiting import Stop
 from rsenf.messages import Frame, VideoPacket
 
@@ -73,7 +75,7 @@ def test_items_loss_and_warnings_are_those_of_one_thread(tmp_path: Path, broken:
         path = cut_short(path, tmp_path / "part.mp4")
     seen = []
     for paced in (True, False):  # what is paced stays in one thread
-        with source_of(path, with_packets=True, pace=paced) as source:
+        with source_of(path, with_packets=True, pace=paced, threads=3) as source:
             seen.append([_told(item, source) for item in source])
             seen[-1].append((source.loss, source.warnings))
     assert seen[0] == seen[1]
@@ -161,3 +163,17 @@ def test_a_program_ends_though_it_closed_nothing(tmp_path: Path, how: str) -> No
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, timeout=60)
     assert ran.stdout.split() == [b"0", b"1"]
     assert ran.returncode == {"pass": 0, "1 / 0": 1}.get(how, 3), ran.stderr
+
+
+@pytest.mark.parametrize(
+    ("spec", "of_cores", "threads"),
+    [({}, 2, 4), ({}, 1, 0), ({}, 64, 16), ({"pace": True}, 2, 0), ({"threads": 1}, 2, 1)],
+)
+def test_only_what_is_decoded_ahead_has_a_picture_more_begun(
+    monkeypatch: pytest.MonkeyPatch,
+    spec: dict[str, Any],
+    of_cores: int,
+    threads: int,
+) -> None:
+    monkeypatch.setattr("rsenf.decode.file.cores", lambda: of_cores)
+    assert _threads(SourceSpec(url="clip.mp4", kind="file", **spec)) == threads
