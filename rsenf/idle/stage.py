@@ -33,7 +33,7 @@ from rsenf.timebase import NS_PER_S
 MIN_ROWS = 16
 # Of a long stream hardly anything is new to the next estimate, which waits until it is so much
 # longer, or for so long.
-GROWN, LONGEST_S = 0.125, 60.0
+GROWN, LONGEST_S = 0.125, 20.0
 # Of a stream, how much is kept in bins: longer ones would blur what the grid's deviation turns.
 BINNED_S = 240.0
 # Half-width of the 95 % interval in standard errors: Student's t for a dozen bands of rows.
