@@ -20,7 +20,7 @@ class IdleSettings:
         50 or 60; found from the data when not given.
     every_s : float
         Stream time between estimates; the last one comes at the end. Of a long stream each waits
-        until an eighth more of it has come, a minute at most.
+        until an eighth more of it has come, twenty seconds at most.
     """
 
     # Read by whoever validates a configuration file: a misspelt key is an error.
