@@ -25,7 +25,7 @@ from rsenf.run.supervisor import check_ended, start_graph
 SITE = "bench"
 EAR = dataclasses.replace(LOOKING, queue=8192)
 LOOK_S = 0.25
-HEARD = ("rows", "track")
+HEARD = ("rows", "track")  # rows come first
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,8 @@ class Ran:
     Parameters
     ----------
     heard : list of Heard
-        Rows and estimates, and the marks that end them.
+        Rows and estimates, and the marks that end them; of a graph not paced, up to the first
+        block of rows: who listens on takes of the processor time that is measured.
     first, last : dict of str to Health
         What each node said of itself when it was ready, and at its end.
     peak_mb : dict of str to float
@@ -139,11 +140,17 @@ def run_split(split: Split, film: Path, folder: Path) -> Ran:
 
     with ExitStack() as stack:
         run = stack.enter_context(start_graph(load_graph(path), path))
-        bus = stack.enter_context(open_bus(BusSettings(connect=(run.endpoint,))))
+        ear = stack.enter_context(ExitStack())
+        bus = ear.enter_context(open_bus(BusSettings(connect=(run.endpoint,))))
         inbox, done = Inbox(), threading.Event()
         for topic in HEARD:
             bus.subscribe(inbox, f"rsenf/{SITE}/*/{topic}", EAR)
-        for work in (lambda: _listen(inbox, ran, done), lambda: _look(run, ran, done)):
+
+        def listen() -> None:
+            with ear:
+                _listen(inbox, ran, done, to_the_end=split.pace)
+
+        for work in (listen, lambda: _look(run, ran, done)):
             thread = threading.Thread(target=work)
             thread.start()
             stack.callback(thread.join)
@@ -156,8 +163,8 @@ def run_split(split: Split, film: Path, folder: Path) -> Ran:
     return ran
 
 
-def _listen(inbox: Inbox, ran: Ran, done: threading.Event) -> None:
-    while not done.is_set():
+def _listen(inbox: Inbox, ran: Ran, done: threading.Event, *, to_the_end: bool) -> None:
+    while not done.is_set() and (to_the_end or not ran.heard):
         received = inbox.receive(0.1)
         if received:
             at_ns = time.time_ns()
