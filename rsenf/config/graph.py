@@ -123,6 +123,8 @@ def outputs(node: Any) -> list[tuple[str, str]]:
     if isinstance(node, ExternalNode):
         sent = [topic.split("/") for topic in node.sends]
         return [(REFERENCE, b) if a == REFERENCE else (b, a) for a, b in sent]
+    if isinstance(node, TrackNode) and node.idle:
+        return [(topic, camera) for camera in node.cameras for topic in ("track", "idle")]
     if isinstance(node, RowsNode | TrackNode | IdleNode | DiscoverNode | MatchNode):
         return [(node.kind, camera) for camera in node.cameras]
     if isinstance(node, LiveNode):

@@ -104,11 +104,15 @@ class RowsNode(Supervised):
 
 
 class TrackNode(Supervised):
-    """Estimates the ENF."""
+    """Estimates the ENF, and the idle period along with it where that is asked for."""
 
     kind: Literal["track"]
     cameras: tuple[Camera, ...] = Field(min_length=1)
     track: TrackSettings = TrackSettings()
+    idle: IdleSettings | None = Field(
+        None,
+        description="send idle estimates, too: cheaper than by a node of their own; {} for them",
+    )
 
 
 class IdleNode(Supervised):

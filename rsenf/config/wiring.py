@@ -64,7 +64,11 @@ def _of_bus(bus: BusConfig) -> Iterator[Problem]:
 def _of_node(node: Node) -> Iterator[Problem]:
     if isinstance(node, TrackNode) and node.track.method not in TRACK_METHODS:
         yield ("track", "method"), _no_method(node.track.method, TRACK_METHODS)
-    if isinstance(node, IdleNode) and node.idle.method not in IDLE_METHODS:
+    if (
+        isinstance(node, TrackNode | IdleNode)
+        and node.idle
+        and node.idle.method not in IDLE_METHODS
+    ):
         yield ("idle", "method"), _no_method(node.idle.method, IDLE_METHODS)
     if isinstance(node, MatchNode) and node.method not in MATCH_METHODS:
         yield ("method",), _no_method(node.method, MATCH_METHODS)

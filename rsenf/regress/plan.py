@@ -134,20 +134,22 @@ def _steps(graph: Graph, name: str, node: Node) -> Iterator[Step]:
 def _maker(stage: str, topic: str, node: Any, reads: list[str]) -> Callable[[History], Runner]:
     def make(history: History) -> Runner:
         if isinstance(node, LiveNode):
-            return Runner("live", lambda: _stage(node, topic, history), len(reads), beside="alarm")
-        return Runner(stage, lambda: _stage(node, topic, history), len(reads))
+            return Runner(
+                "live", lambda: _stage(node, stage, topic, history), len(reads), beside="alarm"
+            )
+        return Runner(stage, lambda: _stage(node, stage, topic, history), len(reads))
 
     return make
 
 
-def _stage(node: Node, topic: str, history: History) -> Any:
+def _stage(node: Node, stage: str, topic: str, history: History) -> Any:
     """Build the stage of a node as the node itself does."""
     if isinstance(node, DecodeNode | RowsNode):
         return make_rows(node.rows)
+    if isinstance(node, TrackNode | IdleNode) and stage == "idle" and node.idle:
+        return make_idle(node.idle)
     if isinstance(node, TrackNode):
         return make_tracker(node.track)
-    if isinstance(node, IdleNode):
-        return make_idle(node.idle)
     if isinstance(node, MatchNode):
         return Match(
             method=node.method,

@@ -14,7 +14,7 @@ from rsenf.errors import SchemaMismatch
 from rsenf.messages import Header
 from rsenf.run.node import NodeProcess
 from rsenf.run.peers import Peers
-from rsenf.run.runner import Runner
+from rsenf.run.runner import Branches, Runner
 
 # An input whose sender has gone without an END mark is given up when nothing has come this long.
 GIVE_UP_S = 1.0
@@ -31,15 +31,15 @@ class Lane:
 
     Parameters
     ----------
-    runner : Runner
-        The stage and its life.
+    runner : Runner or Branches
+        The stage, or stages, and their life.
     publisher : Publisher
         Where its messages go.
     inputs : dict
         Key of each input that hasn't ended, and the node that sends it.
     """
 
-    runner: Runner
+    runner: Runner | Branches
     publisher: Publisher
     inputs: dict[str, str]
     _heard: dict[str, float] = field(default_factory=dict)
@@ -102,9 +102,13 @@ class TellingLane(Lane):
         """Send messages, and say the newest."""
         for message in messages:
             super().send([message])
-            if not message.header.is_end:
-                self.latest[self.camera] = f"{self.camera} {message.in_short}"
-                self.node.show("; ".join(self.latest.values()))
+            self.tell(message)
+
+    def tell(self, message: Any) -> None:
+        """Say the newest message."""
+        if not message.header.is_end:
+            self.latest[self.camera] = f"{self.camera} {message.in_short}"
+            self.node.show("; ".join(self.latest.values()))
 
 
 def pump(node: NodeProcess, lanes: list[Lane]) -> None:

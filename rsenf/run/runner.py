@@ -103,6 +103,26 @@ class Runner:
         return messages
 
 
+class Branches:
+    """Stages of one camera that are all fed the same.
+
+    Parameters
+    ----------
+    runners : sequence of Runner
+    """
+
+    def __init__(self, *runners: Runner) -> None:
+        self._runners = runners
+
+    def feed(self, message: Any) -> list[Any]:
+        """Feed every stage; return what they complete. Raises what :meth:`Runner.feed` does."""
+        return [sent for runner in self._runners for sent in runner.feed(message)]
+
+    def end(self, header: Header) -> list[Any]:
+        """End every stage, as :meth:`Runner.end` does."""
+        return [sent for runner in self._runners for sent in runner.end(header)]
+
+
 class Chain:
     """Stages of one camera in one process, each fed with what the one before it completes.
 

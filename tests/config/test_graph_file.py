@@ -151,6 +151,8 @@ nodes:
         (("idle, cameras: [cam1]", "idle, cameras: [cam2]"), 10, "nobody sends the rows"),
         (("kind: idle, ", "kind: idle, idle: {method: guess}, "), 10, "no method 'guess'; one of"),
         (("kind: idle, ", "kind: idle, idle: {every_s: 0}, "), 10, "an estimate every 0"),
+        (("  track:  {", "  track:  {idle: {method: guess}, "), 6, "no method 'guess'; one of"),
+        (("  track:  {", "  track:  {idle: {}, "), 10, "'track' sends the idle of 'cam1' already"),
         (("camera: cam1", "camera: reference"), 4, "'reference' is taken"),
         (("camera: cam1", 'camera: "*"'), 4, "no name"),
         (("  rows: ", '  "a b": '), 5, "no name"),

@@ -75,9 +75,15 @@ class Graphs:
         return self.folder / "out.mcap"
 
     def write(
-        self, film: Film, frames: str = "ring", *, pace: bool = False, **more: object
+        self,
+        film: Film,
+        frames: str = "ring",
+        *,
+        pace: bool = False,
+        together: bool = False,
+        **more: object,
     ) -> Path:
-        """Write a graph of all seven kinds of nodes."""
+        """Write a graph of all seven kinds of nodes; of six, where one tracks and estimates."""
         values = {
             "video": film.video,
             "reference": film.reference,
@@ -89,6 +95,9 @@ class Graphs:
         text = GRAPH.format(frames=frames, pace=str(pace).lower(), **values)
         if frames == "fused":
             text = text.replace("  rows:   {kind: rows, cameras: [cam]}\n", "")
+        if together:
+            alone = "}\n  idle:   {kind: idle, cameras: [cam], idle: {nominal_hz: 50}}\n"
+            text = text.replace(alone, ", idle: {nominal_hz: 50}}\n")
         path = self.folder / "graph.yaml"
         path.write_text(text, encoding="utf-8")
         return path

@@ -36,14 +36,15 @@ Stream = dict[str, list[Any]]
 def in_one_process(graph_path: Path, film: Film) -> Stream:
     """What ``rsenf verify`` and ``rsenf idle`` compute, with the settings of the graph."""
     graph = load_graph(graph_path)
-    (track,), (idle,), (match,) = graph.of(TrackNode), graph.of(IdleNode), graph.of(MatchNode)
+    (track,), (match,) = graph.of(TrackNode), graph.of(MatchNode)
+    idle = track.idle or graph.of(IdleNode)[0].idle
     reference = read_reference(str(film.reference), grid=match.grid)
     out: Stream = defaultdict(list)
     analyse(
         open_input_file(film.video, source="lab/cam"),
         rows=RowsSettings(),
         track=track.track,
-        idle=idle.idle,
+        idle=idle,
         make_match=lambda: Match(method=match.method, grid=match.grid, settings=match.match),
         reference=list(reference_blocks(reference, source=f"reference/{match.grid}")),
         tap=lambda topic, message: out[topic].append(message),
@@ -82,18 +83,18 @@ def bits(messages: list[Any]) -> list[bytes]:
 
 
 @pytest.mark.parametrize(
-    ("frames", "method", "matcher"),
+    ("frames", "method", "matcher", "together"),
     [
-        ("ring", "stft", "phase"),
-        ("tcp", "stft", "phase"),
-        ("fused", "projection", "phase"),
-        ("fused", "paper", "metric4"),
+        ("ring", "stft", "phase", False),
+        ("tcp", "stft", "phase", True),
+        ("fused", "projection", "phase", True),
+        ("fused", "paper", "metric4", False),
     ],
 )
 def test_bit_identical_and_nothing_lost(
-    film: Film, graphs: Graphs, frames: str, method: str, matcher: str
+    film: Film, graphs: Graphs, frames: str, method: str, matcher: str, together: bool
 ) -> None:
-    path = graphs.write(film, frames, method=method, matcher=matcher)
+    path = graphs.write(film, frames, method=method, matcher=matcher, together=together)
     expected = in_one_process(path, film)
     on_bus, heard, run_id = as_processes(path)
 

@@ -56,8 +56,7 @@ class Split:
         """Return the graph: verdicts of liveness on every camera, beside its reference."""
         names = [f"cam{k}" for k in range(1, self.cameras + 1)]
         shared: dict[str, dict[str, object]] = {
-            "track": {"kind": "track", "cameras": names},
-            "idle": {"kind": "idle", "cameras": names},
+            "track": {"kind": "track", "cameras": names, "idle": {}},
             "mains": {"kind": "reference", "grid": "mains", "input": str(reference_of(film)),
                       "timezone": "UTC"},
             "live": {"kind": "live", "cameras": names, "grid": "mains",
