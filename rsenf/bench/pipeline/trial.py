@@ -15,7 +15,7 @@ from rsenf.bench.pipeline.films import Film, made
 from rsenf.bench.pipeline.others import watch_others
 from rsenf.bench.session import measure_missing
 
-VERSION = 1
+VERSION = 2
 RESULTS, FILMS = "pipeline.jsonl", "films"
 LIVE_FRAMES = 900
 
