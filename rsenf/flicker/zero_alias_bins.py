@@ -46,13 +46,16 @@ class RowBins:
             while k >= MOST_BINS:
                 self._merge()
                 k = int((t - self.start_s) // self.bin_s)
-            self._put(k, rows.astype(np.float64), t, 1)
+            self._put(k, rows, t, 1)
 
-    def _put(self, k: int, level: Float, t_s: float, frames: int) -> None:
-        known = k in self._frames
-        self._level[k] = self._level[k] + level if known else level
-        self._t_s[k] = self._t_s[k] + t_s if known else t_s
-        self._frames[k] = self._frames[k] + frames if known else frames
+    def _put(self, k: int, level: NDArray[np.floating], t_s: float, frames: int) -> None:
+        if k in self._frames:
+            self._level[k] += level
+            self._t_s[k] += t_s
+            self._frames[k] += frames
+        else:
+            self._level[k] = level.astype(np.float64)
+            self._t_s[k], self._frames[k] = t_s, frames
 
     def _merge(self) -> None:
         old = [(k, self._level[k], self._t_s[k], n) for k, n in self._frames.items()]
