@@ -107,7 +107,7 @@ class FlickerFollower:
         self._rate_hz = float(frames * 1e9 / lasted_ns)
         most_turns = HARMONICS * 2.0 * max(self._nominals) / self._rate_hz
         self._basis = ProfileBasis(self._waiting[0].rows, most_turns)
-        self._buffer = SlowTime(self._basis.columns, int(pts[0]))
+        self._buffer = SlowTime(self._basis.columns, int(pts[0]), np.float64)
         for nominal_hz in self._nominals:
             if may_stand_still(nominal_hz, self._rate_hz, self._basis.rows):
                 self._still = StillFlicker(nominal_hz)
@@ -118,7 +118,7 @@ class FlickerFollower:
         return True
 
     def _append(self, basis: ProfileBasis, block: RowBlock) -> None:
-        self._buffer.append(block, basis.reduce(block).astype(np.complex128))
+        self._buffer.append(block, basis.reduce(block))
         if self._still is not None:
             self._still.add(block, self._buffer.origin_ns)
 

@@ -220,7 +220,7 @@ def frames_of(buffer: SlowTime, start: int, end: int) -> tuple[Float, Float]:
     """Times and columns of the usable frames of some seconds."""
     part = buffer.between(start, end)
     usable = buffer.usable(part)
-    return buffer.times(part)[usable], buffer.values(part)[usable].real
+    return buffer.times(part)[usable], buffer.values(part)[usable]
 
 
 def _decibels(ratio: float) -> float:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 from numpy.typing import NDArray
 
 from rsenf.messages import RowBlock
@@ -14,17 +17,25 @@ class SlowTime:
 
     Rows are appended block by block and forgotten from the front; storage doubles when needed and
     never shrinks below one window.
+
+    Parameters
+    ----------
+    lines : int
+    origin_ns : int
+        Stream clock at the first frame.
+    dtype : data type
+        Of the values: complex, or real where nothing else comes.
     """
 
-    def __init__(self, lines: int, origin_ns: int) -> None:
+    def __init__(self, lines: int, origin_ns: int, dtype: npt.DTypeLike = np.complex128) -> None:
         self.origin_ns = origin_ns
         self._start, self._stop = 0, 0
         self._t_s = np.empty(1024)
         self._number = np.empty(1024, np.int64)
         self._usable = np.empty(1024, bool)
-        self._value = np.empty((1024, lines), np.complex128)
+        self._value = np.empty((1024, lines), dtype)
 
-    def append(self, block: RowBlock, value: NDArray[np.complex128]) -> None:
+    def append(self, block: RowBlock, value: NDArray[Any]) -> None:
         """Add one value per frame and line, shape (frames, lines)."""
         self._make_room(block.frames)
         new = slice(self._stop, self._stop + block.frames)
@@ -70,7 +81,7 @@ class SlowTime:
         """Seconds since the first frame."""
         return self._t_s[part]
 
-    def values(self, part: slice) -> NDArray[np.complex128]:
+    def values(self, part: slice) -> NDArray[Any]:
         """Slow-time values, shape (frames, lines)."""
         return self._value[part]
 

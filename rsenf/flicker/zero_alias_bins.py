@@ -27,9 +27,8 @@ class RowBins:
 
     def __init__(self, start_s: float, bin_s: float = BIN_S) -> None:
         self.start_s, self.bin_s = start_s, bin_s
-        self._level: dict[int, Float] = {}
-        self._t_s: dict[int, float] = {}
-        self._frames: dict[int, int] = {}
+        self._t_s, self._frames = np.zeros(MOST_BINS), np.zeros(MOST_BINS)
+        self._level: Float = np.empty((0, 0, 0))
 
     def add(self, t_s: Float, level: NDArray[np.floating]) -> None:
         """Add frames.
@@ -41,32 +40,30 @@ class RowBins:
         level : ndarray, shape (frames, rows, strips)
             Mean levels of their rows.
         """
+        if not self._level.size:
+            # All in one piece: what isn't reached yet costs nothing, and all of it goes back.
+            self._level = np.zeros((MOST_BINS, *level.shape[1:]))
         for t, rows in zip(t_s.tolist(), level, strict=True):
-            k = int((t - self.start_s) // self.bin_s)
-            while k >= MOST_BINS:
+            while (k := max(int((t - self.start_s) // self.bin_s), 0)) >= MOST_BINS:
                 self._merge()
-                k = int((t - self.start_s) // self.bin_s)
-            self._put(k, rows.astype(np.float64), t, 1)
-
-    def _put(self, k: int, level: Float, t_s: float, frames: int) -> None:
-        known = k in self._frames
-        self._level[k] = self._level[k] + level if known else level
-        self._t_s[k] = self._t_s[k] + t_s if known else t_s
-        self._frames[k] = self._frames[k] + frames if known else frames
+            self._level[k] += rows
+            self._t_s[k] += t
+            self._frames[k] += 1.0
 
     def _merge(self) -> None:
-        old = [(k, self._level[k], self._t_s[k], n) for k, n in self._frames.items()]
-        self._level, self._t_s, self._frames = {}, {}, {}
         self.bin_s *= 2.0
-        for k, level, t_s, frames in old:
-            self._put(k // 2, level, t_s, frames)
+        for of in (self._level, self._t_s, self._frames):
+            half = MOST_BINS // 2
+            of[:half] = of[::2] + of[1::2]
+            of[half:] = 0.0
 
     def means(self) -> tuple[Float, Float, Float]:
         """Mean levels (bins, rows, strips), mean times (bins,) and numbers of frames (bins,).
 
         Bins without frames are left out.
         """
-        order = sorted(self._frames)
-        frames = np.array([self._frames[k] for k in order], np.float64)
-        level = np.stack([self._level[k] for k in order]) / frames[:, None, None]
-        return level, np.array([self._t_s[k] for k in order]) / frames, frames
+        there = np.flatnonzero(self._frames)
+        frames = self._frames[there]
+        level = self._level[there]
+        level /= frames[:, None, None]
+        return level, self._t_s[there] / frames, frames

@@ -8,6 +8,8 @@ encoder than about the light.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,14 +36,14 @@ class Sawtooth:
         for level in mean_level.tolist():
             step = level - self._last
             self._last = level
-            if np.isfinite(step):
+            if math.isfinite(step):
                 self._take(step)
 
     def _take(self, step: float) -> None:
         usual = self._travelled / max(self._steps, 1)
         self._steps += 1
         self._travelled += abs(step)
-        if self._steps > WARM_UP and abs(step) > max(RESET_LEVEL, OVER_USUAL * usual):
+        if abs(step) > RESET_LEVEL and self._steps > WARM_UP and abs(step) > OVER_USUAL * usual:
             self._up, self._down = self._up + (step > 0), self._down + (step < 0)
             self._jumped += step
         else:

@@ -36,6 +36,9 @@ MIN_ROWS = 16
 GROWN, LONGEST_S = 0.125, 20.0
 # Of a stream, how much is kept in bins: longer ones would blur what the grid's deviation turns.
 BINNED_S = 240.0
+# Where the alias of every grid that it may be is farther from 0 Hz, nothing is kept in bins: not so
+# near as flicker stands still, for a frame rate may change a little.
+MAY_STAND_HZ = 3.0
 # Half-width of the 95 % interval in standard errors: Student's t for a dozen bands of rows.
 INTERVAL_STDS = 2.2
 
@@ -59,7 +62,9 @@ class IdleStage:
         follower: Follower | None = None,
     ) -> None:
         self._settings, self._conclude = settings, conclude
-        self._pairing = Pairing(settings.nominal_hz, follower)
+        given = settings.nominal_hz
+        self._tried_hz = (given,) if given else (50.0, 60.0)
+        self._pairing = Pairing(given, follower)
         self._sawtooth = Sawtooth()
         self._moments: Moments | None = None
         self._bins = RowBins(0.0)
@@ -106,11 +111,28 @@ class IdleStage:
         if not block.usable:
             self._unusable[block.reason] += block.frames
             return
-        if self._clock.span_s < BINNED_S and block.strips == self._strips:
+        self._bin(block)
+        self._sawtooth.add(block.level.mean(axis=(1, 2), dtype=np.float64))
+
+    def _bin(self, block: RowBlock) -> None:
+        """Average rows over time, unless it is known that the flicker doesn't stand still."""
+        assert self._first is not None
+        if not self._may_stand_still():
+            self._bins, self._binned_s = RowBins(self._clock.span_s), 0.0
+            return
+        span_s = self._clock.span_s - self._bins.start_s
+        if span_s < BINNED_S and block.strips == self._strips:
             t_s = (block.frame_pts_ns - self._first.frame_pts_ns[0]) / NS_PER_S
             self._bins.add(t_s, block.level)
-            self._binned_s = self._clock.span_s
-        self._sawtooth.add(block.level.mean(axis=(1, 2), dtype=np.float64))
+            self._binned_s = span_s
+
+    def _may_stand_still(self) -> bool:
+        """Whether it may for all that the follower has told, which first takes it some seconds."""
+        if not self._pairing.seconds:
+            return True
+        known, rate_hz = self._pairing.nominal_hz, self._clock.frame_rate_hz
+        nominals_hz = (known,) if np.isfinite(known) else self._tried_hz
+        return any(abs(alias_hz(2.0 * hz, rate_hz)) < MAY_STAND_HZ for hz in nominals_hz)
 
     def _take(self, phased: list[PhasedBlock]) -> None:
         """Add the frames whose phase is known now."""
@@ -159,9 +181,7 @@ class IdleStage:
         """
         if np.isfinite(self._pairing.nominal_hz) or not self._pairing.seconds:
             return self._pairing.nominal_hz
-        given = self._settings.nominal_hz
-        tried = (given,) if given else (50.0, 60.0)
-        still = [hz for hz in tried if abs(alias_hz(2.0 * hz, rate_hz)) < STILL_HZ]
+        still = [hz for hz in self._tried_hz if abs(alias_hz(2.0 * hz, rate_hz)) < STILL_HZ]
         return still[0] if still else float("nan")
 
     def _why_nothing(self) -> str:

@@ -52,9 +52,12 @@ class Follows:
             self._at_each_lag([n.ratio for n, _, _ in sizes]),
             self._at_each_lag([n.floor_rad for n, _, _ in sizes]),
         )
-        self._walk_rad2 = self._at_each_lag([(RAD_PER_CYCLE * hz) ** 2 for _, hz, _ in sizes])
         self._hz_per_ppm = 1e-6 * nominal_hz
-        spread = np.zeros((self._walk_rad2.size, 2, 2))
+        walk_rad2 = self._at_each_lag([(RAD_PER_CYCLE * hz) ** 2 for _, hz, _ in sizes])
+        self._kick_per_s = np.zeros((walk_rad2.size, 2, 2))
+        self._kick_per_s[:, 0, 0] = walk_rad2
+        self._kick_per_s[:, 1, 1] = (CLOCK_PPM_PER_ROOT_S * self._hz_per_ppm) ** 2
+        spread = np.zeros_like(self._kick_per_s)
         spread[:, 1, 1] = (settings.clock_scale_ppm * self._hz_per_ppm) ** 2
         self._bank = Bank(spread, noise, self._at_each_lag([w for _, _, w in sizes]), SHARE)
         self._taken = 0
@@ -74,10 +77,8 @@ class Follows:
         ``moved_rad`` (lags,) is how far the reference's phase went in between, at each lag.
         """
         turn = np.array([[1.0, RAD_PER_CYCLE * passed_s], [0.0, 1.0]])
-        kick = np.zeros((self._walk_rad2.size, 2, 2))
-        kick[:, 0, 0] = self._walk_rad2 * passed_s
-        kick[:, 1, 1] = (CLOCK_PPM_PER_ROOT_S * self._hz_per_ppm) ** 2 * passed_s
-        self._bank.go_on(turn, kick, np.tile(moved_rad, self._walk_rad2.size // self.lag_s.size))
+        moved = np.tile(moved_rad, len(self._kick_per_s) // self.lag_s.size)
+        self._bank.go_on(turn, passed_s * self._kick_per_s, moved)
         self._taken += 1
         return self._bank.take(phase_rad, own_rad2)
 

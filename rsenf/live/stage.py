@@ -7,6 +7,7 @@ import math
 from bisect import insort
 from collections import deque
 from dataclasses import dataclass
+from typing import Any
 
 from rsenf.live.alarms import Alarms, numbered_after
 from rsenf.live.growing import GrowingGrid
@@ -253,24 +254,26 @@ class Live:
         is_new = said is None or said.verdict != verdict
         if said and not (is_new or always or self._is_due_to_report(tick, said)):
             return []
-        course = self._judge.evidence.course if self._judge.evidence else None
-        origin = self._judge.suspects.origin if verdict == "stale" else None
         message = Liveness(
             header=numbered_after(self._sent, tick.header),
             verdict=verdict,
             since_ns=tick.utc_ns if said is None or is_new else said.since_ns,
             log10_lr=self._judge.evidence.nats / LN10 if self._judge.evidence else math.nan,
             evidence=evidence,
+            **self._lag(verdict, tick),
         )
-        if course and verdict == "live":
-            message = dataclasses.replace(message, **dataclasses.asdict(course))
-        if origin:
-            taken_ns = tick.utc_ns - nanoseconds(origin.age_s)
-            message = dataclasses.replace(
-                message, lag_s=origin.age_s, lag_std_s=origin.std_s, origin_utc_ns=taken_ns
-            )
         self._said, self._sent = message, message.header
         return [message]
+
+    def _lag(self, verdict: str, tick: Tick) -> dict[str, Any]:
+        """Return what a verdict tells of the lag, and of the clock."""
+        running, origin = self._judge.evidence, self._judge.suspects.origin
+        if verdict == "live" and running:
+            return vars(running.course)
+        if verdict == "stale" and origin:
+            taken_ns = tick.utc_ns - nanoseconds(origin.age_s)
+            return {"lag_s": origin.age_s, "lag_std_s": origin.std_s, "origin_utc_ns": taken_ns}
+        return {}
 
     def _is_due_to_report(self, tick: Tick, said: Liveness) -> bool:
         since_ns = tick.header.pts_ns - said.header.pts_ns

@@ -13,8 +13,10 @@ the likelihood is the mean over them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +25,7 @@ from rsenf.match.clip_phase import RAD_PER_CYCLE, ClipPhase
 from rsenf.messages.schema import FloatArray
 
 UNKNOWN_RAD2 = 1e6  # of a phase after a gap
+MOST_KEPT = 3600  # phases of a clip whose steps are kept, in 6 MB
 
 
 @dataclass(frozen=True)
@@ -112,32 +115,81 @@ def innovations(
     errors : sequence of Errors
     """
     plain_first = np.argsort([e.clip.wander_rad > 0.0 for e in errors], kind="stable")
-    spread = _Spread(clip, known.shape[1], step_s, [errors[e] for e in plain_first])
+    ordered = tuple(errors[e] for e in plain_first)
+    if _is_whole(known) and clip.size <= MOST_KEPT:
+        foretold = _of_whole(clip, step_s, ordered)
+    else:
+        foretold = _Foretold(clip, known, step_s, ordered)
     size = (len(errors), residual_rad.shape[1])
-    own, ramp = (_Followed(shape, spread.wandering) for shape in (size, spread.shape))
+    own = _Followed(size, foretold.wandering)
+    vv, vr = np.zeros(size), np.zeros(size)
     residual = residual_rad / (2.0 * np.pi)  # in turns, of which whole ones don't count
-    everywhere: NDArray[np.bool_] = np.all(known, axis=1)
-    log_f, rr, vv, vr = (np.zeros(shape) for shape in (spread.shape, spread.shape, size, size))
-    for i in range(clip.size):
-        f, keep, gain = spread.step(i, None if everywhere[i] else known[i])
-        told, level = 1.0 / f, np.log(2.0 * np.pi * f)
-        if not everywhere[i]:
-            told, level = np.where(known[i], told, 0.0), np.where(known[i], level, 0.0)
-        log_f += level
-        r = ramp.innovation(RAD_PER_CYCLE * (clip.t_s[i] - clip.t_s[0]), keep)
-        v = own.innovation(residual[i], keep)
+    for value, step in zip(residual, foretold.steps, strict=True):
+        v = own.innovation(value, step.keep)
         v -= np.rint(v)
-        ramp.learn(r, gain)
-        own.learn(v, gain)
-        told_r = told * r
-        rr += told_r * r
-        vr += told_r * v
+        own.learn(v, step.gain)
+        vr += step.told_r * v
         v *= v
-        v *= told
+        v *= step.told
         vv += v
     back = np.argsort(plain_first)
-    log_f, vv, vr, rr = log_f[back], (2 * np.pi) ** 2 * vv[back], 2 * np.pi * vr[back], rr[back]
-    return Innovations(log_f, vv, vr, rr, known.sum(axis=0))
+    log_f, rr = foretold.log_f[back], foretold.rr[back]
+    return Innovations(
+        log_f, (2 * np.pi) ** 2 * vv[back], 2 * np.pi * vr[back], rr, known.sum(axis=0)
+    )
+
+
+def _is_whole(known: NDArray[np.bool_]) -> bool:
+    """Whether all lags know every way but that to the first phase."""
+    return known.shape[1] == 1 and not known[:1].any() and bool(known[1:].all())
+
+
+@functools.lru_cache(maxsize=2)
+def _of_whole(clip: ClipPhase, step_s: float, errors: tuple[Errors, ...]) -> _Foretold:
+    """What is foretold of a whole clip: the same at all lags, which are tried more than once."""
+    foretold = _Foretold(clip, np.arange(clip.size)[:, None] > 0, step_s, errors)
+    foretold.steps = list(foretold.steps)
+    return foretold
+
+
+class _Step(NamedTuple):
+    """What the filter does with a phase, whatever that is: shapes as in :class:`_Spread`.
+
+    ``told`` is one over the innovation's variance, and ``told_r`` that times the ramp's
+    innovation; none where the phase counts for nothing.
+    """
+
+    keep: FloatArray
+    gain: tuple[FloatArray, FloatArray]
+    told: FloatArray
+    told_r: FloatArray
+
+
+class _Foretold:
+    """All that no phase of the clip has a say in; ``log_f`` and ``rr`` once the steps are done."""
+
+    def __init__(
+        self, clip: ClipPhase, known: NDArray[np.bool_], step_s: float, errors: Sequence[Errors]
+    ) -> None:
+        spread = _Spread(clip, known.shape[1], step_s, errors)
+        self.wandering = spread.wandering
+        self.log_f, self.rr = np.zeros(spread.shape), np.zeros(spread.shape)
+        self.steps: Iterable[_Step] = self._steps(clip, known, spread)
+
+    def _steps(self, clip: ClipPhase, known: NDArray[np.bool_], spread: _Spread) -> Iterator[_Step]:
+        ramp = _Followed(spread.shape, spread.wandering)
+        everywhere: NDArray[np.bool_] = np.all(known, axis=1)
+        for i in range(clip.size):
+            f, keep, gain = spread.step(i, None if everywhere[i] else known[i])
+            told, level = 1.0 / f, np.log(2.0 * np.pi * f)
+            if not everywhere[i]:
+                told, level = np.where(known[i], told, 0.0), np.where(known[i], level, 0.0)
+            self.log_f += level
+            r = ramp.innovation(RAD_PER_CYCLE * (clip.t_s[i] - clip.t_s[0]), keep)
+            ramp.learn(r, gain)
+            told_r = told * r
+            self.rr += told_r * r
+            yield _Step(keep, gain, told, told_r)
 
 
 class _Spread:

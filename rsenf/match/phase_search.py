@@ -328,8 +328,8 @@ def distinct(places: list[Place]) -> list[Place]:
     taken: dict[tuple[int, int], float] = {}  # lag in each stretch: there is no room for two
     for place in sorted(places, key=lambda p: -p.score):
         stretch = math.floor(place.lag_s / APART_S)
-        beside = [taken.get((place.grid, stretch + d), math.inf) for d in (-1, 0, 1)]
-        if all(abs(lag_s - place.lag_s) >= APART_S for lag_s in beside):
+        near = ((place.grid, stretch + d) for d in (0, -1, 1))
+        if all(abs(taken.get(at, math.inf) - place.lag_s) >= APART_S for at in near):
             taken[place.grid, stretch] = place.lag_s
             out.append(place)
     return out

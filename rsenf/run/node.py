@@ -33,7 +33,7 @@ from rsenf.config.node_kinds import ExternalNode
 from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, RsenfError, UsageError
 from rsenf.run.at_end import end_process
 from rsenf.run.health import HealthReport
-from rsenf.run.heap import keep_heap
+from rsenf.run.heap import TRIM_S, keep_heap, trim_heap
 from rsenf.run.log import complain
 from rsenf.run.peers import Peers
 
@@ -188,9 +188,12 @@ class NodeProcess:
         ended = threading.Event()
 
         def beat() -> None:
-            alone_s = 0.0
+            alone_s, beats = 0.0, 0
             while not ended.wait(BEAT_S):
                 self._health.beat()
+                beats += 1
+                if beats % round(TRIM_S / BEAT_S) == 0:
+                    trim_heap()
                 if supervisor and os.getppid() != supervisor:
                     self.stop.set()
                     # With the bus gone, a message may be waited with for ever.

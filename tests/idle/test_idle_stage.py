@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
+from rsenf.bench.tracker.light import Light as Lamp
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS, IdleSettings, make_idle
-from rsenf.messages import Header, RowBlock
+from rsenf.messages import Header, IdleEstimate, RowBlock
 from rsenf.model import GridPath, Light, Scene, Shake
+from rsenf.run.following import FollowingStages
+from rsenf.track import TrackSettings
 from tests.idle.idle_clips import camera, error_points, estimates, film, last, std_points
 
 STEADY = Light(daylight_ratio=1.0)
@@ -216,3 +221,19 @@ def test_unknown_method_and_settings_are_usage_errors() -> None:
         IdleSettings(nominal_hz=55.0)
     with pytest.raises(UsageError):
         IdleSettings(every_s=0.0)
+
+
+def test_rows_of_flicker_that_moves_are_not_kept() -> None:
+    stages = FollowingStages(TrackSettings(), IdleSettings())
+    track, idle = stages.tracker(), stages.idle()
+    tracemalloc.start()
+    try:
+        found: list[IdleEstimate] = []
+        for block in Lamp(1080, 30.0, 8).blocks(0.0, 50.0):
+            track.update(block)
+            found += idle.update(block)
+        held_bytes, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert found[-1].verdict == "estimated"
+    assert held_bytes < 10e6  # 15 to 19 s of rows, which wait for their phase, are 5 MB of it
