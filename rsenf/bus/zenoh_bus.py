@@ -199,7 +199,7 @@ class ZenohBus:
         subscription = Subscription(inbox, delivery)
         # What makes its sender wait does so in a thread of its own. Who only looks takes it as it
         # comes: to wake another thread for each message takes longer than what is done with it.
-        handler = zenoh.handlers.Callback(
+        handler: zenoh.handlers.Callback[zenoh.Sample] = zenoh.handlers.Callback(
             lambda sample: subscription.take(_envelope(sample)), indirect=delivery.lossless
         )
         try:
