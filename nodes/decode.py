@@ -34,7 +34,7 @@ def body(node: NodeProcess) -> None:
                 outlet.send(item)
             elif video:
                 packet = item.header
-                video.send(item, more=not live)
+                video.send(item, more=True)
             if node.stop.is_set():
                 break
         outlet.finish(frame)

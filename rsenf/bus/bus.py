@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from abc import ABC, abstractmethod
@@ -19,9 +20,9 @@ from rsenf.messages import encode, encoding_of
 # What is kept of a topic is a few minutes, but no more memory than this: rows of 1080p are 0.26 MB
 # a second.
 KEPT_BYTES = 32 * 2**20
-# Of a sender that runs ahead of time, messages go several at once: to wake everybody on their way
-# takes longer than what is done with one. So many bytes of them, or as many as come in so long.
-TOGETHER_BYTES, TOGETHER_S = 2**18, 0.1
+# Where nobody waits for each message, several go at once: to wake everybody on their way takes
+# longer than what is done with one. So many bytes of them, or as many as come in so long.
+TOGETHER_BYTES = 2**18
 
 
 class Publisher(ABC):
@@ -52,6 +53,7 @@ class Publisher(ABC):
         self._lock = threading.Lock()
         self._together: list[Envelope] = []  # not sent yet
         self._together_bytes, self._together_since_s = 0, 0.0
+        self._gathered_s = math.inf  # when the last was: before the first there is no pause
 
     def send(self, message: Any, *, more: bool = False) -> None:
         """Send a message; waits for slow receivers when the topic is lossless.
@@ -61,8 +63,9 @@ class Publisher(ABC):
         message : message
             What is sent.
         more : bool
-            Whether others follow at once, so that it may wait for them and go with them. Only for
-            who sends from one thread, and flushes at the end.
+            Whether others follow, so that it may wait for them and go with them; not where they
+            come so slowly that it would wait in vain. Only for who sends from one thread, and
+            flushes at the end.
         """
         if self.run_suffix:
             message = _of_run(message, message.header.run_id + self.run_suffix)
@@ -84,13 +87,15 @@ class Publisher(ABC):
             self._put(item)
 
     def _gather(self, item: Envelope, *, more: bool) -> None:
-        now_s = time.monotonic()
+        now_s, longest_s = time.monotonic(), self.delivery.together_s
+        pause_s, self._gathered_s = now_s - self._gathered_s, now_s
         if not self._together:
             self._together_since_s = now_s
         self._together.append(item)
         self._together_bytes += len(item.payload)
         full = self._together_bytes >= TOGETHER_BYTES or len(self._together) == MOST
-        if full or not more or now_s - self._together_since_s >= TOGETHER_S:
+        late = max(pause_s, now_s - self._together_since_s) >= longest_s
+        if full or late or not more:
             self.flush()
 
     def flush(self) -> None:

@@ -25,6 +25,8 @@ class Delivery:
         as the history unless given.
     urgent : bool
         Overtakes other topics on the way.
+    together_s : float
+        For how long, at most, messages wait to go together, where their sender lets them.
     """
 
     lossless: bool
@@ -32,6 +34,7 @@ class Delivery:
     history: int
     kept: int = 0
     urgent: bool = False
+    together_s: float = 0.1
 
     @property
     def recovers(self) -> bool:
@@ -42,9 +45,9 @@ class Delivery:
 # Recording and replay wait, live pictures don't; estimates are small and are kept.
 FRAMES_FILE = Delivery(lossless=True, queue=16, history=0)
 FRAMES_LIVE = Delivery(lossless=False, queue=16, history=0)
-VIDEO = Delivery(lossless=True, queue=64, history=0)
+VIDEO = Delivery(lossless=True, queue=64, history=0, together_s=0.25)
 # Between hosts a live camera doesn't wait for its pictures to be sent.
-VIDEO_LIVE = Delivery(lossless=False, queue=512, history=0)
+VIDEO_LIVE = Delivery(lossless=False, queue=512, history=0, together_s=0.25)
 SIGNALS = Delivery(lossless=True, queue=1024, history=600)
 # What is kept is some minutes: of blocks of 8 frames, 1200 are five at 30 frames a second.
 ROWS = Delivery(lossless=True, queue=256, history=64, kept=1200)

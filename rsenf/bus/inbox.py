@@ -235,6 +235,27 @@ class Inbox:
             self._change.notify_all()
 
 
+class Teller(Inbox):
+    """Tells of each message as it comes, in the thread that brings it, and keeps none.
+
+    Only for who looks on, and is quick: the transport waits meanwhile.
+
+    Parameters
+    ----------
+    tell : callable
+        Told of every message that is accepted.
+    """
+
+    def __init__(self, tell: Callable[[Received], None]) -> None:
+        super().__init__()
+        self._tell = tell
+
+    def _add(self, item: Envelope) -> None:
+        received = self._accept(item)
+        if received is not None:
+            self._tell(received)
+
+
 def _opened(item: Envelope) -> Any:
     """Return the message in an envelope; None when it isn't what its topic can carry."""
     try:

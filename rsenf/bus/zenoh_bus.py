@@ -197,10 +197,13 @@ class ZenohBus:
         self._inboxes.append(inbox)
         inbox.ask = self._ask
         subscription = Subscription(inbox, delivery)
+        # What makes its sender wait does so in a thread of its own. Who only looks takes it as it
+        # comes: to wake another thread for each message takes longer than what is done with it.
+        handler: zenoh.handlers.Callback[zenoh.Sample] = zenoh.handlers.Callback(
+            lambda sample: subscription.take(_envelope(sample)), indirect=delivery.lossless
+        )
         try:
-            subscriber = self._session.declare_subscriber(
-                key_expr, lambda sample: subscription.take(_envelope(sample))
-            )
+            subscriber = self._session.declare_subscriber(key_expr, handler)
         except zenoh.ZError as exc:
             raise no_key_expression(key_expr) from exc
         self._declared.append(subscriber)

@@ -43,8 +43,8 @@ bus      Connect as a Zenoh client to $RSENF_CONNECT. 'kind: external' in a grap
 keys     See 'rsenf explain keys'. One sender for each key.
 encoding application/protobuf;rsenf.EnfEstimate/1: name and version of the message. Turn away what
          you don't know; new fields may come within a version, and are to be ignored.
-several  Of a file that is played as fast as it goes, frames, video and rows come up to 64 at once,
-         as application/x-protobuf-delimited;rsenf.RowBlock/1: each message after its length
+several  Video, and frames and rows of a file that is played as fast as it goes, come up to 64 at
+         once, as application/x-protobuf-delimited;rsenf.RowBlock/1: each message after its length
          (varint), as Protobuf's libraries read it (parseDelimitedFrom). Take it apart, and go on.
 header   Every message has one. seq counts from 0 within (run_id, epoch) for each key. A number left
          out is a loss: count it. A new epoch or run_id begins anew: forget what was before. A

@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 
 from rsenf.bus.bus import Bus, Publisher
 from rsenf.bus.delivery import HEALTH, LOOKING, Delivery, delivery_of
-from rsenf.bus.inbox import Inbox
+from rsenf.bus.inbox import Inbox, Teller
 from rsenf.bus.keys import (
     alive_key,
     camera_key,
@@ -33,7 +33,7 @@ from rsenf.config.node_kinds import ExternalNode
 from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, RsenfError, UsageError
 from rsenf.run.at_end import end_process
 from rsenf.run.health import HealthReport
-from rsenf.run.heap import keep_heap
+from rsenf.run.heap import TRIM_S, keep_heap, trim_heap
 from rsenf.run.log import complain
 from rsenf.run.peers import Peers
 
@@ -147,17 +147,10 @@ class NodeProcess:
             self.say("running")
 
     def _watch_peers(self) -> None:
-        site, words = self.graph.site, Inbox()
+        site = self.graph.site
+        words = Teller(lambda word: self.peers.on_state(node_of(word.key), word.message.state))
         self._bus.watch_alive(alive_key(site, "*"), self._on_alive)
         self._bus.subscribe(words, health_key(site, "*"), LOOKING)
-
-        def listen() -> None:
-            while not words.closed:
-                received = words.receive(1.0)
-                if received:
-                    self.peers.on_state(node_of(received.key), received.message.state)
-
-        threading.Thread(target=listen, name="peers", daemon=True).start()
 
     def _on_alive(self, key: str, alive: bool) -> None:
         """Take in that a node has come or gone."""
@@ -195,9 +188,12 @@ class NodeProcess:
         ended = threading.Event()
 
         def beat() -> None:
-            alone_s = 0.0
+            alone_s, beats = 0.0, 0
             while not ended.wait(BEAT_S):
                 self._health.beat()
+                beats += 1
+                if beats % round(TRIM_S / BEAT_S) == 0:
+                    trim_heap()
                 if supervisor and os.getppid() != supervisor:
                     self.stop.set()
                     # With the bus gone, a message may be waited with for ever.

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from rsenf.bus.bus import Subscription
 from rsenf.bus.delivery import Delivery
-from rsenf.bus.inbox import Inbox
+from rsenf.bus.inbox import Inbox, Received, Teller
 from rsenf.bus.sequence import Envelope
 from rsenf.messages import Candidate, Frame, Header, Health, RowBlock, encode, encoding_of
 
@@ -28,6 +28,16 @@ def test_a_lossy_topic_drops_its_oldest_and_counts() -> None:
     assert inbox.depth == 4
     assert seqs(drain(inbox)) == [7, 8, 9, 0]
     assert (inbox.counters.dropped, inbox.counters.missed) == (7, 0)
+
+
+def test_a_teller_keeps_nothing_and_tells_what_is_accepted() -> None:
+    told: list[Received] = []
+    teller = Teller(told.append)
+    for seq in (0, 1, 1, 3):
+        teller.put(envelope(estimate(seq)), DROPPING)
+    teller.put(replace(envelope(estimate(4)), payload=b"\xff" * 9), DROPPING)
+    assert [received.message.header.seq for received in told] == [0, 1, 3]
+    assert (teller.depth, teller.counters.duplicates, teller.counters.rejected) == (0, 1, 1)
 
 
 def test_what_was_sent_to_be_dropped_is_dropped_whoever_receives() -> None:

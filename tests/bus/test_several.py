@@ -60,7 +60,7 @@ def test_one_bad_message_costs_no_other() -> None:
     assert (inbox.counters.rejected, inbox.counters.missed) == (1, 1)
 
 
-def test_it_goes_when_it_has_grown_large_or_old_or_nothing_follows(
+def test_it_goes_when_it_has_grown_large_or_old_or_nothing_follows_soon(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     puts: list[int] = []
@@ -80,8 +80,10 @@ def test_it_goes_when_it_has_grown_large_or_old_or_nothing_follows(
     assert send(1, more=False) == [4]
     assert send(2, more=False) == [1, 1]
     assert send(2) == []
-    now_s[0] += bus.TOGETHER_S
+    now_s[0] += publisher.delivery.together_s
     assert send(1) == [3]
+    now_s[0] += publisher.delivery.together_s
+    assert send(1) == [1]  # so slow a sender's next is too far off
     monkeypatch.setattr(bus, "TOGETHER_BYTES", 2 * len(encode(estimate(99))))
     assert send(4) == [2, 2]  # all their numbers take one byte
     assert publisher.sent == next(seq)
