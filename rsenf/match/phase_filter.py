@@ -124,7 +124,8 @@ def innovations(
     both = np.empty((len(one), len(errors), whole.size))
     for out, inside, beyond in zip(both, one, other, strict=True):
         out[:, whole], out[:, ~whole] = inside, beyond
-    return Innovations(*both, count)
+    log_f, vv, vr, rr = both
+    return Innovations(log_f, vv, vr, rr, count)
 
 
 def _sums(
