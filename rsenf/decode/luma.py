@@ -8,7 +8,10 @@ from typing import Any
 
 import av
 import numpy as np
+from av.video.plane import VideoPlane
 from numpy.typing import NDArray
+
+_BYTE = np.dtype(np.uint8)
 
 
 @dataclass(frozen=True)
@@ -16,7 +19,7 @@ class _Layout:
     """Where a pixel format keeps its luma."""
 
     convert_to: str  # format to convert to first; empty when luma already has plane 0 to itself
-    dtype: str
+    dtype: np.dtype[Any]
     shift: int  # how many bits a sample has beyond 8
 
 
@@ -24,15 +27,16 @@ class _Layout:
 def _layout(pixel_format: str) -> _Layout:
     fmt = av.VideoFormat(pixel_format)
     if fmt.is_rgb or fmt.has_palette or fmt.is_bit_stream or fmt.is_bayer:
-        return _Layout("gray", "u1", 0)  # no luma: weighted from the colours
+        return _Layout("gray", _BYTE, 0)  # no luma: weighted from the colours
     bits = fmt.components[0].bits
     if bits > 16 or not (fmt.is_planar or len(fmt.components) == 1):
-        return _Layout("yuv422p", "u1", 0)  # luma is interleaved with chroma: taken apart
+        return _Layout("yuv422p", _BYTE, 0)  # luma is interleaved with chroma: taken apart
     if bits == 8:
-        return _Layout("", "u1", 0)
+        return _Layout("", _BYTE, 0)
     # Samples of 9 to 16 bits fill the low bits of two bytes, but the high ones in P010 and its kin.
     high = pixel_format.startswith(("p0", "p2", "p4"))
-    return _Layout("", ">u2" if fmt.is_big_endian else "<u2", 8 if high else bits - 8)
+    dtype = np.dtype(">u2" if fmt.is_big_endian else "<u2")
+    return _Layout("", dtype, 8 if high else bits - 8)
 
 
 def luma_plane(frame: av.VideoFrame) -> NDArray[np.uint8]:
@@ -45,12 +49,12 @@ def luma_plane(frame: av.VideoFrame) -> NDArray[np.uint8]:
     layout = _layout(frame.format.name)
     if layout.convert_to:
         frame = frame.reformat(format=layout.convert_to)
-    plane: Any = frame.planes[0]
-    line_bytes = abs(plane.line_size)  # padded at many widths
-    lines = np.frombuffer(plane, np.uint8).reshape(-1, line_bytes)[: frame.height]
-    if plane.line_size < 0:
-        lines = lines[::-1]  # stored bottom-up
-    samples = lines.view(layout.dtype)[:, : frame.width]
+    plane: Any = VideoPlane(frame, 0)  # frame.planes makes all of them
+    line_bytes = plane.line_size  # padded at many widths
+    size_px, strides = (frame.height, frame.width), (abs(line_bytes), layout.dtype.itemsize)
+    samples: NDArray[Any] = np.ndarray(size_px, layout.dtype, plane, strides=strides)
+    if line_bytes < 0:
+        samples = samples[::-1]  # stored bottom-up
     luma = _to_8_bit(samples, layout.shift) if layout.shift else samples
     luma.flags.writeable = False  # the decoder predicts the next pictures from this memory
     return luma

@@ -74,7 +74,9 @@ class StreamDecoder:
         self._time_base = fraction(stream.time_base)
         self._clock = FrameClock(self._time_base, fraction(stream.guessed_rate))
         self._context = stream.codec_context
-        self._context.copy_opaque = True  # hands each packet's arrival time on to its frame
+        # Hands each packet's arrival time on to its frame. Not of a file, where it tells nothing:
+        # threads that decode would have to wait for the interpreter to let go of it.
+        self._context.copy_opaque = live
         self._context.thread_type = "NONE" if spec.threads == 1 else "AUTO"
         self._context.thread_count = spec.threads
         self._stamp = stamp
@@ -120,7 +122,8 @@ class StreamDecoder:
         """
         items: list[Item] = []
         if packet.size:
-            packet.opaque = (arrival_ns,)  # a new object each time: PyAV keys them by identity
+            if self._live:
+                packet.opaque = (arrival_ns,)  # a new object each time: PyAV keys by identity
             time_ns = self._clock.expect(packet)
             self._follow_camera_clock(packet, time_ns)
             if self._with_packets and (data := self._writer.data(packet)):
@@ -133,7 +136,7 @@ class StreamDecoder:
             self._clock.forget()
             return items
         for picture in pictures:
-            frame = self._frame(picture)
+            frame = self._frame(picture, arrival_ns)
             if self.ended:
                 break
             if frame:
@@ -173,7 +176,7 @@ class StreamDecoder:
             untimed=packet.pts is None,
         )
 
-    def _frame(self, picture: av.VideoFrame) -> Frame | None:
+    def _frame(self, picture: av.VideoFrame, arrival_ns: int) -> Frame | None:
         number, self._frame_number = self._frame_number, self._frame_number + 1
         pts_ns = self._clock.time_ns(picture.pts)
         if picture.is_corrupt:
@@ -199,7 +202,7 @@ class StreamDecoder:
                 frame=number,
                 pts_ns=pts_ns,
                 camera_ns=self._camera_time_ns(pts_ns),
-                arrival_ns=_arrival_ns(picture),
+                arrival_ns=_arrival_ns(picture) if self._live else arrival_ns,
             ),
             height_px=picture.height,
             width_px=picture.width,

@@ -152,7 +152,7 @@ def _settled(frames: Frames, gathered: Gathered, psi_rad: Float) -> tuple[PhaseF
             if settled:
                 break
             settled = True
-            orders += _nuisances(gathered, turn, amplitude, orders)
+            orders += _nuisances(gathered, turn, waves, amplitude)
     over_second = (prior.basis[NODES_PER_S:] - prior.basis[:-NODES_PER_S]) / (2.0 * np.pi)
     solved = np.linalg.solve(precision, over_second.T)
     fit = PhaseFit(
@@ -199,7 +199,7 @@ def _amplitudes(told: Told, trust: Float, orders: tuple[int, ...]) -> Amplitudes
     ridge = np.repeat([RIDGE * seen / HARMONIC_SIZE[k - 1] ** 2 for k in orders], 2)
     gram.flat[:: len(gram) + 1] += np.concatenate([[0.0], ridge])
     found = np.asarray(np.linalg.solve(gram, _weighted(trust, told.columns)))
-    real, imag = _left(told, found, range(HARMONICS))
+    real, imag = _left(told, found)
     raw = found[1 : 2 * HARMONICS : 2] - 1j * found[2 : 2 * HARMONICS + 1 : 2]
     own = trust[:, None, None]
     noise = noise_of_turning(own * real, own * imag, COLUMNS_HZ) / weight
@@ -214,24 +214,25 @@ def _weighted(trust: Float, sums: Float) -> Float:
     return (trust @ sums.reshape(trust.size, -1)).reshape(sums.shape[1:])
 
 
-def _left(told: Told, found: Float, harmonics: range) -> tuple[Float, Float]:
-    """Sums of what is left of the columns times cosine and sine of some of the waves' harmonics.
+def _left(told: Told, found: Float) -> tuple[Float, Float]:
+    """Sums of what is left of the columns times cosine and sine of the harmonics.
 
     Shapes (nodes, harmonics, columns): what the waves found would have added up to is taken away.
     """
-    own = slice(1 + 2 * harmonics.start, 1 + 2 * harmonics.stop)
-    modelled = told.waves[:, own, : len(found)].reshape(-1, len(found)) @ found
+    own = slice(1, 1 + 2 * HARMONICS)
+    modelled = told.waves[:, own].reshape(-1, len(found)) @ found
     left = told.columns[:, own] - modelled.reshape(told.columns[:, own].shape)
     return left[:, 0::2], left[:, 1::2]
 
 
 def _nuisances(
-    frames: Gathered, turn: Complex, amplitude: Amplitudes, orders: tuple[int, ...]
+    frames: Gathered, turn: Complex, waves: Float, amplitude: Amplitudes
 ) -> tuple[int, ...]:
-    """Further harmonics that stand out in some column."""
+    """Further harmonics that stand out of what the first ones leave of some column."""
     further = tuple(range(HARMONICS + 1, NUISANCES + 1))
-    told = frames.told(frames.waves(turn, orders + further))
-    real, imag = _left(told, amplitude.found, range(len(orders), len(orders + further)))
+    left = frames.columns - waves.transpose(0, 2, 1) @ amplitude.found
+    told = frames.waves(turn, further)[:, 1:] @ left
+    real, imag = told[:, 0::2], told[:, 1::2]
     power = real.sum(axis=0) ** 2 + imag.sum(axis=0) ** 2
     stands_out = np.any(power > STANDS_OUT * noise_of_turning(real, imag, COLUMNS_HZ), axis=1)
     return tuple(k for k, there in zip(further, stands_out, strict=True) if there)

@@ -67,8 +67,8 @@ class ProfileBasis:
     def turns_of(self, template: Complex) -> float:
         """Turns of the ramp that is most like a template, shape (columns,)."""
         power = np.abs(template.conj() @ self._grid) ** 2 / self._grid_power
-        peak = int(np.clip(np.argmax(power), 1, power.size - 2))
-        a, b, c = power[peak - 1 : peak + 2]
+        peak = min(max(int(power.argmax()), 1), power.size - 2)
+        a, b, c = power[peak - 1 : peak + 2].tolist()
         bend = a - 2.0 * b + c
         beyond = 0.5 * (a - c) / bend if bend < 0.0 else 0.0
-        return float(self._turns[peak] + TURNS_STEP * np.clip(beyond, -1.0, 1.0))
+        return float(self._turns[peak]) + TURNS_STEP * min(max(beyond, -1.0), 1.0)

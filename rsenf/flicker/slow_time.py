@@ -70,8 +70,8 @@ class SlowTime:
     def between(self, start_s: float, end_s: float) -> slice:
         """Frames with ``start_s ≤ t < end_s``, as a slice for the accessors below."""
         t = self._t_s[self._start : self._stop]
-        a, b = np.searchsorted(t, [start_s, end_s])
-        return slice(self._start + int(a), self._start + int(b))
+        a, b = (self._start + int(t.searchsorted(t_s)) for t_s in (start_s, end_s))
+        return slice(a, b)
 
     def forget_before(self, t_s: float) -> None:
         """Drop the frames before a time."""

@@ -139,10 +139,10 @@ class Profile:
         ramp = np.ones_like(once)  # its powers
         for d in range(count + 1):
             spread.append(added(ramp, self._heavy))
-            for i in np.flatnonzero(np.abs(self.orders) == d):
-                down = self.orders[i] > 0
-                own = added(ramp, self._told[i].conj() if down else self._told[i])
-                pulls[int(i)] = own.conj() if down else own
+            for i, order in enumerate(self.orders.tolist()):
+                if abs(order) == d:
+                    own = added(ramp, self._told[i].conj() if order > 0 else self._told[i])
+                    pulls[i] = own.conj() if order > 0 else own
             ramp = ramp * once
         pull = np.stack([pulls[i] for i in range(count)], axis=1)
         step = self.orders[None, :] - self.orders[:, None]

@@ -103,7 +103,7 @@ class ProjectionTracker:
 def _idle_ratio(second: FlickerSecond) -> float:
     """Idle ratio by the turns down the rows; NaN for a shutter that doesn't roll."""
     idle = 1.0 - abs(second.turns) * second.frame_rate_hz / second.f0_hz
-    return float(np.clip(idle, 0.0, 1.0)) if second.turns else float("nan")
+    return min(max(idle, 0.0), 1.0) if second.turns else float("nan")
 
 
 def _amplitude(second: FlickerSecond, origin_ns: int) -> dict[str, Any]:
