@@ -69,6 +69,11 @@ def health_key(site: str, node: str) -> str:
     return f"{ROOT}/{site}/{NODES}/{node}/health"
 
 
+def word_key(site: str, node: str) -> str:
+    """Key of a node's health at every change of its state, for the other nodes of its graph."""
+    return f"{ROOT}/{site}/{NODES}/{node}/word"
+
+
 def alive_key(site: str, node: str) -> str:
     """Key of a node's liveliness token: there while its process lives and is ready."""
     return f"{ROOT}/{site}/{NODES}/{node}/alive"

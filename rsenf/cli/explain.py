@@ -30,6 +30,7 @@ rsenf/<site>/<camera>/alarm      Alarm          something a person should see
 rsenf/<site>/<camera>/discover   DiscoveryVerdict  what the model is missing
 rsenf/<site>/reference/<grid>    ReferenceBlock grid frequency
 rsenf/<site>/@nodes/<node>/health   Health      state of a node, every second
+rsenf/<site>/@nodes/<node>/word     Health      the same when the state changes, for other nodes
 rsenf/<site>/@nodes/<node>/alive    (liveliness token)
 '@nodes' is not matched by '*' or '**': ask for it by name."""
 

@@ -15,7 +15,7 @@ from dataclasses import InitVar, dataclass, field
 from rsenf.bus.bus import Bus, Publisher
 from rsenf.bus.delivery import HEALTH, LOOKING
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import camera_key, health_key, node_of, source_of
+from rsenf.bus.keys import camera_key, health_key, node_of, source_of, word_key
 from rsenf.bus.ring import ring_directory
 from rsenf.config import Graph
 from rsenf.config.graph import outputs
@@ -101,7 +101,7 @@ class GraphRun:
     _all_ready_s: float = 0.0  # after the beginning
     _stopping: bool = False
     _bus: Bus | None = None
-    _tellers: dict[str, Publisher] = field(default_factory=dict)
+    _tellers: dict[str, list[Publisher]] = field(default_factory=dict)
 
     def __post_init__(self, spawn: Spawn) -> None:
         self._revival = Revival(self.graph, self.nodes, spawn)
@@ -174,26 +174,25 @@ class GraphRun:
         others_know = self.graph.restart_of(node.name) is None and node.kind != "external"
         if self._bus is None or others_know:
             return
-        key = health_key(self.graph.site, node.name)
         if node.name not in self._tellers:
-            self._tellers[node.name] = self._bus.publisher(key, TELLING)
-        teller = self._tellers[node.name]
-        now_ns = time.time_ns()
-        teller.send(
-            Health(
-                header=Header(
-                    run_id=self.run_id, source=node.name, seq=teller.sent, arrival_time_ns=now_ns
-                ),
-                node=node.name,
-                kind=node.kind,
-                state=said,
-                detail=node.detail,
-                pid=os.getpid(),
-                host=socket.gethostname(),
-                time_ns=now_ns,
-                restarts=node.restarts,
-            )
+            keys = (key(self.graph.site, node.name) for key in (health_key, word_key))
+            self._tellers[node.name] = [self._bus.publisher(key, TELLING) for key in keys]
+        tellers, now_ns = self._tellers[node.name], time.time_ns()
+        word = Health(
+            header=Header(
+                run_id=self.run_id, source=node.name, seq=tellers[0].sent, arrival_time_ns=now_ns
+            ),
+            node=node.name,
+            kind=node.kind,
+            state=said,
+            detail=node.detail,
+            pid=os.getpid(),
+            host=socket.gethostname(),
+            time_ns=now_ns,
+            restarts=node.restarts,
         )
+        for teller in tellers:
+            teller.send(word)
 
     def stop(self) -> None:
         """Stop everything within two seconds: sources first, so that their streams end in order."""

@@ -8,6 +8,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from rsenf.bus.bus import Publisher
@@ -31,8 +32,8 @@ class HealthReport:
     ----------
     name, kind, run_id : str
         Of the node.
-    publisher : Publisher
-        Where to.
+    publisher, words : Publisher
+        Where to; and where to at a change of state only.
     inbox : Inbox
         Whose counters go with it.
     peers : Peers
@@ -49,6 +50,7 @@ class HealthReport:
         kind: str,
         run_id: str,
         publisher: Publisher,
+        words: Publisher,
         inbox: Inbox,
         peers: Peers,
         sent: Callable[[], int],
@@ -56,12 +58,13 @@ class HealthReport:
     ) -> None:
         self.state, self.detail = "starting", ""
         self._name, self._kind, self._run_id = name, kind, run_id
-        self._publisher, self._inbox, self._peers, self._sent = publisher, inbox, peers, sent
+        self._publisher, self._words = publisher, words
+        self._inbox, self._peers, self._sent = inbox, peers, sent
         self._taken, self._rate = 0, _Rate()
         self._last_input_ns, self._latency_s = 0, 0.0
         self._restarts = restarts
         self._since_arrival, self._since_exposure = LastMinute(), LastMinute()
-        self._seq = 0
+        self._said = ""  # the state in the last word
         self._lock = threading.Lock()
         self._published_s, self._published_lost = 0.0, tuple[str, ...]()
 
@@ -103,39 +106,44 @@ class HealthReport:
         now_ns = time.time_ns()
         arrival = self._since_arrival.p50_p95_s(self._published_s)
         exposure = self._since_exposure.p50_p95_s(self._published_s)
-        self._publisher.send(
-            Health(
-                header=Header(
-                    run_id=self._run_id, source=self._name, seq=self._seq, arrival_time_ns=now_ns
-                ),
-                node=self._name,
-                kind=self._kind,
-                state=self.state,
-                detail=self.detail,
-                pid=os.getpid(),
-                host=socket.gethostname(),
-                time_ns=now_ns,
-                messages_in=self._taken,
-                messages_out=self._sent(),
-                dropped=counters.dropped,
-                missed=counters.missed,
-                rejected=counters.rejected,
-                recovered=counters.recovered,
-                rate_hz=self._rate.per_s(self._taken),
-                queue_depth=self._inbox.depth,
-                latency_s=self._latency_s,
-                last_input_ns=self._last_input_ns,
-                lost_peers=self._published_lost,
-                memory_bytes=_memory_bytes(),
-                cpu_s=usage.user + usage.system,
-                restarts=self._restarts,
-                latency_p50_s=arrival[0],
-                latency_p95_s=arrival[1],
-                exposure_p50_s=exposure[0],
-                exposure_p95_s=exposure[1],
-            )
+        health = Health(
+            header=Header(
+                run_id=self._run_id,
+                source=self._name,
+                seq=self._publisher.sent,
+                arrival_time_ns=now_ns,
+            ),
+            node=self._name,
+            kind=self._kind,
+            state=self.state,
+            detail=self.detail,
+            pid=os.getpid(),
+            host=socket.gethostname(),
+            time_ns=now_ns,
+            messages_in=self._taken,
+            messages_out=self._sent(),
+            dropped=counters.dropped,
+            missed=counters.missed,
+            rejected=counters.rejected,
+            recovered=counters.recovered,
+            rate_hz=self._rate.per_s(self._taken),
+            queue_depth=self._inbox.depth,
+            latency_s=self._latency_s,
+            last_input_ns=self._last_input_ns,
+            lost_peers=self._published_lost,
+            memory_bytes=_memory_bytes(),
+            cpu_s=usage.user + usage.system,
+            restarts=self._restarts,
+            latency_p50_s=arrival[0],
+            latency_p95_s=arrival[1],
+            exposure_p50_s=exposure[0],
+            exposure_p95_s=exposure[1],
         )
-        self._seq += 1
+        self._publisher.send(health)
+        if self.state != self._said:
+            self._said = self.state
+            word = replace(health, header=health.header.numbered(self._words.sent))
+            self._words.send(word)
 
 
 class _Rate:

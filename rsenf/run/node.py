@@ -25,6 +25,7 @@ from rsenf.bus.keys import (
     reference_key,
     topic_key,
     topic_of,
+    word_key,
 )
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph, load_graph
@@ -89,6 +90,7 @@ class NodeProcess:
             self.config.kind,
             run_id,
             bus.publisher(health_key(graph.site, name), HEALTH),
+            bus.publisher(word_key(graph.site, name), HEALTH),
             self.inbox,
             self.peers,
             lambda: sum(p.sent for p in self._publishers),
@@ -96,7 +98,7 @@ class NodeProcess:
         )
         self.say, self.show = self._health.say, self._health.show
         self.note_input = self._health.note_input
-        self._watch_peers()
+        self._watch_peers(health=bool(far or own))
 
     # --- the streams -----------------------------------------------------------------------
 
@@ -146,11 +148,12 @@ class NodeProcess:
             self.peers.wait_for(names, float("inf"), self.stop)
             self.say("running")
 
-    def _watch_peers(self) -> None:
-        site = self.graph.site
+    def _watch_peers(self, *, health: bool) -> None:
+        """Follow what the others say: by their health where they may not be of this program."""
+        site, key = self.graph.site, health_key if health else word_key
         words = Teller(lambda word: self.peers.on_state(node_of(word.key), word.message.state))
         self._bus.watch_alive(alive_key(site, "*"), self._on_alive)
-        self._bus.subscribe(words, health_key(site, "*"), LOOKING)
+        self._bus.subscribe(words, key(site, "*"), LOOKING)
 
     def _on_alive(self, key: str, alive: bool) -> None:
         """Take in that a node has come or gone."""

@@ -15,7 +15,7 @@ from run_samples import GRAPH, Counting, block, end_after, node_on, wall
 from rsenf.bus.delivery import FRAMES_FILE, LOOKING, SIGNALS
 from rsenf.bus.frames import FrameReceiver
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import alive_key, camera_key, health_key, reference_key
+from rsenf.bus.keys import alive_key, camera_key, health_key, reference_key, word_key
 from rsenf.bus.loopback import Loopback
 from rsenf.errors import InputError
 from rsenf.messages import EnfEstimate, Frame, Header, Health, IdleEstimate, RowBlock
@@ -193,7 +193,7 @@ def test_peers_that_finish_are_not_lost_and_those_that_vanish_are(
     monkeypatch.setattr(peers_module, "LAST_WORD_S", 0.05)
     node = node_on(network, "record")
     others = {name: network.bus(name) for name in ("decode", "rows", "track")}
-    words = {n: b.publisher(health_key("lab", n), SIGNALS) for n, b in others.items()}
+    words = {n: b.publisher(word_key("lab", n), SIGNALS) for n, b in others.items()}
     for name, bus in others.items():
         bus.declare_alive(alive_key("lab", name))
     assert node.peers.missing == {"grid", "match"}
@@ -218,10 +218,35 @@ def test_a_peer_that_failed_before_it_was_ready_is_not_waited_for(network: Loopb
     for name in ("track", "grid", "match", "record"):
         network.bus(name).declare_alive(alive_key("lab", name))
     failed = Health(header=Header(run_id="r"), node="decode", state="failed")
-    network.bus("decode").publisher(health_key("lab", "decode"), SIGNALS).send(failed)
+    network.bus("decode").publisher(word_key("lab", "decode"), SIGNALS).send(failed)
     node.wait_for_peers()
     assert node.peers.lost == ()
     assert node.peers.gone_for_s("decode") > 0
+
+
+def test_words_are_listened_to_and_all_health_where_a_program_may_send_no_words(
+    network: Loopback,
+) -> None:
+    own = {"kind": "external", "command": ["x"]}
+    graph: dict[str, Any] = {**GRAPH, "nodes": {**GRAPH["nodes"], "own": own}}  # type: ignore[dict-item]
+    by_words, by_health = node_on(network, "match"), node_on(network, "record", graph)
+    done = Health(header=Header(run_id="r"), node="rows", state="done")
+    network.bus("rows").publisher(health_key("lab", "rows"), SIGNALS).send(done)
+    assert by_health.peers.has_finished("rows")
+    assert not by_words.peers.has_finished("rows")
+    network.bus("rows").publisher(word_key("lab", "rows"), SIGNALS).send(done)
+    assert by_words.peers.has_finished("rows")
+
+
+def test_a_change_of_state_is_a_word_and_nothing_else_is(network: Loopback) -> None:
+    words = Inbox()
+    network.bus("looker").subscribe(words, word_key("lab", "track"), LOOKING)
+    node = node_on(network, "track")
+    for state, detail in (("running", ""), ("running", "more"), ("done", "more")):
+        node.say(state, detail)
+    said = [words.receive(1).message for _ in range(2)]  # type: ignore[union-attr]
+    assert [(word.state, word.header.seq) for word in said] == [("running", 0), ("done", 1)]
+    assert words.depth == 0
 
 
 def test_a_node_says_whom_it_waits_for(network: Loopback, monkeypatch: pytest.MonkeyPatch) -> None:
