@@ -114,6 +114,28 @@ def innovations(
         Of the reference.
     errors : sequence of Errors
     """
+    count = known.sum(axis=0)
+    whole = ~known[:1].any(axis=0) & known[1:].all(axis=0)
+    if whole.all() or not whole.any():
+        return Innovations(*_sums(clip, residual_rad, known, step_s, errors), count)
+    # A few lags reach beyond the reference, mostly; all others know the same.
+    one = _sums(clip, residual_rad[:, whole], known[:, whole][:, :1], step_s, errors)
+    other = _sums(clip, residual_rad[:, ~whole], known[:, ~whole], step_s, errors)
+    both = np.empty((len(one), len(errors), whole.size))
+    for out, inside, beyond in zip(both, one, other, strict=True):
+        out[:, whole], out[:, ~whole] = inside, beyond
+    log_f, vv, vr, rr = both
+    return Innovations(log_f, vv, vr, rr, count)
+
+
+def _sums(
+    clip: ClipPhase,
+    residual_rad: FloatArray,
+    known: NDArray[np.bool_],
+    step_s: float,
+    errors: Sequence[Errors],
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return ``log_f``, ``vv``, ``vr`` and ``rr`` of :class:`Innovations`."""
     plain_first = np.argsort([e.clip.wander_rad > 0.0 for e in errors], kind="stable")
     ordered = tuple(errors[e] for e in plain_first)
     if _is_whole(known) and clip.size <= MOST_KEPT:
@@ -134,9 +156,7 @@ def innovations(
         vv += v
     back = np.argsort(plain_first)
     log_f, rr = foretold.log_f[back], foretold.rr[back]
-    return Innovations(
-        log_f, (2 * np.pi) ** 2 * vv[back], 2 * np.pi * vr[back], rr, known.sum(axis=0)
-    )
+    return log_f, (2 * np.pi) ** 2 * vv[back], 2 * np.pi * vr[back], rr
 
 
 def _is_whole(known: NDArray[np.bool_]) -> bool:
