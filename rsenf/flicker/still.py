@@ -90,7 +90,8 @@ class StillFlicker:
         told = np.array([self._sum[k] for k in keys])
         frames = told[:, -1]
         t_s, numbers = told[:, -3] / frames, told[:, -2] / frames
-        found = separate(told[:, :-3] / frames[:, None], t_s, frames)
+        rows = told[:, :-3] / frames[:, None]
+        found = separate(rows, t_s, frames)
         if found is None or not found.is_flicker:
             self.why = NOT_FLICKER
             return False
@@ -98,7 +99,7 @@ class StillFlicker:
             self.why = TOO_STILL
             return False
         rate_hz = frame_rate(t_s, numbers)
-        level = float(np.mean(found.texture))
+        level = float(np.mean(found.texture(rows, frames)))
         path = _path(found, self.nominal_hz, rate_hz, start, end, level, self._path)
         if path is None:
             self.why = NO_GRID

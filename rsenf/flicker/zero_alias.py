@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.flicker.zero_alias_errors import explained, noise_ratio, standard_error
-from rsenf.flicker.zero_alias_fit import Point, refine
+from rsenf.flicker.zero_alias_fit import Flicker, Point, refine
 from rsenf.flicker.zero_alias_rows import Float, row_logs
 from rsenf.flicker.zero_alias_start import starts
 
@@ -70,8 +70,6 @@ class ZeroAlias:
     share : ndarray, shape (orders,)
         How the lamp's share in the light varies down the rows, by Chebyshev polynomials from order
         1 on: daylight that falls on some rows more than on others. Empty where it doesn't vary.
-    texture : ndarray, shape (rows, strips)
-        Levels under the light's mean over a cycle.
     read_out_s, read_out_std : float
         Signed read-out time as the ramp's change with the frequency shows it: negative where the
         mirror image is the right one. Seldom known well.
@@ -79,6 +77,8 @@ class ZeroAlias:
         Share of what varies, beyond a common gain and noise, that the flicker explains.
     noise_ratio : float
         Noise where the flicker is, over white noise of the same power; 1 for a clean recording.
+    flicker : Flicker
+        As the fit knows it.
     """
 
     turns: float
@@ -90,11 +90,11 @@ class ZeroAlias:
     amplitude_std: float
     series: NDArray[np.complex128]
     share: Float
-    texture: Float
     read_out_s: float
     read_out_std: float
     explained: float
     noise_ratio: float
+    flicker: Flicker
 
     @property
     def phase_std(self) -> Float:
@@ -134,6 +134,30 @@ class ZeroAlias:
         """Whether it is flicker whose phase has turned enough for its ramp to be relied on."""
         known = self.turns_std < MAX_TURNS_STD
         return self.is_flicker and known and self.span_rad >= MIN_SPAN_RAD
+
+    def texture(self, level: Float, weight: Float) -> Float:
+        """Levels under the light's mean over a cycle; over time, the flicker's phases are uneven.
+
+        Parameters
+        ----------
+        level, weight : ndarray
+            Those that it was told apart in.
+
+        Returns
+        -------
+        ndarray, shape (rows,) or (rows, strips)
+        """
+        flicker, rows = self.flicker, level.shape[1]
+        weight = weight / weight.mean()
+        place = (np.arange(rows) + 0.5) / rows
+        light = flicker.light(flicker.waves(self.t_s, place), place)
+        seen = np.average(np.exp(light), axis=0, weights=weight)
+        order = np.arange(1, flicker.series.size + 1)
+        cycle = np.exp(1j * order * np.linspace(0.0, 2.0 * np.pi, CYCLE, endpoint=False)[:, None])
+        shares = flicker.shares(place)
+        mean = np.mean(np.exp((cycle @ flicker.series).real[:, None] * shares), axis=0)
+        steady = np.average(level, axis=0, weights=weight)
+        return np.asarray((steady.T * (mean / seen)).T)
 
     @property
     def direction(self) -> int:
@@ -203,7 +227,7 @@ def separate(
     ratio = noise_ratio(point)
     point = refine(data, point.flicker, STEPS, ratio)
     plausible = 0.0 < point.flicker.series[0].real < MAX_AMPLITUDE
-    return _result(rows, point, ratio) if plausible else None
+    return _result(point, ratio) if plausible else None
 
 
 def _with_share(even: Point, uneven: Point) -> Point:
@@ -229,7 +253,7 @@ def _with_harmonics(point: Point) -> Point:
     return point
 
 
-def _result(level: Float, point: Point, ratio: float) -> ZeroAlias:
+def _result(point: Point, ratio: float) -> ZeroAlias:
     flicker, data, covariance = point.flicker, point.data, point.covariance()
     bins = data.t_s.size
     return ZeroAlias(
@@ -242,23 +266,9 @@ def _result(level: Float, point: Point, ratio: float) -> ZeroAlias:
         amplitude_std=standard_error(point, covariance, 2, ratio),
         series=flicker.series,
         share=flicker.share,
-        texture=_texture(level, point),
         read_out_s=flicker.read_out_s,
         read_out_std=standard_error(point, covariance, 1, ratio),
         explained=explained(point),
         noise_ratio=ratio,
+        flicker=flicker,
     )
-
-
-def _texture(level: Float, point: Point) -> Float:
-    """Levels under the light's mean over a cycle; over time, the flicker's phases are uneven."""
-    flicker, data = point.flicker, point.data
-    place = (np.arange(level.shape[1]) + 0.5) / level.shape[1]
-    seen = np.average(
-        np.exp(flicker.light(flicker.waves(data.t_s, place), place)), axis=0, weights=data.weight
-    )
-    order = np.arange(1, flicker.series.size + 1)
-    cycle = np.exp(1j * order * np.linspace(0.0, 2.0 * np.pi, CYCLE, endpoint=False)[:, None])
-    shares = flicker.shares(place)
-    mean = np.mean(np.exp((cycle @ flicker.series).real[:, None] * shares), axis=0)
-    return np.asarray(np.average(level, axis=0, weights=data.weight) * (mean / seen)[:, None])

@@ -15,6 +15,7 @@ recording.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -142,17 +143,26 @@ class Point:
 
     def columns(self) -> Float:
         """Centred derivatives by ``q``, ``τ``, ``c`` and shares: (parameters, bins, rows)."""
-        slope, shares = self.slope(), self.flicker.shares(self.data.place)
-        found = [
-            slope * (2.0 * np.pi * self.data.place),
-            slope * self.flicker.stretch(self.data.t_s, self.data.place),
-            self.waves[0].real * shares,
-        ]
+        flicker = self.flicker
+        count = 1 + 2 * flicker.series.size + flicker.share.size
+        out = np.empty((count, *self.residual.shape))
+        for column, derivative in zip(out, self._derivatives(), strict=True):
+            column[:] = derivative
+        return self.data.centred(out)
+
+    def _derivatives(self) -> Iterator[Float]:
+        """One after the other: all of them are megabytes."""
+        data, flicker = self.data, self.flicker
+        slope, shares = self.slope(), flicker.shares(data.place)
+        yield slope * (2.0 * np.pi * data.place)
+        yield slope * flicker.stretch(data.t_s, data.place)
+        yield self.waves[0].real * shares
         for wave in self.waves[1:]:
-            found += [wave.real * shares, -wave.imag * shares]
-        plain = np.tensordot(self.flicker.series, self.waves, 1).real
-        found += [plain * p for p in polynomials(self.data.place, self.flicker.share.size)]
-        return self.data.centred(np.stack(found))
+            yield wave.real * shares
+            yield -wave.imag * shares
+        plain = np.tensordot(flicker.series, self.waves, 1).real
+        for p in polynomials(data.place, flicker.share.size):
+            yield plain * p
 
     def equations(self, prior: Float) -> tuple[Float, Float]:
         """Normal matrix and right-hand side, texture and gain projected out.

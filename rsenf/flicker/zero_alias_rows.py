@@ -41,7 +41,9 @@ class RowLogs:
 
     def centred(self, part: Float) -> Float:
         """Return what texture and gain don't explain of something of shape (…, bins, rows)."""
-        return self.without_texture(self.without_gain(part))
+        out = self.without_gain(part)
+        out -= self._texture(out)
+        return out
 
     def without_gain(self, part: Float) -> Float:
         """Take the weighted mean over rows from each bin."""
@@ -49,11 +51,16 @@ class RowLogs:
 
     def without_texture(self, part: Float) -> Float:
         """Take the weighted mean over time from each row."""
-        return np.asarray(part - (self.weight @ part / self.weight.sum())[..., None, :])
+        return np.asarray(part - self._texture(part))
+
+    def _texture(self, part: Float) -> Float:
+        return np.asarray((self.weight @ part / self.weight.sum())[..., None, :])
 
     def weighted(self, part: Float) -> Float:
         """Times the weights of bins and rows."""
-        return np.asarray(part * self.row_weight * self.weight[:, None])
+        out = np.asarray(part * self.row_weight)
+        out *= self.weight[:, None]
+        return out
 
     def power(self, part: Float) -> float:
         """Weighted sum of squares."""

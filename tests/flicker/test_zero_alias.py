@@ -121,7 +121,7 @@ def test_texture_is_that_of_steady_light() -> None:
     found = clip.separate()
     # Flicker of a tenth of the level stays in a mean over time.
     assert np.std(clip.level.mean(axis=0) / steady) > 0.03
-    assert np.std(found.texture / steady) < 1e-3
+    assert np.std(found.texture(clip.level, clip.frames) / steady) < 1e-3
 
 
 def test_errors_have_the_size_of_their_standard_errors() -> None:
@@ -164,7 +164,8 @@ def test_a_common_gain_changes_nothing() -> None:
 def test_daylight_on_some_rows_more_than_on_others() -> None:
     """The lamp's share in the light falls from all of it to a half, and the flicker with it."""
     clip = clip_of(54, model_of("led", 25, 0.3), grid_turning(53, 50.0, 2.0))
-    daylight = np.linspace(0, 1, 360)[:, None] * clip.separate().texture.mean()
+    texture = clip.separate().texture(clip.level, clip.frames)
+    daylight = np.linspace(0, 1, 360)[:, None] * texture.mean()
     found = Clip(**{**vars(clip), "level": clip.level + daylight}).separate()
     assert found.determined
     assert abs(found.turns - clip.turns) * 25 < 0.05  # points of the idle period
