@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from rsenf.bus.frames import FrameReceiver
 from rsenf.bus.inbox import Counters, Received
 from rsenf.bus.keys import camera_key
+from rsenf.config.graph import runs_ahead
 from rsenf.config.node_kinds import RowsNode
 from rsenf.errors import NodeFailed, SchemaMismatch
 from rsenf.run.node import NodeProcess, run_node
@@ -51,6 +52,7 @@ def body(node: NodeProcess) -> None:
                 runner=Runner("rows", lambda: make_rows(config.rows)),
                 publisher=node.publisher(camera, "rows"),
                 inputs={key: node.sender_of("frames", camera)},
+                ahead=runs_ahead(node.graph, camera),
                 frames=FrameReceiver(),
                 counters=node.inbox.counters,
                 run_id=node.run_id,

@@ -30,7 +30,7 @@ class FrameSender:
     reader_gone : callable
         Says when waiting for the reader is in vain.
     ahead : bool
-        Whether frames come faster than they were filmed: half a ring of them is told of at once.
+        Whether frames come faster than they were filmed: a ring full of them is told of at once.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class FrameSender:
         self._reader_gone = reader_gone
         self._ring: RingWriter | None = None
         self._rings = 0
-        self._at_once, self._sent = slots // 2 if ahead else 1, 0
+        self._at_once, self._sent = slots if ahead else 1, 0
 
     def send(self, frame: Frame) -> None:
         """Send a frame whose ``luma`` is filled."""

@@ -24,9 +24,11 @@ from rsenf.config.node_kinds import (
     ReferenceNode,
     ReplayNode,
     RowsNode,
+    SimulatedInput,
     TrackNode,
 )
 from rsenf.config.supervised import Restart, Strict
+from rsenf.decode.spec import kind_of
 
 N = TypeVar("N")
 
@@ -140,6 +142,14 @@ def sender_of(graph: Graph, topic: str, name: str) -> str:
 def beside_rows(graph: Graph, camera: str) -> list[str]:
     """Topics of a camera, beside its rows, that its liveness is judged by: those that are sent."""
     return ["track", *(["idle"] if sender_of(graph, "idle", camera) else [])]
+
+
+def runs_ahead(graph: Graph, camera: str) -> bool:
+    """Whether a camera's frames come from a file faster than they were filmed."""
+    node = graph.nodes.get(sender_of(graph, "frames", camera))
+    if not isinstance(node, DecodeNode) or node.pace:
+        return False
+    return isinstance(node.input, SimulatedInput) or kind_of(node.input) == "file"
 
 
 def reader_of_frames(graph: Graph, camera: str) -> str:

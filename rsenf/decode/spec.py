@@ -36,10 +36,10 @@ def _redacted(address: str) -> str:
 
 
 def kind_of(url: str) -> Kind:
-    """Tell a file, an RTSP address and a V4L2 camera (``/dev/video0`` or ``0``) apart."""
+    """Tell a file, an RTSP address and a V4L2 camera (``/dev/video0``, ``v4l2:…``, ``0``) apart."""
     if re.match(r"rtsps?://", url, re.IGNORECASE):
         return "rtsp"
-    if url.isdigit() or url.startswith(("/dev/video", "/dev/v4l/")):
+    if url.isdigit() or url.startswith(("/dev/video", "/dev/v4l/", "v4l2:")):
         return "v4l2"
     return "file"
 

@@ -114,11 +114,12 @@ class Lock:
         tone, reason = self._check(buffer, check_from, min(check_from + CHECK_S, stop))
         self.failed = self.failed + 1 if reason else 0
         self._path.forget_before(start)
-        blank = dataclasses.replace(blank, snr_db=_decibels(tone.snr), reason=reason)
-        if reason:
-            return blank
-        self._learn(fit)
-        return self._filled(buffer, dataclasses.replace(blank, turns=self.turns), fit, start)
+        if not reason:
+            self._learn(fit)
+        blank = dataclasses.replace(
+            blank, turns=self.turns, snr_db=_decibels(tone.snr), reason=reason
+        )
+        return blank if reason else self._filled(buffer, blank, fit, start)
 
     def _filled(
         self, buffer: SlowTime, blank: FlickerSecond, fit: PhaseFit, start: int
@@ -149,15 +150,17 @@ class Lock:
 
     def _amplitude(self, index: int, fit: PhaseFit, start: int) -> dict[str, Any]:
         """Amplitude over one second of a fit's window: its model's, and what frames say beyond."""
-        own = (fit.t_s >= index - start) & (fit.t_s < index + 1 - start)
+        first, stop = fit.t_s.searchsorted([index - start, index + 1 - start])
         told = fit.information[(index - start) * NODES_PER_S :][:NODES_PER_S].sum()
-        if not own.any() or not told > 0.0:
+        if first == stop or not told > 0.0:
             return {}
         middle = float(fit.psi_rad[(index - start) * NODES_PER_S + NODES_PER_S // 2])
         ramp = self._basis.ramps(np.array([self.turns]))[:, 0]
         size = float(np.abs(ramp.conj() @ fit.template) / np.sum(np.abs(ramp) ** 2))
         return {
-            "amplitude": complex(size * np.exp(1j * middle) * (1.0 + np.mean(fit.deviation[own]))),
+            "amplitude": complex(
+                size * np.exp(1j * middle) * (1.0 + np.mean(fit.deviation[first:stop]))
+            ),
             "amplitude_var": float(size**2 / told),
         }
 

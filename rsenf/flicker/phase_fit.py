@@ -144,10 +144,9 @@ def _settled(frames: Frames, gathered: Gathered, psi_rad: Float) -> tuple[PhaseF
         step = np.linalg.solve(precision, prior.basis.T @ gradient - coefficient)
         moved = prior.basis @ step
         shape = moved - moved.mean()
-        largest = np.max(np.abs(shape))
-        coefficient = coefficient + step * min(1.0, 1.0 / max(largest, 1e-12))
         # How far the step goes, in standard errors all told, and in rad.
-        far, farthest = float(shape @ (information * shape)), float(np.max(np.abs(shape)))
+        far, farthest = float(shape @ (information * shape)), float(np.abs(shape).max())
+        coefficient = coefficient + step * min(1.0, 1.0 / max(farthest, 1e-12))
         if far < (REST if settled else NEARLY) or farthest < (REST_RAD if settled else NEARLY_RAD):
             if settled:
                 break
@@ -258,8 +257,9 @@ def _gain(across: Float, expected: Float) -> Float:
     """Size of the flicker around each node relative to the window's, at most one and a half."""
     around = _around(across.shape[0])
     beyond, share = around @ across, around @ expected
-    steady = STEADY * np.max(share, axis=0)
-    return np.asarray(np.clip(1.0 + beyond / np.maximum(share + steady, 1e-30), 0.0, 1.5))
+    steady = STEADY * share.max(axis=0)
+    gain = 1.0 + beyond / np.maximum(share + steady, 1e-30)
+    return np.asarray(np.minimum(np.maximum(gain, 0.0), 1.5))
 
 
 def _likelihood(amplitude: Amplitudes, trust: Float) -> tuple[Float, Float, Float, Float]:
@@ -272,8 +272,8 @@ def _likelihood(amplitude: Amplitudes, trust: Float) -> tuple[Float, Float, Floa
     left = order * np.einsum("nkc,kc->nk", amplitude.left, weighted)
     told, across = -left.imag, left.real
     # The sum over the columns of a wave's square, along the phase: Σ w·(k·Im turn·C)².
-    power = np.sum(weighted * amplitude.harmonic.conj(), axis=1).real
-    turned = np.sum(weighted * amplitude.harmonic, axis=1)
+    power = (weighted * amplitude.harmonic.conj()).sum(axis=1).real
+    turned = (weighted * amplitude.harmonic).sum(axis=1)
     frames_at, squared = _squares(amplitude.told)
     expected = 0.5 * order**2 * (power * frames_at - (squared * turned).real)
     hears = expected.sum(axis=0) > 0.0
@@ -283,8 +283,8 @@ def _likelihood(amplitude: Amplitudes, trust: Float) -> tuple[Float, Float, Floa
     noise = np.maximum(noise_of(own * told, ALONG_HZ), noise_of(own * across, ACROSS_HZ))
     excess = np.maximum(noise / total, 1e-3)
     gain = _gain(own * across, own * expected)
-    gradient = np.sum(np.where(hears, gain * own * told / excess, 0.0), axis=1)
-    information = np.sum(np.where(hears, gain**2 * own * expected / excess, 0.0), axis=1)
+    gradient = np.where(hears, gain * own * told / excess, 0.0).sum(axis=1)
+    information = np.where(hears, gain**2 * own * expected / excess, 0.0).sum(axis=1)
     if not hears[0]:
         return gradient, information, trust, np.ones(trust.size)
     away = told[:, 0] ** 2 + across[:, 0] ** 2

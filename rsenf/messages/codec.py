@@ -8,6 +8,7 @@ bytes are never guessed at.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 from collections.abc import Iterable
 from typing import Any
@@ -35,6 +36,7 @@ def encoding_of(cls: type[Any]) -> str:
     return f"{MEDIA_TYPE};{schema_name(cls)}/{cls.VERSION}"
 
 
+@functools.lru_cache(maxsize=64)  # an error isn't kept
 def class_for(encoding: str) -> type[Any]:
     """Message class that an encoding names.
 

@@ -39,7 +39,7 @@ from rsenf.run.log import complain
 from rsenf.run.peers import Peers
 
 PATIENCE_S = 3.0
-BEAT_S = 0.1
+BEAT_S = 0.25
 SENDS_AGAIN_S = 2.0
 ALONE_S = 10.0  # that a node has to end in when the process that started it is gone
 

@@ -37,11 +37,14 @@ class Lane:
         Where its messages go.
     inputs : dict
         Key of each input that hasn't ended, and the node that sends it.
+    ahead : bool
+        Whether what comes is ahead of time: nobody waits for each message, so several go at once.
     """
 
     runner: Runner | Branches
     publisher: Publisher
     inputs: dict[str, str]
+    ahead: bool = False
     _heard: dict[str, float] = field(default_factory=dict)
     _begun: set[str] = field(default_factory=set)
 
@@ -87,7 +90,7 @@ class Lane:
     def send(self, messages: Iterable[Any]) -> None:
         """Send what the stage has completed."""
         for message in messages:
-            self.publisher.send(message)
+            self.publisher.send(message, more=self.ahead and not message.header.is_end)
 
 
 @dataclass(kw_only=True)

@@ -25,10 +25,9 @@ def open_input(config: DecodeNode, node: NodeProcess) -> VideoSource:
 
     if not config.input:
         raise UsageError(f"camera {config.camera!r} has no input", "is its variable set?")
-    url = config.input.removeprefix("v4l2:")
     spec = SourceSpec(
-        url=url,
-        kind="v4l2" if url != config.input else kind_of(url),
+        url=config.input.removeprefix("v4l2:"),
+        kind=kind_of(config.input),
         threads=config.threads,
         with_packets=config.record_video,
         pace=config.pace,

@@ -16,6 +16,7 @@ from rsenf.bus.frames import FrameReceiver, FrameSender
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.loopback import Loopback
 from rsenf.bus.ring import ring_directory
+from rsenf.bus.several import apart
 from rsenf.errors import NodeFailed, SchemaMismatch
 from rsenf.messages import Frame, Header
 
@@ -75,6 +76,21 @@ def test_every_plane_comes_whole_and_in_order(ring: str, ahead: bool) -> None:
     sending.join(10)
     assert not sending.is_alive()
     receiver.close()
+
+
+@pytest.mark.parametrize(("ahead", "told"), [(False, [1] * 9), (True, [4, 4, 1])])
+def test_of_frames_ahead_of_time_a_ring_full_is_told_of_at_once(
+    ahead: bool, told: list[int]
+) -> None:
+    publisher, _ = pair(ENDLESS)
+    puts: list[int] = []
+    publisher._put = lambda item: puts.append(len(apart(item)))  # type: ignore[method-assign]
+    sender = FrameSender(publisher, RING, 4, lambda: True, ahead=ahead)
+    for seq in range(9):
+        sender.send(frame(seq))
+    publisher.flush()
+    sender.close()
+    assert puts == told
 
 
 def test_a_live_sender_never_waits_and_what_is_read_is_whole() -> None:

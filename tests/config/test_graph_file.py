@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rsenf.config import Graph, load_graph
-from rsenf.config.graph import outputs, sender_of
+from rsenf.config.graph import outputs, runs_ahead, sender_of
 from rsenf.config.node_kinds import DecodeNode, MatchNode, SimulatedInput
 from rsenf.errors import EXIT_USAGE, ConfigError, UsageError
 from tests.conftest import ROOT
@@ -73,6 +73,24 @@ def test_a_good_graph_and_its_defaults(load: Callable[[str], Graph]) -> None:
     assert sender_of(graph, "idle", "cam1") == "idle"
     assert sender_of(graph, "reference", "ce") == "grid"
     assert sender_of(graph, "track", "cam2") == ""
+
+
+@pytest.mark.parametrize(
+    ("played", "ahead"),
+    [
+        ("input: clip.mp4", True),
+        ("input: {model: a.json, duration_s: 9}", True),
+        ("input: clip.mp4, pace: true", False),
+        ("input: rtsp://host/cam", False),
+        ("input: 'v4l2:0'", False),
+    ],
+)
+def test_only_a_file_that_is_not_paced_runs_ahead(
+    load: Callable[[str], Graph], played: str, ahead: bool
+) -> None:
+    decode = f"decode: {{kind: decode, camera: cam1, {played}}}"
+    graph = load(f"version: 1\nsite: lab\nnodes:\n  {decode}\n")
+    assert (runs_ahead(graph, "cam1"), runs_ahead(graph, "cam2")) == (ahead, False)
 
 
 def test_a_rows_node_may_find_the_axis_by_itself(

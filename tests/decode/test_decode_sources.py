@@ -47,6 +47,7 @@ def test_no_password_is_ever_shown(address: str, shown: str) -> None:
         ("/dev/video2", "v4l2"),
         ("/dev/v4l/by-id/usb-cam", "v4l2"),
         ("0", "v4l2"),
+        ("v4l2:camera", "v4l2"),
     ],
 )
 def test_the_kind_is_told_from_the_address(url: str, kind: str) -> None:

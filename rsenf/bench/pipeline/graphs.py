@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import threading
 import time
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import yaml
@@ -14,7 +14,7 @@ import yaml
 from rsenf.bench.memory import PEAK, memory_mb
 from rsenf.bench.pipeline.films import START, reference_of
 from rsenf.bus.delivery import LOOKING
-from rsenf.bus.inbox import Inbox
+from rsenf.bus.inbox import Received, Teller
 from rsenf.bus.keys import source_of, topic_of
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import load_graph
@@ -23,8 +23,7 @@ from rsenf.run.graph_run import GraphRun
 from rsenf.run.supervisor import check_ended, start_graph
 
 SITE = "bench"
-EAR = dataclasses.replace(LOOKING, queue=8192)
-LOOK_S = 0.25
+LOOK_S, NOTICE_S = 0.25, 0.1
 HEARD = ("rows", "track")  # rows come first
 
 
@@ -141,13 +140,15 @@ def run_split(split: Split, film: Path, folder: Path) -> Ran:
         run = stack.enter_context(start_graph(load_graph(path), path))
         ear = stack.enter_context(ExitStack())
         bus = ear.enter_context(open_bus(BusSettings(connect=(run.endpoint,))))
-        inbox, done = Inbox(), threading.Event()
+        done = threading.Event()
+        drum = Teller(partial(_hear, ran))
         for topic in HEARD:
-            bus.subscribe(inbox, f"rsenf/{SITE}/*/{topic}", EAR)
+            bus.subscribe(drum, f"rsenf/{SITE}/*/{topic}", LOOKING)
 
         def listen() -> None:
             with ear:
-                _listen(inbox, ran, done, to_the_end=split.pace)
+                while not done.wait(NOTICE_S) and (split.pace or not ran.heard):
+                    pass
 
         for work in (listen, lambda: _look(run, ran, done)):
             thread = threading.Thread(target=work)
@@ -162,16 +163,10 @@ def run_split(split: Split, film: Path, folder: Path) -> Ran:
     return ran
 
 
-def _listen(inbox: Inbox, ran: Ran, done: threading.Event, *, to_the_end: bool) -> None:
-    while not done.is_set() and (to_the_end or not ran.heard):
-        received = inbox.receive(0.1)
-        if received:
-            at_ns = time.time_ns()
-            ran.heard.append(
-                Heard(
-                    at_ns, source_of(received.key), topic_of(received.key), received.message.header
-                )
-            )
+def _hear(ran: Ran, received: Received) -> None:
+    key = received.key
+    at_ns, header = time.time_ns(), received.message.header
+    ran.heard.append(Heard(at_ns, source_of(key), topic_of(key), header))
 
 
 def _look(run: GraphRun, ran: Ran, done: threading.Event) -> None:
