@@ -134,11 +134,16 @@ class IdleStage:
         if not usable:
             return
         assert self._moments is not None
-        phase_rad = np.concatenate([p.phase_rad for p in usable])
-        known = np.isfinite(phase_rad)
-        if known.any():
-            level = np.concatenate([p.block.profiles() for p in usable])
-            self._moments.add(phase_rad[known], level[known])
+        known = [np.isfinite(p.phase_rad) for p in usable]
+        phase_rad = np.concatenate([p.phase_rad[k] for p, k in zip(usable, known, strict=True)])
+        if not phase_rad.size:
+            return
+        level, at = np.empty((phase_rad.size, self._rows)), 0
+        for p, k in zip(usable, known, strict=True):  # at a stream's end they are megabytes
+            rows = p.block.profiles()[k]
+            level[at : at + len(rows)] = rows
+            at += len(rows)
+        self._moments.add(phase_rad, level)
 
     def _finding(self, rate_hz: float) -> Finding:
         """What can be said before any method has a say, or the method's word."""
