@@ -57,6 +57,11 @@ class RowBins:
             of[:half] = of[::2] + of[1::2]
             of[half:] = 0.0
 
+    @property
+    def count(self) -> int:
+        """How many bins have frames."""
+        return int(np.count_nonzero(self._frames))
+
     def means(self) -> tuple[Float, Float, Float]:
         """Mean levels (bins, rows, strips), mean times (bins,) and numbers of frames (bins,).
 

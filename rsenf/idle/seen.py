@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.flicker.lines import alias_hz
-from rsenf.flicker.zero_alias_bins import RowBins
 from rsenf.idle.moments import Moments
+from rsenf.idle.still_rows import StillRows
 
 NAN = float("nan")
 # The follower's sums are of use from here on.
@@ -28,10 +28,8 @@ class Seen:
     ----------
     moments : Moments
         Sums over the frames at which the flicker's phase is known.
-    bins : RowBins
+    still_rows : StillRows
         Mean rows of short times, whether or not any flicker was found in them.
-    binned_s : float
-        Time that they cover.
     nominal_hz : float
         Nominal grid frequency: found, or the one whose flicker would stand still; NaN for neither.
     f0_hz : float
@@ -40,8 +38,7 @@ class Seen:
     """
 
     moments: Moments
-    bins: RowBins
-    binned_s: float
+    still_rows: StillRows
     nominal_hz: float
     f0_hz: float
     frame_rate_hz: float

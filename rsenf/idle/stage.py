@@ -11,7 +11,6 @@ import numpy as np
 
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.shared import Follower
-from rsenf.flicker.zero_alias_bins import RowBins
 from rsenf.idle.frame_clock import FrameClock
 from rsenf.idle.limits import (
     CROP,
@@ -27,6 +26,7 @@ from rsenf.idle.pairing import Pairing, PhasedBlock
 from rsenf.idle.sawtooth import Sawtooth
 from rsenf.idle.seen import STILL_HZ, Finding, Seen
 from rsenf.idle.settings import IdleSettings
+from rsenf.idle.still_rows import StillRows
 from rsenf.messages import IdleEstimate, RowBlock
 from rsenf.timebase import NS_PER_S
 
@@ -34,10 +34,8 @@ MIN_ROWS = 16
 # Of a long stream hardly anything is new to the next estimate, which waits until it is so much
 # longer, or for so long.
 GROWN, LONGEST_S = 0.125, 20.0
-# Of a stream, how much is kept in bins: longer ones would blur what the grid's deviation turns.
-BINNED_S = 240.0
-# Where the alias of every grid that it may be is farther from 0 Hz, nothing is kept in bins: not so
-# near as flicker stands still, for a frame rate may change a little.
+# Where the alias of every grid that it may be is farther from 0 Hz, no rows are kept: not so near
+# as flicker stands still, for a frame rate may change a little.
 MAY_STAND_HZ = 3.0
 # Half-width of the 95 % interval in standard errors: Student's t for a dozen bands of rows.
 INTERVAL_STDS = 2.2
@@ -67,8 +65,7 @@ class IdleStage:
         self._pairing = Pairing(given, follower)
         self._sawtooth = Sawtooth()
         self._moments: Moments | None = None
-        self._bins = RowBins(0.0)
-        self._binned_s = 0.0
+        self._still_rows = StillRows(0.0)
         self._unusable: Counter[str] = Counter()
         self._first: RowBlock | None = None
         self._clock = FrameClock()
@@ -118,13 +115,10 @@ class IdleStage:
         """Average rows over time, unless it is known that the flicker doesn't stand still."""
         assert self._first is not None
         if not self._may_stand_still():
-            self._bins, self._binned_s = RowBins(self._clock.span_s), 0.0
-            return
-        span_s = self._clock.span_s - self._bins.start_s
-        if span_s < BINNED_S and block.strips == self._strips:
+            self._still_rows = StillRows(self._clock.span_s)
+        elif block.strips == self._strips:
             t_s = (block.frame_pts_ns - self._first.frame_pts_ns[0]) / NS_PER_S
-            self._bins.add(t_s, block.level)
-            self._binned_s = span_s
+            self._still_rows.add(t_s, block.level, self._clock.span_s)
 
     def _may_stand_still(self) -> bool:
         """Whether it may for all that the follower has told, which first takes it some seconds."""
@@ -155,8 +149,7 @@ class IdleStage:
             return SAWTOOTH
         seen = Seen(
             moments=self._moments,
-            bins=self._bins,
-            binned_s=self._binned_s,
+            still_rows=self._still_rows,
             nominal_hz=self._nominal_hz(rate_hz),
             f0_hz=self._pairing.f0_hz,
             frame_rate_hz=rate_hz,

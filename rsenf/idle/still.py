@@ -11,11 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from rsenf.flicker.lines import alias_hz
-from rsenf.flicker.zero_alias import MIN_BINS, ZeroAlias, separate
+from rsenf.flicker.zero_alias import ZeroAlias
 from rsenf.idle.limits import MIN_FLICKER_RATIO, NO_FLICKER, STILL, TOO_SHORT, WEAK
 from rsenf.idle.seen import Finding, Seen
 
-SHORTEST_S = 8.0
 # Deviations of the illumination's frequency from its nominal: a large one, as a standard deviation.
 USUAL_HZ = 0.04
 # Odds at which a direction counts as known by its deviation being a usual one, as a logarithm.
@@ -24,27 +23,22 @@ SURE = 7.0
 
 def still(seen: Seen) -> Finding:
     """Conclude from the joint fit of texture and flicker."""
-    if seen.binned_s < SHORTEST_S:
+    if not seen.still_rows.enough:
         return TOO_SHORT
-    level, t_s, frames = seen.bins.means()
-    if len(t_s) < MIN_BINS:  # of a stream with great gaps
-        return TOO_SHORT
-    fit = separate(level, t_s, frames)
+    fit = seen.still_rows.told_apart()
     if fit is None or not fit.is_flicker:
         return NO_FLICKER
     if fit.amplitude < MIN_FLICKER_RATIO:
         return WEAK
     if not fit.determined:
         return STILL
-    return _claim(seen, fit, _mean_rate_hz(fit, t_s))
+    return _claim(seen, fit)
 
 
-def _mean_rate_hz(fit: ZeroAlias, t_s: np.typing.NDArray[np.float64]) -> float:
-    return float((fit.phase_rad[-1] - fit.phase_rad[0]) / (t_s[-1] - t_s[0]) / (2.0 * np.pi))
-
-
-def _claim(seen: Seen, fit: ZeroAlias, rate_hz: float) -> Finding:
+def _claim(seen: Seen, fit: ZeroAlias) -> Finding:
     """Claim the ramp, and its direction if the fit or the grid's usual deviation tells it."""
+    turned = (fit.phase_rad[-1] - fit.phase_rad[0]) / (fit.t_s[-1] - fit.t_s[0])
+    rate_hz = float(turned / (2.0 * np.pi))
     carrier_hz = 2.0 * seen.nominal_hz
     still_hz = carrier_hz - alias_hz(carrier_hz, seen.frame_rate_hz)
     odds = _log_odds(still_hz + rate_hz - carrier_hz, still_hz - rate_hz - carrier_hz)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from rsenf.flicker.zero_alias_bins import RowBins
 from rsenf.idle.limits import are_alike, checked, is_second_harmonic
 from rsenf.idle.moments import Moments
 from rsenf.idle.seen import Finding, Seen
+from rsenf.idle.still_rows import StillRows
 
 NTSC_HZ = 30000 / 1001
 
@@ -15,8 +15,7 @@ NTSC_HZ = 30000 / 1001
 def seen(f0_hz: float, frame_rate_hz: float, nominal_hz: float = 50.0) -> Seen:
     return Seen(
         moments=Moments(100),
-        bins=RowBins(0.0),
-        binned_s=0.0,
+        still_rows=StillRows(0.0),
         nominal_hz=nominal_hz,
         f0_hz=f0_hz,
         frame_rate_hz=frame_rate_hz,
