@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 from rsenf.bench.pipeline.contestants import COPY, FFMPEG, LIVE, MEANS, ONE, PYAV, SPLITS, time_it
-from rsenf.bench.pipeline.feeds import Many, carried, counts, lateness_s
+from rsenf.bench.pipeline.feeds import RESULTS, Many, carried, counts, lateness_s, measure_feeds
 from rsenf.bench.pipeline.feeds import tabulate as feeds_table
 from rsenf.bench.pipeline.feeds import text as feeds_text
 from rsenf.bench.pipeline.films import Film, made, reference_of
@@ -105,6 +106,21 @@ def test_on_a_busy_machine_no_mark_is_judged_by_frame_rates() -> None:
     assert "other programs took up to 60 % of the machine" in shown
 
 
+def test_a_round_that_others_took_part_in_does_not_count_where_there_are_others() -> None:
+    records = [
+        _record(FFMPEG, 0, 9.0), _record(ONE, 0, 10.0),
+        _record(FFMPEG, 1, 9.0, others_ratio=0.4), _record(ONE, 1, 6.0),
+        _record(FFMPEG, 2, 9.0), _record(ONE, 2, 5.0, others_ratio=0.2),
+    ]  # fmt: skip
+    row = tabulate(records)["rows"][1]
+    assert (row["rounds"], row["disturbed"]) == (1, 2)
+    assert row["rate_ratio"] == pytest.approx(0.9)
+    shown = text(tabulate(records))
+    assert "0.95 no" in shown
+    assert "1 of 3" in shown
+    assert "other programs took" not in shown.replace("\n", " ").split("medians of")[1]
+
+
 def test_latencies_are_told_by_topic() -> None:
     late = _record(LIVE, 0, 1.0, latency_s={"rows": [0.1] * 99 + [0.9]})
     (row,) = tabulate([late])["latency"]
@@ -139,6 +155,18 @@ def test_the_table_of_feeds_says_how_many_are_carried() -> None:
     assert document["carried"] == [{"size": "1080p", "codec": "h264", "feeds": 9}]
     assert document["rows"][1]["processor_ratio"] == pytest.approx(1.0)
     assert "9 feeds of 1080p are carried" in feeds_text(document)
+
+
+def test_feeds_that_others_disturbed_are_tried_again(tmp_path: Path) -> None:
+    film = Film("1080p", "h264", 300)
+    tried = [(1, 0, True, 0.0), (2, 0, False, 0.4), (2, 1, True, 0.0), (3, 0, False, 0.02)]
+    with (tmp_path / RESULTS).open("w") as journal:
+        for feeds, number, carried, others in tried:
+            record = {"key": Many(film, feeds, number).key, "feeds": feeds, "number": number,
+                      "carried": carried, "others_ratio": others}  # fmt: skip
+            journal.write(json.dumps(record) + "\n")
+    found = measure_feeds(film, 1, tmp_path, lambda text: None)
+    assert [(r["feeds"], r["number"]) for r in found] == [(1, 0), (2, 1), (3, 0)]
 
 
 def test_a_graph_of_feeds_has_one_process_for_what_they_share() -> None:

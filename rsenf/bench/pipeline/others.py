@@ -54,6 +54,14 @@ def most_of_others(records: Sequence[Record]) -> float | None:
     return max((r["others_ratio"] for r in records if r["others_ratio"] is not None), default=None)
 
 
+def undisturbed(pairs: Sequence[tuple[Record, Record]]) -> Sequence[tuple[Record, Record]]:
+    """Return those of which others took little of the machine from either; all if there are none.
+
+    What is left out is told by others' share alone, not by what came of it.
+    """
+    return [pair for pair in pairs if (most_of_others(pair) or 0.0) <= BUSY_RATIO] or pairs
+
+
 def others_said(document: dict[str, Any]) -> str:
     """Say of a table that the machine wasn't its own; empty when it was."""
     ratio = document["others_ratio"]

@@ -10,23 +10,24 @@ import numpy as np
 
 from rsenf.batch.journal import Record
 from rsenf.bench.pipeline.contestants import COPY, FFMPEG, LIVE, MEANS, ONE, PYAV, SPLITS
-from rsenf.bench.pipeline.others import most_of_others, others_said
+from rsenf.bench.pipeline.others import most_of_others, others_said, undisturbed
 from rsenf.bench.text import Table, titled
 
 Row = dict[str, Any]
 # Least share of the decoder's frame rate, of 720p and 1080p in H.264.
 MARKS = {ONE: 0.95, "fused, recorded": 0.9, "apart, recorded": 0.75}
 MARKED = ("720p", "1080p")
-_HEAD = ("film", "Mb/s", "what", "frames/s", "÷ decoder", "mark", "CPU s per 1000", "÷ decoder",
-         "peak MB", "lost")  # fmt: skip
+_HEAD = ("film", "Mb/s", "what", "rounds", "frames/s", "÷ decoder", "mark", "CPU s per 1000",
+         "÷ decoder", "peak MB", "lost")  # fmt: skip
 _LATE_HEAD = ("film", "of", "heard", "p50", "p99", "lost")
 _NOTE = """\
 Frames a second and seconds of processor time per 1000 frames, medians; ÷ decoder: over {decoder} of
-the same round, median of the rounds. fused: rows taken where frames are decoded; apart: in a
-process of their own, frames in shared memory; both with estimates, idle period and verdicts of
-liveness, and recorded with the video or not. Processes are counted from when they are ready; peak
-MB is the sum over all of them. copy of the plane, row means: the same planes of luma copied, and
-sampled with the mask of what is steady; ÷ decoder there: over the copy."""
+the same round, median of the rounds. Rounds in which other programs took more than a tenth of the
+machine from either don't count where there are others. fused: rows taken where frames are decoded;
+apart: in a process of their own, frames in shared memory; both with estimates, idle period and
+verdicts of liveness, and recorded with the video or not. Processes are counted from when they are
+ready; peak MB is the sum over all of them. copy of the plane, row means: the same planes of luma
+copied, and sampled with the mask of what is steady; ÷ decoder there: over the copy."""
 _LATE_NOTE = """\
 The film at its own speed, recorded: from a frame's arrival until what is made of it is heard by
 another process; of a block, and of an estimate, from the first of the newest 8 frames in it, which
@@ -36,19 +37,21 @@ take 233 ms to come."""
 def tabulate(records: Sequence[Record]) -> Row:
     """Return the rows of the tables, and what they were made from."""
     timed = [r for r in records if r["contestant"] != LIVE]
+    late = [r for r in records if r["contestant"] == LIVE]
     groups: dict[tuple[str, str], list[Record]] = {}
     for record in timed:
         groups.setdefault((record["size"], record["codec"]), []).append(record)
     decoder = FFMPEG if any(r["contestant"] == FFMPEG for r in timed) else PYAV
+    rows = [row for group in groups.values() for row in _rows(group, decoder)]
     return {
         "table": "pipeline",
         "decoder": decoder,
         "rounds": max((r["number"] + 1 for r in timed), default=0),
         "cores": sorted({r["cores"] for r in records}),
-        "others_ratio": most_of_others(records),
+        "others_ratio": most_of_others([*rows, *late]),
         "versions": sorted({r["rsenf"] for r in records}),
-        "rows": [row for group in groups.values() for row in _rows(group, decoder)],
-        "latency": [row for r in records if r["contestant"] == LIVE for row in _late(r)],
+        "rows": rows,
+        "latency": [row for r in late for row in _late(r)],
     }
 
 
@@ -59,7 +62,8 @@ def _rows(group: Sequence[Record], decoder: str) -> Iterable[Row]:
         by_name.setdefault(record["contestant"], {})[record["number"]] = record
     for name, rounds in by_name.items():
         beside = by_name[COPY if name in (COPY, MEANS) else decoder]
-        pairs = [(r, beside[n]) for n, r in rounds.items() if n in beside]
+        pairs = undisturbed([(r, beside[n]) for n, r in rounds.items() if n in beside])
+        counted = [r for r, _ in pairs]
         first = next(iter(rounds.values()))
         marked = first["size"] in MARKED and first["codec"] == "h264"
         yield {
@@ -67,9 +71,11 @@ def _rows(group: Sequence[Record], decoder: str) -> Iterable[Row]:
             "codec": first["codec"],
             "bitrate_bps": first["bitrate_bps"],
             "contestant": name,
-            "rounds": len(rounds),
-            "frames_per_s": median(map(_rate, rounds.values())),
-            "cpu_s_per_1000": median(map(_cost, rounds.values())),
+            "rounds": len(counted),
+            "disturbed": len(rounds) - len(counted),
+            "others_ratio": most_of_others([r for pair in pairs for r in pair]),
+            "frames_per_s": median(map(_rate, counted)),
+            "cpu_s_per_1000": median(map(_cost, counted)),
             "rate_ratio": median(_rate(r) / _rate(other) for r, other in pairs),
             "cpu_ratio": median(_cost(r) / _cost(other) for r, other in pairs),
             "mark": MARKS.get(name) if marked else None,
@@ -119,9 +125,8 @@ def _late(record: Record) -> Iterable[Row]:
 def text(document: Row, *, on_page: bool = False) -> str:
     """Return the tables for a terminal, or in Markdown."""
     notes = [_LATE_NOTE, _made_from(document)]
-    judged = not others_said(document)
     tables: list[Table] = [
-        ("Frame rate and processor time", _HEAD, [_cells(row, judged) for row in document["rows"]]),
+        ("Frame rate and processor time", _HEAD, [_cells(row) for row in document["rows"]]),
         ("Latency", _LATE_HEAD, [_late_cells(row) for row in document["latency"]]),
     ]
     notes = [_NOTE.format(decoder=document["decoder"]), *notes]
@@ -142,13 +147,14 @@ def _film(row: Row) -> str:
     return f"{row['size']} {row['codec'].upper().replace('H', 'H.')}"
 
 
-def _cells(row: Row, judged: bool) -> list[str]:
+def _cells(row: Row) -> list[str]:
     mark, reached = row["mark"], ""
     if mark is not None:
         held = "yes" if row["rate_ratio"] >= mark else "no"
-        reached = f"{mark:g} {held if judged else 'not told'}"
+        reached = f"{mark:g} {'not told' if others_said(row) else held}"
     return [
         _film(row), f"{row['bitrate_bps'] / 1e6:g}", row["contestant"],
+        f"{row['rounds']} of {row['rounds'] + row['disturbed']}",
         f"{row['frames_per_s']:.0f}", f"{row['rate_ratio']:.2f}", reached,
         f"{row['cpu_s_per_1000']:.2f}", f"{row['cpu_ratio']:.2f}",
         "–" if row["peak_mb"] is None else f"{row['peak_mb']:.0f}",
