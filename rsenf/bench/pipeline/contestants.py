@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 import subprocess
@@ -84,10 +83,9 @@ def _ffmpeg(film: Film, path: Path) -> Record:
 def _in_here(work: Callable[[], Any], frames: int) -> Record:
     """Time some work in this process, which has imported what it takes."""
     held_mb = memory_mb(HELD)
-    begun, spent = time.perf_counter(), os.times()
+    begun_s, spent_s = time.perf_counter(), time.process_time()
     work()
-    seconds, now = time.perf_counter() - begun, os.times()
-    cpu_s = now.user + now.system - spent.user - spent.system
+    seconds, cpu_s = time.perf_counter() - begun_s, time.process_time() - spent_s
     return {**_record(frames, seconds, cpu_s, memory_mb(PEAK)), "held_mb": held_mb}
 
 
