@@ -74,7 +74,8 @@ READS = {
 FATES = ("taken", "dropped", "missed", "rejected")
 HELD = ("memory_mb", "files", "threads")
 Kept = dict[str, tuple[int, int, int, bool]]
-# More than this from the second quarter to the last is growth.
+# More than this from the second quarter to the last is growth, of the least that was held in each:
+# what is free in a heap comes, and is given back once a minute, in which hours of the feed go by.
 MOST_MORE = {"memory_mb": 8.0, "files": 3.0, "threads": 2.0}
 
 
@@ -149,26 +150,22 @@ class Samples:
 
 
 def growth(held: list[tuple[float, ...]], hours: float) -> dict[str, dict[str, float]]:
-    """Start, middle, end and slope of what a process held; the first quarter fills what is kept."""
+    """Start, least of two quarters, and most of what a process held.
+
+    The first quarter fills what is kept.
+    """
     table = np.array(held)
     at_h, out = table[:, 0], {}
-    filled = at_h >= 0.25 * hours
     second, last = (at_h >= 0.25 * hours) & (at_h < 0.5 * hours), at_h >= 0.75 * hours
     for k, what in enumerate(HELD, 1):
         value = table[:, k]
-        moving = filled.sum() > 2 and np.ptp(at_h[filled]) > 0
-        slope = float(np.polyfit(at_h[filled], value[filled], 1)[0]) if moving else np.nan
-        more = (
-            np.median(value[last]) - np.median(value[second])
-            if second.any() and last.any()
-            else np.nan
-        )
+        middle, end = (value[of].min() if of.any() else np.nan for of in (second, last))
         out[what] = {
             "start": float(value[0]),
-            "middle": float(np.median(value[second])) if second.any() else np.nan,
-            "end": float(value[-1]),
-            "per_hour": slope,
-            "more": float(more),
+            "middle": float(middle),
+            "end": float(end),
+            "more": float(end - middle),
+            "most": float(value.max()),
         }
     return out
 
@@ -238,15 +235,14 @@ def run_graph(folder: Path, every_s: float) -> tuple[GraphRun, Samples, int]:
 def report(run: GraphRun, samples: Samples, folder: Path, hours: float) -> bool:
     """Print the tables; returns whether nothing grew and nothing is unaccounted for."""
     flat = True
-    print(f"{'':8}{'':12}{'start':>9}{'middle':>9}{'end':>9}{'per hour':>10}")
+    print(f"{'':8}{'':12}{'start':>9}{'middle':>9}{'end':>9}{'most':>9}")
     found = {name: growth(held, hours) for name, held in samples.held.items() if len(held) > 3}
     for name, of in found.items():
         for what, row in of.items():
             grows = row["more"] > MOST_MORE[what]
             flat &= not grows
-            cells = "".join(f"{row[k]:9.1f}" for k in ("start", "middle", "end"))
-            word = "  GROWS" if grows else ""
-            print(f"{name:8}{what:12}{cells}{row['per_hour']:+10.2f}{word}")
+            cells = "".join(f"{row[k]:9.1f}" for k in ("start", "middle", "end", "most"))
+            print(f"{name:8}{what:12}{cells}{'  GROWS' if grows else ''}")
     kept = archived(folder)
     table = accounts(run, kept)
     print(f"\n{'':8}{'sent':>9}{''.join(f'{k:>9}' for k in FATES)}{'unaccounted':>13}")
