@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from rsenf.bus.delivery import Delivery
-from rsenf.bus.keys import TOPICS, topic_of
+from rsenf.bus.keys import CARRIED, topic_of
 from rsenf.bus.sequence import Envelope, Sequence, place_of
 from rsenf.errors import SchemaMismatch
 from rsenf.messages import class_for, decode
@@ -263,5 +263,5 @@ def _opened(item: Envelope) -> Any:
         message = decode(cls, item.payload)
     except SchemaMismatch:
         return None
-    fits = TOPICS.get(topic_of(item.key), cls) is cls
+    fits = CARRIED.get(topic_of(item.key), cls) is cls
     return message if fits and not implausible(message) else None

@@ -40,6 +40,9 @@ TOPICS: dict[str, type[Any]] = {
     "health": Health,
 }
 
+# What no stage reads, and nobody records: a node's health once more, for the other nodes.
+CARRIED: dict[str, type[Any]] = {**TOPICS, "word": Health}
+
 NAME_PATTERN = "[A-Za-z0-9][A-Za-z0-9_.-]*"
 NAME_RULE = "letters, digits, '-', '_' and '.', beginning with a letter or digit"
 

@@ -97,13 +97,15 @@ class RingWriter(_Ring):
             Plane of any shape and line padding, not larger than a slot.
         reader_gone : callable
             Asked while the writer waits for the reader. A reader that is gone will never give its
-            planes back: they are taken from it.
+            planes back: they are taken from it, and a lossless ring shows them to nobody else.
         """
         slot = self._written % self._ticket.size
         patience_s = float("inf") if self._lossless else LIVE_PATIENCE_S
         deadline = time.monotonic() + patience_s
         while self._receipt[slot] != self._ticket[slot]:
             if reader_gone():
+                if self._lossless:  # whoever reads next would read them where they lie
+                    self._ticket[:] = -np.abs(self._ticket)
                 self._receipt[:] = self._ticket
             elif time.monotonic() > deadline:
                 break

@@ -16,14 +16,15 @@ class FrameClock:
     """
 
     def __init__(self) -> None:
-        self._first_ns, self._last_ns, self._last_number = -1, 0, 0
+        self._first_ns: int | None = None  # a stream's clock may begin below zero
+        self._last_ns, self._last_number = 0, 0
         self._usual_ns = 0.0
         self._periods = 0
 
     def add(self, block: RowBlock) -> None:
         """Take the times of a block's frames."""
         pts, number = block.frame_pts_ns, block.frame_number
-        if self._first_ns < 0:
+        if self._first_ns is None:
             self._first_ns = self._last_ns = int(pts[0])
             self._last_number = int(number[0])
         if not self._usual_ns:
@@ -38,7 +39,7 @@ class FrameClock:
     @property
     def span_s(self) -> float:
         """Time from the first frame to the last."""
-        return (self._last_ns - self._first_ns) / NS_PER_S
+        return 0.0 if self._first_ns is None else (self._last_ns - self._first_ns) / NS_PER_S
 
     @property
     def frame_rate_hz(self) -> float:

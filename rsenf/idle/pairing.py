@@ -69,6 +69,11 @@ class Pairing:
             self._hear(second)
         return self._ready()
 
+    def leave_out(self, block: RowBlock) -> None:
+        """Show the follower a block that is of no use: another stage may share it."""
+        for second in self._follower.update(block):
+            self._hear(second)
+
     def flush(self) -> list[PhasedBlock]:
         """Return the blocks that are left; the follower has nothing more to say."""
         for second in self._follower.flush():

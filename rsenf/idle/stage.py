@@ -75,11 +75,10 @@ class IdleStage:
 
     def update(self, message: RowBlock) -> list[Any]:
         """Take a block of rows; return the estimate that is due, if any."""
-        if message.frames == 0:
-            return []
-        if self._first is None:
+        if self._first is None and message.frames:
             self._begin(message)
-        if message.rows != self._rows:
+        if message.frames == 0 or message.rows != self._rows:
+            self._pairing.leave_out(message)
             return []
         self._look(message)
         self._take(self._pairing.update(message))

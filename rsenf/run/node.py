@@ -216,7 +216,7 @@ class NodeProcess:
         """Run the body, and say how it ended; returns the exit code."""
         try:
             with contextlib.ExitStack() as stack:
-                stack.callback(self._flush)
+                stack.callback(self.flush)
                 body(self)
         except RsenfError as exc:
             self.say("failed", str(exc))
@@ -227,7 +227,8 @@ class NodeProcess:
         self.say("done", self._health.detail)
         return self.exit_code
 
-    def _flush(self) -> None:
+    def flush(self) -> None:
+        """Send what still waits for others to go with it. In the thread that sends."""
         for publisher in self._publishers:
             publisher.flush()
 

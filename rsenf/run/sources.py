@@ -42,11 +42,17 @@ def open_input(config: DecodeNode, node: NodeProcess) -> VideoSource:
     def say(line: str) -> None:
         node.say("running", line)
 
+    def event(line: str) -> None:
+        # Of a camera that is lost nothing more may come for hours. Told where its pictures are
+        # sent, not where they arrive, as the clock may be.
+        node.flush()
+        say(line)
+
     return open_source(
         spec,
         source=source,
         run_id=node.run_id,
         clock_ns=HostClock(say),
         stop=node.stop,
-        on_event=say,
+        on_event=event,
     )

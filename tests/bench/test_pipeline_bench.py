@@ -15,11 +15,11 @@ from rsenf.bench.pipeline.feeds import RESULTS, Many, carried, counts, lateness_
 from rsenf.bench.pipeline.feeds import tabulate as feeds_table
 from rsenf.bench.pipeline.feeds import text as feeds_text
 from rsenf.bench.pipeline.films import Film, made, reference_of
-from rsenf.bench.pipeline.graphs import Heard, Split
+from rsenf.bench.pipeline.graphs import Heard, Ran, Split
 from rsenf.bench.pipeline.table import tabulate, text
 from rsenf.bench.pipeline.trial import turns
 from rsenf.cli import main
-from rsenf.messages import Header
+from rsenf.messages import Header, Health
 from rsenf.reference import open_reference
 
 SHORT = Film("480p", "h264", frames=60, filmed=30)
@@ -68,6 +68,22 @@ def test_a_turn_counts_its_frames(short: Path) -> None:
     bare, whole = (time_it(name, SHORT, short) for name in (PYAV, ONE))
     assert bare["frames"] == whole["frames"] == SHORT.frames
     assert 0 < bare["cpu_s"] < whole["cpu_s"]
+
+
+def test_frames_done_before_the_first_are_heard_of_do_not_count(
+    short: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Blocks travel several at once: the first was made long before it came."""
+    times_ms = {"rows": [1000.0, 1000.2, 1000.3, 1100.0], "track": [1000.1]}
+    heard = [
+        Heard(round(1e6 * ms), "bench/cam1", topic, Header(frame_last=8 * k + 7))
+        for topic, of in times_ms.items()
+        for k, ms in enumerate(of)
+    ]
+    ran = Ran(sorted(heard, key=lambda h: h.at_ns), last={"live": Health(time_ns=1_500_300_000)})
+    monkeypatch.setattr("rsenf.bench.pipeline.contestants.run_split", lambda *_: ran)
+    timed = time_it("fused", SHORT, short)
+    assert (timed["frames"], timed["seconds"]) == (SHORT.frames - 24, pytest.approx(0.5))
 
 
 def _record(name: str, number: int, seconds: float, **more: Any) -> dict[str, Any]:

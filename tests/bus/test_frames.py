@@ -147,3 +147,35 @@ def test_pixels_that_do_not_fit_are_refused(height: int, width: int) -> None:
         FrameReceiver().open(
             Frame(header=Header(), height_px=height, width_px=width, pixels=bytes(42))
         )
+
+
+def test_a_reader_that_comes_back_is_shown_no_plane_that_is_written_anew() -> None:
+    """Some are told of, together with others, after they were taken from the reader before."""
+    publisher, inbox = pair(ENDLESS)
+    gone = threading.Event()
+    sender = FrameSender(publisher, RING, 4, gone.is_set, ahead=True)
+    first, second = FrameReceiver(), FrameReceiver()
+    for seq in range(4):
+        sender.send(frame(seq))
+    for message in take(inbox, 4)[:2]:
+        assert first.open(message) is not None
+        first.done()
+    gone.set()  # with two planes that it hasn't given back
+    for seq in range(4, 8):
+        sender.send(frame(seq))
+    gone.clear()
+    read = []
+    for seq, message in enumerate(take(inbox, 4), 4):
+        got = second.open(message)
+        if got is not None and got.luma is not None:
+            writing = threading.Thread(target=sender.send, args=(frame(seq + 4),), daemon=True)
+            writing.start()
+            writing.join(0.1)
+            assert int(got.luma[0, 0]) == seq
+            read.append(seq)
+            second.done()
+            writing.join(10)
+    assert read == [6, 7]
+    first.close()
+    second.close()
+    sender.close()

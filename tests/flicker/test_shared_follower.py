@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
+from typing import Any
+
 import numpy as np
 import pytest
 
 from rsenf.flicker.follower import FlickerFollower
 from rsenf.flicker.shared import shared
-from rsenf.messages import Header, RowBlock
+from rsenf.idle import IdleSettings
+from rsenf.messages import Header, RowBlock, encode
+from rsenf.messages.plausible import implausible
 from rsenf.model import CaptureModel, Shutter, simulate_rows, synthetic_grid
 from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.run.following import FollowingStages
+from rsenf.run.runner import Branches, Runner
+from rsenf.track import TrackSettings
 
 
 def blocks(seconds: float) -> list[RowBlock]:
@@ -44,3 +52,33 @@ def test_other_blocks_are_no_company() -> None:
     one.update(first)
     with pytest.raises(RuntimeError, match="fed differently"):
         other.update(second)
+
+
+def without_frames(block: RowBlock) -> RowBlock:
+    return dataclasses.replace(
+        block, frames=0, frame_number=block.frame_number[:0], frame_pts_ns=block.frame_pts_ns[:0],
+        level=block.level[:0],
+    )  # fmt: skip
+
+
+def of_other_rows(block: RowBlock) -> RowBlock:
+    return dataclasses.replace(
+        block, rows=block.rows // 2, level=block.level[:, ::2], kept_px=block.kept_px[::2]
+    )
+
+
+@pytest.mark.parametrize("odd", [without_frames, of_other_rows])
+def test_a_block_of_no_use_parts_no_tracker_from_its_idle_estimator(odd: Any) -> None:
+    given = blocks(30.0)
+    given[40] = odd(given[40])
+    assert not implausible(given[40])
+
+    def told(make: FollowingStages) -> list[bytes]:
+        both = Branches(Runner("track", make.tracker), Runner("idle", make.idle))
+        sent = [message for block in given for message in both.feed(block)]
+        return [encode(message) for message in (*sent, *both.end(Header()))]
+
+    together = told(FollowingStages(TrackSettings(), IdleSettings()))
+    apart = FollowingStages(TrackSettings(), IdleSettings())
+    apart._share = False
+    assert together == told(apart)

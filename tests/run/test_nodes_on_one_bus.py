@@ -511,3 +511,13 @@ def test_an_idle_node_says_how_far_it_has_come_with_each_camera(
         "cam refused: dark; yard idle 25.000 ± 0.100 %",
         "cam idle 25.000 ± 0.100 %; yard idle 25.000 ± 0.100 %",
     ]
+
+
+def test_what_is_no_word_of_a_node_is_refused(network: Loopback) -> None:
+    """Where its history holds one, too: a node that joins late begins all the same."""
+    stranger = network.bus("stranger").publisher(word_key("lab", "track"), SIGNALS)
+    stranger.send(EnfEstimate(header=Header(run_id="r", seq=0)))
+    node = node_on(network, "rows")
+    stranger.send(EnfEstimate(header=Header(run_id="r", seq=1)))
+    node_on(network, "track").say("done")
+    assert node.peers.has_finished("track")

@@ -135,10 +135,10 @@ def _one_process(path: Path) -> Callable[[], Any]:
 
 
 def _graph(split: Split, film: Film, path: Path) -> Record:
-    """Run a graph: timed from the first block of rows to the last mark of an end."""
+    """Run a graph: timed from the first blocks of rows to the last mark of an end."""
     with tempfile.TemporaryDirectory(prefix="rsenf-bench-") as folder:
         ran = run_split(split, path, Path(folder))
-    first, cpu_s = ran.heard[0], ran.cpu_s
+    first, cpu_s = ran.begun, ran.cpu_s
     return {
         **_record(
             film.frames - first.header.frame_last - 1,

@@ -25,6 +25,9 @@ from rsenf.run.supervisor import check_ended, start_graph
 SITE = "bench"
 LOOK_S, NOTICE_S = 0.25, 0.1
 HEARD = ("rows", "track")  # rows come first
+# Blocks that travelled together are told of one right after the other; the next that do come when
+# as much video has been worked on.
+AT_ONCE_NS = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -113,6 +116,16 @@ class Ran:
         """Processor time of each node from when it was ready."""
         spent = {n: self.last[n].cpu_s - health.cpu_s for n, health in self.first.items()}
         return {**spent, "run": self.run_cpu_s}
+
+    @property
+    def begun(self) -> Heard:
+        """Newest block of rows of those that were heard first, at once: all before it was done."""
+        newest, *others = (heard for heard in self.heard if heard.topic == "rows")
+        for heard in others:
+            if heard.at_ns - newest.at_ns > AT_ONCE_NS or heard.header.is_end:
+                break
+            newest = heard
+        return newest
 
     @property
     def ended_ns(self) -> int:
