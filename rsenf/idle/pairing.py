@@ -65,12 +65,11 @@ class Pairing:
     def update(self, block: RowBlock) -> list[PhasedBlock]:
         """Take a block; return those whose phase is known now."""
         self._waiting.append(block)
-        for second in self._follower.update(block):
-            self._hear(second)
+        self.show(block)
         return self._ready()
 
-    def leave_out(self, block: RowBlock) -> None:
-        """Show the follower a block that is of no use: another stage may share it."""
+    def show(self, block: RowBlock) -> None:
+        """Let the follower see a block that nothing else is done with: others may share it."""
         for second in self._follower.update(block):
             self._hear(second)
 

@@ -78,7 +78,7 @@ class IdleStage:
         if self._first is None and message.frames:
             self._begin(message)
         if message.frames == 0 or message.rows != self._rows:
-            self._pairing.leave_out(message)
+            self._pairing.show(message)
             return []
         self._look(message)
         self._take(self._pairing.update(message))

@@ -120,12 +120,8 @@ class Ran:
     @property
     def begun(self) -> Heard:
         """Newest block of rows of those that were heard first, at once: all before it was done."""
-        newest, *others = (heard for heard in self.heard if heard.topic == "rows")
-        for heard in others:
-            if heard.at_ns - newest.at_ns > AT_ONCE_NS or heard.header.is_end:
-                break
-            newest = heard
-        return newest
+        rows = [h for h in self.heard if h.topic == "rows" and not h.header.is_end]
+        return [h for h in rows if h.at_ns - rows[0].at_ns <= AT_ONCE_NS][-1]
 
     @property
     def ended_ns(self) -> int:
