@@ -11,15 +11,11 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rsenf.api.discover import DiscoverResult
+    from rsenf.api.references import Opened
+    from rsenf.api.shared import Result
     from rsenf.rows.settings import RowsSettings
     from rsenf.track import TrackSettings
-
-# The ENF methods that have no use for a choice among harmonics and lines.
-ALL_LINES = ("projection", "paper")
-# Fills the idle period with rows.
-INTERPOLATING = "paper"
-# Takes means of regions, finer than rows and strips.
-REGIONS = "superpixel"
 
 
 @contextmanager
@@ -65,6 +61,15 @@ def stages() -> Iterator[Callable[[str], None]]:
 def say(text: str) -> None:
     """Tell a person what went wrong or is under way, on stderr."""
     print(f"rsenf: {text}", file=sys.stderr, flush=True)
+
+
+def say_loss(path: str, found: Result | DiscoverResult) -> int:
+    """Say what of a recording could not be read; return the exit code."""
+    from rsenf.errors import EXIT_DONE, EXIT_LOSS
+
+    if found.loss:
+        say(f"{path}: {found.loss}")
+    return EXIT_LOSS if found.loss else EXIT_DONE
 
 
 def note(text: str) -> None:
@@ -145,8 +150,7 @@ def row_settings(args: argparse.Namespace) -> RowsSettings:
     """Return the rows settings that the arguments ask for."""
     from rsenf.rows.settings import RowsSettings
 
-    regions = getattr(args, "enf_method", None) == REGIONS
-    return RowsSettings(read_out_axis=args.read_out, mask=not args.no_mask, tile_means=regions)
+    return RowsSettings(read_out_axis=args.read_out, mask=not args.no_mask)
 
 
 def add_track_arguments(parser: argparse.ArgumentParser, *method: str) -> None:
@@ -167,46 +171,18 @@ def add_track_arguments(parser: argparse.ArgumentParser, *method: str) -> None:
     )  # fmt: skip
 
 
-def track_settings(args: argparse.Namespace, nominal_hz: float | None) -> TrackSettings:
+def track_settings(args: argparse.Namespace, matcher: str = "") -> TrackSettings:
     """Return the track settings that the arguments ask for."""
-    from rsenf.errors import UsageError
-    from rsenf.track import METHODS, TrackSettings
+    from rsenf.api.shared import track_settings
 
-    needed = _needed_by_matcher(args)
-    method = args.enf_method or needed or TrackSettings.method
-    if method not in METHODS:
-        raise UsageError(f"no ENF method {method!r}", f"one of {', '.join(METHODS)}")
-    if needed and method != needed:
-        raise UsageError(
-            f"{args.method} compares the hypotheses of the ENF method {needed}, not {method}",
-            "leave --enf-method out",
-        )
-    if method in ALL_LINES and (args.harmonic or args.line is not None):
-        raise UsageError(
-            f"{method} follows all harmonics and lines together",
-            "leave --harmonic and --line out, or name another method, such as stft",
-        )
-    if args.interpolation and method != INTERPOLATING:
-        raise UsageError(
-            f"{method} interpolates nothing",
-            f"leave --interpolation out, or take the method {INTERPOLATING}",
-        )
-    return TrackSettings(
-        method=method,
-        nominal_hz=args.nominal_hz or nominal_hz,
-        harmonic=args.harmonic or 1,
-        line_m=args.line,
-        interpolation=args.interpolation or TrackSettings.interpolation,
-    )
-
-
-def _needed_by_matcher(args: argparse.Namespace) -> str:
-    """ENF method that the matcher named needs; empty when none is named, or any will do."""
-    if not hasattr(args, "method"):
-        return ""
-    from rsenf.match.stage import tracker_for
-
-    return tracker_for(args.method)
+    given = {
+        "method": args.enf_method,
+        "nominal_hz": args.nominal_hz,
+        "harmonic": args.harmonic,
+        "line_m": args.line,
+        "interpolation": args.interpolation,
+    }
+    return track_settings(given, matcher=matcher)
 
 
 def add_reference_arguments(parser: argparse.ArgumentParser) -> None:
@@ -227,3 +203,13 @@ def add_reference_arguments(parser: argparse.ArgumentParser) -> None:
         default="start",
         help="whether a value's time is the start or the centre of what it covers",
     )
+
+
+def references_of(args: argparse.Namespace) -> list[Opened]:
+    """Open what ``--reference`` names."""
+    from rsenf.api.references import open_references
+
+    return open_references(
+        args.reference, step_s=args.step_s, timezone=args.timezone, store=args.store,
+        column=args.column, stamp=args.stamp,
+    )  # fmt: skip
