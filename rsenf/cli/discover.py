@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,7 +59,6 @@ def run(args: argparse.Namespace) -> int:
         print_json,
         progress_bar,
         references_of,
-        row_settings,
         say_loss,
         stages,
     )
@@ -81,8 +81,8 @@ def run(args: argparse.Namespace) -> int:
             stage[0](words)
 
         found = discover(
-            recording, references, out=args.out, model=args.model, camera=args.camera,
-            nominal_hz=args.nominal_hz, rows=row_settings(args), progress=seconds, doing=doing,
+            recording, references, **options_of(args), out=args.out, camera=args.camera,
+            progress=seconds, doing=doing,
         )  # fmt: skip
     if args.json:
         print_json(found.to_dict())
@@ -91,3 +91,10 @@ def run(args: argparse.Namespace) -> int:
     if found.note:
         note(found.note)
     return say_loss(args.input, found)
+
+
+def options_of(args: argparse.Namespace) -> dict[str, Any]:
+    """Return how a recording is to be looked at, as the function takes it."""
+    from rsenf.cli.console import row_settings
+
+    return {"model": args.model, "nominal_hz": args.nominal_hz, "rows": row_settings(args)}

@@ -10,7 +10,7 @@ errors come from different cameras, or modes of one; equal ones prove nothing.
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rsenf.api.idle import IdleResult
@@ -56,12 +56,21 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _estimated(args: argparse.Namespace, path: str) -> IdleResult:
-    from rsenf.api.idle import idle, idle_settings
-    from rsenf.cli.console import progress_bar, row_settings
-    from rsenf.idle import IdleSettings
+    from rsenf.api.idle import idle
+    from rsenf.cli.console import progress_bar
     from rsenf.run.inputs import open_input_file
 
-    settings = idle_settings(IdleSettings(args.method or IdleSettings.method, args.nominal_hz))
+    options = options_of(args)
     recording = open_input_file(path, camera=args.camera, begin=args.begin)
     with progress_bar("estimating", recording.duration_s) as progress:
-        return idle(recording, rows=row_settings(args), settings=settings, progress=progress)
+        return idle(recording, **options, progress=progress)
+
+
+def options_of(args: argparse.Namespace) -> dict[str, Any]:
+    """Return how the idle period is to be estimated, as the function takes it."""
+    from rsenf.api.idle import idle_settings
+    from rsenf.cli.console import row_settings
+    from rsenf.idle import IdleSettings
+
+    settings = IdleSettings(args.method or IdleSettings.method, args.nominal_hz)
+    return {"rows": row_settings(args), "settings": idle_settings(settings)}

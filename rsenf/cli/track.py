@@ -9,6 +9,7 @@ line too: its enf_hz is null.
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,17 +35,15 @@ def run(args: argparse.Namespace) -> int:
         note,
         print_json,
         progress_bar,
-        row_settings,
         say,
         say_loss,
-        track_settings,
     )
     from rsenf.run.inputs import open_input_file
 
-    settings = track_settings(args)
+    options = options_of(args)
     recording = open_input_file(args.input, camera=args.camera, begin=args.begin)
     with progress_bar("tracking", recording.duration_s) as progress:
-        found = track(recording, rows=row_settings(args), settings=settings, progress=progress)
+        found = track(recording, **options, progress=progress)
     if args.json:
         for estimate in found.to_dict()["estimates"]:
             print_json(estimate, indent=None)
@@ -57,3 +56,10 @@ def run(args: argparse.Namespace) -> int:
     else:
         say(f"{args.input}: {found.summary}")
     return say_loss(args.input, found)
+
+
+def options_of(args: argparse.Namespace) -> dict[str, Any]:
+    """Return how a recording is to be tracked, as the function takes it."""
+    from rsenf.cli.console import row_settings, track_settings
+
+    return {"rows": row_settings(args), "settings": track_settings(args)}

@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
         return _against(args)
     if args.report:
         check_folder(args.report)  # before anything is opened
-    references, options = references_of(args), verify_options(args)
+    references, options = references_of(args), options_of(args)
     recording = open_input_file(args.input, camera=args.camera, begin=args.begin)
     with progress_bar("verifying", recording.duration_s) as progress:
         found = verify(
@@ -97,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
     return code
 
 
-def verify_options(args: argparse.Namespace) -> dict[str, Any]:
+def options_of(args: argparse.Namespace) -> dict[str, Any]:
     """Return how a recording is to be verified, as the function takes it."""
     from rsenf.cli.console import row_settings, track_settings
     from rsenf.match.settings import MatchSettings
