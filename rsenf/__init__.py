@@ -15,11 +15,15 @@ for::
     >>> print(found)                                         # doctest: +SKIP
 """
 
+from __future__ import annotations
+
 import sys
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # as in typing, which is slow to import; type checkers know it
 if TYPE_CHECKING:
+    from typing import Any
+
     from rsenf.api.discover import discover
     from rsenf.api.idle import compare_idle, idle
     from rsenf.api.live import live

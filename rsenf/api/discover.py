@@ -104,7 +104,7 @@ def discover(
     --------
     >>> import rsenf
     >>> from rsenf.model import CaptureModel
-    >>> still = CaptureModel().changed(size=(64, 48), lamp="ideal")
+    >>> still = CaptureModel().changed(size=(64, 48), lamp="tone")
     >>> clip = rsenf.simulate(model=still, duration_s=30, seed=2, frame_rate=25)
     >>> rsenf.discover(clip.rows, frame_time_s=clip.frame_time_s).verdict
     'no_discrepancy'

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
+from rsenf.api.recordings import read_recording
 from rsenf.bench.discover.plan import Case
 from rsenf.bench.discover.scene import Drawn
 from rsenf.discrepancy.measured import Float32Array, Measured, measured_of
-from rsenf.messages import RowBlock
 from rsenf.model import render_frames
 from rsenf.model.codec import Codec
 from rsenf.model.video_file import write_video
 from rsenf.rows.settings import RowsSettings
-from rsenf.run.inline import analyse
-from rsenf.run.inputs import open_input_file
 from rsenf.run.recoded import is_lossy, recoded
 
 CODECS = {
@@ -38,12 +35,6 @@ def filmed(case: Case, made: Drawn, path: Path) -> None:
 
 def sampled(path: Path) -> tuple[Measured, Callable[[Float32Array], Float32Array] | None]:
     """Return the rows of a video, and what codes rows as it was coded, where it is."""
-    blocks: list[RowBlock] = []
-
-    def tap(topic: str, message: Any) -> None:
-        blocks.append(message)
-
-    analyse(open_input_file(path), rows=ROWS, tap=tap)
-    data = measured_of(blocks)
+    data = measured_of(read_recording(path, rows=ROWS).blocks)
     again = (lambda level: recoded(path, level, data.axis, ROWS)) if is_lossy(path) else None
     return data, again
