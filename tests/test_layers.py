@@ -47,7 +47,7 @@ ALLOWED: dict[str, set[str]] = {
         "record",
     },
     "report": {*BASE, "rows", "flicker", "track", "idle", "match", "live", "model", "discrepancy"},
-    "run": {*BASE, *SIGNAL, "bus", "config", "record", "reference"},
+    "run": {*BASE, *SIGNAL, "bus", "config", "discrepancy", "record", "reference"},
     # Looks at what the others publish and record; runs nothing.
     "dashboard": {*BASE, "bus", "config", "decode", "record"},
     # Every stage there is, with the settings of a recorded graph.

@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.bus.zenoh_bus import open_bus
     from rsenf.cli.console import note, say
     from rsenf.cli.on_bus import bus_of
-    from rsenf.config.node_kinds import DashboardNode
+    from rsenf.config.node_kind import NODE_KINDS
     from rsenf.dashboard.server import DashboardServer, open_to_all
     from rsenf.dashboard.site import Site
     from rsenf.dashboard.wiring import Wiring, key_expressions, wiring_of
@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
         if graph
         else Wiring(archive=Path(args.archive) if args.archive else None)
     )
-    topics = DashboardNode(kind="dashboard").topics
+    topics = NODE_KINDS["dashboard"].model_fields["topics"].default
     key_exprs = [f"{ROOT}/{site}/{below}" for below in topics]
     inbox = Inbox()
     with (

@@ -14,7 +14,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsenf.config.node_kinds import RecordNode
+    from rsenf.config.recording import RecordSettings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -94,9 +94,9 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _config(args: argparse.Namespace) -> RecordNode:
+def _config(args: argparse.Namespace) -> RecordSettings:
     """Return what a node of a graph would be told."""
-    from rsenf.config.node_kinds import RecordNode
+    from rsenf.config.recording import RecordSettings
     from rsenf.errors import UsageError
     from rsenf.record.settings import AlarmSettings, DiskLimits, Retention, Rotation
 
@@ -109,8 +109,7 @@ def _config(args: argparse.Namespace) -> RecordNode:
     if args.out and any(archive.values()):
         raise UsageError("rotation, retention and alarms are of an archive", "--archive DIR")
     disk = _given(warn_mb=args.warn_free_mb, stop_mb=args.stop_free_mb)
-    return RecordNode(
-        kind="record",
+    return RecordSettings(
         out=args.out,
         archive=args.archive,
         topics=tuple(args.topics or ["**"]),

@@ -18,8 +18,6 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import camera_key, health_key, node_of, source_of, word_key
 from rsenf.bus.ring import ring_directory
 from rsenf.config import Graph
-from rsenf.config.graph import outputs
-from rsenf.config.node_kinds import DecodeNode, ReferenceNode, ReplayNode
 from rsenf.errors import EXIT_USAGE, NodeFailed
 from rsenf.messages import (
     Alarm,
@@ -114,7 +112,7 @@ class GraphRun:
 
     def _note_own(self, node: NodeState) -> None:
         """Take somebody's own program to run as long as its process lives: it may say nothing."""
-        if node.kind == "external":
+        if self.graph.nodes[node.name].program():
             node.was_ready = True
             self._change(node, "running", "")
 
@@ -171,7 +169,8 @@ class GraphRun:
     def _tell_others(self, node: NodeState) -> None:
         """Say of a node what it can't say any more: those that read it wait for it, or don't."""
         said = {"restarting": "restarting", "done": "done"}.get(node.state, GIVEN_UP)
-        others_know = self.graph.restart_of(node.name) is None and node.kind != "external"
+        is_own = bool(self.graph.nodes[node.name].program())
+        others_know = self.graph.restart_of(node.name) is None and not is_own
         if self._bus is None or others_know:
             return
         if node.name not in self._tellers:
@@ -229,7 +228,7 @@ class GraphRun:
         return all(n.was_ready for n in self.nodes.values())
 
     def _is_source(self, node: NodeState) -> bool:
-        return isinstance(self.graph.nodes[node.name], DecodeNode | ReferenceNode | ReplayNode)
+        return self.graph.nodes[node.name].is_source
 
     def _tell(self, nodes: Iterable[NodeState]) -> None:
         """Ask to stop, once: a second time means at once."""
@@ -297,7 +296,7 @@ class GraphRun:
         site = self.graph.site
         bus.subscribe(self._words, health_key(site, "*"), LOOKING)
         for name in self.nodes:
-            for topic, camera in outputs(self.graph.nodes[name]):
+            for topic, camera in self.graph.nodes[name].outputs():
                 if topic in RESULTS:
                     bus.subscribe(self._words, camera_key(site, camera, topic), LOOKING)
 

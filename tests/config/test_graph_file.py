@@ -7,10 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from rsenf_nodes.decode import DecodeNode
+from rsenf_nodes.match import MatchNode
 
 from rsenf.config import Graph, load_graph
-from rsenf.config.graph import outputs, runs_ahead, sender_of
-from rsenf.config.node_kinds import DecodeNode, MatchNode, SimulatedInput
+from rsenf.config.graph import runs_ahead, sender_of
+from rsenf.config.model_file import SimulatedInput
 from rsenf.errors import EXIT_USAGE, ConfigError, UsageError
 from tests.conftest import ROOT
 
@@ -68,7 +70,7 @@ def test_a_good_graph_and_its_defaults(load: Callable[[str], Graph]) -> None:
     decode = graph.nodes["decode"]
     assert isinstance(decode, DecodeNode)
     assert (decode.frames, decode.record_video, decode.pace) == ("ring", True, False)
-    assert outputs(decode) == [("frames", "cam1"), ("video", "cam1")]
+    assert decode.outputs() == [("frames", "cam1"), ("video", "cam1")]
     assert sender_of(graph, "track", "cam1") == "track"
     assert sender_of(graph, "idle", "cam1") == "idle"
     assert sender_of(graph, "reference", "ce") == "grid"

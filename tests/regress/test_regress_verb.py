@@ -14,7 +14,7 @@ import yaml
 
 from rsenf.cli import main
 from rsenf.config import Graph, shown
-from rsenf.config.replayed import with_replayed
+from rsenf.config.load import with_replayed
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
 from rsenf.messages import EnfEstimate, Header, RowBlock, VideoPacket
 from rsenf.record import Recorder, open_recording

@@ -95,7 +95,7 @@ def test_a_node_killed_while_it_starts_ends_the_graph(
     while not run.run_id or len(run.left) < 6:
         assert run.process.poll() is None
     for number in run.left:
-        if b"rsenf_nodes.rows" in Path(f"/proc/{number}/cmdline").read_bytes():
+        if b"\0--node\0rows\0" in Path(f"/proc/{number}/cmdline").read_bytes():
             os.kill(number, signal.SIGKILL)
     assert run.wait() == 1
     assert "rows: killed by signal 9" in run.error

@@ -37,7 +37,7 @@ def graph(tmp_path: Path, endpoint: str) -> Path:
 
 
 def start(graph: Path, node: str = "track") -> subprocess.Popen[str]:
-    words = ["-m", "rsenf_nodes.track", "--graph", str(graph), "--node", node]
+    words = ["-m", "rsenf_nodes", "--graph", str(graph), "--node", node]
     return subprocess.Popen([sys.executable, *words], stderr=subprocess.PIPE, text=True)
 
 
@@ -106,7 +106,7 @@ def test_it_outlives_the_shell_that_started_it(graph: Path, endpoint: str) -> No
     with open_bus(BusSettings(mode="router", listen=(endpoint,))) as bus:
         listener = Listener()
         bus.subscribe(listener.words, health_key("lab", "*"), LOOKING)
-        words = f"{sys.executable} -m rsenf_nodes.track --graph {graph} --node track &"
+        words = f"{sys.executable} -m rsenf_nodes --graph {graph} --node track &"
         subprocess.run(["sh", "-c", words], check=True, timeout=30)
         report = listener.until("running")
         for _ in range(2):  # two more beats: it is still there, its parent isn't

@@ -22,7 +22,6 @@ from rsenf.bus.loopback import Loopback
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.cli import main
 from rsenf.config import Graph, load_graph
-from rsenf.config.graph import outputs
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_USAGE, RsenfError
 from rsenf.messages import EnfEstimate, Header, Mark
 from rsenf.run import supervisor
@@ -162,7 +161,7 @@ def test_a_graph_starts_it_again_and_stops_it(tmp_path: Path, live_run: type[Liv
         f"  band: {{kind: external, command: ['{sys.executable}', {OWN}],\n"
         "    reads: [cam/track], sends: [cam/alarm]}\n"
     )
-    assert outputs(load_graph(path).nodes["band"]) == [("alarm", "cam")]
+    assert load_graph(path).nodes["band"].outputs() == [("alarm", "cam")]
     run = live_run(path).until("running", "decode", "track", "band")
     first = run.pids["band"]
     run.kill_node_and_wait("band", first)

@@ -15,7 +15,6 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.cli import main
 from rsenf.config import load_graph
-from rsenf.config.graph import outputs
 from rsenf.errors import EXIT_DONE, EXIT_LOSS, EXIT_USAGE, ConfigError, UsageError
 from rsenf.record.reader import open_recording
 from rsenf.record.writer import Recorder
@@ -145,7 +144,7 @@ def test_good_new_names(tmp_path: Path) -> None:
         "version: 1\nsite: lab\nnodes:\n  play: {kind: replay, input: x.mcap, "
         f"{play}reference/ce: reference/gb}}}}\n"
     )
-    sent = outputs(load_graph(path).nodes["play"])
+    sent = load_graph(path).nodes["play"].outputs()
     assert sent == [("rows", "b"), ("video", "a"), ("reference", "gb")]
 
 

@@ -18,8 +18,8 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import alive_key, camera_key, health_key
 from rsenf.bus.loopback import Loopback
 from rsenf.config import Graph
-from rsenf.config.node_kinds import RecordNode
-from rsenf.config.supervised import Restart
+from rsenf.config.node_kind import Restart
+from rsenf.config.recording import RecordSettings
 from rsenf.errors import EXIT_FAILED, EXIT_USAGE
 from rsenf.messages import Header, Health
 from rsenf.record import open_recording
@@ -228,16 +228,16 @@ def test_planes_that_a_reader_took_along_are_taken_back_once() -> None:
 
 
 def test_a_recorder_started_again_leaves_its_file_alone() -> None:
-    config = RecordNode(kind="record", out="/data/site.mcap", overwrite=True)
+    config = RecordSettings(out="/data/site.mcap", overwrite=True)
     assert of_run(config, 0).out == "/data/site.mcap"
     assert of_run(config, 2).out == "/data/site.2.mcap"
-    archive = RecordNode(kind="record", archive="/data")
+    archive = RecordSettings(archive="/data")
     assert of_run(archive, 2) is archive
 
 
 def test_it_leaves_those_of_an_earlier_run_alone_too(tmp_path: Path) -> None:
     (tmp_path / "site.1.mcap").touch()
-    config = RecordNode(kind="record", out=str(tmp_path / "site.mcap"))
+    config = RecordSettings(out=str(tmp_path / "site.mcap"))
     assert of_run(config, 1).out == str(tmp_path / "site.2.mcap")
 
 
