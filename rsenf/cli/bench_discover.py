@@ -43,8 +43,8 @@ def plan_of(args: argparse.Namespace) -> Plan:
         For effects that it can't hide.
     """
     from rsenf.bench.discover.beside import SKEW
-    from rsenf.bench.discover.plan import Plan
-    from rsenf.bench.discover.strengths import LISTED
+    from rsenf.bench.discover.plan import Plan, left_out, listed
+    from rsenf.cli.console import note
     from rsenf.errors import UsageError
 
     first, each = args.first_seed or 0, args.clips
@@ -53,11 +53,14 @@ def plan_of(args: argparse.Namespace) -> Plan:
             first_seed=first, each=each or 1, none=1, outside=1, pairs=0, duration_s=27.0,
             effects=_QUICK_EFFECTS,
         )  # fmt: skip
-    can = (*LISTED, SKEW)
+    can = (*listed(), SKEW)
     unknown = set(args.hide or ()) - set(can)
     if unknown:
         raise UsageError(f"--hide {min(unknown)}: can't be hidden", f"one of {', '.join(can)}")
-    effects = tuple(name for name in args.hide or LISTED if name != SKEW)
+    effects = tuple(name for name in args.hide or listed() if name != SKEW)
+    if not args.hide:
+        for name, why in left_out().items():
+            note(f"not hidden among the others: {name}: {why}")
     each = 20 if each is None else each
     others = {"none": 5 * each, "outside": 2 * each, "pairs": 2 * each}
     if args.hide or args.video:

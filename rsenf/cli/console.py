@@ -14,13 +14,6 @@ if TYPE_CHECKING:
     from rsenf.rows.settings import RowsSettings
     from rsenf.track import TrackSettings
 
-# The ENF methods that have no use for a choice among harmonics and lines.
-ALL_LINES = ("projection", "paper")
-# Fills the idle period with rows.
-INTERPOLATING = "paper"
-# Takes means of regions, finer than rows and strips.
-REGIONS = "superpixel"
-
 
 @contextmanager
 def progress_bar(
@@ -144,9 +137,10 @@ def add_row_arguments(parser: argparse.ArgumentParser) -> None:
 def row_settings(args: argparse.Namespace) -> RowsSettings:
     """Return the rows settings that the arguments ask for."""
     from rsenf.rows.settings import RowsSettings
+    from rsenf.track import METHODS, TrackSettings
 
-    regions = getattr(args, "enf_method", None) == REGIONS
-    return RowsSettings(read_out_axis=args.read_out, mask=not args.no_mask, tile_means=regions)
+    method = METHODS.find(getattr(args, "enf_method", None) or TrackSettings.method)
+    return RowsSettings(read_out_axis=args.read_out, mask=not args.no_mask, **method.rows_needed)
 
 
 def add_track_arguments(parser: argparse.ArgumentParser, *method: str) -> None:
@@ -174,30 +168,21 @@ def track_settings(args: argparse.Namespace, nominal_hz: float | None) -> TrackS
 
     needed = _needed_by_matcher(args)
     method = args.enf_method or needed or TrackSettings.method
-    if method not in METHODS:
-        raise UsageError(f"no ENF method {method!r}", f"one of {', '.join(METHODS)}")
+    METHODS.find(method)
     if needed and method != needed:
         raise UsageError(
             f"{args.method} compares the hypotheses of the ENF method {needed}, not {method}",
             "leave --enf-method out",
         )
-    if method in ALL_LINES and (args.harmonic or args.line is not None):
-        raise UsageError(
-            f"{method} follows all harmonics and lines together",
-            "leave --harmonic and --line out, or name another method, such as stft",
-        )
-    if args.interpolation and method != INTERPOLATING:
-        raise UsageError(
-            f"{method} interpolates nothing",
-            f"leave --interpolation out, or take the method {INTERPOLATING}",
-        )
-    return TrackSettings(
+    settings = TrackSettings(
         method=method,
         nominal_hz=args.nominal_hz or nominal_hz,
         harmonic=args.harmonic or 1,
         line_m=args.line,
         interpolation=args.interpolation or TrackSettings.interpolation,
     )
+    METHODS.find(method).check(settings)
+    return settings
 
 
 def _needed_by_matcher(args: argparse.Namespace) -> str:

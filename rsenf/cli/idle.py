@@ -75,12 +75,10 @@ def _analyse(args: argparse.Namespace, path: str) -> Analysis:
 
 def idle_settings(args: argparse.Namespace) -> IdleSettings:
     """Return the settings that the arguments ask for."""
-    from rsenf.errors import UsageError
     from rsenf.idle import METHODS, IdleSettings
 
     method = args.method or IdleSettings.method
-    if method not in METHODS:
-        raise UsageError(f"no idle method {method!r}", f"one of {', '.join(METHODS)}")
+    METHODS.find(method)
     return IdleSettings(method=method, nominal_hz=args.nominal_hz)
 
 
