@@ -75,7 +75,7 @@ def late_s(data: Any) -> np.ndarray:
     return phase_error_rad(frame_tones(data, line_times_s(data.frame_time_s))) / (TURN * F0_HZ)
 
 
-# How strong an effect is by the rows alone: arithmetic on the bare lamp's cosine, which calls nothing
+# How strong an effect is by the rows alone: arithmetic on the bare lamp's cosine that calls nothing
 # of the effect's. What is only there or not measures 1.
 def _harmonics(second_ratio: float) -> float:
     data = rows_with("harmonics", 4.0, second_ratio=second_ratio)
