@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -24,16 +25,33 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("reader")
     shutil.copytree(ROOT / "configs", folder / "configs")
     text = README.read_text(encoding="utf-8")
-    for name, body in re.findall(r"<!-- file: (\S+) -->\n```python\n(.*?)```", text, re.S):
+    for name, body in re.findall(r"<!-- file: (\S+) -->\n```(?:python|toml)\n(.*?)```", text, re.S):
         (folder / name).write_text(body, encoding="utf-8")
+    install(folder)
     run("rsenf demo", folder)
     return folder
+
+
+def install(folder: Path) -> None:
+    """Make the README's package known to whoever has its folder on the path."""
+    told = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    facts = folder / f"{told['name'].replace('-', '_')}-{told['version']}.dist-info"
+    facts.mkdir()
+    about = f"Metadata-Version: 2.1\nName: {told['name']}\nVersion: {told['version']}\n"
+    (facts / "METADATA").write_text(about, encoding="utf-8")
+    lines = [
+        line
+        for group, names in told["entry-points"].items()
+        for line in (f"[{group}]", *(f"{name} = {where}" for name, where in names.items()))
+    ]
+    (facts / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
 
 
 def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     done = subprocess.run(
-        ["bash", "-o", "pipefail", "-c", command], cwd=folder, env={**os.environ, "PATH": path},
+        ["bash", "-o", "pipefail", "-c", command], cwd=folder,
+        env={**os.environ, "PATH": path, "PYTHONPATH": str(folder)},
         capture_output=True, text=True, timeout=240, check=False,
     )  # fmt: skip
     # `head` closes the pipe early: that is not the command's failure.
