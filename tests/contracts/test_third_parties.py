@@ -140,7 +140,7 @@ def test_their_idle_method_estimates(site: Path, filmed: Path) -> None:
 def test_their_matcher_compares(site: Path, filmed: Path) -> None:
     truth = json.loads(filmed.with_suffix(".truth.json").read_text())
     reference = site / "reference.csv"
-    reference.write_text("frequency\n" + "\n".join(map(str, truth["enf_hz"])) + "\n")
+    reference.write_text("frequency\n" + "\n".join(map(str, 3 * truth["enf_hz"])) + "\n")
     words = ("verify", filmed, "--reference", reference, "--step-s", 1)
     done = rsenf(site, *words, "--method", "theirs", "--json")
     assert done.returncode == 0, done.stderr
