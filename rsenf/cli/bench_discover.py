@@ -56,7 +56,8 @@ def plan_of(args: argparse.Namespace) -> Plan:
     can = (*listed(), SKEW)
     unknown = set(args.hide or ()) - set(can)
     if unknown:
-        raise UsageError(f"--hide {min(unknown)}: can't be hidden", f"one of {', '.join(can)}")
+        why = left_out().get(min(unknown), "it is no effect")
+        raise UsageError(f"--hide {min(unknown)}: {why}", f"one of {', '.join(can)}")
     effects = tuple(name for name in args.hide or listed() if name != SKEW)
     if not args.hide:
         for name, why in left_out().items():
