@@ -61,9 +61,9 @@ class LiveRun:
                 after_s, name, state, pid, _ = found.groups()
                 if state == "running" and state not in self.states.get(name, []):
                     self.ready_s = float(after_s)
-                self.states.setdefault(name, []).append(state)
                 if pid:
                     self.pids[name] = int(pid)
+                self.states.setdefault(name, []).append(state)  # last: it is waited for
 
     def until(self, state: str, *names: str) -> LiveRun:
         """Wait until nodes have been in a state."""
