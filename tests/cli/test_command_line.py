@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from rsenf import __version__
 from rsenf.cli import VERBS, main
+from rsenf.version import version_text
 from tests.hidden_clip import HiddenClip
 
 Rsenf = Callable[..., subprocess.CompletedProcess[str]]
@@ -59,7 +59,7 @@ def test_imports_that_are_there_are_seen() -> None:
 
 def test_version(rsenf: Rsenf) -> None:
     done = rsenf("--version")
-    assert (done.returncode, done.stdout, done.stderr) == (0, f"rsenf {__version__}\n", "")
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"{version_text()}\n", "")
 
 
 def test_help_names_every_verb(rsenf: Rsenf) -> None:
