@@ -6,6 +6,8 @@ import os
 import subprocess
 import sys
 
+from numpy._core import _multiarray_umath as core
+
 from rsenf.record.provenance import program_facts
 from tests.older_processor import CORE, OFF, variables
 
@@ -29,6 +31,12 @@ def test_what_numpy_is_told_to_leave_is_not_in_it() -> None:
     older = variables()
     here, there = arithmetic(), arithmetic(**{OFF: older[OFF]})
     assert set(here) - set(there) == set(older[OFF].split(",")) & set(here)
+
+
+def test_a_processor_with_nothing_beyond_the_baseline_has_a_name_too() -> None:
+    every = {name for name, here in core.__cpu_features__.items() if here}
+    off = [name for name in core.__cpu_dispatch__ if name in every]
+    assert not set(off) & set(arithmetic(**{OFF: ",".join([*off, os.environ.get(OFF, "")])}))
 
 
 def test_it_names_the_processor_that_openblas_takes_this_for() -> None:
