@@ -16,6 +16,7 @@ ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "registry": {"errors"},
     "timebase": set(),
+    "version": set(),
     "stage": set(),
     "medians": set(),
     "whole_file": {"errors"},
@@ -77,6 +78,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "cli": {
         *BASE,
+        "version",
         *SIGNAL,
         "batch",
         "bus",

@@ -52,7 +52,7 @@ def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     done = subprocess.run(
         ["bash", "-o", "pipefail", "-c", command], cwd=folder,
         env={**os.environ, "PATH": path, "PYTHONPATH": str(folder)},
-        capture_output=True, text=True, timeout=240, check=False,
+        capture_output=True, text=True, check=False,
     )  # fmt: skip
     # `head` closes the pipe early: that is not the command's failure.
     assert done.returncode in ((0, 1) if "| head" in command else (0,)), done.stderr
@@ -74,6 +74,13 @@ def test_command(line: int, command: str, reader: Path) -> None:
     done = run(command, reader)
     if "listen.py" in command:
         assert done.stdout.count(" Hz") >= 5, done.stdout
+
+
+def test_no_command_waits_for_seconds_or_forgets_what_it_starts() -> None:
+    """What runs beside is waited for by its number: so its failure is the command's."""
+    for command in (command for block in blocks() for command in block.commands):
+        assert "sleep " not in command
+        assert not re.search(r"[^&]&(?!&)", command) or command.endswith("wait $!"), command
 
 
 def test_the_two_commands_are_there() -> None:

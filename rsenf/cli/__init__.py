@@ -14,8 +14,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import NoReturn
 
-from rsenf import __version__
 from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_USAGE, RsenfError
+from rsenf.version import version_text
 
 # Verbs in the order a newcomer meets them. The module `rsenf.cli.<verb>` does the work; its help
 # line stands here so that `rsenf --help` imports none of them.
@@ -77,7 +77,7 @@ def _top_parser() -> _Parser:
         "Reads the electric network frequency out of rolling-shutter video.",
         "'rsenf VERB --help' tells more.   New here? Start with: rsenf demo",
     )
-    parser.add_argument("--version", action="version", version=f"rsenf {__version__}")
+    parser.add_argument("--version", action="version", version=version_text())
     verbs = parser.add_argument_group("verbs")
     for verb, line in VERBS.items():
         # Shown only: the verb itself is looked up below, so that a typing error gets a hint.
