@@ -38,7 +38,7 @@ _TRIES = 2  # processes that a recording may cost
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import count, positive
+    from rsenf.cli.options import count, positive
     from rsenf.cli.verify import add_reference
 
     verbs = parser.add_subparsers(dest="analysis", metavar="VERB", required=True)

@@ -69,7 +69,7 @@ _GIVEN = ("sizes", "frame_rates", "nominals_hz", "codings", "first_seed", "clips
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import count, positive
+    from rsenf.cli.options import count, positive
 
     parser.add_argument("table", choices=_TABLES)
     parser.add_argument("--out", type=Path, metavar="DIR", help="keep results there, and resume")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -83,38 +82,6 @@ def aligned(lines: Sequence[Sequence[str]]) -> str:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     padded = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in rows]
     return "\n".join(line.rstrip() for line in padded)
-
-
-def positive(text: str) -> float:
-    """Argument type: a finite number above zero."""
-    value = float(text)
-    if not (math.isfinite(value) and value > 0):
-        raise argparse.ArgumentTypeError(f"{text} is not a finite number above 0")
-    return value
-
-
-def at_least_0(text: str) -> float:
-    """Argument type: a finite number, zero or above."""
-    value = float(text)
-    if not (math.isfinite(value) and value >= 0):
-        raise argparse.ArgumentTypeError(f"{text} is not a finite number, 0 or above")
-    return value
-
-
-def count(text: str) -> int:
-    """Argument type: 0, 1, 2 …"""
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{text} is below 0")
-    return value
-
-
-def named(text: str) -> tuple[str, str]:
-    """Argument type: ``NAME=VALUE``."""
-    name, equals, value = text.partition("=")
-    if not (name and equals and value):
-        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=VALUE")
-    return name, value
 
 
 def add_begin_argument(parser: argparse.ArgumentParser, *topics: str) -> None:
@@ -211,6 +178,8 @@ def _needed_by_matcher(args: argparse.Namespace) -> str:
 
 def add_reference_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of every verb that reads a grid reference."""
+    from rsenf.cli.options import positive
+
     group = parser.add_argument_group("reference")
     group.add_argument(
         "--timezone", metavar="ZONE", help="of its times, e.g. Europe/Paris; UTC otherwise"

@@ -34,7 +34,7 @@ nodes:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import count, positive
+    from rsenf.cli.options import count, positive
 
     parser.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="(demo)")
     parser.add_argument("--seed", type=count, default=1, metavar="N",

@@ -24,8 +24,8 @@ HEAD = ("node", "kind", "state", "in/s", "arrival s", "exposure s", "queue", "dr
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import positive
     from rsenf.cli.on_bus import add_bus_arguments
+    from rsenf.cli.options import positive
 
     add_bus_arguments(parser, "graph")
     parser.add_argument("--for-s", type=positive, default=1.5, metavar="S", help="look for (1.5)")

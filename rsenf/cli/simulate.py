@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import count, positive
     from rsenf.cli.effect_list import ListEffects
+    from rsenf.cli.options import count, positive
     from rsenf.cli.simulated_model import bits, labels, size
 
     parser.add_argument(

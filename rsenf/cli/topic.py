@@ -27,8 +27,8 @@ LONGEST = 16  # array that is echoed whole
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import count, positive
     from rsenf.cli.on_bus import add_bus_arguments
+    from rsenf.cli.options import count, positive
 
     parser.add_argument("do", choices=("list", "echo", "hz"))
     parser.add_argument("topics", nargs="*", metavar="TOPIC", help="such as cam1/track (all)")

@@ -50,8 +50,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         add_reference_arguments,
         add_row_arguments,
         add_track_arguments,
-        positive,
     )
+    from rsenf.cli.options import positive
 
     parser.add_argument(
         "--start", metavar="TIME", help="claimed start, ISO 8601 (UTC unless it says)"
