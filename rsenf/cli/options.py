@@ -13,14 +13,13 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import functools
 import importlib
 import inspect
 import math
 import re
 import types
 import typing
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeVar
 
@@ -33,6 +32,11 @@ T = TypeVar("T")
 
 # How a field's option is spelt where that isn't just the field's name; all of them work.
 SPELT = {
+    "first_seed": ("seed",),
+    "nominals_hz": ("nominal-hz",),
+    "RecordingPlan.size": ("size", "sizes"),
+    "Plan.each": ("clips",),
+    "Plan.effects": ("hide",),
     "TrackSettings.method": ("enf-method",),
     "TrackSettings.line_m": ("line-m", "line"),
     "IdleSettings.method": ("idle-method",),
@@ -77,6 +81,7 @@ def add_settings(
     settings: type,
     *,
     also: Mapping[str, str] | None = None,
+    leave_out: Collection[str] = (),
     **defaults: Any,
 ) -> None:
     """Add the fields of settings as options.
@@ -90,18 +95,21 @@ def add_settings(
         A dataclass. What another one has added already under the same name is shared with it.
     also : mapping, optional
         One more spelling, by field.
+    leave_out : collection of str
+        Fields that aren't options.
     defaults
-        What this verb has in place of the settings' own, by field.
+        What the verb has in place of the settings' own, by field, shown in the help; it gives them
+        to :func:`settings_of`, too.
     """
     group = next((g for g in parser._action_groups if g.title == heading), None)
     group = group or parser.add_argument_group(heading)
     taken = parser._option_string_actions
     for option in options_of(settings):
-        if f"--{option.spelt[0]}" in taken:
+        if f"--{option.spelt[0]}" in taken or option.name in leave_out:
             continue
         spelt = [f"--{s}" for s in (*option.spelt, *filter(None, [(also or {}).get(option.name)]))]
         default = defaults.get(option.name, option.default)
-        given = {"dest": option.dest, "default": defaults.get(option.name), **_kind(option)}
+        given = {"dest": option.dest, **_kind(option)}
         group.add_argument(*spelt, help=_help(option, default), **given)
 
 
@@ -118,19 +126,15 @@ def settings_of(args: argparse.Namespace, settings: type[T], **others: Any) -> T
         if (value := getattr(args, option.dest, None)) is not None:
             value = tuple(value) if isinstance(value, list) else value
             *within, name = option.name.split(".")
-            functools.reduce(lambda part, step: part.setdefault(step, {}), within, given)[name] = (
-                value
-            )
+            part = given
+            for step in within:
+                part = part.setdefault(step, {})
+            part[name] = value
     return _built(settings, given)
 
 
-@functools.lru_cache(maxsize=64)
-def options_of(settings: Hashable, within: str = "") -> tuple[Option, ...]:
-    """Return the fields of settings, and of settings in them, as options."""
-    return tuple(_options(settings, within))
-
-
-def _options(settings: Any, within: str) -> Iterator[Option]:
+def options_of(settings: Any, within: str = "") -> Iterator[Option]:
+    """Yield the fields of settings, and of settings in them, as options."""
     hints = typing.get_type_hints(settings)
     for field, default, text in _fields(settings):
         kind, name = _without_none(hints[field]), f"{within}{field}"
@@ -138,7 +142,7 @@ def _options(settings: Any, within: str) -> Iterator[Option]:
             yield from options_of(kind, f"{name}.")
             continue
         known = f"{settings.__name__}.{field}"
-        spelt = SPELT.get(known, (re.sub(r"[._]", "-", name),))
+        spelt = SPELT.get(known) or SPELT.get(field, (re.sub(r"[._]", "-", name),))
         choices = names_in(NAMES[known]) if known in NAMES else ()
         if typing.get_origin(kind) is Literal:
             choices = typing.get_args(kind)
@@ -208,7 +212,7 @@ def shown(value: Any) -> str:
     if isinstance(value, bool):
         return "on" if value else "off"
     if isinstance(value, tuple):
-        return ",".join(map(shown, value))
+        return ", ".join(map(shown, value))
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
