@@ -56,7 +56,7 @@ TABLES = {
 }
 # Measured grids are not part of the project; in a checkout they lie beside it.
 _GRIDS = Path("../shared/data")
-_CLAIMS = {"clips": 40}  # of each of five scenes
+_CLAIMS: dict[str, Any] = {"clips": 40}  # of each of five scenes
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -207,7 +207,7 @@ def _clips(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.cli.options import settings_of
 
     claims = args.table == "claims"
-    usual: dict[str, Any] = _CLAIMS if claims else {}
+    usual = _CLAIMS if claims else {}
     if args.quick:
         usual = {"sizes": ("240p",), "frame_rates": ("25", "29.97"),
                  "codings": ("lossless", "50k"), "clips": 1, "duration_s": 24.0}  # fmt: skip
