@@ -100,13 +100,14 @@ class Parser(argparse.ArgumentParser):
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             known = list(map(str, action.choices))
-            hint = f"{_nearest(str(value), known)} (one of {', '.join(known)})"
+            near = _nearest(value, known) if isinstance(value, str) else ""
+            hint = f"{near} (one of {', '.join(known)})"
             raise argparse.ArgumentError(action, f"no {value!r}{hint}")
 
 
 def _nearest(word: str, known: Iterable[str]) -> str:
     """Return a question for what a misspelt word may have meant."""
-    close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
+    close = difflib.get_close_matches(word, list(known), n=1)
     return f": did you mean '{close[0]}'?" if close else ""
 
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rsenf.bus.zenoh_bus import BusSettings
+    from rsenf.config import Graph
     from rsenf.rows.settings import RowsSettings
     from rsenf.track import TrackSettings
 
@@ -19,6 +22,12 @@ ALL_LINES = ("projection", "paper")
 INTERPOLATING = "paper"
 # Takes means of regions, finer than rows and strips.
 REGIONS = "superpixel"
+# A turned camera is told from the data.
+EITHER_WAY: dict[str, Any] = {"read_out_axis": "auto"}
+# How a reference is read, but not where the grid is told by the recording.
+OF_IMPORT = ("nominal_hz", "start_utc_ns")
+# Set for what a run starts; of use in a shell, too.
+CONNECT = "RSENF_CONNECT"
 
 
 @contextmanager
@@ -94,61 +103,48 @@ def add_begin_argument(parser: argparse.ArgumentParser, *topics: str) -> None:
 
 def add_row_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of every verb that samples rows."""
-    group = parser.add_argument_group("rows")
-    group.add_argument(
+    from rsenf.cli.options import add_settings
+    from rsenf.rows.settings import RowsSettings
+
+    parser.add_argument("--camera", default="", metavar="NAME", help="of a recording with several")
+    parser.add_argument(
         "--nominal-hz", type=float, choices=(50.0, 60.0), help="grid; found from the data otherwise"
     )
-    group.add_argument(
-        "--read-out", choices=("auto", "rows", "columns"), default="auto",
-        help="columns: turned camera; auto: found from the data (auto)",
-    )  # fmt: skip
-    group.add_argument("--no-mask", action="store_true", help="keep pixels that move")
-    group.add_argument(
-        "--camera", default="", metavar="NAME", help="of an MCAP recording with several"
-    )
+    add_settings(parser, "rows", RowsSettings, **EITHER_WAY)
 
 
 def row_settings(args: argparse.Namespace) -> RowsSettings:
     """Return the rows settings that the arguments ask for."""
+    from rsenf.cli.options import settings_of
     from rsenf.rows.settings import RowsSettings
 
-    regions = getattr(args, "enf_method", None) == REGIONS
-    return RowsSettings(read_out_axis=args.read_out, mask=not args.no_mask, tile_means=regions)
+    regions = {"tile_means": True} if getattr(args, "enf_method", None) == REGIONS else {}
+    return settings_of(args, RowsSettings, **EITHER_WAY, **regions)
 
 
 def add_track_arguments(parser: argparse.ArgumentParser, *method: str) -> None:
     """Arguments of every verb that tracks ENF; ``method`` spells the one that names how."""
-    group = parser.add_argument_group("ENF")
-    group.add_argument(
-        *method, dest="enf_method", metavar="NAME", help="ENF estimator, such as projection or stft"
-    )
-    group.add_argument(
-        "--harmonic", type=int, choices=(1, 2, 3), help="of the illumination frequency (1)"
-    )
-    group.add_argument(
-        "--line", type=int, metavar="M", help="line k·f0 + M·F_r; the strongest otherwise"
-    )
-    group.add_argument(
-        "--interpolation", metavar="NAME",
-        help="how the method paper fills the idle period (neighbour_mean)",
-    )  # fmt: skip
+    from rsenf.cli.options import add_settings
+    from rsenf.track import TrackSettings
+
+    also = {"method": "method"} if "--method" in method else None
+    add_settings(parser, "ENF", TrackSettings, also=also)
 
 
 def track_settings(args: argparse.Namespace, nominal_hz: float | None) -> TrackSettings:
     """Return the track settings that the arguments ask for."""
+    from rsenf.cli.options import settings_of
     from rsenf.errors import UsageError
-    from rsenf.track import METHODS, TrackSettings
+    from rsenf.track import TrackSettings
 
     needed = _needed_by_matcher(args)
     method = args.enf_method or needed or TrackSettings.method
-    if method not in METHODS:
-        raise UsageError(f"no ENF method {method!r}", f"one of {', '.join(METHODS)}")
     if needed and method != needed:
         raise UsageError(
             f"{args.method} compares the hypotheses of the ENF method {needed}, not {method}",
             "leave --enf-method out",
         )
-    if method in ALL_LINES and (args.harmonic or args.line is not None):
+    if method in ALL_LINES and (args.harmonic or args.line_m is not None):
         raise UsageError(
             f"{method} follows all harmonics and lines together",
             "leave --harmonic and --line out, or name another method, such as stft",
@@ -158,13 +154,7 @@ def track_settings(args: argparse.Namespace, nominal_hz: float | None) -> TrackS
             f"{method} interpolates nothing",
             f"leave --interpolation out, or take the method {INTERPOLATING}",
         )
-    return TrackSettings(
-        method=method,
-        nominal_hz=args.nominal_hz or nominal_hz,
-        harmonic=args.harmonic or 1,
-        line_m=args.line,
-        interpolation=args.interpolation or TrackSettings.interpolation,
-    )
+    return settings_of(args, TrackSettings, method=method, nominal_hz=nominal_hz)
 
 
 def _needed_by_matcher(args: argparse.Namespace) -> str:
@@ -178,21 +168,67 @@ def _needed_by_matcher(args: argparse.Namespace) -> str:
 
 def add_reference_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of every verb that reads a grid reference."""
-    from rsenf.cli.options import positive
+    from rsenf.cli.options import add_settings
+    from rsenf.reference.options import ReadOptions
 
-    group = parser.add_argument_group("reference")
-    group.add_argument(
-        "--timezone", metavar="ZONE", help="of its times, e.g. Europe/Paris; UTC otherwise"
-    )
-    group.add_argument(
-        "--step-s", type=positive, metavar="S", help="between its values, when it has no times"
-    )
-    group.add_argument(
-        "--column", metavar="NAME", help="that holds the frequency, when not found by its name"
-    )
-    group.add_argument(
-        "--stamp",
-        choices=("start", "centre"),
-        default="start",
-        help="whether a value's time is the start or the centre of what it covers",
-    )
+    add_settings(parser, "reference", ReadOptions, leave_out=OF_IMPORT)
+
+
+def read_options(args: argparse.Namespace) -> dict[str, Any]:
+    """Return what the arguments say of how a reference is read."""
+    from rsenf.cli.options import given_by
+    from rsenf.reference.options import ReadOptions
+
+    told = given_by(args, ReadOptions).items()
+    return {name: value for name, value in told if name not in OF_IMPORT}
+
+
+def add_bus_arguments(parser: argparse.ArgumentParser, *graph: str) -> None:
+    """Arguments that say which bus; ``graph`` spells the one that names a graph file."""
+    optional = {} if graph[0].startswith("-") else {"nargs": "?"}
+    parser.add_argument(*graph, metavar="GRAPH.yaml", default=None, **optional,  # type: ignore[arg-type]
+                        help="whose bus it is, with its certificates")  # fmt: skip
+    parser.add_argument("--as", dest="by", metavar="NAME",
+                        help="whose certificate to show, where the graph has 'tls'")  # fmt: skip
+    parser.add_argument("--connect", action="append", default=[], metavar="ENDPOINT",
+                        help=f"of the bus, which 'rsenf run' tells (${CONNECT})")  # fmt: skip
+    parser.add_argument("--site", default="*", help="to look at (any)")
+
+
+def bus_of(args: argparse.Namespace) -> tuple[BusSettings, Graph | None]:
+    """Return how to reach the bus, and the graph that was named.
+
+    Raises
+    ------
+    UsageError
+        When nothing says where it is.
+    """
+    from dataclasses import replace
+
+    from rsenf.bus.zenoh_bus import BusSettings
+    from rsenf.config import load_graph
+    from rsenf.errors import UsageError
+    from rsenf.run.access import certificates
+    from rsenf.run.node import bus_settings
+
+    told = tuple(args.connect or filter(None, [os.environ.get(CONNECT)]))
+    if args.graph is None:
+        if not told:
+            raise UsageError("which bus?", "--connect ENDPOINT, as 'rsenf run' tells it")
+        return BusSettings(connect=told), None
+    graph = load_graph(args.graph)
+    routers = tuple(filter(None, (host.address for host in graph.hosts.values())))
+    endpoints = told or graph.bus.listen or routers
+    if not (endpoints or graph.bus.is_elsewhere):
+        raise UsageError(
+            f"{args.graph} has a bus of its own, wherever a port was free",
+            "--connect what 'rsenf run' tells, or give the graph 'bus: {listen: [...]}'",
+        )
+    settings = bus_settings(graph, endpoints)
+    if graph.tls is None or all(endpoint.startswith("tcp/") for endpoint in endpoints):
+        return settings, graph
+    if args.by is None:
+        raise UsageError(
+            "the hosts of this graph ask for a certificate", "--as NAME: whose to show"
+        )
+    return replace(settings, zenoh={**certificates(graph.tls, args.by), **settings.zenoh}), graph

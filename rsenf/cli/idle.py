@@ -30,11 +30,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Arguments that say how the idle period is estimated."""
+    from rsenf.cli import options
     from rsenf.cli.console import add_begin_argument, add_row_arguments
+    from rsenf.idle import IdleSettings
 
-    parser.add_argument("--method", metavar="NAME", help="estimator (coherent)")
     add_begin_argument(parser, "frames", "rows")
     add_row_arguments(parser)
+    options.add_settings(parser, "idle", IdleSettings, also={"method": "method"})
 
 
 def run(args: argparse.Namespace) -> int:
@@ -75,13 +77,10 @@ def _analyse(args: argparse.Namespace, path: str) -> Analysis:
 
 def idle_settings(args: argparse.Namespace) -> IdleSettings:
     """Return the settings that the arguments ask for."""
-    from rsenf.errors import UsageError
-    from rsenf.idle import METHODS, IdleSettings
+    from rsenf.cli.options import settings_of
+    from rsenf.idle import IdleSettings
 
-    method = args.method or IdleSettings.method
-    if method not in METHODS:
-        raise UsageError(f"no idle method {method!r}", f"one of {', '.join(METHODS)}")
-    return IdleSettings(method=method, nominal_hz=args.nominal_hz)
+    return settings_of(args, IdleSettings)
 
 
 def estimated(

@@ -23,6 +23,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         add_row_arguments,
         add_track_arguments,
     )
+    from rsenf.cli.options import add_settings
+    from rsenf.live import LiveSettings
 
     parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
     what = parser.add_mutually_exclusive_group(required=True)
@@ -41,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_begin_argument(parser, "frames", "rows")
     add_row_arguments(parser)
     add_track_arguments(parser, "--enf-method")
+    add_settings(parser, "live", LiveSettings)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -72,13 +75,15 @@ def run(args: argparse.Namespace) -> int:
 
 def _analyse(args: argparse.Namespace) -> tuple[Analysis, list[str]]:
     from rsenf.cli.console import progress_bar, row_settings, track_settings
+    from rsenf.cli.options import settings_of
     from rsenf.idle import IdleSettings
-    from rsenf.live import Live
+    from rsenf.live import Live, LiveSettings
     from rsenf.reference.moments import utc_ns
     from rsenf.run.inline import analyse
     from rsenf.run.inputs import open_input_file
 
     start_ns = utc_ns(args.start, "--start") if args.start else 0
+    settings = settings_of(args, LiveSettings)
     recording = open_input_file(args.input, camera=args.camera, begin=args.begin)
     _check_input(args)
     blocks, notes = _reference(args)
@@ -88,7 +93,7 @@ def _analyse(args: argparse.Namespace) -> tuple[Analysis, list[str]]:
             rows=row_settings(args),
             track=track_settings(args, blocks[0].nominal_hz if blocks else None),
             idle=IdleSettings(nominal_hz=args.nominal_hz),
-            make_live=lambda: Live(start_utc_ns=start_ns),
+            make_live=lambda: Live(settings, start_utc_ns=start_ns),
             reference=blocks,
             progress=progress,
         )

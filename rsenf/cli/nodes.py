@@ -24,7 +24,7 @@ HEAD = ("node", "kind", "state", "in/s", "arrival s", "exposure s", "queue", "dr
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.on_bus import add_bus_arguments
+    from rsenf.cli.console import add_bus_arguments
     from rsenf.cli.options import positive
 
     add_bus_arguments(parser, "graph")
@@ -37,8 +37,7 @@ def run(args: argparse.Namespace) -> int:
     import time
 
     from rsenf.bus.zenoh_bus import open_bus
-    from rsenf.cli.console import aligned, note, print_json
-    from rsenf.cli.on_bus import bus_of
+    from rsenf.cli.console import aligned, bus_of, note, print_json
     from rsenf.run.roster import Roster
 
     settings, graph = bus_of(args)

@@ -121,16 +121,31 @@ def settings_of(args: argparse.Namespace, settings: type[T], **others: Any) -> T
     UsageError
         When the settings can't be meant so.
     """
-    given: dict[str, Any] = dict(others)
+    given = others | given_by(args, settings)
+    if not _is_model(settings):  # Pydantic's build their parts themselves
+        for name, part in given.items():
+            if isinstance(part, dict):
+                given[name] = dataclasses.replace(getattr(settings(), name), **part)
+    try:
+        return settings(**given)
+    except RsenfError:
+        raise
+    except ValueError as exc:  # of Pydantic
+        told = exc.errors()[0]  # type: ignore[attr-defined]
+        name = "-".join(map(str, told["loc"])).replace("_", "-")
+        raise UsageError(f"{name}: {told['msg'].removeprefix('Value error, ')}") from exc
+
+
+def given_by(args: argparse.Namespace, settings: type) -> dict[str, Any]:
+    """Return what the arguments say of settings, by field."""
+    given: dict[str, Any] = {}
     for option in options_of(settings):
         if (value := getattr(args, option.dest, None)) is not None:
-            value = tuple(value) if isinstance(value, list) else value
-            *within, name = option.name.split(".")
-            part = given
+            part, (*within, name) = given, option.name.split(".")
             for step in within:
                 part = part.setdefault(step, {})
-            part[name] = value
-    return _built(settings, given)
+            part[name] = tuple(value) if isinstance(value, list) else value
+    return given
 
 
 def options_of(settings: Any, within: str = "") -> Iterator[Option]:
@@ -170,6 +185,18 @@ def _without_none(hint: Any) -> Any:
     if typing.get_origin(hint) in (typing.Union, types.UnionType):
         (hint,) = (part for part in typing.get_args(hint) if part is not type(None))
     return hint
+
+
+def add_names(
+    parser: argparse.ArgumentParser, option: str, where: str, text: str, default: str | None = None
+) -> None:
+    """Add an option that is a name in a registry, listed in the help."""
+    names = names_in(where)
+    shown = f" ({default})" if default else ""
+    parser.add_argument(
+        option, metavar="NAME", choices=names, default=default,
+        help=f"{text}: {', '.join(names)}{shown}",
+    )  # fmt: skip
 
 
 def names_in(where: str) -> tuple[str, ...]:
@@ -229,21 +256,6 @@ def field_docs(settings: type) -> dict[str, str]:
             sentence = sentence[0].lower() + sentence[1:]
         docs |= dict.fromkeys(names.split(", "), sentence)
     return docs
-
-
-def _built(settings: type[T], given: dict[str, Any]) -> T:
-    if not _is_model(settings):  # Pydantic's build their parts themselves
-        for name, part in given.items():
-            if isinstance(part, dict):
-                given[name] = dataclasses.replace(getattr(settings(), name), **part)
-    try:
-        return settings(**given)
-    except RsenfError:
-        raise
-    except ValueError as exc:  # of Pydantic
-        told = exc.errors()[0]  # type: ignore[attr-defined]
-        name = "-".join(map(str, told["loc"])).replace("_", "-")
-        raise UsageError(f"{name}: {told['msg'].removeprefix('Value error, ')}") from exc
 
 
 def number(text: str) -> float:

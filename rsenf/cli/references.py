@@ -23,6 +23,7 @@ PIECE = 1 << 20  # samples looked at together
 
 def open_references(args: argparse.Namespace) -> list[Opened]:
     """Open every ``--reference``; two of one name get numbers."""
+    from rsenf.cli.console import read_options
     from rsenf.reference import open_reference
 
     opened: list[Opened] = []
@@ -31,10 +32,7 @@ def open_references(args: argparse.Namespace) -> list[Opened]:
         reference = open_reference(
             spec,
             store=args.store,
-            timezone=args.timezone,
-            step_s=args.step_s,
-            column=args.column,
-            stamp=args.stamp,
+            **read_options(args),
         )
         name, number = reference.grid, 2
         while name in names:

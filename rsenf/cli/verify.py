@@ -45,22 +45,20 @@ def add_reference(to: Any, **more: Any) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Arguments that say how a recording is verified."""
+    from rsenf.cli import options
     from rsenf.cli.console import (
         add_begin_argument,
         add_reference_arguments,
         add_row_arguments,
         add_track_arguments,
     )
-    from rsenf.cli.options import positive
+    from rsenf.match.settings import MatchSettings
 
     parser.add_argument(
         "--start", metavar="TIME", help="claimed start, ISO 8601 (UTC unless it says)"
     )
-    parser.add_argument(
-        "--tolerance-s", type=positive, default=1.0, metavar="S",
-        help="how far a true start may be from the claimed one (1)",
-    )  # fmt: skip
-    parser.add_argument("--method", default="phase", metavar="NAME", help="matcher (phase)")
+    options.add_names(parser, "--method", "rsenf.match:METHODS", "matcher", "phase")
+    options.add_settings(parser, "match", MatchSettings)
     parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     add_reference_arguments(parser)
     add_begin_argument(parser, "frames", "rows", "track")
@@ -132,6 +130,7 @@ def verified(
     idle: bool = False,
 ) -> Analysis:
     """Compare a recording's ENF with references; its idle period is estimated on request."""
+    from rsenf.cli import options
     from rsenf.cli.console import row_settings, track_settings
     from rsenf.cli.references import grids_of, nominal_of
     from rsenf.idle import IdleSettings
@@ -141,7 +140,7 @@ def verified(
 
     _check_lengths(args, recording.duration_s or 0.0, references)
     grids, claimed_ns = grids_of(references), claimed_ns_of(args)
-    settings = MatchSettings(tolerance_s=args.tolerance_s)
+    settings = options.settings_of(args, MatchSettings)
 
     def make_match() -> Match:
         return Match(method=args.method, grids=grids, claimed_utc_ns=claimed_ns, settings=settings)

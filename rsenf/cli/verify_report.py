@@ -40,11 +40,12 @@ def finish_report(
 ) -> None:
     """Write the report on an analysis; ``verdict`` is what ``--json`` prints of it."""
     from rsenf.cli.console import note
+    from rsenf.cli.options import settings_of
     from rsenf.cli.references import found_in, grids_of, nominal_of
     from rsenf.match import MatchSettings
     from rsenf.report.recording_time import Case, write_report
 
-    epoch, settings = analysis.result.header.epoch, MatchSettings(tolerance_s=args.tolerance_s)
+    epoch, settings = analysis.result.header.epoch, settings_of(args, MatchSettings)
     case = Case(
         result=analysis.result,
         verdict=verdict,

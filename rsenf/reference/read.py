@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rsenf.errors import UsageError
 from rsenf.reference.axis import Axis, to_axis
-from rsenf.reference.options import ReadOptions
+from rsenf.reference.options import ReadOptions, Stamp
 from rsenf.reference.readings import Readings
 from rsenf.reference.reference import Reference, gap_lengths
 from rsenf.timebase import NS_PER_S
@@ -20,7 +20,7 @@ def read_reference(
     step_s: float | None = None,
     column: str | None = None,
     nominal_hz: float | None = None,
-    stamp: str = "start",
+    stamp: Stamp = "start",
     grid: str = "",
     start_utc_ns: int = 0,
 ) -> Reference:

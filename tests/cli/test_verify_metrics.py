@@ -43,7 +43,7 @@ def test_what_does_not_go_together_is_refused(rsenf: Rsenf, hidden: HiddenClip) 
     for words, says in (
         ((*verify, "--method", "metric3", "--enf-method", "stft"), "compares the hypotheses of"),
         ((*verify, "--method", "metric4", "--line", "0"), "follows all harmonics and lines"),
-        ((*verify, "--method", "metric4", "--interpolation", "cubic"), "no interpolation 'cubic'"),
+        ((*verify, "--method", "metric4", "--interpolation", "cubic"), "--interpolation: no 'cubic'"),
         (("track", hidden.clip, "--interpolation", "linear"), "projection interpolates nothing"),
     ):
         done = rsenf(*words)
