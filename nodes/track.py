@@ -37,7 +37,7 @@ class TrackNode(StageNode):
         from rsenf.track import METHODS
 
         method = METHODS.get(self.track.method)
-        return getattr(method, "rows_needed", {})
+        return method.rows_needed if method else {}
 
     def problems(self, graph: Graph) -> Iterator[Problem]:
         """Yield methods that there are not."""

@@ -373,16 +373,20 @@ def _tracker(args: argparse.Namespace, folder: Path) -> Made:
 def _discover(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.discover.beside import SKEW, clock_cases, tried
     from rsenf.bench.discover.picture import draw
-    from rsenf.bench.discover.plan import Plan
+    from rsenf.bench.discover.plan import Plan, left_out, listed
     from rsenf.bench.discover.table import tabulated, text
+    from rsenf.cli.console import note
     from rsenf.cli.options import settings_of
     from rsenf.errors import UsageError
 
-    can, hidden = (*Plan().effects, SKEW), args.hide
+    can, hidden = (*listed(), SKEW), args.hide
     if unknown := set(hidden or ()) - set(can):
         raise UsageError(f"--hide {min(unknown)}: can't be hidden", f"one of {', '.join(can)}")
     if hidden:
         args.hide = [name for name in hidden if name != SKEW]
+    elif not args.quick:
+        for name, why in left_out().items():
+            note(f"not hidden among the others: {name}: {why}")
     usual: dict[str, Any] = {"duration_s": 30.0} if args.video else {}
     each = 20 if args.clips is None else args.clips
     many = 0 if hidden or args.video else each

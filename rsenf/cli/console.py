@@ -16,12 +16,6 @@ if TYPE_CHECKING:
     from rsenf.rows.settings import RowsSettings
     from rsenf.track import TrackSettings
 
-# The ENF methods that have no use for a choice among harmonics and lines.
-ALL_LINES = ("projection", "paper")
-# Fills the idle period with rows.
-INTERPOLATING = "paper"
-# Takes means of regions, finer than rows and strips.
-REGIONS = "superpixel"
 # A turned camera is told from the data.
 EITHER_WAY: dict[str, Any] = {"read_out_axis": "auto"}
 # How a reference is read, but not where the grid is told by the recording.
@@ -117,9 +111,10 @@ def row_settings(args: argparse.Namespace) -> RowsSettings:
     """Return the rows settings that the arguments ask for."""
     from rsenf.cli.options import settings_of
     from rsenf.rows.settings import RowsSettings
+    from rsenf.track import METHODS, TrackSettings
 
-    regions = {"tile_means": True} if getattr(args, "enf_method", None) == REGIONS else {}
-    return settings_of(args, RowsSettings, **EITHER_WAY, **regions)
+    method = METHODS.find(getattr(args, "enf_method", None) or TrackSettings.method)
+    return settings_of(args, RowsSettings, **{**EITHER_WAY, **method.rows_needed})
 
 
 def add_track_arguments(parser: argparse.ArgumentParser, *method: str) -> None:
@@ -144,17 +139,9 @@ def track_settings(args: argparse.Namespace, nominal_hz: float | None) -> TrackS
             f"{args.method} compares the hypotheses of the ENF method {needed}, not {method}",
             "leave --enf-method out",
         )
-    if method in ALL_LINES and (args.harmonic or args.line_m is not None):
-        raise UsageError(
-            f"{method} follows all harmonics and lines together",
-            "leave --harmonic and --line out, or name another method, such as stft",
-        )
-    if args.interpolation and method != INTERPOLATING:
-        raise UsageError(
-            f"{method} interpolates nothing",
-            f"leave --interpolation out, or take the method {INTERPOLATING}",
-        )
-    return settings_of(args, TrackSettings, method=method, nominal_hz=nominal_hz)
+    settings = settings_of(args, TrackSettings, method=method, nominal_hz=nominal_hz)
+    METHODS.find(method).check(settings)
+    return settings
 
 
 def _needed_by_matcher(args: argparse.Namespace) -> str:

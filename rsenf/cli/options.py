@@ -174,6 +174,8 @@ def _fields(settings: Any) -> Iterator[tuple[str, Any, str]]:
     docs = field_docs(settings)
     for field in dataclasses.fields(settings):
         default = None if field.default is dataclasses.MISSING else field.default
+        if field.default_factory is not dataclasses.MISSING:
+            default = field.default_factory()
         yield field.name, default, docs.get(field.name, "")
 
 

@@ -176,7 +176,13 @@ class NodeKind(Strict):
         return []
 
     def body(self, node: Any) -> None:
-        """Given its :class:`rsenf.run.node.NodeProcess`: open the streams, call ``node.ready()``, loop until done or until told to stop."""
+        """Open the streams, call ``node.ready()``, loop until done or until told to stop.
+
+        Parameters
+        ----------
+        node : rsenf.run.node.NodeProcess
+            Its process.
+        """
         raise NotImplementedError(f"a {self.kind} node has no process of rsenf's")
 
 

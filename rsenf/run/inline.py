@@ -137,18 +137,19 @@ def analyse(
         if message.header.is_end:
             return
         tap(topic, message)
-        if isinstance(message, RowBlock):
-            out.row_reasons[message.reason] += 1
-        if isinstance(message, EnfEstimate) and message.rank == 0:
-            out.estimates.append(message)
-        if isinstance(message, IdleEstimate):
-            out.idle_by_epoch[message.header.epoch] = message
-        if isinstance(message, MatchResult):
-            out.results.append(message)
-        if isinstance(message, Liveness):
-            out.verdicts.append(message)
-        if isinstance(message, Alarm):
-            out.alarms.append(message)
+        match topic:
+            case "rows":
+                out.row_reasons[message.reason] += 1
+            case "track" if message.rank == 0:
+                out.estimates.append(message)
+            case "idle":
+                out.idle_by_epoch[message.header.epoch] = message
+            case "match":
+                out.results.append(message)
+            case "live":
+                out.verdicts.append(message)
+            case "alarm":
+                out.alarms.append(message)
 
     pipeline = Pipeline(stages, (begin, REFERENCE), listen)
 

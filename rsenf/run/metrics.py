@@ -103,7 +103,7 @@ class GraphMetrics:
         since = GaugeMetricFamily(
             "rsenf_verdict_since_seconds", "host's clock, since 1970", labels=["camera"]
         )
-        for source, live in self._run.live.copy().items():
+        for source, live in self._run.latest["live"].copy().items():
             for name in VERDICTS:
                 verdict.add_metric([source, name], float(live.verdict == name))
             since.add_metric([source], live.since_ns / 1e9)

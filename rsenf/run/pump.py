@@ -15,7 +15,7 @@ from rsenf.bus.bus import Publisher
 from rsenf.bus.delivery import ROWS
 from rsenf.bus.inbox import Received
 from rsenf.bus.keys import TOPICS, camera_key, source_of, topic_key
-from rsenf.errors import SchemaMismatch
+from rsenf.errors import NodeFailed, SchemaMismatch
 from rsenf.messages import Header
 from rsenf.run.node import NodeProcess
 from rsenf.run.runner import Branches, Runner
@@ -105,7 +105,10 @@ class Lane:
         """Send what the stage has completed, and show the newest."""
         for message in messages:
             is_end = message.header.is_end
-            publisher = self.publishers[type(message)]
+            publisher = self.publishers.get(type(message))
+            if publisher is None:
+                what = f"{type(self.node.config).__name__} sends {type(message).__name__}"
+                raise NodeFailed(f"{what} undeclared", "name its topic in StageSpec.sends")
             publisher.send(message, more=self.ahead and not is_end)
             if isinstance(message, self.shown) and not is_end:
                 self.node.show_newest(source_of(publisher.key).split("/")[1], message.in_short)

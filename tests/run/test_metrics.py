@@ -28,7 +28,7 @@ def run() -> GraphRun:
         header=Header(), messages_in=70, dropped=3, missed=2, rejected=1, queue_depth=4,
         latency_p50_s=0.25, latency_p95_s=1.5, detail="rtsp://user:hunter2@host/x",
     )  # fmt: skip
-    made.live["lab/cam"] = Liveness(header=Header(), verdict="stale", since_ns=5 * 10**9)
+    made.latest["live"]["lab/cam"] = Liveness(header=Header(), verdict="stale", since_ns=5 * 10**9)
     return made
 
 

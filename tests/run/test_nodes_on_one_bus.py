@@ -50,11 +50,11 @@ def pumping(node: NodeProcess, lanes: list[Lane]) -> Iterator[threading.Thread]:
 def lane(
     node: NodeProcess, *inputs: str, sender: str = "rows", camera: str = "cam", topic: str = "track"
 ) -> Lane:
-    cls = TOPICS[topic]
+    publisher = node.publisher(camera, topic)
     return Lane(
         node=node,
         runner=Runner(topic, Counting, inputs=len(inputs) or 1),
-        publishers={cls: node.publisher(camera, topic)},
+        publishers=dict.fromkeys((TOPICS[topic], EnfEstimate), publisher),
         inputs={node.subscribe(key): sender for key in inputs or (ROWS,)},
     )
 
