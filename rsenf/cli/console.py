@@ -6,11 +6,14 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rsenf.api.discover import DiscoverResult
+    from rsenf.api.references import Opened
+    from rsenf.api.shared import Result
     from rsenf.bus.zenoh_bus import BusSettings
     from rsenf.config import Graph
     from rsenf.rows.settings import RowsSettings
@@ -69,6 +72,15 @@ def say(text: str) -> None:
     print(f"rsenf: {text}", file=sys.stderr, flush=True)
 
 
+def say_loss(path: str, found: Result | DiscoverResult) -> int:
+    """Say what of a recording could not be read; return the exit code."""
+    from rsenf.errors import EXIT_DONE, EXIT_LOSS
+
+    if found.loss:
+        say(f"{path}: {found.loss}")
+    return EXIT_LOSS if found.loss else EXIT_DONE
+
+
 def note(text: str) -> None:
     """Tell a person what else to know, on stderr."""
     print(f"note: {text}", file=sys.stderr)
@@ -111,46 +123,27 @@ def row_settings(args: argparse.Namespace) -> RowsSettings:
     """Return the rows settings that the arguments ask for."""
     from rsenf.cli.options import settings_of
     from rsenf.rows.settings import RowsSettings
-    from rsenf.track import METHODS, TrackSettings
 
-    method = METHODS.find(getattr(args, "enf_method", None) or TrackSettings.method)
-    return settings_of(args, RowsSettings, **{**EITHER_WAY, **method.rows_needed})
+    return settings_of(args, RowsSettings, **EITHER_WAY)
 
 
-def add_track_arguments(parser: argparse.ArgumentParser, *method: str) -> None:
-    """Arguments of every verb that tracks ENF; ``method`` spells the one that names how."""
+def add_track_arguments(
+    parser: argparse.ArgumentParser, also: Mapping[str, str] | None = None
+) -> None:
+    """Arguments of every verb that tracks ENF; ``also`` spells fields in one more way."""
     from rsenf.cli.options import add_settings
     from rsenf.track import TrackSettings
 
-    also = {"method": "method"} if "--method" in method else None
     add_settings(parser, "ENF", TrackSettings, also=also)
 
 
-def track_settings(args: argparse.Namespace, nominal_hz: float | None) -> TrackSettings:
+def track_settings(args: argparse.Namespace, matcher: str = "") -> TrackSettings:
     """Return the track settings that the arguments ask for."""
-    from rsenf.cli.options import settings_of
-    from rsenf.errors import UsageError
+    from rsenf.api.shared import track_settings
+    from rsenf.cli.options import given_by
     from rsenf.track import TrackSettings
 
-    needed = _needed_by_matcher(args)
-    method = args.enf_method or needed or TrackSettings.method
-    if needed and method != needed:
-        raise UsageError(
-            f"{args.method} compares the hypotheses of the ENF method {needed}, not {method}",
-            "leave --enf-method out",
-        )
-    settings = settings_of(args, TrackSettings, method=method, nominal_hz=nominal_hz)
-    METHODS.find(method).check(settings)
-    return settings
-
-
-def _needed_by_matcher(args: argparse.Namespace) -> str:
-    """ENF method that the matcher named needs; empty when none is named, or any will do."""
-    if not hasattr(args, "method"):
-        return ""
-    from rsenf.match.stage import tracker_for
-
-    return tracker_for(args.method)
+    return track_settings(given_by(args, TrackSettings), matcher=matcher)
 
 
 def add_reference_arguments(parser: argparse.ArgumentParser) -> None:
@@ -159,6 +152,13 @@ def add_reference_arguments(parser: argparse.ArgumentParser) -> None:
     from rsenf.reference.options import ReadOptions
 
     add_settings(parser, "reference", ReadOptions, leave_out=OF_IMPORT)
+
+
+def references_of(args: argparse.Namespace) -> list[Opened]:
+    """Open what ``--reference`` names."""
+    from rsenf.api.references import open_references
+
+    return open_references(args.reference, store=args.store, **read_options(args))
 
 
 def read_options(args: argparse.Namespace) -> dict[str, Any]:

@@ -36,6 +36,7 @@ SPELT = {
     "nominals_hz": ("nominal-hz",),
     "RecordingPlan.size": ("size", "sizes"),
     "Plan.each": ("clips",),
+    "Codec.name": ("codec",),
     "Plan.effects": ("hide",),
     "TrackSettings.method": ("enf-method",),
     "TrackSettings.line_m": ("line-m", "line"),
@@ -151,32 +152,35 @@ def given_by(args: argparse.Namespace, settings: type) -> dict[str, Any]:
 def options_of(settings: Any, within: str = "") -> Iterator[Option]:
     """Yield the fields of settings, and of settings in them, as options."""
     hints = typing.get_type_hints(settings)
-    for field, default, text in _fields(settings):
+    for field, default, text, choices in _fields(settings):
         kind, name = _without_none(hints[field]), f"{within}{field}"
         if isinstance(kind, type) and (dataclasses.is_dataclass(kind) or _is_model(kind)):
             yield from options_of(kind, f"{name}.")
             continue
         known = f"{settings.__name__}.{field}"
         spelt = SPELT.get(known) or SPELT.get(field, (re.sub(r"[._]", "-", name),))
-        choices = names_in(NAMES[known]) if known in NAMES else ()
+        if known in NAMES:
+            choices = names_in(NAMES[known])
         if typing.get_origin(kind) is Literal:
             choices = typing.get_args(kind)
             kind = type(choices[0])
         yield Option(name, spelt[0].replace("-", "_"), spelt, kind, default, text, choices)
 
 
-def _fields(settings: Any) -> Iterator[tuple[str, Any, str]]:
-    """Yield names, defaults and help of the fields of a dataclass, or of a Pydantic model."""
+def _fields(settings: Any) -> Iterator[tuple[str, Any, str, tuple[str, ...]]]:
+    """Yield names, defaults, help and choices of fields."""
     if _is_model(settings):
         for name, field in settings.model_fields.items():
-            yield name, None if field.is_required() else field.default, field.description or ""
+            default = None if field.is_required() else field.default
+            yield name, default, field.description or "", ()
         return
     docs = field_docs(settings)
     for field in dataclasses.fields(settings):
         default = None if field.default is dataclasses.MISSING else field.default
         if field.default_factory is not dataclasses.MISSING:
             default = field.default_factory()
-        yield field.name, default, docs.get(field.name, "")
+        text = field.metadata.get("doc") or docs.get(field.name, "")
+        yield field.name, default, text, field.metadata.get("choices", ())
 
 
 def _is_model(kind: Any) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,7 +23,7 @@ _LIMITS = ("from", "to")
 def open_reference(
     spec: str | Path,
     *,
-    store: str | Path | None = None,
+    store: str | os.PathLike[str] | None = None,
     timezone: str | None = None,
     step_s: float | None = None,
     column: str | None = None,
@@ -71,7 +72,7 @@ def open_reference(
 
 
 def _from_store(
-    spec: str, store: str | Path | None, grid: str, nominal_hz: float | None
+    spec: str, store: str | os.PathLike[str] | None, grid: str, nominal_hz: float | None
 ) -> StoredReference:
     from rsenf.reference.store import default_store, open_grid
 
