@@ -20,25 +20,18 @@ import math
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from rsenf.batch.columns import Row
-    from rsenf.batch.journal import Journal
-    from rsenf.batch.pool import Done
-    from rsenf.batch.recordings import Found, Recording
-    from rsenf.cli.batch_work import Job, Settings
+    from rsenf.batch.recordings import Found
+    from rsenf.batch.settings import Settings
 
 ANALYSES = ("verify", "idle", "track", "discover")
-TABLE, PAGE = "batch.parquet", "batch.html"
-_TRIES = 2  # processes that a recording may cost
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import count, positive
+    from rsenf.cli.options import count, positive
     from rsenf.cli.verify import add_reference
 
     verbs = parser.add_subparsers(dest="analysis", metavar="VERB", required=True)
@@ -64,29 +57,55 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Work through recordings.
+    """Work through recordings."""
+    from functools import partial
 
-    Raises
-    ------
-    UsageError
-        When there is nothing to do, or it can't be meant so.
-    """
-    from rsenf.batch.journal import Journal
-    from rsenf.batch.recordings import JOURNAL
-    from rsenf.cli.batch_settings import settings_of
-    from rsenf.cli.batch_summary import exit_code, print_summary, summary_of
+    from rsenf.batch.run import run_batch
+    from rsenf.batch.settings import checked
+    from rsenf.batch.summary import exit_code, summary_of, summary_words, troubles
+    from rsenf.cli.console import note, print_json, progress_bar, say
     from rsenf.cores import cores
 
     found = _find(args)
     jobs = min(args.jobs or cores(), len(found.recordings))
-    settings = settings_of(args, threads=1 if args.scheduler else max(1, cores() // jobs))
-    with Journal(args.out / JOURNAL) as journal:
-        _work(args, found.recordings, settings, journal, jobs)
-        rows = journal.of(recording.key for recording in found.recordings)
-        _write(args.out, settings, rows)
-    summary = summary_of(args, found, rows)
-    print_summary(args, summary)
+    settings = checked(_settings(args, threads=1 if args.scheduler else max(1, cores() // jobs)))
+    rows = run_batch(
+        settings, found.recordings, jobs=jobs, scheduler=args.scheduler or "",
+        timeout_s=args.timeout_s or math.inf, retry=args.retry, say=say,
+        bar=partial(progress_bar, args.analysis, unit="recordings"),
+    )  # fmt: skip
+    summary = summary_of(args.analysis, args.out, found, rows)
+    if args.json:
+        print_json(summary)
+    else:
+        print(summary_words(summary))
+    if found.passed_over:
+        kinds = ", ".join(f"{number} {kind}" for kind, number in summary["passed_over"].items())
+        note(f"not named like recordings, passed over: {kinds}")
+    if found.again:
+        note(f"found under another name too, done once: {found.again}")
+    for line in troubles(summary):
+        say(line)
     return exit_code(rows, found)
+
+
+def _settings(args: argparse.Namespace, threads: int) -> Settings:
+    """Return how recordings are to be treated."""
+    from rsenf.batch.settings import Settings
+
+    module = importlib.import_module(f"rsenf.cli.{args.analysis}")
+    reading = ("step_s", "timezone", "store", "column", "stamp")
+    return Settings(
+        analysis=args.analysis,
+        options=module.options_of(args),
+        references=tuple(getattr(args, "reference", None) or ()),
+        reading={name: getattr(args, name, None) for name in reading},
+        effects=tuple(getattr(args, "effects", ())),
+        begin=getattr(args, "begin", "rows"),
+        camera=args.camera,
+        out=str(args.out),
+        threads=threads,
+    )
 
 
 def _find(args: argparse.Namespace) -> Found:
@@ -124,79 +143,3 @@ def _read(name: str) -> bytes:
         return sys.stdin.buffer.read() if name == "-" else Path(name).read_bytes()
     except OSError as exc:
         raise UsageError(f"--list {name}: {exc.strerror}", "give a file of paths") from exc
-
-
-def _work(
-    args: argparse.Namespace,
-    recordings: Sequence[Recording],
-    settings: Settings,
-    journal: Journal,
-    jobs: int,
-) -> None:
-    """Do what the journal doesn't have, and add it."""
-    from rsenf.batch.plan import check_analysis, is_useless, left_to_do
-    from rsenf.cli.batch_summary import plan_words
-    from rsenf.cli.batch_work import Job
-    from rsenf.cli.console import progress_bar, say
-
-    check_analysis(args.analysis, journal.records.values(), args.out)
-    left, reasons = left_to_do(recordings, journal.records, settings.fingerprint, retry=args.retry)
-    doing = {recording.key for recording in left}
-    passed = journal.of(r.key for r in recordings if r.key not in doing)
-    useless = sum(is_useless(row) for row in passed)
-    say(plan_words(len(recordings), len(left), reasons, useless))
-    try:
-        with progress_bar(args.analysis, len(left), "recordings") as progress:
-            tasks = [Job(recording, settings) for recording in left]
-            for number, done in enumerate(_done(args, tasks, jobs), 1):
-                journal.add(_row(done))
-                progress(number)
-    except KeyboardInterrupt:
-        say(f"what is done is kept in {journal.path}; the same command goes on from there")
-        raise
-
-
-def _done(args: argparse.Namespace, tasks: list[Job], jobs: int) -> Iterator[Done[Job]]:
-    """Have recordings done, here or elsewhere."""
-    from rsenf.cli.batch_work import work_on
-
-    timeout_s = args.timeout_s or math.inf
-    if args.scheduler and tasks:
-        from rsenf.batch.cluster import worked_on_cluster
-        from rsenf.cli.console import say
-
-        return worked_on_cluster(tasks, work_on, args.scheduler, say, timeout_s)
-    from rsenf.batch.pool import worked
-
-    return worked(tasks, work_on, jobs, _TRIES, timeout_s)
-
-
-def _row(done: Done[Job]) -> Row:
-    """Return the journal's line on a recording, whatever became of it."""
-    from rsenf.batch.columns import FAILED, make_row
-    from rsenf.batch.pool import Trouble
-
-    tried = {"tries": done.tries}
-    if not isinstance(done.answer, Trouble):
-        return done.answer | tried
-    recording, settings = done.task.recording, done.task.settings
-    more: dict[str, Any] = tried | ({"trace": done.answer.trace} if done.answer.trace else {})
-    return make_row(
-        recording, settings.analysis, settings.fingerprint, FAILED, done.answer.text, **more
-    )
-
-
-def _write(out: Path, settings: Settings, rows: Sequence[Row]) -> None:
-    """Write the table, and the page."""
-    from rsenf.batch.table import table_rows, write_parquet
-    from rsenf.cli.batch_settings import told_settings
-    from rsenf.report.batch_page import batch_page
-    from rsenf.report.pages import setting
-    from rsenf.whole_file import whole_file
-
-    told = {name: setting(value) for name, value in told_settings(settings).items()}
-    table = table_rows(settings.analysis, rows)
-    write_parquet(out / TABLE, settings.analysis, table, told)
-    page = batch_page(settings.analysis, table, told)
-    with whole_file(out / PAGE) as part:
-        part.write_text(page, encoding="utf-8")

@@ -18,7 +18,7 @@ POLL_S = 0.1
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.on_bus import add_bus_arguments
+    from rsenf.cli.console import add_bus_arguments
 
     add_bus_arguments(parser, "graph")
     parser.add_argument("--host", default="127.0.0.1", metavar="ADDRESS",
@@ -35,8 +35,7 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.bus.inbox import Inbox
     from rsenf.bus.keys import ROOT, health_key
     from rsenf.bus.zenoh_bus import open_bus
-    from rsenf.cli.console import note, say
-    from rsenf.cli.on_bus import bus_of
+    from rsenf.cli.console import bus_of, note, say
     from rsenf.config.node_kind import NODE_KINDS
     from rsenf.dashboard.server import DashboardServer, open_to_all
     from rsenf.dashboard.site import Site

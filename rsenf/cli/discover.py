@@ -12,29 +12,9 @@ and one mean for each frame is enough.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from rsenf.cli.discover_reference import Result
-    from rsenf.discrepancy.measured import Measured
-    from rsenf.match.series import Grid
-    from rsenf.messages import RowBlock
-    from rsenf.messages.schema import Float32Array
-    from rsenf.model import CaptureModel
-    from rsenf.run.inputs import Input
-
-    Told = AbstractContextManager[Callable[[Any], None]]
-
-SILENT: Told = nullcontext(lambda told: None)
-MODEL, RESULT, RESIDUALS = "model.yaml", "discovery.json", "residuals.npz"
-PAGE = "report.html"
+from typing import Any
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,8 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Arguments that say how a recording is looked at."""
-    from rsenf.cli import discover_reference
-    from rsenf.cli.console import add_row_arguments
+    from rsenf.cli.console import add_reference_arguments, add_row_arguments
 
     parser.add_argument(
         "--model", type=Path, metavar="FILE", help="to begin with (a lamp without harmonics)"
@@ -61,183 +40,61 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.py",
         help="adds your own effects to the catalogue; configs/model/my_effect.py is a template",
     )
-    discover_reference.add_arguments(parser)
+    parser.add_argument(
+        "--reference", nargs=1, metavar="REF",
+        help="the grid's frequency meanwhile: CSV, Parquet, WAV of the mains, or store:GRID",
+    )  # fmt: skip
+    parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
+    add_reference_arguments(parser)
     add_row_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the workflow on a recording.
+    """Run the workflow on a recording."""
+    from contextlib import ExitStack
 
-    Raises
-    ------
-    InputError
-        When there are no rows, too few seconds, or no flicker to fit a model to.
-    UsageError
-        For a folder that holds anything else, a model or effects that can't be meant so.
-    """
-    from rsenf.cli.console import note, print_json, progress_bar, say, stages
-    from rsenf.errors import EXIT_DONE, EXIT_LOSS
-    from rsenf.report.discovery import discovery_words
+    from rsenf.api.discover import check_out, discover
+    from rsenf.cli.console import (
+        note,
+        print_json,
+        progress_bar,
+        references_of,
+        say_loss,
+        stages,
+    )
+    from rsenf.model import load_effects
     from rsenf.run.inputs import open_input_file
 
-    _check_out(args.out)
-    model, grid = begun_with(args)
-    recording = open_input_file(args.input, camera=args.camera)
-    reading = progress_bar("reading", recording.duration_s)
-    result, loss = discovered(args, recording, model, grid, reading, stages())
-    if args.json:
-        print_json(result.told)
-    else:
-        print(discovery_words(result.told))
-    if result.note:
-        note(result.note)
-    if loss:
-        say(f"{args.input}: {loss}")
-    return EXIT_LOSS if loss else EXIT_DONE
-
-
-def begun_with(args: argparse.Namespace) -> tuple[CaptureModel, Grid | None]:
-    """Return the model to begin with, once its effects are there, and the reference, if any."""
-    from rsenf.cli.discover_reference import reference_of
-    from rsenf.model import load_effects
-
+    check_out(args.out)  # before anything is opened
     for path in args.effects:
         load_effects(path)
-    return _model(args), reference_of(args)
+    references = references_of(args) if args.reference else None
+    recording = open_input_file(args.input, camera=args.camera)
+    with ExitStack() as shown:
+        seconds = shown.enter_context(progress_bar("reading", recording.duration_s))
+        stage: list[Callable[[str], None]] = []
+
+        def doing(words: str) -> None:
+            if not stage:
+                shown.close()  # all is read
+                stage.append(shown.enter_context(stages()))
+            stage[0](words)
+
+        found = discover(
+            recording, references, **options_of(args), out=args.out, camera=args.camera,
+            progress=seconds, doing=doing,
+        )  # fmt: skip
+    if args.json:
+        print_json(found.to_dict())
+    else:
+        print(found)
+    if found.note:
+        note(found.note)
+    return say_loss(args.input, found)
 
 
-def discovered(
-    args: argparse.Namespace,
-    recording: Input,
-    model: CaptureModel,
-    grid: Grid | None,
-    reading: Told = SILENT,
-    doing: Told = SILENT,
-) -> tuple[Result, str]:
-    """Fill the folder ``--out``; return what was found, and what could not be read.
+def options_of(args: argparse.Namespace) -> dict[str, Any]:
+    """Return how a recording is to be looked at, as the function takes it."""
+    from rsenf.cli.console import row_settings
 
-    Parameters
-    ----------
-    args : Namespace
-    recording : Input
-        What ``args.input`` names, opened.
-    model : CaptureModel
-        To begin with.
-    grid : Grid or None
-    reading, doing : context managers of callables, optional
-        Told how many seconds are read, and in words what is being done.
-    """
-    from rsenf.cli.begun import begun
-    from rsenf.cli.discover_input import identity_of, recoded_by, rows_of
-    from rsenf.cli.discover_reference import by_frame_means
-    from rsenf.discrepancy.beside import holds_frame_means
-
-    with begun(args.out, identity_of(args)) as kept:
-        with reading as seconds:
-            blocks, loss = rows_of(args, recording, kept, seconds)
-        with _named(args.input), doing as progress:
-            if kept.found:
-                progress(f"going on from what {kept.folder} has of a run that was stopped")
-            if grid and holds_frame_means(blocks):
-                result = by_frame_means(args, model, blocks, grid, progress)
-            else:
-                again = recoded_by(args, kept) if recording.begins_with == "frames" else None
-                result = _by_rows(args, model, blocks, again, grid, progress)
-            progress("writing the report")
-            _keep(args, result)
-    return result, loss
-
-
-@contextmanager
-def _named(path: str) -> Iterator[None]:
-    """Say of which recording it is that something is wrong."""
-    from rsenf.errors import InputError
-
-    try:
-        yield
-    except InputError as error:
-        raise type(error)(f"{path}: {error.message}", error.hint) from error
-
-
-def _by_rows(
-    args: argparse.Namespace,
-    model: CaptureModel,
-    blocks: list[RowBlock],
-    codec: Callable[[Measured], Callable[[Float32Array], Float32Array]] | None,
-    grid: Grid | None,
-    progress: Callable[[str], None],
-) -> Result:
-    """Discover by rows, and beside a reference where there is one."""
-    import numpy as np
-
-    from rsenf.cli.discover_reference import Result, residuals_of
-    from rsenf.discrepancy.beside import (
-        beside_json,
-        beside_model,
-        beside_of,
-        clip_of,
-        discover_beside,
-        joined,
-    )
-    from rsenf.discrepancy.measured import measured_of
-    from rsenf.discrepancy.result import discovery_json, model_of
-    from rsenf.discrepancy.verdict import discover
-    from rsenf.report.discovery_page import discovery_page
-    from rsenf.run.recoded import is_lossy
-
-    data, name = measured_of(blocks, args.nominal_hz), Path(args.input).name
-    # A reference of another time is refused before anything long is done.
-    laid = beside_of(clip_of(data), grid) if grid else None
-    # What is too little to tie rows together may still be more than any effect.
-    again = codec(data) if codec and is_lossy(Path(args.input)) else None
-    found = discover(model, data, progress, recoded=again)
-    told, extended = discovery_json(found, str(args.out / MODEL)), model_of(found, name)
-    residuals: dict[str, NDArray[Any]] = {
-        "frame_time_s": data.time_s,
-        "before": found.first.residual.astype(np.float16),
-        "after": found.last.residual.astype(np.float16),
-    }
-    beside = discover_beside(extended, laid, progress) if laid else None
-    extended = beside_model(beside, name) if beside else extended
-    page = discovery_page(found, told, name, extended, beside)
-    if beside:
-        told, residuals = joined(told, beside_json(beside, "")), residuals | residuals_of(beside)
-    tied = "a codec has tied rows together, and counts as a discrepancy (give the video it coded)"
-    return Result(told, extended, page, residuals, tied if data.coded and not again else "")
-
-
-def _check_out(folder: Path) -> None:
-    """Refuse to replace what isn't an earlier result."""
-    from rsenf.errors import UsageError
-
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"--out {folder}: not a folder", "name a new one")
-    there = folder.iterdir() if folder.exists() else iter(())
-    others = {path.name for path in there} - {MODEL, RESULT, RESIDUALS, PAGE}
-    if others:
-        problem = f"--out {folder}: holds what is no earlier result: {min(others)}"
-        raise UsageError(problem, "name a new or an empty folder")
-
-
-def _model(args: argparse.Namespace) -> CaptureModel:
-    from rsenf.config.model_file import load_model
-    from rsenf.discrepancy.start import PLAIN
-
-    return load_model(args.model) if args.model else PLAIN
-
-
-def _keep(args: argparse.Namespace, result: Result) -> None:
-    """Write what was found, all of it or nothing."""
-    import json
-
-    import numpy as np
-    import yaml
-
-    from rsenf.whole_file import whole_folder
-
-    args.out.parent.mkdir(parents=True, exist_ok=True)
-    with whole_folder(args.out) as folder:
-        (folder / MODEL).write_text(yaml.safe_dump(result.model.to_dict(), sort_keys=False))
-        (folder / RESULT).write_text(json.dumps(result.told, indent=2, allow_nan=False) + "\n")
-        (folder / PAGE).write_text(result.page, encoding="utf-8")
-        np.savez_compressed(folder / RESIDUALS, allow_pickle=False, **result.residuals)
+    return {"model": args.model, "nominal_hz": args.nominal_hz, "rows": row_settings(args)}

@@ -25,8 +25,8 @@ HEAD = ("node", "kind", "state", "in/s", "arrival s", "exposure s", "queue", "dr
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import positive
-    from rsenf.cli.on_bus import add_bus_arguments
+    from rsenf.cli.console import add_bus_arguments
+    from rsenf.cli.options import positive
 
     add_bus_arguments(parser, "graph")
     parser.add_argument("--for-s", type=positive, default=1.5, metavar="S", help="look for (1.5)")
@@ -59,7 +59,7 @@ def _look(args: argparse.Namespace) -> Roster:
     import time
 
     from rsenf.bus.zenoh_bus import open_bus
-    from rsenf.cli.on_bus import bus_of
+    from rsenf.cli.console import bus_of
     from rsenf.run.roster import Roster
 
     settings, graph = bus_of(args)

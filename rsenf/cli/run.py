@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import named
+    from rsenf.cli.options import named
 
     parser.add_argument("graph", type=Path, metavar="GRAPH.yaml")
     parser.add_argument("--replay", action="append", default=[], type=named, metavar="NODE=FILE",

@@ -6,18 +6,38 @@ X.truth.json beside the clip says what is true of it: enough to judge any estima
 from __future__ import annotations
 
 import argparse
+import dataclasses
+import inspect
+import json
+import re
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsenf.model import GridPath
+    from rsenf.model import CaptureModel, Codec, Effect
+
+# Parts of the model, all of whose numbers are options, and those that are told otherwise.
+PARTS = {
+    "light": "the lamp", "scene": "the scene", "shutter": "the shutter", "sensor": "the sensor",
+    "codec": "the encoder",
+}  # fmt: skip
+OTHERWISE = (
+    "profile", "shake.shake_px", "shake.time_constant_s", "frame_rate", "rows", "columns",
+    "bitrate_bps", "lossless",
+)  # fmt: skip
+WIDTH = 100  # of the catalogue
+# Commas part parameters, but not within a list such as at_frames=[10,20].
+_COMMA = re.compile(r",(?![^\[]*\])")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import count, positive
-    from rsenf.cli.effect_list import ListEffects
-    from rsenf.cli.simulated_model import bits, labels, size
+    from rsenf.cli import options
+    from rsenf.cli.options import count, positive
+    from rsenf.model import CATALOGUE, CaptureModel
+
+    model = CaptureModel()
 
     parser.add_argument(
         "--out", type=Path, required=True, metavar="X",
@@ -39,30 +59,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     grid.add_argument("--step-s", type=positive, metavar="S", help="of REF, where it has no times")
     camera = parser.add_argument_group("the capture, over the model file")
     camera.add_argument("--model", type=Path, metavar="FILE", help="YAML; see configs/model")
-    camera.add_argument(
-        "--lamp", metavar="KIND", help="led, halogen, sodium, cfl, ideal and others"
-    )
-    camera.add_argument("--size", type=size, metavar="1280x720")
-    camera.add_argument("--frame-rate", metavar="30000/1001")
-    camera.add_argument("--idle-ratio", type=float, metavar="RATIO", help="0 to 0.99")
+    camera.add_argument("--size", type=size, metavar="1280x720", help="columns and rows")
+    camera.add_argument("--frame-rate", dest="rate", metavar="30000/1001", help="frames a second")
     camera.add_argument("--clock-ppm", type=float, metavar="PPM", help="fast > 0")
     camera.add_argument(
         "--effect", action="append", default=[], metavar="NAME:PARAMETER=VALUE,...",
-        help="one of the catalogue, in place of the model file's own of that name; repeatable",
+        help="in place of the model file's own of that name; repeatable: " + ", ".join(CATALOGUE),
     )  # fmt: skip
     camera.add_argument(
         "--effects", action="append", default=[], type=Path, metavar="FILE.py",
         help="adds your own effects to the catalogue; configs/model/my_effect.py is a template",
     )  # fmt: skip
-    coding = parser.add_argument_group("the encoder, over the model file")
-    coding.add_argument("--codec", metavar="NAME", help="h264, h265, vp9 or mjpeg")
+    coding = parser.add_argument_group("the encoder")
     coding.add_argument("--bitrate", type=bits, metavar="150k", help="constant quality otherwise")
-    coding.add_argument("--preset", metavar="NAME", help="its effort, for example medium")
     coding.add_argument("--lossless", action="store_true", default=None)
     coding.add_argument(
         "--encodings", type=labels, metavar="lossless,150k,...",
         help="X.lossless.mp4, X.150k.mp4, ... of one and the same clip, filmed once",
     )  # fmt: skip
+    for part, heading in PARTS.items():
+        kind = type(getattr(model, part))
+        options.add_settings(parser, heading, kind, leave_out=OTHERWISE)
     parser.add_argument(
         "--list-effects", action=ListEffects, nargs=0, help="print the catalogue of effects and end"
     )  # fmt: skip
@@ -70,68 +87,161 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Make the clip and its truth.
-
-    Raises
-    ------
-    UsageError
-        For an option, model or reference that can't be meant so.
-    RecordingError
-        When a file can't be written.
-    """
-    from rsenf.cli.simulated_files import SimulatedClip
-    from rsenf.cli.simulated_model import codecs_of, model_of
-    from rsenf.errors import EXIT_DONE, UsageError
-    from rsenf.model import load_effects, synthetic_grid
+    """Make the clip and its truth."""
+    from rsenf.api.references import open_references
+    from rsenf.api.simulate import simulate
+    from rsenf.cli.console import note, print_json, progress_bar
+    from rsenf.errors import EXIT_DONE
+    from rsenf.model import load_effects
 
     for path in args.effects:
         load_effects(path)
-    model = model_of(args)
-    grid = _measured(args) if args.reference else synthetic_grid(
-        args.seed, args.duration_s + 1, nominal_hz=args.nominal_hz or 50.0, start_s=args.start_s
-    )  # fmt: skip
-    clip = SimulatedClip(args.out, model, grid, args.duration_s, args.seed)
-    rows = args.out.suffix in (".npz", ".mcap")
-    if rows and args.encodings:
-        raise UsageError(f"{args.out}: row means aren't encoded", "--encodings is for video")
-    if not rows:
-        truth = clip.write_videos(codecs_of(model, args.encodings))
-    elif args.out.suffix == ".npz":
-        truth = clip.write_arrays(args.strips)
-    else:
-        truth = clip.write_recording(args.strips, args.site, args.camera)
-    _report(args, clip.truth_path, truth)
+    model = _model_of(args)
+    references = open_references(
+        args.reference, timezone=args.timezone, step_s=args.step_s, nominal_hz=args.nominal_hz
+    ) if args.reference else None  # fmt: skip
+    for line in references[0].notes if references else ():
+        note(f"{args.reference}: {line}")
+    with progress_bar("filming", args.duration_s) as progress:
+        made = simulate(
+            args.out, duration_s=args.duration_s, seed=args.seed, model=model,
+            reference=references, start_s=args.start_s, nominal_hz=args.nominal_hz,
+            strips=args.strips, site=args.site, camera=args.camera,
+            encodings=_codecs_of(model, args.encodings) if args.encodings else None,
+            progress=progress,
+        )  # fmt: skip
+    if args.json:
+        print_json(made.to_dict())
+        return EXIT_DONE
+    print(made)
+    for line in made.truth["notes"]:
+        note(line)
     return EXIT_DONE
 
 
-def _measured(args: argparse.Namespace) -> GridPath:
-    from rsenf.cli.console import note
-    from rsenf.model import GridPath
-    from rsenf.reference import read_reference
+def _model_of(args: argparse.Namespace) -> CaptureModel:
+    """Return the model file's capture, or the default one, with the options over it."""
+    from rsenf.cli.options import given_by
+    from rsenf.config.model_file import load_model
+    from rsenf.model import CaptureModel
 
-    reference = read_reference(
-        args.reference, timezone=args.timezone, step_s=args.step_s, nominal_hz=args.nominal_hz
+    model = (load_model(args.model) if args.model else CaptureModel()).changed(
+        size=args.size, frame_rate=args.rate, clock_ppm=args.clock_ppm, bitrate_bps=args.bitrate,
+        lossless=args.lossless,
+    )  # fmt: skip
+    for name in PARTS:
+        part = getattr(model, name)
+        given = dataclasses.replace(part, **given_by(args, type(part)))
+        model = dataclasses.replace(model, **{name: given})
+    return _with_effects(model, args.effect)
+
+
+def _with_effects(model: CaptureModel, told: list[str]) -> CaptureModel:
+    """Add effects; the first of each name takes the place of the model file's."""
+    from rsenf.model import make_effect
+
+    first_of: set[str] = set()
+    for text in told:
+        name, _, given = text.partition(":")
+        values = dict(_value(pair, text) for pair in _COMMA.split(given) if pair)
+        effect = make_effect(name, values)
+        model = (model if name in first_of else model.without(name)).plus(effect)
+        first_of.add(name)
+    return model
+
+
+def _value(pair: str, text: str) -> tuple[str, object]:
+    """Read ``parameter=value``; values are written as in JSON, plain words without quotes."""
+    from rsenf.errors import UsageError
+
+    name, equals, value = pair.partition("=")
+    if not (name and equals and value):
+        raise UsageError(f"--effect {text}: {pair!r} is not PARAMETER=VALUE")
+    try:
+        return name, json.loads(value)
+    except json.JSONDecodeError:
+        return name, value
+
+
+def _codecs_of(model: CaptureModel, labels: list[str]) -> dict[str, Codec]:
+    """Encodings by the label in their files' names."""
+    plain = dataclasses.replace(model.codec, bitrate_bps=None, lossless=False)
+    return {
+        label: dataclasses.replace(plain, lossless=True)
+        if label == "lossless"
+        else dataclasses.replace(plain, bitrate_bps=bits(label))
+        for label in labels
+    }
+
+
+def size(text: str) -> tuple[int, int]:
+    """Argument type: columns x rows."""
+    columns, _, rows = text.lower().partition("x")
+    try:
+        return int(columns), int(rows)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a size like 1280x720") from None
+
+
+def bits(text: str) -> int:
+    """Argument type: a bit rate."""
+    number, factor = text, 1
+    if text[-1:].lower() in ("k", "m"):
+        number, factor = text[:-1], {"k": 1_000, "m": 1_000_000}[text[-1].lower()]
+    try:
+        return round(float(number) * factor)
+    except (ValueError, OverflowError):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a bit rate like 150k or 2M") from None
+
+
+def labels(text: str) -> list[str]:
+    """Argument type: encodings by name."""
+    found = [label.strip() for label in text.split(",")]
+    for label in found:
+        if label != "lossless":
+            bits(label)
+    return found
+
+
+class ListEffects(argparse.Action):
+    """An option that prints the catalogue and ends the program."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        """Print all effects, those of ``--effects`` files given before included."""
+        from rsenf.model import CATALOGUE, load_effects
+
+        for path in namespace.effects:
+            load_effects(path)
+        print("\n\n".join(describe(effect) for effect in CATALOGUE.values()))
+        parser.exit()
+
+
+def describe(effect: type[Effect]) -> str:
+    """Return what an effect says of itself, with its parameters and their plausible ranges."""
+    told = [effect.name, *_wrapped(inspect.getdoc(effect) or "")]
+    for f in dataclasses.fields(effect):
+        low, high = f.metadata["low"], f.metadata["high"]
+        number = isinstance(f.default, int | float) and not isinstance(f.default, bool)
+        choices = ", ".join(f.metadata["choices"])
+        within = f", {low:g} to {high:g}" if number else f" ({choices})" if choices else ""
+        told.append(f"    {f.name} = {f.default}: {f.metadata['doc']}{within}")
+    told += _wrapped(f"Known from: {effect.source}.")
+    told += _wrapped(
+        f"Looks like: {', '.join(effect.confused_with)}. Told by: {effect.told_apart_by}."
     )
-    for line in reference.notes:
-        note(f"{args.reference}: {line}")
-    return GridPath(reference.freq_hz, reference.step_s, args.start_s, reference.nominal_hz)
+    return "\n".join(told)
 
 
-def _report(args: argparse.Namespace, truth_path: Path, truth: dict[str, Any]) -> None:
-    from rsenf.cli.console import note, print_json
-
-    kept = ("frames", "duration_s", "frame_rate_hz", "nominal_hz", "idle_ratio", "read_out_time_s",
-            "clock_ppm", "reference_start_s", "seed", "notes")  # fmt: skip
-    result = {"out": str(args.out), "files": truth["files"], "truth": str(truth_path)}
-    result |= {key: truth[key] for key in kept}
-    if args.json:
-        print_json(result)
-        return
-    print(
-        f"{', '.join(f['name'] for f in truth['files'])}: {truth['frames']} frames, "
-        f"{truth['duration_s']:.3f} s at {truth['frame_rate']} fps, "
-        f"{truth['nominal_hz']:g} Hz grid, idle {truth['idle_ratio']:g}"
-    )
-    print(f"{truth_path}: what is true of it")
-    for line in truth["notes"]:
-        note(line)
+def _wrapped(text: str) -> list[str]:
+    paragraphs = text.replace("``", "").split("\n\n")
+    return [
+        line
+        for paragraph in paragraphs
+        for line in textwrap.wrap(paragraph, WIDTH, initial_indent="  ", subsequent_indent="  ")
+    ]

@@ -8,17 +8,8 @@ above 0 Hz only, whole hertz and one decimal. The figure sets a simulation besid
 from __future__ import annotations
 
 import argparse
-import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from rsenf.model.analytic_errata import Erratum
-    from rsenf.model.analytic_figure import Point
-    from rsenf.model.analytic_tables import Reading
-    from rsenf.model.published import Entry
-
-STEP_PERCENT, FINE_STEP_PERCENT = 5, 1  # of what is written, and of what is drawn
+from typing import Any
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,19 +26,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Make the tables.
-
-    Raises
-    ------
-    RecordingError
-        When a file can't be written.
-    """
-    from rsenf.cli.console import note, print_json
+    """Make the tables."""
+    from rsenf.cli.console import note, print_json, progress_bar
     from rsenf.errors import EXIT_DONE
+    from rsenf.report.tables import (
+        FINE_STEP_PERCENT,
+        STEP_PERCENT,
+        simulated_s,
+        tables_document,
+        thinned,
+    )
     from rsenf.report.tables_text import tables_text
 
-    drawn = _document(args, FINE_STEP_PERCENT if args.plots else STEP_PERCENT)
-    document = _thinned(drawn)
+    step_percent = FINE_STEP_PERCENT if args.plots else STEP_PERCENT
+    with progress_bar("simulating", simulated_s(step_percent)) as progress:
+        drawn = tables_document(
+            as_published=args.as_published, light=args.light, step_percent=step_percent,
+            progress=progress,
+        )  # fmt: skip
+    document = thinned(drawn)
     if args.json:
         print_json(document)
     else:
@@ -57,127 +54,6 @@ def run(args: argparse.Namespace) -> int:
     for path in _draw(args.plots, drawn) if args.plots else []:
         note(f"wrote {path}")
     return EXIT_DONE
-
-
-def _document(args: argparse.Namespace, step_percent: int) -> dict[str, Any]:
-    """Everything that is shown, as plain values."""
-    from rsenf.model.analytic import COSINE, RECTIFIED
-    from rsenf.model.analytic_errata import errata
-    from rsenf.model.analytic_simulation import ROWS
-    from rsenf.model.analytic_tables import AS_PUBLISHED, Reading, idle_table, printed_table
-    from rsenf.model.published import PUBLISHED_TABLES
-
-    percents = range(0, 96, step_percent)
-    if args.as_published:
-        tabulate, reading, figure_reading = printed_table, AS_PUBLISHED, AS_PUBLISHED
-    else:
-        tabulate, figure_reading = idle_table, Reading(harmonics=RECTIFIED, rows=ROWS)
-        reading = Reading(harmonics=COSINE if args.light == "cosine" else RECTIFIED)
-    return {
-        "as_published": args.as_published,
-        "light": args.light,
-        "tables": [
-            {
-                "frame_rate_hz": table.frame_rate_hz,
-                "nominal_hz": table.nominal_hz,
-                "rows": [
-                    _row(entry)
-                    for entry in tabulate(table.frame_rate_hz, table.nominal_hz, reading, percents)
-                ],
-                "printed": [_row(entry) for entry in table.entries],
-            }
-            for table in PUBLISHED_TABLES
-        ],
-        "figures": _figures(figure_reading, percents),
-        "errata": [_erratum(erratum) for erratum in errata()],
-    }
-
-
-def _figures(reading: Reading, percents: range) -> list[dict[str, Any]]:
-    """Simulate every case; a bar shows how far that is."""
-    from rsenf.cli.console import progress_bar
-    from rsenf.model.analytic_figure import CASES, strongest_against_idle
-    from rsenf.model.analytic_simulation import DURATION_S
-
-    figures: list[dict[str, Any]] = []
-    with progress_bar("simulating", len(CASES) * len(percents) * DURATION_S) as progress:
-        for frame_rate, nominal_hz in CASES:
-            points = []
-            for point in strongest_against_idle(frame_rate, nominal_hz, reading, percents):
-                points.append(_point(point))
-                progress((len(figures) * len(percents) + len(points)) * DURATION_S)
-            figures.append(
-                {
-                    "frame_rate_hz": float(frame_rate),
-                    "nominal_hz": nominal_hz,
-                    "points": points,
-                }
-            )
-    return figures
-
-
-def _thinned(document: dict[str, Any]) -> dict[str, Any]:
-    """Keep the idle periods that are written."""
-
-    def thin(parts: list[dict[str, Any]], key: str) -> list[dict[str, Any]]:
-        return [
-            part | {key: [r for r in part[key] if r["idle_percent"] % STEP_PERCENT == 0]}
-            for part in parts
-        ]
-
-    tables, figures = document["tables"], document["figures"]
-    return document | {"tables": thin(tables, "rows"), "figures": thin(figures, "points")}
-
-
-def _row(entry: Entry) -> dict[str, Any]:
-    spread = entry.ratio_range
-    return {
-        "idle_percent": entry.idle_percent,
-        "h1_hz": _one_or_list(entry.h1_hz),
-        "h2_hz": _one_or_list(entry.h2_hz),
-        "amplitude_ratio": entry.amplitude_ratio,
-        "amplitude_ratio_range": spread and [r if math.isfinite(r) else None for r in spread],
-    }
-
-
-def _one_or_list(freq_hz: tuple[float, ...]) -> float | list[float] | None:
-    """A number; a list where lines tie; None where there is no line."""
-    rounded = [round(hz, 6) for hz in freq_hz]
-    return rounded if len(rounded) > 1 else rounded[0] if rounded else None
-
-
-def _point(point: Point) -> dict[str, Any]:
-    low, high = point.model.amplitude_range()
-    return {
-        "idle_percent": point.idle_percent,
-        "model_hz": round(point.model.freq_hz, 6),
-        "model_amplitude": point.model.amplitude,
-        "model_amplitude_range": [low, high],
-        "light_phase_rad": point.phase_rad,
-        "model_at_phase_hz": round(point.model_there.freq_hz, 6),
-        "model_at_phase_amplitude": point.model_there.amplitude,
-        "simulated_hz": point.simulated.freq_hz,
-        "simulated_amplitude": point.simulated.amplitude,
-    }
-
-
-def _erratum(erratum: Erratum) -> dict[str, Any]:
-    return {
-        "name": erratum.name,
-        "where": erratum.where,
-        "published": erratum.published,
-        "right": erratum.right,
-        "entries": [
-            {
-                "frame_rate_hz": difference.frame_rate_hz,
-                "nominal_hz": difference.nominal_hz,
-                "idle_percent": difference.published.idle_percent,
-                "published": _row(difference.published),
-                "right": _row(difference.right),
-            }
-            for difference in erratum.entries
-        ],
-    }
 
 
 def _write_csv(folder: Path, document: dict[str, Any]) -> list[Path]:

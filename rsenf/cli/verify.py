@@ -8,17 +8,11 @@ claimed time is supported, refuted or undecidable.
 from __future__ import annotations
 
 import argparse
-from collections import defaultdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from rsenf.cli.references import Opened
-    from rsenf.report.spectrum import ThinRows
-    from rsenf.run.inline import Analysis
-    from rsenf.run.inputs import Input
+    from rsenf.api.track import TrackResult
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,177 +39,108 @@ def add_reference(to: Any, **more: Any) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Arguments that say how a recording is verified."""
+    from rsenf.cli import options
     from rsenf.cli.console import (
         add_begin_argument,
         add_reference_arguments,
         add_row_arguments,
         add_track_arguments,
-        positive,
     )
+    from rsenf.match.settings import MatchSettings
 
     parser.add_argument(
         "--start", metavar="TIME", help="claimed start, ISO 8601 (UTC unless it says)"
     )
-    parser.add_argument(
-        "--tolerance-s", type=positive, default=1.0, metavar="S",
-        help="how far a true start may be from the claimed one (1)",
-    )  # fmt: skip
-    parser.add_argument("--method", default="phase", metavar="NAME", help="matcher (phase)")
+    options.add_names(parser, "--method", "rsenf.match:METHODS", "matcher", "phase")
+    options.add_settings(parser, "match", MatchSettings)
     parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     add_reference_arguments(parser)
     add_begin_argument(parser, "frames", "rows", "track")
     add_row_arguments(parser)
-    add_track_arguments(parser, "--enf-method")
+    add_track_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Verify a recording's time."""
-    from rsenf.cli.console import note, print_json, progress_bar, say
-    from rsenf.cli.references import open_references
-    from rsenf.cli.track import summary
-    from rsenf.cli.verify_report import begin_report, finish_report
-    from rsenf.errors import EXIT_DONE, EXIT_LOSS
-    from rsenf.report.spectrum import ThinRows
-    from rsenf.report.verdict import verdict_words
+    from rsenf.api.verify import verify
+    from rsenf.cli.console import note, print_json, progress_bar, references_of, say, say_loss
+    from rsenf.report.recording_time import check_folder
     from rsenf.run.inputs import open_input_file
 
     if args.against:
-        from rsenf.cli import verify_against
-
-        return verify_against.run(args)
-    claimed_ns_of(args)
-    _check_pictures(args)
-    made_utc = begin_report(args.report) if args.report else ""
-    references = open_references(args)
-    recording = open_input_file(args.input, camera=args.camera, begin=args.begin)
-    spectra: dict[int, ThinRows] = defaultdict(ThinRows)  # by epoch
-
-    def tap(topic: str, message: Any) -> None:
-        if (args.picture or args.report) and topic == "rows":
-            spectra[message.header.epoch].add(message)
-
-    with progress_bar("verifying", recording.duration_s) as progress:
-        analysis = verified(args, recording, references, progress, tap, idle=bool(args.report))
-    if args.picture:
-        _draw(args.picture, analysis, spectra, references)
-    verdict = verdict_of(args, analysis, references)
-    if args.json:
-        print_json(verdict)
-    else:
-        print(verdict_words(analysis.result))
-        for line in verdict["warnings"]:
-            if line != analysis.loss:  # which is said below
-                note(line)
-    if not any(e.usable for e in analysis.estimates):
-        say(f"{args.input}: {summary(analysis)}")
-    if analysis.loss:
-        say(f"{args.input}: {analysis.loss}")
+        return _against(args)
     if args.report:
-        finish_report(args, references, analysis, spectra, verdict, made_utc)
-    return EXIT_LOSS if analysis.loss else EXIT_DONE
+        check_folder(args.report)  # before anything is opened
+    references, options = references_of(args), options_of(args)
+    recording = open_input_file(args.input, camera=args.camera, begin=args.begin)
+    with progress_bar("verifying", recording.duration_s) as progress:
+        found = verify(
+            recording, references, **options, picture=args.picture, report=args.report,
+            progress=progress,
+        )  # fmt: skip
+    if args.picture:
+        note(f"picture: {args.picture}")
+    if args.json:
+        print_json(found.to_dict())
+    else:
+        print(found)
+        for line in found.warnings:
+            if line != found.loss:  # which is said below
+                note(line)
+    if not found.enf.usable.any():
+        say(f"{args.input}: {found.enf.summary}")
+    code = say_loss(args.input, found)
+    if args.report:
+        note(f"report: {args.report / 'report.html'}")
+    return code
 
 
-def claimed_ns_of(args: argparse.Namespace) -> int:
-    """Return the claimed start, UTC since 1970; 0 for none."""
-    from rsenf.reference.moments import utc_ns
-
-    return utc_ns(args.start, "--start") if args.start else 0
-
-
-def verified(
-    args: argparse.Namespace,
-    recording: Input,
-    references: list[Opened],
-    progress: Callable[[float], None] = lambda seconds: None,
-    tap: Callable[[str, Any], None] = lambda topic, message: None,
-    *,
-    idle: bool = False,
-) -> Analysis:
-    """Compare a recording's ENF with references; its idle period is estimated on request."""
+def options_of(args: argparse.Namespace) -> dict[str, Any]:
+    """Return how a recording is to be verified, as the function takes it."""
     from rsenf.cli.console import row_settings, track_settings
-    from rsenf.cli.references import grids_of, nominal_of
-    from rsenf.idle import IdleSettings
+    from rsenf.cli.options import settings_of
     from rsenf.match.settings import MatchSettings
-    from rsenf.match.stage import Match
-    from rsenf.run.inline import analyse
 
-    _check_lengths(args, recording.duration_s or 0.0, references)
-    grids, claimed_ns = grids_of(references), claimed_ns_of(args)
-    settings = MatchSettings(tolerance_s=args.tolerance_s)
-
-    def make_match() -> Match:
-        return Match(method=args.method, grids=grids, claimed_utc_ns=claimed_ns, settings=settings)
-
-    analysis = analyse(
-        recording,
-        rows=row_settings(args),
-        track=track_settings(args, nominal_of(references)),
-        idle=IdleSettings(nominal_hz=args.nominal_hz) if idle else None,
-        make_match=make_match,
-        progress=progress,
-        tap=tap,
-    )
-    _check_lengths(args, max(analysis.stretches_s, default=0.0), references)
-    return analysis
+    return {
+        "start": args.start,
+        "method": args.method,
+        "nominal_hz": args.nominal_hz,
+        "rows": row_settings(args),
+        "track": track_settings(args, args.method),
+        "match": settings_of(args, MatchSettings),
+    }
 
 
-def verdict_of(
-    args: argparse.Namespace, analysis: Analysis, references: list[Opened]
-) -> dict[str, Any]:
-    """Return what ``--json`` prints of an analysis."""
-    from rsenf.cli.references import nominal_of
-    from rsenf.report.verdict import verdict_json
-
-    result = analysis.result
-    notes = [
-        f"{r.grid}: {line}" if len(references) > 1 else line for r in references for line in r.notes
-    ]
-    warnings = [*result.warnings, *analysis.warnings, *notes]
-    usable = any(e.usable for e in analysis.estimates)
-    nominal_hz = nominal_of(references)
-    if nominal_hz and not args.nominal_hz and (result.decision == "no_match" or not usable):
-        warnings.append(f"looked for a {nominal_hz:.0f} Hz grid, as the reference's is")
-    return verdict_json(result, [*warnings, *filter(None, [analysis.loss])])
-
-
-def _draw(
-    path: Path,
-    analysis: Analysis,
-    spectra: Mapping[int, ThinRows],
-    references: list[Opened],
-) -> None:
-    from rsenf.cli.console import note
-    from rsenf.cli.references import found_in
-    from rsenf.reference import reference_blocks
-    from rsenf.report.picture import draw
-
-    result = analysis.result
-    blocks = list(reference_blocks(found_in(result, references), source="reference/file"))
-    epoch = result.header.epoch
-    estimates = [e for e in analysis.estimates if e.header.epoch == epoch]
-    draw(path, spectra[epoch], estimates, blocks, result)
-    note(f"picture: {path}")
-
-
-def _check_pictures(args: argparse.Namespace) -> None:
-    """Refuse early what would fail at the end."""
+def _against(args: argparse.Namespace) -> int:
+    """Compare two recordings."""
+    from rsenf.api.verify import verify_against
+    from rsenf.cli.console import note, print_json, say, say_loss
     from rsenf.errors import UsageError
 
-    path: Path | None = args.picture
-    if args.begin == "track" and (path or args.report):
-        raise UsageError("estimates hold no rows to draw", "leave --from track out")
-    if path is not None and not path.absolute().parent.is_dir():
-        raise UsageError(f"--picture {path}: no such folder", "make it first")
+    for name in ("reference", "start", "picture", "report"):
+        if getattr(args, name):
+            raise UsageError(f"--against with --{name}", "the other recording is the reference")
+    paths = (args.input, args.against)
+    first, second = (_tracked(args, path) for path in paths)
+    found = verify_against(first, second)
+    if args.json:
+        print_json(found.to_dict())
+    else:
+        print(found)
+        for line in found.warnings:
+            note(line)
+    for path, one in zip(paths, (first, second), strict=True):
+        if not one.usable.any():
+            say(f"{path}: {one.summary}")
+    return max(say_loss(args.input, first), say_loss(args.against, second))
 
 
-def _check_lengths(args: argparse.Namespace, clip_s: float, references: list[Opened]) -> None:
-    """Refuse references none of which can hold the clip."""
-    from rsenf.errors import UsageError
+def _tracked(args: argparse.Namespace, path: str) -> TrackResult:
+    from rsenf.api.track import track
+    from rsenf.cli.console import progress_bar, row_settings, track_settings
+    from rsenf.run.inputs import open_input_file
 
-    longest = max(references, key=lambda r: r.duration_s)
-    if clip_s > longest.duration_s:
-        raise UsageError(
-            f"{longest.name} covers {longest.duration_s:.1f} s, less than the {clip_s:.1f} s "
-            f"of {args.input}",
-            "give a reference that covers all of the time in question",
-        )
+    settings = track_settings(args, args.method)
+    recording = open_input_file(path, camera=args.camera, begin=args.begin)
+    with progress_bar(f"tracking {path}", recording.duration_s) as progress:
+        return track(recording, rows=row_settings(args), settings=settings, progress=progress)

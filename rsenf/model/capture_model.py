@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,6 +14,7 @@ from rsenf.model.codec import Codec
 from rsenf.model.effects.base import Effect, SceneEffect
 from rsenf.model.effects.catalogue import make_effect, read_effects, write_effects
 from rsenf.model.effects.harmonics import Harmonics
+from rsenf.model.frame_rate import parse_frame_rate
 from rsenf.model.light import Light
 from rsenf.model.parameters import ParameterError
 from rsenf.model.scene import Scene
@@ -78,6 +80,49 @@ class CaptureModel:
             For an unknown effect or parameter, or a value that isn't plausible.
         """
         return self.without(name).plus(make_effect(name, values))
+
+    def changed(
+        self,
+        *,
+        size: tuple[int, int] | None = None,
+        frame_rate: object = None,
+        idle_ratio: float | None = None,
+        lamp: str | None = None,
+        clock_ppm: float | None = None,
+        **codec: Any,
+    ) -> CaptureModel:
+        """Return the model with what is given over its own; None leaves it.
+
+        Parameters
+        ----------
+        size : (int, int), optional
+            Columns and rows.
+        frame_rate, idle_ratio : optional
+            Of the shutter.
+        lamp : str, optional
+        clock_ppm : float, optional
+            Of an effect ``clock_skew``.
+        **codec
+            Parameters of the codec; a bit rate or ``lossless`` replaces what it says of both.
+
+        Raises
+        ------
+        UsageError
+            For a value that isn't plausible.
+        """
+        columns, rows = size or (None, None)
+        rate = None if frame_rate is None else parse_frame_rate(frame_rate)
+        shutter = {"frame_rate": rate, "rows": rows, "columns": columns, "idle_ratio": idle_ratio}
+        encoding = self.codec
+        if codec.get("bitrate_bps") or codec.get("lossless"):
+            encoding = dataclasses.replace(encoding, bitrate_bps=None, lossless=False)
+        model = dataclasses.replace(
+            self,
+            light=_over(self.light, {"lamp": lamp}),
+            shutter=_over(self.shutter, shutter),
+            codec=_over(encoding, codec),
+        )
+        return model if clock_ppm is None else model.with_effect("clock_skew", clock_ppm=clock_ppm)
 
     def without(self, name: str) -> CaptureModel:
         """Return the model without the effects of a name."""
@@ -148,3 +193,8 @@ class CaptureModel:
             second_phase_rad=phases[0], third_phase_rad=phases[1],
         )  # fmt: skip
         return [{"name": own.name, "parameters": own.to_dict()}]
+
+
+def _over(part: Any, given: Mapping[str, object]) -> Any:
+    """Return a part of the model with what was given in its place."""
+    return dataclasses.replace(part, **{k: v for k, v in given.items() if v is not None})

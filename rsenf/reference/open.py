@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rsenf.errors import UsageError
 from rsenf.reference.moments import utc_ns
+from rsenf.reference.options import Stamp
 from rsenf.reference.read import read_reference
 from rsenf.reference.reference import Reference
 
@@ -21,12 +23,12 @@ _LIMITS = ("from", "to")
 def open_reference(
     spec: str | Path,
     *,
-    store: str | Path | None = None,
+    store: str | os.PathLike[str] | None = None,
     timezone: str | None = None,
     step_s: float | None = None,
     column: str | None = None,
     nominal_hz: float | None = None,
-    stamp: str = "start",
+    stamp: Stamp = "start",
     grid: str = "",
 ) -> Reference | StoredReference:
     """Open a reference.
@@ -70,7 +72,7 @@ def open_reference(
 
 
 def _from_store(
-    spec: str, store: str | Path | None, grid: str, nominal_hz: float | None
+    spec: str, store: str | os.PathLike[str] | None, grid: str, nominal_hz: float | None
 ) -> StoredReference:
     from rsenf.reference.store import default_store, open_grid
 

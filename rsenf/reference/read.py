@@ -5,9 +5,15 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from rsenf.errors import UsageError
-from rsenf.reference.axis import Axis, to_axis
-from rsenf.reference.options import ReadOptions
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rsenf.errors import ReferenceFormatError, UsageError
+from rsenf.messages.schema import FloatArray
+from rsenf.reference.axis import to_axis
+from rsenf.reference.notes import Notes
+from rsenf.reference.options import ReadOptions, Stamp
+from rsenf.reference.plausible import nominal_of, without_outliers
 from rsenf.reference.readings import Readings
 from rsenf.reference.reference import Reference, gap_lengths
 from rsenf.timebase import NS_PER_S
@@ -20,7 +26,7 @@ def read_reference(
     step_s: float | None = None,
     column: str | None = None,
     nominal_hz: float | None = None,
-    stamp: str = "start",
+    stamp: Stamp = "start",
     grid: str = "",
     start_utc_ns: int = 0,
 ) -> Reference:
@@ -64,19 +70,67 @@ def read_reference(
     sha256 = file_sha256(path)
     readings = Readings(path, options)
     axis = to_axis(readings, path.name)
-    notes = readings.notes.lines + axis.notes + _gap_notes(axis)
-    if not readings.dated:
-        notes.append("start time unknown: lags are counted from the first sample")
+    notes = readings.notes.lines + axis.notes
+    t0_ns = axis.t0_ns if readings.dated else 0
     return Reference(
         grid=grid or grid_name(path),
         nominal_hz=readings.nominal_hz,
-        t0_ns=axis.t0_ns if readings.dated else 0,
+        t0_ns=t0_ns,
         step_s=axis.step_ns / NS_PER_S,
         freq_hz=axis.freq_hz,
         readings=axis.readings,
-        notes=tuple(notes),
+        notes=(*notes, *_usual_notes(t0_ns, axis.freq_hz, axis.step_ns / NS_PER_S)),
         sha256=sha256,
         name=path.name,
+        size_bytes=path.stat().st_size,
+    )
+
+
+def reference_of(
+    freq_hz: ArrayLike,
+    step_s: float,
+    *,
+    start_utc_ns: int = 0,
+    nominal_hz: float | None = None,
+    grid: str = "array",
+) -> Reference:
+    """Take an array for a reference, its values treated as those of a file.
+
+    Parameters
+    ----------
+    freq_hz : array_like of float, shape (n,)
+        Each the mean over a step; NaN in gaps.
+    step_s : float
+        Time between samples.
+    start_utc_ns : int
+        Start of the first sample, UTC since 1970; 0 for unknown.
+    nominal_hz : float, optional
+        50 or 60; told from the values when not given.
+    grid : str
+        Name of the grid.
+
+    Raises
+    ------
+    UsageError
+        When it has no values of a grid's frequency, or an argument can't be meant so.
+    """
+    ReadOptions(step_s=step_s, nominal_hz=nominal_hz)  # refuses what can't be
+    values = np.array(freq_hz, np.float64)
+    if values.ndim != 1:
+        raise ReferenceFormatError(f"{grid}: shape {values.shape}", "one value after the other")
+    nominal_hz = nominal_of(values, grid, nominal_hz)
+    notes = Notes()
+    values = without_outliers(values, nominal_hz, notes)
+    return Reference(
+        grid=grid,
+        nominal_hz=nominal_hz,
+        t0_ns=start_utc_ns,
+        step_s=step_s,
+        freq_hz=values,
+        readings=np.isfinite(values).astype(np.uint32),
+        notes=(*notes.lines, *_usual_notes(start_utc_ns, values, step_s)),
+        sha256=hashlib.sha256(values.tobytes()).hexdigest(),
+        name=grid,
     )
 
 
@@ -102,13 +156,14 @@ def file_sha256(path: Path) -> str:
         raise UsageError(f"can't read reference {path}: {exc.strerror}") from None
 
 
-def _gap_notes(axis: Axis) -> list[str]:
-    gaps = gap_lengths(axis.freq_hz)
-    if not gaps:
-        return []
-    missing = sum(gaps)
-    step_s = axis.step_ns / NS_PER_S
-    return [
-        f"gaps: {len(gaps)}, {missing * step_s:g} s in all "
-        f"({missing / axis.freq_hz.size:.0%}), the longest {max(gaps) * step_s:g} s"
-    ]
+def _usual_notes(t0_ns: int, freq_hz: FloatArray, step_s: float) -> list[str]:
+    notes, gaps = [], gap_lengths(freq_hz)
+    if gaps:
+        missing = sum(gaps)
+        notes.append(
+            f"gaps: {len(gaps)}, {missing * step_s:g} s in all "
+            f"({missing / freq_hz.size:.0%}), the longest {max(gaps) * step_s:g} s"
+        )
+    if not t0_ns:
+        notes.append("start time unknown: lags are counted from the first sample")
+    return notes

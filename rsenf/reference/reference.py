@@ -40,6 +40,8 @@ class Reference:
         Of the file, as hexadecimal.
     name : str
         Of the file, without its folder.
+    size_bytes : int or None
+        Of the file, if it is one.
     """
 
     grid: str
@@ -51,6 +53,7 @@ class Reference:
     notes: tuple[str, ...] = ()
     sha256: str = ""
     name: str = ""
+    size_bytes: int | None = None
 
     @property
     def duration_s(self) -> float:

@@ -21,6 +21,10 @@ class Input(ABC):
     ----------
     name : str
         What to call it.
+    path : Path or None
+        Its file, if it is in one.
+    tells_arrival : bool
+        Whether it says when its pictures arrived.
     duration_s : float or None
         How long it is, as far as it says so itself.
     begins_with : str
@@ -28,12 +32,19 @@ class Input(ABC):
     """
 
     name: str
+    path: Path | None = None
+    tells_arrival: bool = False
     duration_s: float | None = None
     begins_with: str = "rows"
 
     @abstractmethod
     def messages(self) -> Iterator[Any]:
         """Yield frames, row blocks or estimates, without an END mark."""
+
+    @property
+    def called(self) -> str:
+        """Its path, as far as it has one: what to call it among others."""
+        return str(self.path or self.name)
 
     @property
     def loss(self) -> str:
@@ -92,9 +103,9 @@ def open_input_file(
     if begin == "track" or (begin == "frames" and kind == ".npz"):
         raise UsageError(f"{path} is no recording of {begin}", "give an .mcap recording")
     if kind == ".npz":
-        from rsenf.run.npz import Luminance
+        from rsenf.run.npz import read_npz
 
-        return Luminance(path, source or f"file/{path.stem}")
+        return read_npz(path, source or f"file/{path.stem}")
     return Video(path, source or f"file/{path.stem}", threads)
 
 
@@ -132,7 +143,7 @@ class Video(Input):
         from rsenf.decode.source import open_source
         from rsenf.decode.spec import SourceSpec
 
-        self.name = path.name
+        self.name, self.path = path.name, path
         self._source = open_source(
             SourceSpec(url=str(path), kind="file", threads=threads),
             source=source,

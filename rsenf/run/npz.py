@@ -1,22 +1,23 @@
-"""Luminance that was sampled elsewhere, in an ``.npz`` file."""
+"""Luminance that was sampled elsewhere: arrays, or an ``.npz`` file of them."""
 
 from __future__ import annotations
 
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rsenf.errors import InputError
 from rsenf.messages import Header, RowBlock
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.run.inputs import Input
 
-_ARRAYS = ("rows", "frame_time_s", "luminance", "frame_rate_hz")
+ARRAYS = "arrays"  # what a recording without a file is called
+_NAMES = ("rows", "frame_time_s", "luminance", "frame_rate_hz")
 _NEEDED = (
     "needed: 'rows' (frames × rows, or frames × rows × strips) with 'frame_time_s' (frames), "
     "or 'luminance' (frames) with 'frame_rate_hz'"
@@ -37,23 +38,28 @@ _NOT_READABLE = (
 class Luminance(Input):
     """Luminance that was sampled elsewhere.
 
-    Either ``rows`` (frames × rows, or frames × rows × strips) with ``frame_time_s`` (frames,), or
-    ``luminance`` (frames,) with ``frame_rate_hz``.
+    Parameters
+    ----------
+    held : mapping of str to array_like
+        Either ``rows`` (frames × rows, or frames × rows × strips) with ``frame_time_s`` (frames,),
+        or ``luminance`` (frames,) with ``frame_rate_hz``.
+    source : str
+        What its messages say they come from.
+    path : Path, optional
+        The file that they were in.
 
     Raises
     ------
     InputError
-        When the file can't be read, or its arrays don't fit each other.
+        When the arrays don't fit each other.
     """
 
-    def __init__(self, path: Path, source: str) -> None:
-        self.name, self._source = path.name, source
-        try:
-            with np.load(path, allow_pickle=False) as arrays:
-                held = {name: arrays[name] for name in arrays.files if name in _ARRAYS}
-        except _NOT_READABLE as exc:
-            raise InputError(f"{path} is no .npz file that can be read", "write it again") from exc
-        self._level, self._time_s, self._axis = _luminance(path, held)
+    def __init__(
+        self, held: Mapping[str, ArrayLike], source: str, path: Path | None = None
+    ) -> None:
+        self.name, self.path, self._source = path.name if path else ARRAYS, path, source
+        arrays = {name: np.asarray(array) for name, array in held.items()}
+        self._level, self._time_s, self._axis = _luminance(str(path or ARRAYS), arrays)
         self.duration_s = float(self._time_s[-1] - self._time_s[0])
 
     def messages(self) -> Iterator[RowBlock]:
@@ -62,31 +68,47 @@ class Luminance(Input):
         return blocks_from_luminance(self._level, self._time_s, header, read_out_axis=self._axis)
 
 
+def read_npz(path: Path, source: str) -> Luminance:
+    """Read luminance from an ``.npz`` file.
+
+    Raises
+    ------
+    InputError
+        When the file can't be read, or its arrays don't fit each other.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            held = {name: arrays[name] for name in arrays.files if name in _NAMES}
+    except _NOT_READABLE as exc:
+        raise InputError(f"{path} is no .npz file that can be read", "write it again") from exc
+    return Luminance(held, source, path)
+
+
 def _luminance(
-    path: Path, held: dict[str, NDArray[Any]]
+    where: str, held: dict[str, NDArray[Any]]
 ) -> tuple[NDArray[Any], NDArray[np.float64], str]:
     """Return level (frames, rows, strips), frame times and read-out axis of checked arrays."""
     for name, array in held.items():
         if array.dtype.kind not in "fiu":
-            raise InputError(f"{path}: '{name}' holds {array.dtype}, not numbers", _NEEDED)
+            raise InputError(f"{where}: '{name}' holds {array.dtype}, not numbers", _NEEDED)
     if {"rows", "frame_time_s"} <= held.keys():
         level, axis, least, most = held["rows"], "rows", 2, 3
         time_s = held["frame_time_s"].astype(np.float64)
     elif {"luminance", "frame_rate_hz"} <= held.keys():
         level, axis, least, most = held["luminance"], "frame", 1, 1
-        time_s = np.arange(level.size) / _rate_hz(path, held["frame_rate_hz"])
+        time_s = np.arange(level.size) / _rate_hz(where, held["frame_rate_hz"])
     else:
-        raise InputError(f"{path} holds {', '.join(held) or 'nothing of use'}", _NEEDED)
+        raise InputError(f"{where} holds {', '.join(held) or 'nothing of use'}", _NEEDED)
     if not (least <= level.ndim <= most and level.size and time_s.shape == level.shape[:1]):
-        raise InputError(f"{path}: shapes {level.shape} and {time_s.shape} don't fit", _NEEDED)
+        raise InputError(f"{where}: shapes {level.shape} and {time_s.shape} don't fit", _NEEDED)
     if not (np.isfinite(level).all() and np.isfinite(time_s).all()):
-        raise InputError(f"{path} holds values that are not finite", "leave such frames out")
+        raise InputError(f"{where} holds values that are not finite", "leave such frames out")
     if not (np.diff(time_s) > 0).all():
-        raise InputError(f"{path}: frame_time_s does not rise throughout", "sort its frames")
+        raise InputError(f"{where}: frame_time_s does not rise throughout", "sort its frames")
     return level.reshape(level.shape + (1,) * (3 - level.ndim)), time_s, axis
 
 
-def _rate_hz(path: Path, rate_hz: NDArray[Any]) -> float:
+def _rate_hz(where: str, rate_hz: NDArray[Any]) -> float:
     if rate_hz.size != 1 or not 0 < rate_hz.item() < np.inf:
-        raise InputError(f"{path}: frame_rate_hz is {rate_hz}", "one number above 0 is needed")
+        raise InputError(f"{where}: frame_rate_hz is {rate_hz}", "one number above 0 is needed")
     return float(rate_hz.item())

@@ -215,11 +215,11 @@ def test_two_at_once_are_refused(
         (["idle", "nothing"], "no recordings in nothing"),
         (["idle", "out"], "--out out is the folder that is to be read"),
         (["idle", "--list", "gone"], "--list gone: No such file"),
-        (["idle", "clip.npz", "--method", "magic"], "no idle method 'magic'"),
-        (["track", "clip.npz", "--method", "magic"], "no ENF method 'magic'"),
+        (["idle", "clip.npz", "--method", "magic"], "no 'magic'"),
+        (["track", "clip.npz", "--method", "magic"], "no 'magic'"),
         (["verify", "clip.npz"], "required: --reference"),
         (["verify", "clip.npz", "--reference", "gone.csv"], "gone.csv"),
-        (["simulate", "clip.npz"], "invalid choice"),
+        (["simulate", "clip.npz"], "no 'simulate'"),
     ],
 )
 def test_what_cannot_be_meant_is_one_line(

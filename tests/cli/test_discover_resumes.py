@@ -11,15 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsenf.cli.begun import begun
+from rsenf.api.begun import begun
 from rsenf.errors import InputError, UsageError
 
 # Interrupts itself when all is found and nothing written.
 STOPPED = """
 import os, signal, sys
-from rsenf.cli import discover, main
+from rsenf.api.discover import DiscoverResult
+from rsenf.cli import main
 
-discover._keep = lambda *told: os.kill(os.getpid(), signal.SIGINT)
+DiscoverResult.write = lambda *told: os.kill(os.getpid(), signal.SIGINT)
 sys.exit(main(sys.argv[1:]))
 """
 # Neither samples a video nor codes one.

@@ -46,7 +46,10 @@ def test_what_does_not_go_together_is_refused(rsenf: Rsenf, hidden: HiddenClip) 
             (*verify, "--method", "metric4", "--line", "0"),
             "paper takes no line: it tries",
         ),
-        ((*verify, "--method", "metric4", "--interpolation", "cubic"), "no interpolation 'cubic'"),
+        (
+            (*verify, "--method", "metric4", "--interpolation", "cubic"),
+            "--interpolation: no 'cubic'",
+        ),
         (("track", hidden.clip, "--interpolation", "linear"), "projection takes no interpolation"),
     ):
         done = rsenf(*words)

@@ -61,7 +61,7 @@ def test_json_and_report_together_wherever_the_files_are(
     assert numbers["inputs"]["recording"]["name"] == "clip.npz"
     assert numbers["inputs"]["recording"]["bytes"] == short.clip.stat().st_size
     assert numbers["inputs"]["references"][0]["bytes"] == short.reference.stat().st_size
-    assert numbers["parameters"]["command line"]["reference"] == ["grid.csv"]
+    assert numbers["parameters"]["asked for"]["reference"] == ["grid.csv"]
     assert numbers["idle"]["verdict"] == "estimated"
     assert {"rsenf", "python", "numpy", "libavcodec"} <= numbers["versions"].keys()
     everything = b"".join(contents(tmp_path / "a").values())

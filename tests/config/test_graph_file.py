@@ -100,7 +100,7 @@ def test_a_rows_node_may_find_the_axis_by_itself(
 ) -> None:
     text = GOOD.replace("kind: rows, ", "kind: rows, rows: {read_out_axis: AXIS}, ")
     load(text.replace("AXIS", "auto"))
-    assert "'rows', 'columns' or 'auto'" in problems(text.replace("AXIS", "diagonal"))[0]
+    assert "is not one of rows, columns, auto" in problems(text.replace("AXIS", "diagonal"))[0]
 
 
 def test_every_problem_at_once_with_its_line(problems: Callable[[str], list[str]]) -> None:

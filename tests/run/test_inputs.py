@@ -14,7 +14,7 @@ from rsenf.messages import Frame, Header, RowBlock
 from rsenf.record.writer import Recorder
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.run.inputs import open_input_file
-from rsenf.run.npz import Luminance
+from rsenf.run.npz import read_npz
 
 
 def some_blocks(camera: str, count: int, epoch: int = 0) -> list[RowBlock]:
@@ -145,5 +145,5 @@ def test_rows_without_strips(tmp_path: Path) -> None:
 def test_an_npz_says_what_it_needs(tmp_path: Path) -> None:
     np.savez(tmp_path / "x.npz", luminance=np.ones(9))
     with pytest.raises(InputError, match=r"x\.npz holds luminance") as refused:
-        Luminance(tmp_path / "x.npz", "file/x")
+        read_npz(tmp_path / "x.npz", "file/x")
     assert "'luminance' (frames) with 'frame_rate_hz'" in refused.value.hint

@@ -67,16 +67,22 @@ class Case:
 class Plan:
     """How many cases of each kind, from which seed on.
 
-    Attributes
+    Parameters
     ----------
     first_seed : int
+        Seed of the first case.
     each : int
         Of each effect of the catalogue that is listed.
-    none, outside, pairs : int
-        With nothing hidden, with what is in no catalogue, with two effects.
+    none : int
+        With nothing hidden.
+    outside : int
+        With what is in no catalogue.
+    pairs : int
+        With two effects.
     times : float
         Strength, over the weakest that is to be named.
     duration_s : float
+        Of each recording; 30 s of video.
     video : bool
         Filmed, encoded and decoded.
     effects : tuple of str

@@ -35,6 +35,7 @@ class StoredReference:
     notes: tuple[str, ...]
     sha256: str
     name: str
+    size_bytes: int | None = None  # it is no single file
 
     @property
     def duration_s(self) -> float:

@@ -32,12 +32,13 @@ class ForeignVideo(Input):
     """
 
     begins_with = "frames"
+    tells_arrival = True
 
     def __init__(self, recording: Recording, camera: str, source: str) -> None:
         cameras = picture_topics(recording)
         self._topic = cameras[choose_camera(recording, cameras, camera)]
         self._recording, self._stream = recording, PictureStream(source)
-        self.name = recording.path.name
+        self.name, self.path = recording.path.name, recording.path
         found = recording.topics[self._topic]
         self.duration_s = (found.last_ns - found.first_ns) / 1e9
 

@@ -38,12 +38,14 @@ class Replayed(Input):
         When it holds nothing of the kind.
     """
 
+    tells_arrival = True
+
     def __init__(
         self, recording: Recording, camera: str = "", begin: str = "rows", *, rate: float = 0.0
     ) -> None:
         path = recording.path
-        self.name, self.begins_with = path.name, begin
-        self._path, self._missing, self._taken = path, 0, 0
+        self.name, self.path, self.begins_with = path.name, path, begin
+        self._missing, self._taken = 0, 0
         self._loss = recording.lost
         topic = f"{_camera(recording, camera, begin)}/{begin}"
         self._player = Player(
@@ -66,7 +68,7 @@ class Replayed(Input):
         self._loss = self._player.loss
         if not self._taken and self._loss:
             what = WORDS[self.begins_with]
-            raise InputError(f"{self._path}: none of its {what} can be read", self._loss)
+            raise InputError(f"{self.path}: none of its {what} can be read", self._loss)
 
     @property
     def loss(self) -> str:

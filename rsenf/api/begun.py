@@ -31,13 +31,13 @@ class Begun:
 
     Parameters
     ----------
-    folder : Path
-        Where; made when there is something to keep.
+    folder : Path or None
+        Where, made when there is something to keep; nothing is kept without.
     of : str
         What all answers depend on: the input, and how it is treated.
     """
 
-    def __init__(self, folder: Path, of: str) -> None:
+    def __init__(self, folder: Path | None, of: str) -> None:
         self.folder, self.of = folder, of
         self.found = False  # something that an earlier run has kept
 
@@ -50,6 +50,8 @@ class Begun:
             Which answer: all else that it depends on.
         make : callable
         """
+        if self.folder is None:
+            return make()
         of = f"{FORMAT} {__version__} {version('av')} {self.of} ".encode()
         path = self.folder / f"{hashlib.sha256(of + what).hexdigest()[:24]}.npz"
         try:
@@ -66,20 +68,25 @@ class Begun:
 
 
 @contextlib.contextmanager
-def begun(out: Path, of: str) -> Iterator[Begun]:
+def begun(out: Path | None, of: str) -> Iterator[Begun]:
     """Keep answers beside what a run is to write, until it has, or the input is of no use.
 
     Parameters
     ----------
-    out : Path
-        File or folder that the run is to write.
+    out : Path or None
+        File or folder that the run is to write; nothing is kept without.
     of : str
-        What all answers depend on.
+        What all answers depend on; nothing is kept when empty.
     """
-    run = Begun(out.parent / f".{out.name}.begun", of)
+    folder = out.parent / f".{out.name}.begun" if out and of else None
     try:
-        yield run
+        yield Begun(folder, of)
     except InputError:
-        shutil.rmtree(run.folder, ignore_errors=True)
+        _forget(folder)
         raise
-    shutil.rmtree(run.folder, ignore_errors=True)
+    _forget(folder)
+
+
+def _forget(folder: Path | None) -> None:
+    if folder:
+        shutil.rmtree(folder, ignore_errors=True)

@@ -1,42 +1,37 @@
-"""What 'rsenf batch' says: what is to be done, and what has become of it."""
+"""What a batch says of itself: what is to be done, and what has become of it."""
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from rsenf.batch.columns import DONE, NO_SIGNAL, STATUSES, Row
+from rsenf.batch.plan import NEW
+from rsenf.batch.recordings import JOURNAL, Found
+from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS
 
-    from rsenf.batch.columns import Row
-    from rsenf.batch.recordings import Found
-
+TABLE, PAGE = "batch.parquet", "batch.html"
 _LISTED = 20  # of those without a result, or read in part
 
 
 def plan_words(recordings: int, left: int, reasons: Counter[str], useless: int) -> str:
     """Say what is to be done, and why; and how many were of no use and haven't changed."""
-    from rsenf.batch.plan import NEW
-
     again = [f"{number} {why}" for why, number in reasons.items() if why != NEW]
     why = f" ({', '.join([f'{reasons[NEW]} new', *again])})" if again else ""
     more = f"; unusable before, and unchanged: {useless} (--retry does them again)" * bool(useless)
     return f"recordings to do: {left} of {recordings}{why}{more}"
 
 
-def summary_of(args: argparse.Namespace, found: Found, rows: Sequence[Row]) -> dict[str, Any]:
+def summary_of(analysis: str, out: Path, found: Found, rows: Sequence[Row]) -> dict[str, Any]:
     """Return what a batch has come to, as JSON."""
-    from rsenf.batch.columns import DONE, STATUSES
-    from rsenf.batch.recordings import JOURNAL
-    from rsenf.cli.batch import PAGE, TABLE
-
     statuses = Counter(row["status"] for row in rows)
-    verdict = "decision" if args.analysis == "verify" else "verdict"
+    verdict = "decision" if analysis == "verify" else "verdict"
     verdicts = Counter(row[verdict] for row in rows if row["status"] == DONE and verdict in row)
     return {
         "version": 1,
-        "analysis": args.analysis,
+        "analysis": analysis,
         "recordings": len(rows),
         **{status: statuses[status] for status in STATUSES},
         "verdicts": dict(verdicts.most_common()),
@@ -49,41 +44,33 @@ def summary_of(args: argparse.Namespace, found: Found, rows: Sequence[Row]) -> d
         "passed_over": dict(found.passed_over.most_common()),
         "named_again": found.again,
         "unreadable_folders": found.unreadable,
-        "table": str(args.out / TABLE),
-        "page": str(args.out / PAGE),
-        "journal": str(args.out / JOURNAL),
+        "table": str(out / TABLE),
+        "page": str(out / PAGE),
+        "journal": str(out / JOURNAL),
     }
 
 
-def print_summary(args: argparse.Namespace, summary: dict[str, Any]) -> None:
-    """Print it, and say on stderr what to look at."""
-    from rsenf.batch.columns import STATUSES
-    from rsenf.cli.console import note, print_json, say
+def summary_words(summary: dict[str, Any]) -> str:
+    """Say it to a person."""
+    counts = [f"{summary[s]} {s.replace('_', ' ')}" for s in STATUSES if summary[s]]
+    lines = [f"{summary['recordings']} recordings: {', '.join(counts)}"]
+    if summary["verdicts"]:
+        found = ", ".join(f"{number} {name}" for name, number in summary["verdicts"].items())
+        lines.append(f"  {'verdicts':10} {found}")
+    return "\n".join([*lines, *(f"  {name:10} {summary[name]}" for name in ("table", "page"))])
 
-    if args.json:
-        print_json(summary)
-    else:
-        counts = [f"{summary[s]} {s.replace('_', ' ')}" for s in STATUSES if summary[s]]
-        print(f"{summary['recordings']} recordings: {', '.join(counts)}")
-        if summary["verdicts"]:
-            found = ", ".join(f"{number} {name}" for name, number in summary["verdicts"].items())
-            print(f"  {'verdicts':10} {found}")
-        for name in ("table", "page"):
-            print(f"  {name:10} {summary[name]}")
-    if summary["passed_over"]:
-        kinds = ", ".join(f"{number} {kind}" for kind, number in summary["passed_over"].items())
-        note(f"not named like recordings, passed over: {kinds}")
-    if summary["named_again"]:
-        note(f"found under another name too, done once: {summary['named_again']}")
+
+def troubles(summary: dict[str, Any]) -> list[str]:
+    """Say what to look at, one line each."""
     in_part = [f"read in part: {r['path']}: {r['loss']}" for r in summary["read_in_part"]]
     without = [f"{r['status']}: {r['path']}: {r['reason']}" for r in summary["without_result"]]
+    said = []
     for lines in (in_part, without):
-        for line in lines[:_LISTED]:
-            say(_one_line(line))
+        said += [_one_line(line) for line in lines[:_LISTED]]
         if len(lines) > _LISTED:
-            say(f"… and {len(lines) - _LISTED} more: see the table")
-    for line in summary["unreadable_folders"]:
-        say(f"folder not looked into: {_one_line(line)}")
+            said.append(f"… and {len(lines) - _LISTED} more: see the table")
+    unreadable = summary["unreadable_folders"]
+    return [*said, *(f"folder not looked into: {_one_line(line)}" for line in unreadable)]
 
 
 def _one_line(text: str) -> str:
@@ -93,14 +80,10 @@ def _one_line(text: str) -> str:
 
 def exit_code(rows: Sequence[Row], found: Found) -> int:
     """Return 0 when all have a result, 3 when some have it with loss, 1 when some have none."""
-    from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS
-
     if _without(rows) or found.unreadable:
         return EXIT_FAILED
     return EXIT_LOSS if any(row.get("loss") for row in rows) else EXIT_DONE
 
 
 def _without(rows: Sequence[Row]) -> list[Row]:
-    from rsenf.batch.columns import DONE, NO_SIGNAL
-
     return [row for row in rows if row["status"] not in (DONE, NO_SIGNAL)]

@@ -1,0 +1,369 @@
+"""What the model of a capture lacks of a recording, found and added."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import ArrayLike, NDArray
+
+from rsenf.api.begun import Arrays, Begun, begun
+from rsenf.api.recordings import read_recording
+from rsenf.api.references import References, grids_of, open_references
+from rsenf.api.shared import PathLike, Progress, Recording, opened, row_settings, silent
+from rsenf.config.model_file import load_model
+from rsenf.discrepancy.beside import (
+    BesideDiscovery,
+    beside_json,
+    beside_model,
+    beside_of,
+    clip_of,
+    clip_of_frame_means,
+    discover_beside,
+    holds_frame_means,
+    joined,
+)
+from rsenf.discrepancy.measured import Measured, measured_of
+from rsenf.discrepancy.result import discovery_json, model_of
+from rsenf.discrepancy.start import PLAIN
+from rsenf.discrepancy.verdict import discover as discover_by_rows
+from rsenf.errors import InputError, UsageError
+from rsenf.match.series import Grid
+from rsenf.messages import RowBlock, decode, encode
+from rsenf.messages.schema import Float32Array
+from rsenf.model import CaptureModel
+from rsenf.report.discovery import discovery_words
+from rsenf.report.discovery_page import beside_page, discovery_page
+from rsenf.rows.settings import RowsSettings
+from rsenf.run.inputs import Input
+from rsenf.run.recoded import is_lossy, recoded
+from rsenf.whole_file import whole_folder
+
+MODEL, RESULT, RESIDUALS = "model.yaml", "discovery.json", "residuals.npz"
+PAGE = "report.html"
+STRIPS = 4  # of a video's rows: two from left to right, each in two that a codec treats apart
+TIED = "a codec has tied rows together, and counts as a discrepancy (give the video it coded)"
+
+Doing = Callable[[str], None]
+Codec = Callable[[Measured], Callable[[Float32Array], Float32Array]]
+
+
+def discover(
+    recording: Recording,
+    reference: References | None = None,
+    *,
+    out: PathLike | None = None,
+    model: CaptureModel | PathLike | None = None,
+    frame_time_s: ArrayLike | None = None,
+    frame_rate_hz: float | None = None,
+    camera: str = "",
+    step_s: float | None = None,
+    reference_start: str | None = None,
+    timezone: str | None = None,
+    store: PathLike | None = None,
+    nominal_hz: float | None = None,
+    rows: RowsSettings | None = None,
+    progress: Progress = silent,
+    doing: Doing = silent,
+) -> DiscoverResult:
+    """Fit a model of the capture to a recording, see where they differ, and add what explains it.
+
+    Parameters
+    ----------
+    recording, frame_time_s, frame_rate_hz, camera, progress
+        As :func:`rsenf.track` takes them.
+    reference, step_s, reference_start, timezone, store
+        As :func:`rsenf.verify` takes them; with one the camera's clock is looked at too.
+    out : path, optional
+        Folder for the model, the report and the residuals; what takes long of a video is kept
+        beside it until all is done. Without, nothing is written.
+    model : CaptureModel or path, optional
+        To begin with; a lamp without harmonics when not given.
+    nominal_hz : float, optional
+        50 or 60; found from the data when not given.
+    rows : RowsSettings, optional
+        Its ``strips`` are always 4.
+    doing : callable, optional
+        Told in words what is being done.
+
+    Raises
+    ------
+    InputError
+        When there are no rows, too few seconds, or no flicker to fit a model to.
+    UsageError
+        For a folder that holds anything else, or a model or reference that can't be meant so.
+
+    Examples
+    --------
+    >>> import rsenf
+    >>> from rsenf.model import CaptureModel
+    >>> still = CaptureModel().changed(size=(64, 48), lamp="ideal")
+    >>> clip = rsenf.simulate(model=still, duration_s=30, seed=2, frame_rate=25)
+    >>> rsenf.discover(clip.rows, frame_time_s=clip.frame_time_s).verdict
+    'no_discrepancy'
+    """
+    folder = Path(out) if out is not None else None
+    if folder:
+        check_out(folder)
+    first, grid = discover_start(
+        model, reference, step_s=step_s, start=reference_start, timezone=timezone, store=store
+    )
+    source = opened(recording, frame_time_s, frame_rate_hz, camera)
+    settings = dataclasses.replace(row_settings(rows), strips=STRIPS)
+    model_out = str(folder / MODEL) if folder else ""
+    with begun(folder, _identity(source, camera, settings)) as kept:
+        blocks, loss = _rows_of(source, settings, kept, progress)
+        with _named(source):
+            if kept.found:
+                doing(f"going on from what {kept.folder} has of a run that was stopped")
+            if grid and holds_frame_means(blocks):
+                found = _by_frame_means(source, first, blocks, grid, nominal_hz, model_out, doing)
+            else:
+                data = measured_of(blocks, nominal_hz)
+                codec = _codec_of(source, settings, kept)
+                found = _by_rows(source, first, data, codec, grid, model_out, doing)
+            found = dataclasses.replace(found, loss=loss)
+            if folder:
+                doing("writing the report")
+                found.write(folder)
+    return found
+
+
+def check_out(folder: Path) -> None:
+    """Refuse to replace what isn't an earlier result.
+
+    Raises
+    ------
+    UsageError
+    """
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"--out {folder}: not a folder", "name a new one")
+    there = folder.iterdir() if folder.exists() else iter(())
+    others = {path.name for path in there} - {MODEL, RESULT, RESIDUALS, PAGE}
+    if others:
+        problem = f"--out {folder}: holds what is no earlier result: {min(others)}"
+        raise UsageError(problem, "name a new or an empty folder")
+
+
+def discover_start(
+    model: CaptureModel | PathLike | None, reference: References | None, **how: Any
+) -> tuple[CaptureModel, Grid | None]:
+    """Return the model to begin with, and the reference, if any.
+
+    Raises
+    ------
+    UsageError
+        When one of them can't be meant so.
+    """
+    first = model if isinstance(model, CaptureModel) else PLAIN
+    if model is not None and not isinstance(model, CaptureModel):
+        first = load_model(Path(model))
+    grid = None if reference is None else grids_of(open_references(reference, **how))[0]
+    return first, grid
+
+
+@contextlib.contextmanager
+def _named(source: Input) -> Iterator[None]:
+    """Say of which recording it is that something is wrong."""
+    try:
+        yield
+    except InputError as error:
+        raise type(error)(f"{source.called}: {error.message}", error.hint) from error
+
+
+def _identity(source: Input, camera: str, settings: RowsSettings) -> str:
+    """Return what tells a recording and the way it is sampled from any other."""
+    path = source.path
+    if path is None:
+        return ""
+    there = path.stat()
+    return f"{path.resolve()} {(there.st_size, there.st_mtime_ns)} {camera} {settings}"
+
+
+def _rows_of(
+    source: Input, settings: RowsSettings, run: Begun, progress: Progress
+) -> tuple[list[RowBlock], str]:
+    """Return the rows of the recording's first stretch, and what of it could not be read."""
+    if source.begins_with != "frames":  # rows are read in no time
+        held = read_recording(source, rows=settings, progress=progress)
+        return held.stretch, held.loss
+
+    def read() -> Arrays:
+        held = read_recording(source, rows=settings, progress=progress)
+        coded = [encode(block) for block in held.stretch]
+        return {
+            "bytes": np.frombuffer(b"".join(coded), np.uint8),
+            "ends": np.cumsum([len(one) for one in coded], dtype=np.int64),
+            "loss": np.array(held.loss),
+        }
+
+    kept = run.kept(b"rows", read)
+    coded, begin, blocks = kept["bytes"].tobytes(), 0, []
+    for end in kept["ends"].tolist():
+        blocks.append(decode(RowBlock, coded[begin:end]))
+        begin = end
+    return blocks, str(kept["loss"])
+
+
+def _codec_of(source: Input, settings: RowsSettings, run: Begun) -> Codec | None:
+    """Return what puts rows through the codec of a video, if it takes something away."""
+    path = source.path
+    if path is None or source.begins_with != "frames" or not is_lossy(path):
+        return None
+
+    def of(data: Measured) -> Callable[[Float32Array], Float32Array]:
+        def through(level: Float32Array) -> Float32Array:
+            def make() -> Arrays:
+                return {"level": recoded(path, level, data.axis, settings)}
+
+            what = f"recoded {data.axis} {level.shape} ".encode() + level.tobytes()
+            return np.asarray(run.kept(what, make)["level"], np.float32)
+
+        return through
+
+    return of
+
+
+def _by_rows(
+    source: Input,
+    model: CaptureModel,
+    data: Measured,
+    codec: Codec | None,
+    grid: Grid | None,
+    model_out: str,
+    doing: Doing,
+) -> DiscoverResult:
+    """Discover by rows, and beside a reference where there is one."""
+    # A reference of another time is refused before anything long is done.
+    laid = beside_of(clip_of(data), grid) if grid else None
+    # What is too little to tie rows together may still be more than any effect.
+    found = discover_by_rows(model, data, doing, recoded=codec(data) if codec else None)
+    told, extended = discovery_json(found, model_out), model_of(found, source.name)
+    residuals: dict[str, NDArray[Any]] = {
+        "frame_time_s": data.time_s,
+        "before": found.first.residual.astype(np.float16),
+        "after": found.last.residual.astype(np.float16),
+    }
+    beside = discover_beside(extended, laid, doing) if laid else None
+    extended = beside_model(beside, source.name) if beside else extended
+    page = discovery_page(found, told, source.name, extended, beside)
+    if beside:
+        told, residuals = joined(told, beside_json(beside, "")), residuals | _residuals_of(beside)
+    note = TIED if data.coded and not codec else ""
+    return _result(source, told, extended, page, residuals, note)
+
+
+def _by_frame_means(
+    source: Input,
+    model: CaptureModel,
+    blocks: list[RowBlock],
+    grid: Grid,
+    nominal_hz: float | None,
+    model_out: str,
+    doing: Doing,
+) -> DiscoverResult:
+    """Discover beside a reference alone."""
+    doing("looking for the recording in the reference")
+    laid = beside_of(clip_of_frame_means(blocks, nominal_hz or grid.nominal_hz), grid)
+    found = discover_beside(model, laid, doing)
+    told, extended = beside_json(found, model_out), beside_model(found, source.name)
+    page = beside_page(found, told, source.name, extended)
+    return _result(source, told, extended, page, _residuals_of(found))
+
+
+def _residuals_of(found: BesideDiscovery) -> dict[str, NDArray[Any]]:
+    """Return what is left of the ENF before and after, with its times."""
+    return {
+        "enf_time_s": found.beside.t_s,
+        "enf_before_hz": found.first.left_hz,
+        "enf_after_hz": found.last.left_hz,
+    }
+
+
+def _result(
+    source: Input,
+    told: dict[str, Any],
+    model: CaptureModel,
+    page: str,
+    residuals: dict[str, NDArray[Any]],
+    note: str = "",
+) -> DiscoverResult:
+    return DiscoverResult(
+        recording=source.called,
+        **{name: told[name] for name in ("verdict", "effects", "gap", "unexplained")},
+        told=told,
+        model=model,
+        page=page,
+        residuals=residuals,
+        note=note,
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class DiscoverResult:
+    """What a model was found to lack.
+
+    Attributes
+    ----------
+    verdict : {'no_discrepancy', 'explained', 'unexplained'}
+    effects : list of dict
+        Those that were added, with parameters and their errors.
+    gap : dict
+        What is left between data and model, before and after, as a share of the flicker's power.
+    unexplained : dict or None
+        What no effect of the catalogue explains, and where it is.
+    told : dict
+        All of it, as plain values.
+    model : CaptureModel
+        The extended one: give it to :func:`rsenf.simulate`.
+    page : str
+        The report, HTML.
+    residuals : dict of ndarray
+        What is left, before and after.
+    note, loss : str
+        What else to know, and what could not be read; may be empty.
+    """
+
+    recording: str
+    verdict: str
+    effects: list[dict[str, Any]]
+    gap: dict[str, Any]
+    unexplained: dict[str, Any] | None
+    told: dict[str, Any]
+    model: CaptureModel
+    page: str
+    residuals: dict[str, NDArray[Any]]
+    note: str = ""
+    loss: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values: what ``rsenf discover --json`` prints."""
+        return self.told
+
+    def write(self, out: Path) -> None:
+        """Write all of it into a folder, or nothing.
+
+        Raises
+        ------
+        RecordingError
+            When it can't be written.
+        """
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with whole_folder(out) as folder:
+            (folder / MODEL).write_text(yaml.safe_dump(self.model.to_dict(), sort_keys=False))
+            (folder / RESULT).write_text(json.dumps(self.told, indent=2, allow_nan=False) + "\n")
+            (folder / PAGE).write_text(self.page, encoding="utf-8")
+            np.savez_compressed(folder / RESIDUALS, allow_pickle=False, **self.residuals)
+
+    def __str__(self) -> str:
+        return discovery_words(self.told)
+
+    def __repr__(self) -> str:
+        return f"<DiscoverResult of {self.recording}: {self.verdict}>"

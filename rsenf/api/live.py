@@ -1,0 +1,216 @@
+"""Whether a feed was live: its flicker against the grid's frequency, second by second."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import ArrayLike
+
+from rsenf.api.references import References, open_references
+from rsenf.api.shared import (
+    PathLike,
+    Progress,
+    Recording,
+    Result,
+    opened,
+    row_settings,
+    silent,
+    table,
+    track_settings,
+)
+from rsenf.errors import UsageError
+from rsenf.idle import IdleSettings
+from rsenf.live import Live, LiveSettings
+from rsenf.messages import Liveness, ReferenceBlock
+from rsenf.record import open_recording
+from rsenf.reference import reference_blocks
+from rsenf.reference.live import CameraReference
+from rsenf.reference.moments import utc_ns
+from rsenf.report.liveness import alarm_json, live_json
+from rsenf.rows.settings import RowsSettings
+from rsenf.run.inline import analyse
+from rsenf.run.inputs import Input
+from rsenf.timebase import seconds
+from rsenf.track import TrackSettings
+
+if TYPE_CHECKING:
+    import pandas
+
+
+def live(
+    recording: Recording,
+    reference: References | None = None,
+    *,
+    reference_camera: str = "",
+    frame_time_s: ArrayLike | None = None,
+    frame_rate_hz: float | None = None,
+    camera: str = "",
+    begin: str = "rows",
+    step_s: float | None = None,
+    reference_start: str | None = None,
+    timezone: str | None = None,
+    store: PathLike | None = None,
+    start: str | None = None,
+    nominal_hz: float | None = None,
+    rows: RowsSettings | None = None,
+    track: TrackSettings | None = None,
+    settings: LiveSettings | None = None,
+    progress: Progress = silent,
+) -> LiveResult:
+    """Judge whether a recorded feed was live, as the node ``live`` does: nothing before its time.
+
+    Parameters
+    ----------
+    recording, frame_time_s, frame_rate_hz, camera, begin, progress
+        As :func:`rsenf.track` takes them.
+    reference, step_s, reference_start, timezone, store
+        As :func:`rsenf.verify` takes them; one, with times of day.
+    reference_camera : str
+        Another camera of an ``.mcap`` recording, in place of a reference.
+    start : str, optional
+        When the first picture was taken, ISO 8601, UTC unless it says; without, when pictures
+        arrived, if that was recorded.
+    nominal_hz : float, optional
+        50 or 60; the reference's unless given.
+    rows, track, settings : RowsSettings, TrackSettings, LiveSettings, optional
+
+    Raises
+    ------
+    UsageError
+        When there is no such file, grid or camera, when nothing tells the time of day, or when an
+        argument can't be meant so.
+    InputError
+        When the recording holds nothing that can be analysed.
+
+    Examples
+    --------
+    >>> import rsenf
+    >>> from rsenf.model import synthetic_grid
+    >>> grid_hz = synthetic_grid(seed=5, duration_s=600).freq_hz
+    >>> clip = rsenf.simulate(
+    ...     reference=grid_hz, step_s=1.0, start_s=200.0, duration_s=100, size=(64, 48)
+    ... )
+    >>> found = rsenf.live(
+    ...     clip.rows, grid_hz, frame_time_s=clip.frame_time_s, start="2026-01-15T10:03:20Z",
+    ...     step_s=1.0, reference_start="2026-01-15T10:00:00Z",
+    ... )
+    >>> found.verdict
+    'live'
+    """
+    start_ns = utc_ns(start, "start") if start else 0
+    source = opened(recording, frame_time_s, frame_rate_hz, camera, begin)
+    _check_input(source, reference_camera, start)
+    notes: Sequence[str] = ()
+    if reference_camera:
+        blocks = _of_camera(source, reference_camera)
+    elif reference is None:
+        raise UsageError("nothing to compare with", "give a reference, or another camera")
+    else:
+        (one,) = open_references(
+            reference, step_s=step_s, start=reference_start, timezone=timezone, store=store
+        )
+        if not one.t0_ns:
+            raise UsageError(
+                f"{one.name} has no times of day", "a live feed needs a reference that has"
+            )
+        blocks, notes = list(reference_blocks(one, source=f"reference/{one.grid}")), one.notes
+    grid_hz = blocks[0].nominal_hz if blocks else None
+    tracked = track_settings(track, nominal_hz=nominal_hz or grid_hz)
+    analysis = analyse(
+        source,
+        rows=row_settings(rows, tracked),
+        track=tracked,
+        idle=IdleSettings(nominal_hz=nominal_hz),
+        make_live=lambda: Live(settings, start_utc_ns=start_ns),
+        reference=blocks,
+        progress=progress,
+    )
+    verdicts = analysis.verdicts
+    return LiveResult(
+        recording=source.called,
+        analysis=analysis,
+        verdict=verdicts[-1].verdict if verdicts else "undecided",
+        verdicts=[live_json(told) for told in _changes(verdicts)],
+        last=live_json(verdicts[-1]) if verdicts else None,
+        alarms=[alarm_json(alarm) for alarm in analysis.alarms],
+        warnings=[*notes, *analysis.warnings, *filter(None, [analysis.loss])],
+    )
+
+
+def _check_input(source: Input, reference_camera: str, start: str | None) -> None:
+    """Refuse what doesn't tell when its pictures came, or has no other camera."""
+    if source.tells_arrival:
+        return
+    if reference_camera:
+        raise UsageError(
+            f"{source.called} has no other camera",
+            "a camera for a reference needs an .mcap recording of several",
+        )
+    if not start:
+        raise UsageError(
+            f"{source.called} doesn't tell when its pictures arrived",
+            "say when the first was taken, such as --start 2026-11-22T10:00:00Z",
+        )
+
+
+def _of_camera(source: Input, camera: str) -> list[ReferenceBlock]:
+    """Return the reference that another camera of the recording makes."""
+    recording = open_recording(source.called)
+    topics = [t for t in recording.topics if t.endswith((f"/{camera}/rows", f"/{camera}/track"))]
+    if len(topics) != 2:
+        raise UsageError(f"{source.called} has no rows and track of camera {camera!r}")
+    stage = CameraReference(camera)
+    messages = (m for _, m, _ in recording.messages(topics, tolerant=True))
+    return [block for m in messages if not m.header.is_end for block in stage.update(m)]
+
+
+def _changes(verdicts: Sequence[Liveness]) -> list[Liveness]:
+    """Leave out verdicts that only say again what the one before said."""
+
+    def said(told: Liveness) -> tuple[Any, ...]:
+        return told.verdict, told.header.run_id, told.header.epoch
+
+    return [v for i, v in enumerate(verdicts) if i == 0 or said(v) != said(verdicts[i - 1])]
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class LiveResult(Result):
+    """Whether a feed was live.
+
+    Attributes
+    ----------
+    verdict : {'live', 'stale', 'frozen', 'no_signal', 'undecided'}
+        At the end.
+    verdicts : list of dict
+        Each that differs from the one before: ``t_s``, ``verdict``, ``lag_s``, ``evidence`` …
+    last : dict or None
+        The one at the end.
+    alarms : list of dict
+    warnings : list of str
+        All that a reader should know, what could not be read among it.
+    """
+
+    verdict: str
+    verdicts: list[dict[str, Any]]
+    last: dict[str, Any] | None
+    alarms: list[dict[str, Any]]
+    warnings: list[str]
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a row for every verdict, one a second, by ``t_s``."""
+        told = [live_json(verdict) for verdict in self.analysis.verdicts]
+        names = live_json(Liveness()) if not told else told[0]
+        return table({name: [one[name] for one in told] for name in names}, "t_s")
+
+    def __str__(self) -> str:
+        told = self.analysis.verdicts
+        lines = [f"{seconds(v.header.pts_ns):9.1f} s  {v.in_short}" for v in _changes(told)]
+        if told:
+            last = told[-1]
+            lines.append(f"{seconds(last.header.pts_ns):9.1f} s  at the end {last.in_short}")
+        return "\n".join([*lines, *(alarm.in_short for alarm in self.analysis.alarms)])
+
+    def __repr__(self) -> str:
+        return f"<LiveResult of {self.recording}: {self.verdict}>"

@@ -1,0 +1,161 @@
+"""What a recording holds, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rsenf.api.shared import (
+    Progress,
+    Recording,
+    opened,
+    optional,
+    read_only,
+    row_settings,
+    silent,
+)
+from rsenf.messages import RowBlock
+from rsenf.messages.schema import Float32Array, FloatArray
+from rsenf.rows.settings import RowsSettings
+from rsenf.run.inline import analyse
+from rsenf.run.inputs import Input
+
+if TYPE_CHECKING:
+    import xarray
+
+
+def read_recording(
+    recording: Recording,
+    *,
+    frame_time_s: ArrayLike | None = None,
+    frame_rate_hz: float | None = None,
+    camera: str = "",
+    begin: str = "rows",
+    rows: RowsSettings | None = None,
+    progress: Progress = silent,
+) -> RecordedRows:
+    """Read the rows of a recording: what all analyses begin with.
+
+    What comes back can be given to each of them in place of the recording: a video is decoded
+    once, and the numbers are the same.
+
+    Parameters
+    ----------
+    recording, frame_time_s, frame_rate_hz, camera, progress
+        As :func:`rsenf.track` takes them.
+    begin : {'rows', 'frames'}
+        What to take of an ``.mcap`` recording: its rows, or its video again.
+    rows : RowsSettings, optional
+        Such as the number of strips of a video's rows.
+
+    Raises
+    ------
+    UsageError
+        When there is no such file, or an argument can't be meant so.
+    InputError
+        When the recording holds nothing that can be analysed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import rsenf
+    >>> held = rsenf.read_recording(np.full((90, 48), 100.0), frame_rate_hz=30.0)
+    >>> held.rows.shape, float(held.frame_time_s[30])
+    ((90, 48, 1), 1.0)
+    """
+    source = opened(recording, frame_time_s, frame_rate_hz, camera, begin)
+    blocks: list[RowBlock] = []
+
+    def tap(topic: str, message: Any) -> None:
+        if topic == "rows":
+            blocks.append(message)
+
+    analysis = analyse(source, rows=row_settings(rows), progress=progress, tap=tap)
+    return RecordedRows(
+        name=source.name,
+        path=source.path,
+        tells_arrival=source.tells_arrival,
+        duration_s=analysis.seconds,
+        blocks=tuple(blocks),
+        lost=analysis.loss,
+        notes=tuple(source.warnings),
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class RecordedRows(Input):
+    """Rows of a recording.
+
+    Attributes
+    ----------
+    blocks : tuple of RowBlock
+        All of them.
+    lost : str
+        What could not be read, in one line; empty when all was.
+    notes : tuple of str
+        What else to know.
+    """
+
+    name: str
+    path: Path | None
+    tells_arrival: bool
+    duration_s: float | None
+    blocks: tuple[RowBlock, ...]
+    lost: str
+    notes: tuple[str, ...]
+
+    def messages(self) -> Iterator[RowBlock]:
+        """Yield the blocks."""
+        return iter(self.blocks)
+
+    @property
+    def loss(self) -> str:
+        """What could not be read, in one line; empty when all was."""
+        return self.lost
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a result should say about its input, one line each."""
+        return list(self.notes)
+
+    @property
+    def stretch(self) -> list[RowBlock]:
+        """Blocks until the source restarted, if it did."""
+        epoch = self.blocks[0].header.epoch if self.blocks else 0
+        return [block for block in self.blocks if block.header.epoch == epoch]
+
+    @property
+    def rows(self) -> Float32Array:
+        """Mean 8-bit levels of the first stretch, (frames, rows, strips)."""
+        levels = [block.level for block in self.stretch]
+        return read_only(np.concatenate(levels) if levels else np.empty((0, 0, 0), np.float32))
+
+    @property
+    def frame_time_s(self) -> FloatArray:
+        """When each of their frames began, (frames,), by the stream's clock."""
+        times_ns = [block.frame_pts_ns for block in self.stretch]
+        return read_only(np.concatenate(times_ns) / 1e9 if times_ns else np.empty(0))
+
+    @property
+    def read_out_axis(self) -> str:
+        """``rows``, ``columns`` of a turned camera, or ``frame`` of frame means."""
+        return self.blocks[0].read_out_axis if self.blocks else "rows"
+
+    def to_xarray(self) -> xarray.DataArray:
+        """Return the rows by ``frame_time_s``, row and strip."""
+        return optional("xarray").DataArray(
+            self.rows,
+            dims=("frame_time_s", "row", "strip"),
+            coords={"frame_time_s": self.frame_time_s},
+            name="level",
+            attrs={"read_out_axis": self.read_out_axis, "recording": self.called},
+        )
+
+    def __repr__(self) -> str:
+        frames, rows, strips = self.rows.shape
+        return f"<RecordedRows of {self.called}: {frames} frames, {rows} rows, {strips} strips>"

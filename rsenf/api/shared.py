@@ -1,0 +1,192 @@
+"""What the analyses share: how a recording is given, the settings of the stages, what comes out."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from numpy.typing import ArrayLike, NDArray
+
+from rsenf.errors import UsageError
+from rsenf.match.stage import tracker_for
+from rsenf.rows.settings import AUTO, RowsSettings
+from rsenf.run.inline import Analysis
+from rsenf.run.inputs import Input, open_input_file
+from rsenf.track import METHODS, TrackSettings
+
+if TYPE_CHECKING:
+    import pandas
+
+PathLike: TypeAlias = str | os.PathLike[str]
+Recording: TypeAlias = PathLike | Input | ArrayLike
+Progress: TypeAlias = Callable[[float], None]
+
+
+def silent(told: Any) -> None:
+    """Take progress that nobody wants to see."""
+
+
+def opened(
+    recording: Recording,
+    frame_time_s: ArrayLike | None = None,
+    frame_rate_hz: float | None = None,
+    camera: str = "",
+    begin: str = "rows",
+) -> Input:
+    """Open what an analysis is given.
+
+    Parameters
+    ----------
+    recording : path, Input or array_like
+        Video, ``.mcap`` recording or ``.npz``; what
+        :func:`rsenf.run.inputs.open_input_file` returned; or luminance: (frames,), (frames, rows)
+        or (frames, rows, strips).
+    frame_time_s : array_like (frames,), optional
+        Of rows: when each frame began.
+    frame_rate_hz : float, optional
+        Of frame means, or of rows that came regularly.
+    camera, begin : str
+        Of a path, as :func:`rsenf.run.inputs.open_input_file` takes them.
+
+    Raises
+    ------
+    UsageError
+        When there is no such file, or arrays lack their times.
+    InputError
+        When it holds nothing that can be analysed.
+    """
+    timed = frame_time_s is not None or frame_rate_hz is not None
+    if isinstance(recording, Input | str | os.PathLike):
+        if timed:
+            raise UsageError("a recording has times of its own", "give times with arrays only")
+        if isinstance(recording, Input):
+            return recording
+        return open_input_file(Path(recording), camera=camera, begin=begin)
+    import numpy as np
+
+    from rsenf.run.npz import ARRAYS, Luminance
+
+    held: dict[str, ArrayLike]
+    if frame_time_s is not None and frame_rate_hz is None:
+        held = {"rows": recording, "frame_time_s": frame_time_s}
+    elif frame_rate_hz is not None and frame_time_s is None:
+        frames = len(level := np.atleast_1d(recording))
+        held = {"luminance": level, "frame_rate_hz": frame_rate_hz}
+        if level.ndim > 1 and frame_rate_hz > 0:
+            held = {"rows": level, "frame_time_s": np.arange(frames) / frame_rate_hz}
+    else:
+        raise UsageError("arrays need their times", "give either frame_time_s or frame_rate_hz")
+    return Luminance(held, f"file/{ARRAYS}")
+
+
+def track_settings(
+    given: TrackSettings | Mapping[str, Any] | None = None,
+    *,
+    matcher: str = "",
+    nominal_hz: float | None = None,
+) -> TrackSettings:
+    """Return settings of the tracker, checked.
+
+    Parameters
+    ----------
+    given : TrackSettings or mapping, optional
+        All of them, or those that aren't to be the default; None stands for the default.
+    matcher : str, optional
+        That is to compare the estimates.
+    nominal_hz : float, optional
+        Of the grid, unless the settings say so themselves.
+
+    Raises
+    ------
+    UsageError
+        When the method doesn't exist, isn't what the matcher needs, or has no use for a setting.
+    """
+    if isinstance(given, TrackSettings):
+        plain = TrackSettings(given.method)
+        names = [f.name for f in dataclasses.fields(given)]
+        asked = {n: v for n in names if (v := getattr(given, n)) != getattr(plain, n)}
+        asked["method"] = given.method
+    else:
+        asked = {name: value for name, value in (given or {}).items() if value is not None}
+    needed = tracker_for(matcher)
+    method = asked.setdefault("method", needed or TrackSettings.method)
+    METHODS.find(method)
+    if needed and method != needed:
+        raise UsageError(
+            f"{matcher} compares the hypotheses of the ENF method {needed}, not {method}",
+            "name no other ENF method",
+        )
+    settings = TrackSettings(**{"nominal_hz": nominal_hz, **asked})
+    METHODS.find(method).check(settings)
+    return settings
+
+
+def row_settings(given: RowsSettings | None, track: TrackSettings | None = None) -> RowsSettings:
+    """Return settings of the rows, with what the tracker needs of them."""
+    rows = given or RowsSettings(read_out_axis=AUTO)
+    return dataclasses.replace(rows, **METHODS.find(track.method).rows_needed) if track else rows
+
+
+ASIDE = {"json": False}  # metadata of a result's field that isn't a part of its JSON
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Result:
+    """What came out of a recording. The fields of each kind of result are the keys of its JSON.
+
+    ``str(result)`` is what the command line prints of it.
+
+    Attributes
+    ----------
+    recording : str
+        What the recording is called.
+    analysis : Analysis
+        The messages of the stages.
+    """
+
+    recording: str = field(metadata=ASIDE)
+    analysis: Analysis = field(metadata=ASIDE)
+
+    @property
+    def loss(self) -> str:
+        """What of the recording could not be read, in one line; empty when all was."""
+        return self.analysis.loss
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values: what the command line prints with ``--json``."""
+        shown = (f.name for f in dataclasses.fields(self) if f.metadata.get("json", True))
+        return {name: getattr(self, name) for name in shown}
+
+    def __repr__(self) -> str:
+        said, _, _ = str(self).partition("\n")
+        return f"<{type(self).__name__} of {self.recording}: {said}>"
+
+
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """Return an array that can't be written to."""
+    array.flags.writeable = False
+    return array
+
+
+def table(columns: Mapping[str, Any], index: str) -> pandas.DataFrame:
+    """Return columns as a table of pandas."""
+    return optional("pandas").DataFrame(columns).set_index(index)
+
+
+def optional(package: str) -> Any:
+    """Import a package that not everybody needs.
+
+    Raises
+    ------
+    UsageError
+        When it isn't there.
+    """
+    try:
+        return importlib.import_module(package)
+    except ImportError as exc:
+        raise UsageError(f"{package} is not installed", f"pip install 'rsenf[{package}]'") from exc

@@ -1,0 +1,204 @@
+"""A recording's ENF, one value a second."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rsenf.api.shared import (
+    Progress,
+    Recording,
+    Result,
+    opened,
+    read_only,
+    row_settings,
+    silent,
+    table,
+    track_settings,
+)
+from rsenf.report.verdict import number
+from rsenf.rows.settings import RowsSettings
+from rsenf.run.inline import Analysis, analyse
+from rsenf.track import TrackSettings
+
+if TYPE_CHECKING:
+    import pandas
+
+    from rsenf.messages.schema import FloatArray
+
+COLUMNS = ("t_s", "enf_hz", "enf_std_hz", "snr_db", "usable", "reason", "epoch")
+
+
+def track(
+    recording: Recording,
+    *,
+    frame_time_s: ArrayLike | None = None,
+    frame_rate_hz: float | None = None,
+    camera: str = "",
+    begin: str = "rows",
+    method: str | None = None,
+    nominal_hz: float | None = None,
+    rows: RowsSettings | None = None,
+    settings: TrackSettings | None = None,
+    progress: Progress = silent,
+) -> TrackResult:
+    """Follow the ENF of a recording.
+
+    Parameters
+    ----------
+    recording : path, Input or array_like
+        Video, ``.mcap`` recording or ``.npz``; or luminance: (frames,), (frames, rows) or
+        (frames, rows, strips).
+    frame_time_s : array_like (frames,), optional
+        Of arrays: when each frame began, in seconds.
+    frame_rate_hz : float, optional
+        Of arrays whose frames came regularly.
+    camera : str
+        Of an ``.mcap`` recording with several.
+    begin : {'rows', 'frames', 'track'}
+        What to take of an ``.mcap`` recording: its rows, its video again, its own estimates.
+    method : str, optional
+        A name of :data:`rsenf.track.METHODS`; ``projection`` unless given.
+    nominal_hz : float, optional
+        50 or 60; found from the data when not given.
+    rows : RowsSettings, optional
+    settings : TrackSettings, optional
+        In place of ``method``.
+    progress : callable, optional
+        Told how many seconds of the recording are done.
+
+    Raises
+    ------
+    UsageError
+        When there is no such file or method, or an argument can't be meant so.
+    InputError
+        When the recording holds nothing that can be analysed.
+
+    Examples
+    --------
+    >>> import rsenf
+    >>> clip = rsenf.simulate(duration_s=20, seed=3, size=(64, 48), frame_rate=25)
+    >>> found = rsenf.track(clip.rows, frame_time_s=clip.frame_time_s)
+    >>> found.enf_hz.shape, bool(found.usable.all())
+    ((20,), True)
+    >>> bool(abs(found.enf_hz - clip.enf_hz).max() < 0.01)
+    True
+    """
+    given = settings or {"method": method}
+    tracked = track_settings(given, nominal_hz=nominal_hz)
+    source = opened(recording, frame_time_s, frame_rate_hz, camera, begin)
+    analysis = analyse(source, rows=row_settings(rows, tracked), track=tracked, progress=progress)
+    return track_result(source.called, analysis)
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class TrackResult(Result):
+    """The ENF of a recording; all arrays are of shape (seconds,).
+
+    Attributes
+    ----------
+    t_s : ndarray of float
+        From the first frame to the centre of what the value covers.
+    enf_hz, enf_std_hz : ndarray of float
+        Grid frequency and its standard error; NaN where there is none.
+    snr_db : ndarray of float
+    usable : ndarray of bool
+    reason : ndarray of str
+        Why a value isn't usable; '' where it is.
+    epoch : ndarray of int
+        Stretch of a source that restarted.
+    warnings : list of str
+    """
+
+    t_s: FloatArray
+    enf_hz: FloatArray
+    enf_std_hz: FloatArray
+    snr_db: FloatArray
+    usable: NDArray[np.bool_]
+    reason: NDArray[np.str_]
+    epoch: NDArray[np.int64]
+    warnings: list[str]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return ``estimates``, the lines of ``rsenf track --json``, and ``warnings``."""
+        columns = (getattr(self, name).tolist() for name in COLUMNS)
+        return {
+            "estimates": [
+                {
+                    "t_s": round(t_s, 6),
+                    "enf_hz": number(enf_hz),
+                    "enf_std_hz": number(std_hz),
+                    "snr_db": number(snr_db),
+                    "usable": usable,
+                    "reason": reason,
+                    "epoch": epoch,
+                }
+                for t_s, enf_hz, std_hz, snr_db, usable, reason, epoch in zip(*columns, strict=True)
+            ],
+            "warnings": self.warnings,
+        }
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a row for each value, by ``t_s``."""
+        return table({name: getattr(self, name) for name in COLUMNS}, "t_s")
+
+    @property
+    def summary(self) -> str:
+        """One line on what was found."""
+        estimates, seconds = self.analysis.estimates, self.analysis.seconds
+        if not estimates:
+            return f"too short to tell: {seconds:.1f} s of video"
+        usable = [e for e in estimates if e.usable]
+        if not usable:
+            # What is wrong with the rows themselves explains best why no window of them is of use.
+            (rows, _), *_ = self.analysis.row_reasons.most_common(1)
+            (reason, _), *_ = Counter(e.reason for e in estimates).most_common(1)
+            return f"no usable signal in {seconds:.0f} s of video: {rows or reason}"
+        last = usable[-1]
+        return (
+            f"{len(usable)} of {len(estimates)} values usable; {last.nominal_hz:.0f} Hz grid, "
+            f"harmonic {last.harmonic} on the line at {last.line_hz:.1f} Hz, "
+            f"{last.frame_rate_hz:.3f} frames/s"
+        )
+
+    def __str__(self) -> str:
+        lines = [" t (s)   ENF (Hz)   ± mHz  SNR (dB)"] if self.t_s.size else []
+        for estimate in self.analysis.estimates:
+            if estimate.usable:
+                std_mhz = 1e3 * math.sqrt(estimate.enf_var_hz2)
+                values = f"{estimate.enf_hz:10.5f} {std_mhz:7.2f} {estimate.snr_db:9.1f}"
+            else:
+                values = f"         –       –         –   {estimate.reason}"
+            lines.append(f"{estimate.t_s:6.1f} {values}")
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return f"<TrackResult of {self.recording}: {self.summary}>"
+
+
+def track_result(name: str, analysis: Analysis) -> TrackResult:
+    """Return the estimates of an analysis as arrays."""
+    estimates = analysis.estimates
+
+    def column(values: list[Any], dtype: Any = np.float64) -> NDArray[Any]:
+        return read_only(np.array(values, dtype))
+
+    return TrackResult(
+        recording=name,
+        analysis=analysis,
+        t_s=column([e.t_s for e in estimates]),
+        enf_hz=column([e.enf_hz for e in estimates]),
+        enf_std_hz=column(
+            [math.sqrt(e.enf_var_hz2) if e.enf_var_hz2 >= 0 else math.nan for e in estimates]
+        ),
+        snr_db=column([e.snr_db for e in estimates]),
+        usable=column([e.usable for e in estimates], np.bool_),
+        reason=column([e.reason for e in estimates], np.str_),
+        epoch=column([e.header.epoch for e in estimates], np.int64),
+        warnings=list(analysis.warnings),
+    )

@@ -1,0 +1,382 @@
+"""When a recording was made, by a grid reference, or whether two were made together."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import ArrayLike
+
+from rsenf.api.references import Opened, References, grids_of, nominal_of, open_references
+from rsenf.api.shared import (
+    ASIDE,
+    PathLike,
+    Progress,
+    Recording,
+    Result,
+    opened,
+    row_settings,
+    silent,
+    table,
+    track_settings,
+)
+from rsenf.api.track import TrackResult, track_result
+from rsenf.errors import InputError, UsageError
+from rsenf.idle import IdleSettings
+from rsenf.match.against import Against, match_against
+from rsenf.match.jumps import without_jumps
+from rsenf.match.series import Track, track_of
+from rsenf.match.settings import MatchSettings
+from rsenf.match.stage import Match
+from rsenf.reference.moments import utc_ns
+from rsenf.report.against import against_json, against_words
+from rsenf.report.spectrum import ThinRows
+from rsenf.report.verdict import verdict_json, verdict_words
+from rsenf.rows.settings import RowsSettings
+from rsenf.run.inline import Analysis, analyse
+from rsenf.run.inputs import Input
+from rsenf.track import TrackSettings
+
+if TYPE_CHECKING:
+    import pandas
+
+
+def verify(
+    recording: Recording,
+    reference: References,
+    *,
+    frame_time_s: ArrayLike | None = None,
+    frame_rate_hz: float | None = None,
+    camera: str = "",
+    begin: str = "rows",
+    step_s: float | None = None,
+    reference_start: str | None = None,
+    timezone: str | None = None,
+    store: PathLike | None = None,
+    start: str | None = None,
+    method: str = "phase",
+    nominal_hz: float | None = None,
+    rows: RowsSettings | None = None,
+    track: TrackSettings | None = None,
+    match: MatchSettings | None = None,
+    picture: Path | None = None,
+    report: Path | None = None,
+    progress: Progress = silent,
+) -> VerifyResult:
+    """Compare a recording's ENF with a grid reference at every lag.
+
+    Parameters
+    ----------
+    recording, frame_time_s, frame_rate_hz, camera, begin, progress
+        As :func:`rsenf.track` takes them.
+    reference : path, ``store:GRID``, Reference, array_like, or sequence of the first three
+        A file, a grid of the store, or an array of frequencies in Hz; several for several grids.
+    step_s : float, optional
+        Time between the values of an array, or of a file that has no times.
+    reference_start : str, optional
+        When an array begins, ISO 8601, UTC unless it says.
+    timezone : str, optional
+        Of a file's times, such as Europe/Paris; UTC otherwise.
+    store : path, optional
+        Where ``store:GRID`` is looked for.
+    start : str, optional
+        Claimed start of the recording, ISO 8601, UTC unless it says.
+    method : str
+        A name of :data:`rsenf.match.METHODS`.
+    nominal_hz : float, optional
+        50 or 60; the reference's unless given.
+    rows, track, match : RowsSettings, TrackSettings, MatchSettings, optional
+    picture : Path, optional
+        PNG to draw what was compared in.
+    report : Path, optional
+        Folder to write a report in: HTML, JSON and pictures.
+
+    Raises
+    ------
+    UsageError
+        When there is no such file, grid or method, when the reference is shorter than the
+        recording, or when an argument can't be meant so.
+    InputError
+        When the recording holds nothing that can be analysed.
+
+    Examples
+    --------
+    >>> import rsenf
+    >>> from rsenf.model import synthetic_grid
+    >>> grid_hz = synthetic_grid(seed=5, duration_s=600).freq_hz
+    >>> clip = rsenf.simulate(
+    ...     reference=grid_hz, step_s=1.0, start_s=200.0, duration_s=60, size=(64, 48)
+    ... )
+    >>> found = rsenf.verify(clip.rows, grid_hz, frame_time_s=clip.frame_time_s, step_s=1.0)
+    >>> found.decision, round(found.lag_s)
+    ('match', 200)
+    """
+    claimed_ns = utc_ns(start, "start") if start else 0
+    if begin == "track" and (picture or report):
+        raise UsageError("estimates hold no rows to draw", "begin with rows or frames")
+    if picture and not picture.absolute().parent.is_dir():
+        raise UsageError(f"picture {picture}: no such folder", "make it first")
+    settings, made_utc = match or MatchSettings(), ""
+    if report:
+        from rsenf.report.recording_time import check_folder, moment_of_report
+
+        check_folder(report)
+        made_utc = moment_of_report()
+    references = open_references(
+        reference, step_s=step_s, start=reference_start, timezone=timezone, store=store
+    )
+    source = opened(recording, frame_time_s, frame_rate_hz, camera, begin)
+    if report and not source.path:
+        raise UsageError("a report tells of a file", "write the arrays to an .npz, and name it")
+    check_verify(method, track)
+    grids, grid_hz = grids_of(references), nominal_of(references)
+    tracked = track_settings(track, matcher=method, nominal_hz=nominal_hz or grid_hz)
+    rows = row_settings(rows, tracked)
+    spectra: dict[int, ThinRows] = defaultdict(ThinRows)  # by epoch
+
+    def tap(topic: str, message: Any) -> None:
+        if (picture or report) and topic == "rows":
+            spectra[message.header.epoch].add(message)
+
+    _check_lengths(source, source.duration_s or 0.0, references)
+    analysis = analyse(
+        source,
+        rows=rows,
+        track=tracked,
+        idle=IdleSettings(nominal_hz=nominal_hz) if report else None,
+        make_match=lambda: Match(
+            method=method, grids=grids, claimed_utc_ns=claimed_ns, settings=settings
+        ),
+        progress=progress,
+        tap=tap,
+    )
+    _check_lengths(source, max(analysis.stretches_s, default=0.0), references)
+    found = analysis.result
+    warnings = _warnings(analysis, references)
+    unsure = found.decision == "no_match" or not any(e.usable for e in analysis.estimates)
+    if grid_hz and unsure and not (nominal_hz or (track and track.nominal_hz)):
+        warnings.append(f"looked for a {grid_hz:.0f} Hz grid, as the reference's is")
+    told = verdict_json(found, [*warnings, *filter(None, [analysis.loss])])
+    result = VerifyResult(
+        recording=source.called,
+        analysis=analysis,
+        reference=next((r for r in references if r.grid == found.grid), references[0]),
+        **told,
+    )
+    if picture:
+        _draw(picture, result, spectra[found.header.epoch])
+    if report:
+        from rsenf.api.verify_report import write_verify_report
+
+        write_verify_report(
+            report,
+            result,
+            spectra[found.header.epoch],
+            references,
+            made_utc,
+            {"rows": rows, "ENF": tracked, "match": settings},
+            {
+                "begin": begin, "camera": camera, "input": source.name,
+                "reference": [r.name for r in references], "start": start, "method": method,
+                "nominal_hz": nominal_hz, "step_s": step_s, "timezone": timezone,
+            },
+        )  # fmt: skip
+    return result
+
+
+def check_verify(method: str, track: TrackSettings | None) -> None:
+    """Refuse settings that no recording can be verified with.
+
+    Raises
+    ------
+    UsageError
+        When there is no such matcher or tracker, or they don't go together.
+    """
+    track_settings(track, matcher=method)
+    Match(method=method)
+
+
+def _warnings(analysis: Analysis, references: Sequence[Opened]) -> list[str]:
+    notes = [
+        f"{r.grid}: {line}" if len(references) > 1 else line for r in references for line in r.notes
+    ]
+    return [*analysis.result.warnings, *analysis.warnings, *notes]
+
+
+def _check_lengths(source: Input, clip_s: float, references: Sequence[Opened]) -> None:
+    """Refuse references none of which can hold the clip."""
+    longest = max(references, key=lambda r: r.duration_s)
+    if clip_s > longest.duration_s:
+        raise UsageError(
+            f"{longest.name} covers {longest.duration_s:.1f} s, less than the {clip_s:.1f} s "
+            f"of {source.called}",
+            "give a reference that covers all of the time in question",
+        )
+
+
+def _draw(path: Path, found: VerifyResult, spectrum: ThinRows) -> None:
+    from rsenf.reference import reference_blocks
+    from rsenf.report.picture import draw
+
+    result = found.analysis.result
+    blocks = list(reference_blocks(found.reference, source="reference/file"))
+    epoch = result.header.epoch
+    estimates = [e for e in found.analysis.estimates if e.header.epoch == epoch]
+    draw(path, spectrum, estimates, blocks, result)
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class VerifyResult(Result):
+    """When a recording was made. What isn't known is None.
+
+    Attributes
+    ----------
+    reference : Reference or StoredReference
+        The one that the verdict is about.
+    decision : {'match', 'no_match', 'no_decision'}
+    grid : str
+        Name of the reference.
+    reason : str
+    lag_s, lag_std_s : float or None
+        The recording's start less the reference's first sample, and its standard error.
+    start_utc : str or None
+        The same as a time of day, ISO 8601.
+    correlation : float or None
+    log10_lr, log10_lr_absent : float or None
+        For this time, against another time in the reference, and against a time outside it.
+    claim : {'supported', 'refuted', 'undecidable'} or None
+        What became of a claimed start.
+    clock_ppm, clock_std_ppm : float or None
+        Error of the camera's clock; positive is fast.
+    search_size : int
+        Lags compared.
+    candidates : list of dict
+        Ranked, the best first.
+    warnings : list of str
+        All that a reader should know, what could not be read among it.
+    """
+
+    reference: Opened = field(metadata=ASIDE)
+    decision: str
+    grid: str
+    reason: str
+    lag_s: float | None
+    lag_std_s: float | None
+    start_utc: str | None
+    correlation: float | None
+    log10_lr: float | None
+    log10_lr_absent: float | None
+    claim: str | None
+    claim_log10_lr: float | None
+    claim_log10_lr_other: float | None
+    verbal: str
+    clock_ppm: float | None
+    clock_std_ppm: float | None
+    residual_std_hz: float | None
+    expected_std_hz: float | None
+    search_size: int
+    seconds_used: float
+    idle_ratio: float | None
+    method: str
+    candidates: list[dict[str, Any]]
+    warnings: list[str]
+
+    @property
+    def enf(self) -> TrackResult:
+        """The ENF that was compared."""
+        return track_result(self.recording, self.analysis)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the candidates, a row for each, by ``lag_s``."""
+        names = ("lag_s", "grid", "start_utc", "correlation", "clock_ppm", "log10_lr")
+        return table({name: [c[name] for c in self.candidates] for name in names}, "lag_s")
+
+    def __str__(self) -> str:
+        return verdict_words(self.analysis.result)
+
+
+def verify_against(first: TrackResult, second: TrackResult) -> AgainstResult:
+    """Tell whether two recordings were made at the same time; of each, the stretch that tells most.
+
+    Parameters
+    ----------
+    first, second : TrackResult
+        What :func:`rsenf.track` returned, by the method ``projection``.
+
+    Raises
+    ------
+    UsageError
+        When the estimates carry no phase.
+    InputError
+        When one is too short for a single estimate.
+
+    Examples
+    --------
+    >>> import rsenf
+    >>> from rsenf.model import synthetic_grid
+    >>> grid_hz = synthetic_grid(seed=5, duration_s=300).freq_hz
+    >>> clips = [
+    ...     rsenf.simulate(reference=grid_hz, step_s=1.0, start_s=start_s, duration_s=100,
+    ...                    size=(64, 48), seed=seed)
+    ...     for start_s, seed in ((120, 1), (100, 2))
+    ... ]
+    >>> a, b = (rsenf.track(clip.rows, frame_time_s=clip.frame_time_s) for clip in clips)
+    >>> found = rsenf.verify_against(a, b)
+    >>> found.decision, round(found.offset_s)
+    ('match', 20)
+    """
+    warnings = [f"{one.recording}: {line}" for one in (first, second) for line in one.warnings]
+    found = match_against(_best_stretch(first), _best_stretch(second), MatchSettings())
+    return AgainstResult(**against_json(found, warnings), against=found)
+
+
+def _best_stretch(tracked: TrackResult) -> Track:
+    """Estimates of the stretch with the most usable ones."""
+    by_epoch: dict[int, int] = {}
+    for estimate in tracked.analysis.estimates:
+        epoch = estimate.header.epoch
+        by_epoch[epoch] = by_epoch.get(epoch, 0) + estimate.usable
+    if not by_epoch:
+        raise InputError("a recording too short for a single estimate", "give a longer one")
+    best = max(by_epoch, key=lambda epoch: by_epoch[epoch])
+    own = [e for e in tracked.analysis.estimates if e.header.epoch == best]
+    return without_jumps(track_of(own))[0]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AgainstResult:
+    """What two recordings say about each other. What isn't known is None.
+
+    Attributes
+    ----------
+    decision : {'match', 'no_match', 'no_decision'}
+        Whether they were made at the same time.
+    offset_s, offset_std_s : float or None
+        Start of the first less the start of the second, and its standard error.
+    log10_lr, log10_lr_other : float or None
+        For this offset, against different times, and against another offset.
+    clock_ppm, clock_std_ppm : float or None
+        By how much the first one's clock is faster.
+    """
+
+    decision: str
+    reason: str
+    offset_s: float | None
+    offset_std_s: float | None
+    log10_lr: float | None
+    log10_lr_other: float | None
+    clock_ppm: float | None
+    clock_std_ppm: float | None
+    verbal: str
+    warnings: list[str]
+    against: Against
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values: what the command line prints with ``--json``."""
+        return {k: v for k, v in vars(self).items() if k != "against"}
+
+    def __str__(self) -> str:
+        return against_words(self.against)

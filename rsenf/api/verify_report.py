@@ -1,0 +1,114 @@
+"""What the report on a recording's time needs to know of files, parameters and versions."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rsenf.api.references import Opened, coverage, grids_of
+from rsenf.match.calibration import calibration
+from rsenf.record.provenance import input_facts, program_versions
+from rsenf.report.recording_time import Case, RecordingFacts, ReferenceFacts, write_report
+from rsenf.report.spectrum import ThinRows
+
+if TYPE_CHECKING:
+    from rsenf.api.verify import VerifyResult
+
+LIBRARIES = ("av", "jinja2", "matplotlib", "numpy", "opencv-python-headless", "scipy")
+
+
+def write_verify_report(
+    out: Path,
+    found: VerifyResult,
+    spectrum: ThinRows,
+    references: Sequence[Opened],
+    made_utc: str,
+    settings: Mapping[str, Any],
+    asked: Mapping[str, Any],
+) -> None:
+    """Write the report on a verdict.
+
+    Parameters
+    ----------
+    out : Path
+        Folder.
+    found : VerifyResult
+    spectrum : ThinRows
+        Of the stretch that the verdict is about.
+    references : sequence of Reference or StoredReference
+        All that were compared with.
+    made_utc : str
+        When the report is made.
+    settings : mapping of str
+        Settings of the stages, by what they are of.
+    asked : mapping of str
+        What else was asked for, without folders: where files lie is nobody's business.
+    """
+    analysis = found.analysis
+    epoch = analysis.result.header.epoch
+    groups = {name: dataclasses.asdict(each) for name, each in settings.items()}
+    case = Case(
+        result=analysis.result,
+        verdict=found.to_dict(),
+        estimates=[e for e in analysis.estimates if e.header.epoch == epoch],
+        spectrum=spectrum,
+        grid=grids_of([found.reference])[0],
+        recording=_recording(found),
+        references=[_facts(reference) for reference in references],
+        settings=settings["match"],
+        parameters={"asked for": asked, **groups, **_calibration(analysis.result.method)},
+        versions=_versions(),
+        idle=analysis.idle_by_epoch.get(epoch),
+    )
+    write_report(out, case, made_utc)
+
+
+def _recording(found: VerifyResult) -> RecordingFacts:
+    facts = input_facts(found.recording)
+    return RecordingFacts(
+        name=facts["input"],
+        bytes=int(facts["input_bytes"]),
+        sha256=facts["input_sha256"],
+        seconds=found.analysis.seconds,
+        stretches=len(found.analysis.stretches_s),
+    )
+
+
+def _facts(reference: Opened) -> ReferenceFacts:
+    found = coverage(reference)
+    return ReferenceFacts(
+        name=reference.name,
+        bytes=reference.size_bytes,
+        sha256=reference.sha256,
+        grid=reference.grid,
+        nominal_hz=reference.nominal_hz,
+        t0_ns=reference.t0_ns,
+        step_s=reference.step_s,
+        samples=reference.freq_hz.size,
+        valid_samples=found.valid,
+        gaps=found.gaps,
+        longest_gap_s=found.longest_gap * reference.step_s,
+        duplicates=found.duplicates,
+        notes=reference.notes,
+    )
+
+
+def _calibration(method: str) -> dict[str, Mapping[str, Any]]:
+    """What a method's likelihood ratios were calibrated by, if they are."""
+    if method != "phase":
+        return {}
+    facts = dataclasses.asdict(calibration())
+    lines = {name: value for name, value in facts.items() if isinstance(value, dict)}
+    of_lines = {f"{name}, {k}": v for name, line in lines.items() for k, v in line.items()}
+    return {"calibration": {"made": facts["made"], **of_lines}}
+
+
+def _versions() -> dict[str, str]:
+    """Versions of the program and of what its results rest on."""
+    import av
+
+    # The decoder's own version: what frames look like is its doing.
+    codec = ".".join(map(str, av.library_versions["libavcodec"]))
+    return {**program_versions(LIBRARIES), "libavcodec": codec}

@@ -1,0 +1,117 @@
+"""A batch from its recordings to its table: what the journal doesn't have is done, and added."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+from rsenf.batch.columns import FAILED, Row, make_row
+from rsenf.batch.journal import Journal
+from rsenf.batch.plan import check_analysis, is_useless, left_to_do
+from rsenf.batch.pool import Done, Trouble, worked
+from rsenf.batch.recordings import JOURNAL, Recording
+from rsenf.batch.settings import Settings
+from rsenf.batch.summary import PAGE, TABLE, plan_words
+from rsenf.batch.table import table_rows, write_parquet
+from rsenf.batch.work import Job, work_on
+from rsenf.report.batch_page import batch_page
+from rsenf.report.pages import setting
+from rsenf.whole_file import whole_file
+
+Bar = Callable[[int], AbstractContextManager[Callable[[float], None]]]
+_TRIES = 2  # processes that a recording may cost
+
+
+def run_batch(
+    settings: Settings,
+    recordings: Sequence[Recording],
+    *,
+    jobs: int,
+    scheduler: str = "",
+    timeout_s: float = math.inf,
+    retry: bool = False,
+    say: Callable[[str], None],
+    bar: Bar,
+) -> list[Row]:
+    """Work through recordings; write the table and the page, and return their rows.
+
+    Parameters
+    ----------
+    settings : Settings
+        Checked.
+    recordings : sequence of Recording
+    jobs : int
+        Processes of this machine.
+    scheduler : str
+        Address of a Dask cluster that does the work instead.
+    timeout_s : float
+        After which a recording is given up.
+    retry : bool
+        Whether to do what is of no use again, though unchanged.
+    say : callable
+        Told in words what is to be done.
+    bar : callable
+        Given how many recordings are left; returns a context manager of what is told how many are
+        done.
+
+    Raises
+    ------
+    UsageError
+        When the folder holds results of another analysis.
+    """
+    out, analysis = Path(settings.out), settings.analysis
+    with Journal(out / JOURNAL) as journal:
+        check_analysis(analysis, journal.records.values(), out)
+        left, reasons = left_to_do(recordings, journal.records, settings.fingerprint, retry=retry)
+        doing = {recording.key for recording in left}
+        passed = journal.of(r.key for r in recordings if r.key not in doing)
+        useless = sum(is_useless(row) for row in passed)
+        say(plan_words(len(recordings), len(left), reasons, useless))
+        tasks = [Job(recording, settings) for recording in left]
+        try:
+            with bar(len(left)) as progress:
+                for number, done in enumerate(_done(tasks, jobs, scheduler, timeout_s, say), 1):
+                    journal.add(_row(done))
+                    progress(number)
+        except KeyboardInterrupt:
+            say(f"what is done is kept in {journal.path}; the same command goes on from there")
+            raise
+        rows = journal.of(recording.key for recording in recordings)
+        _write(out, settings, rows)
+    return rows
+
+
+def _done(
+    tasks: list[Job], jobs: int, scheduler: str, timeout_s: float, say: Callable[[str], None]
+) -> Iterator[Done[Job]]:
+    """Have recordings done, here or elsewhere."""
+    if scheduler and tasks:
+        from rsenf.batch.cluster import worked_on_cluster
+
+        return worked_on_cluster(tasks, work_on, scheduler, say, timeout_s)
+    return worked(tasks, work_on, jobs, _TRIES, timeout_s)
+
+
+def _row(done: Done[Job]) -> Row:
+    """Return the journal's line on a recording, whatever became of it."""
+    tried = {"tries": done.tries}
+    if not isinstance(done.answer, Trouble):
+        return done.answer | tried
+    recording, settings = done.task.recording, done.task.settings
+    more: dict[str, Any] = tried | ({"trace": done.answer.trace} if done.answer.trace else {})
+    return make_row(
+        recording, settings.analysis, settings.fingerprint, FAILED, done.answer.text, **more
+    )
+
+
+def _write(out: Path, settings: Settings, rows: Sequence[Row]) -> None:
+    """Write the table, and the page."""
+    told = {name: setting(value) for name, value in settings.told().items()}
+    table = table_rows(settings.analysis, rows)
+    write_parquet(out / TABLE, settings.analysis, table, told)
+    page = batch_page(settings.analysis, table, told)
+    with whole_file(out / PAGE) as part:
+        part.write_text(page, encoding="utf-8")

@@ -1,0 +1,199 @@
+"""What a batch does with one recording: the analysis, and what came out as a row of a table."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import json
+import re
+import socket
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from rsenf import __version__
+from rsenf.api.discover import PAGE, discover
+from rsenf.api.idle import idle
+from rsenf.api.references import Opened, open_references
+from rsenf.api.shared import Result
+from rsenf.api.track import TrackResult, track
+from rsenf.api.verify import verify
+from rsenf.batch.columns import DONE, NO_SIGNAL, UNUSABLE, Row, make_row
+from rsenf.batch.recordings import Recording, recording_of
+from rsenf.batch.settings import Settings
+from rsenf.batch.track_figures import track_figures
+from rsenf.errors import InputError, NoSignal, RsenfError, SchemaMismatch, UsageError
+from rsenf.model import load_effects
+from rsenf.record.provenance import input_facts
+from rsenf.report.discovery import effect_words
+from rsenf.report.hint_words import kind_words
+from rsenf.report.verdict import number
+from rsenf.run.inputs import Input, open_input_file
+from rsenf.whole_file import whole_file
+
+TRACKS, DISCOVERIES = "tracks", "discoveries"  # folders within a batch's
+
+
+@dataclass(frozen=True)
+class Job:
+    """A recording, and how it is treated."""
+
+    recording: Recording
+    settings: Settings
+
+
+def work_on(job: Job) -> Row:
+    """Return a recording's row.
+
+    Raises
+    ------
+    RsenfError
+        When the recording is not to blame: it isn't as it was found, or this is another version.
+    """
+    recording, settings = job.recording, job.settings
+    if settings.version != __version__:
+        raise RsenfError(f"the batch is rsenf {settings.version}'s, this worker has {__version__}")
+    _check_same(recording, "when it was looked for")
+    _open_shared(settings)
+    begun_s = time.monotonic()
+    try:
+        row = _analysed(recording, settings)
+    except NoSignal as exc:
+        row = {"status": NO_SIGNAL, "reason": _nameless(exc.message, recording)}
+    except (UsageError, InputError, SchemaMismatch) as exc:
+        row = {"status": UNUSABLE, "reason": _nameless(str(exc), recording)}
+    row |= {"sha256": _sha256(recording)}
+    _check_same(recording, "before it was read")
+    row |= {"took_s": time.monotonic() - begun_s, "host": socket.gethostname()}
+    row |= {"rsenf_version": __version__}
+    return make_row(recording, settings.analysis, settings.fingerprint, **row)
+
+
+def _sha256(recording: Recording) -> str | None:
+    """Return the hash of a file that can be read; it costs little beside decoding."""
+    with contextlib.suppress(InputError):
+        if Path(recording.path).is_file():
+            return input_facts(recording.path)["input_sha256"]
+    return None
+
+
+def _nameless(reason: str, recording: Recording) -> str:
+    """Return a reason without the name of the recording, which stands beside it."""
+    return reason.removeprefix(recording.path).lstrip(": ")
+
+
+def _check_same(recording: Recording, when: str) -> None:
+    there = recording_of(recording.path)
+    if (there.size_bytes, there.modified_ns) != (recording.size_bytes, recording.modified_ns):
+        raise RsenfError(f"not what it was {when}, or not there, as seen from this host")
+
+
+def _analysed(recording: Recording, settings: Settings) -> Row:
+    """Have a recording looked at."""
+    opened = open_input_file(
+        recording.path, camera=settings.camera, begin=settings.begin, threads=settings.threads
+    )
+    return ANALYSES[settings.analysis](opened, settings)
+
+
+def _verify(opened: Input, settings: Settings) -> Row:
+    found = verify(opened, _references(settings), **settings.options)
+    row = found.to_dict() | _read(found) | _heard(found.enf)
+    return row | {"reason": found.reason or row["reason"]}
+
+
+def _idle(opened: Input, settings: Settings) -> Row:
+    found = idle(opened, **settings.options)
+    status = NO_SIGNAL if found.verdict == "no_signal" else DONE
+    return found.to_dict() | _read(found) | {"status": status, "reason": found.reason or ""}
+
+
+def _track(opened: Input, settings: Settings) -> Row:
+    found = track(opened, **settings.options)
+    name = f"{TRACKS}/{_own_name(opened.called)}.jsonl"
+    path = Path(settings.out, name)
+    path.parent.mkdir(exist_ok=True)
+    with whole_file(path) as part:
+        lines = (json.dumps(e, allow_nan=False) for e in found.to_dict()["estimates"])
+        part.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+    figures = track_figures(found.analysis.estimates)
+    return figures | _read(found) | _heard(found) | {"enf_file": name}
+
+
+def _discover(opened: Input, settings: Settings) -> Row:
+    name = f"{DISCOVERIES}/{_own_name(opened.called)}"
+    seconds = [opened.duration_s]  # told as they are read, unless they were in an earlier run
+    _discover_start(settings)
+    found = discover(
+        opened, _references(settings) or None, out=Path(settings.out, name),
+        camera=settings.camera, progress=seconds.append, **settings.options,
+    )  # fmt: skip
+    gap = found.gap
+    return {
+        "status": DONE,
+        "reason": "",
+        "verdict": found.verdict,
+        "effects": [effect_words(effect) for effect in found.effects],
+        "gap_before": number(gap["before"]),
+        "gap_before_stderr": number(gap["before_stderr"]),
+        "gap_after": number(gap["after"]),
+        "gap_stderr": number(gap["stderr"]),
+        "gap_floor": number(gap["floor"]),
+        "gap_limit": number(gap["limit"]),
+        "shrinkage": gap["shrinkage"],
+        "unexplained": kind_words(found.unexplained) if found.unexplained else "",
+        "report": f"{name}/{PAGE}",
+        "warnings": [found.note] if found.note else [],
+        "loss": found.loss,
+        "recording_s": seconds[-1],
+    }
+
+
+ANALYSES: dict[str, Callable[[Input, Settings], Row]] = {
+    "verify": _verify,
+    "idle": _idle,
+    "track": _track,
+    "discover": _discover,
+}
+
+
+def _read(found: Result) -> Row:
+    """Return how much of a recording was read, what wasn't, and what else to know."""
+    warnings = [line for line in found.to_dict()["warnings"] if line != found.loss]
+    return {"recording_s": found.analysis.seconds, "loss": found.loss, "warnings": warnings}
+
+
+def _heard(found: TrackResult) -> Row:
+    """Return whether there was a signal, and if not, why."""
+    if found.usable.any():
+        return {"status": DONE, "reason": ""}
+    return {"status": NO_SIGNAL, "reason": found.summary}
+
+
+@functools.lru_cache(maxsize=1)
+def _references(settings: Settings) -> list[Opened]:
+    """Open the references once for all recordings that this process works on."""
+    return open_references(settings.references, **settings.reading)
+
+
+@functools.lru_cache(maxsize=1)
+def _discover_start(settings: Settings) -> None:
+    """Add the effects that discoveries may find, once."""
+    for path in settings.effects:
+        load_effects(path)
+
+
+def _open_shared(settings: Settings) -> None:
+    """Open what all recordings need: where that can't be, none of them is to blame."""
+    if settings.references:
+        _references(settings)
+    if settings.analysis == "discover":
+        _discover_start(settings)
+
+
+def _own_name(path: str) -> str:
+    """Return a name for a recording's own results that no other recording has."""
+    key = hashlib.sha256(recording_of(path).key.encode("utf-8", "surrogateescape")).hexdigest()[:8]
+    return f"{re.sub(r'[^0-9A-Za-z._-]+', '_', Path(path).stem).strip('.')[:60]}-{key}"
