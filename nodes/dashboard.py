@@ -3,41 +3,52 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Literal
 
-from rsenf.bus.delivery import LOOKING
-from rsenf.bus.keys import ROOT, health_key
-from rsenf.config.node_kinds import DashboardNode
-from rsenf.dashboard.server import DashboardServer, open_to_all
-from rsenf.dashboard.site import Site
-from rsenf.dashboard.wiring import key_expressions, wiring_of
-from rsenf.run.node import NodeProcess, run_node
-from rsenf.run.pump import POLL_S
-from rsenf.run.recording import Ending
+from pydantic import Field
 
+from rsenf.config.node_kind import NodeKind, Problem, bad_key_expressions
 
-def body(node: NodeProcess) -> None:
-    """Serve until every stream of the graph has ended, or until told to stop."""
-    config: DashboardNode = node.config
-    site = f"{ROOT}/{node.graph.site}"
-    wiring = wiring_of(node.graph, config.archive)
-    key_exprs = [f"{site}/{below}" for below in config.topics]
-    with (
-        Site(wiring, time.time_ns) as shown,
-        DashboardServer(shown, config.host, config.port) as server,
-    ):
-        for key_expr in (*key_exprs, *key_expressions(wiring), health_key(node.graph.site, "*")):
-            node.subscribe(key_expr, LOOKING)
-        ending = Ending(node, key_exprs)
-        node.ready()
-        warning = open_to_all(config.host)
-        node.say("running", "; ".join(filter(None, [server.url, warning])))
-        while not ending.reached():
-            received = node.inbox.receive(POLL_S)
-            if received is not None:
-                node.note_input(received.message.header)
-                shown.update(received.key, received.message)
-                ending.note(received.key, received.message.header)
+if TYPE_CHECKING:
+    from rsenf.config.graph import Graph
+    from rsenf.run.node import NodeProcess
 
 
-if __name__ == "__main__":
-    run_node(body)
+class DashboardNode(NodeKind):
+    """Shows all feeds on a web page."""
+
+    kind: Literal["dashboard"]
+    host: str = Field("127.0.0.1", description="address to listen at; this host alone unless given")
+    port: int = Field(8780, ge=0, le=65535, description="0: any that is free")
+    topics: tuple[str, ...] = Field(
+        ("*/rows", "*/track", "*/idle", "*/match", "*/live", "*/alarm", "*/video", "reference/*"),
+        description="key expressions below the site",
+    )
+    archive: str | None = Field(
+        None, description="folder of alarms' recordings; the record node's unless given"
+    )
+
+    def problems(self, graph: Graph) -> Iterator[Problem]:
+        """Yield key expressions that are none."""
+        return bad_key_expressions(("topics", key_expr) for key_expr in self.topics)
+
+    def body(self, node: NodeProcess) -> None:
+        """Serve until every stream of the graph has ended, or until told to stop."""
+        from rsenf.dashboard.server import DashboardServer, open_to_all
+        from rsenf.dashboard.site import Site
+        from rsenf.dashboard.wiring import key_expressions, wiring_of
+        from rsenf.run.recording import look_until_ended
+
+        wiring = wiring_of(node.graph, self.archive)
+        with (
+            Site(wiring, time.time_ns) as shown,
+            DashboardServer(shown, self.host, self.port) as server,
+        ):
+            look_until_ended(
+                node,
+                self.topics,
+                lambda received: shown.update(received.key, received.message),
+                "; ".join(filter(None, [server.url, open_to_all(self.host)])),
+                key_expressions(wiring),
+            )

@@ -3,34 +3,40 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Literal
 
-from rsenf.bus.delivery import LOOKING
-from rsenf.bus.keys import ROOT, health_key
-from rsenf.config.node_kinds import FoxgloveNode
-from rsenf.run.foxglove_bridge import FoxgloveBridge
-from rsenf.run.node import NodeProcess, run_node
-from rsenf.run.pump import POLL_S
-from rsenf.run.recording import Ending
+from pydantic import Field
 
+from rsenf.config.node_kind import NodeKind, Problem, bad_key_expressions
 
-def body(node: NodeProcess) -> None:
-    """Serve until every stream of the graph has ended, or until told to stop."""
-    config: FoxgloveNode = node.config
-    site = node.graph.site
-    with FoxgloveBridge(config.host, config.port, f"rsenf {site}", time.time_ns) as bridge:
-        key_exprs = [f"{ROOT}/{site}/{below}" for below in config.topics]
-        for key_expr in (*key_exprs, health_key(site, "*")):
-            node.subscribe(key_expr, LOOKING)
-        ending = Ending(node, key_exprs)
-        node.ready()
-        node.say("running", f"ws://{config.host}:{bridge.port}")
-        while not ending.reached():
-            received = node.inbox.receive(POLL_S)
-            if received is not None:
-                node.note_input(received.message.header)
-                bridge.send(received.key, received.message, received.payload)
-                ending.note(received.key, received.message.header)
+if TYPE_CHECKING:
+    from rsenf.config.graph import Graph
+    from rsenf.run.node import NodeProcess
 
 
-if __name__ == "__main__":
-    run_node(body)
+class FoxgloveNode(NodeKind):
+    """Shows topics live in Foxglove, which connects by WebSocket."""
+
+    kind: Literal["foxglove"]
+    host: str = Field("127.0.0.1", description="address to listen at; this host alone unless given")
+    port: int = Field(8765, ge=0, le=65535, description="0: any that is free")
+    topics: tuple[str, ...] = Field(("**",), description="key expressions below the site")
+
+    def problems(self, graph: Graph) -> Iterator[Problem]:
+        """Yield key expressions that are none."""
+        return bad_key_expressions(("topics", key_expr) for key_expr in self.topics)
+
+    def body(self, node: NodeProcess) -> None:
+        """Serve until every stream of the graph has ended, or until told to stop."""
+        from rsenf.run.foxglove_bridge import FoxgloveBridge
+        from rsenf.run.recording import look_until_ended
+
+        site = node.graph.site
+        with FoxgloveBridge(self.host, self.port, f"rsenf {site}", time.time_ns) as bridge:
+            look_until_ended(
+                node,
+                self.topics,
+                lambda received: bridge.send(received.key, received.message, received.payload),
+                f"ws://{self.host}:{bridge.port}",
+            )

@@ -2,34 +2,32 @@
 
 from __future__ import annotations
 
-from rsenf.bus.keys import camera_key
-from rsenf.config.node_kinds import IdleNode
-from rsenf.idle import make_idle
-from rsenf.run.node import NodeProcess, run_node
-from rsenf.run.pump import Lane, TellingLane, pump
-from rsenf.run.runner import Runner
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Literal
+
+from rsenf.config.node_kind import Problem, unknown
+from rsenf.idle.settings import IdleSettings
+from rsenf.run.stage_node import StageNode
+from rsenf.run.stages import flicker_stages
+from rsenf.stage import ALONE, StageContext, StageSpec
+
+if TYPE_CHECKING:
+    from rsenf.config.graph import Graph
 
 
-def body(node: NodeProcess) -> None:
-    """Estimate every camera's idle period until all have ended."""
-    config: IdleNode = node.config
-    lanes: list[Lane] = []
-    latest: dict[str, str] = {}
-    for camera in config.cameras:
-        key = node.subscribe(camera_key(node.graph.site, camera, "rows"))
-        lanes.append(
-            TellingLane(
-                runner=Runner("idle", lambda: make_idle(config.idle)),
-                publisher=node.publisher(camera, "idle"),
-                inputs={key: node.sender_of("rows", camera)},
-                node=node,
-                camera=camera,
-                latest=latest,
-            )
-        )
-    node.ready()
-    pump(node, lanes)
+class IdleNode(StageNode):
+    """Estimates the idle period of the cameras."""
 
+    kind: Literal["idle"]
+    idle: IdleSettings = IdleSettings()
 
-if __name__ == "__main__":
-    run_node(body)
+    def stages(self, context: StageContext = ALONE) -> list[StageSpec]:
+        """Estimate it."""
+        return flicker_stages(None, self.idle, context)
+
+    def problems(self, graph: Graph) -> Iterator[Problem]:
+        """Yield a method that there is not."""
+        from rsenf.idle import METHODS
+
+        if self.idle.method not in METHODS:
+            yield ("idle", "method"), unknown(METHODS, self.idle.method)

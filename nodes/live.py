@@ -3,98 +3,58 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator
+from datetime import datetime
+from typing import TYPE_CHECKING, Literal
 
-# The stage needs it with its first verdict: loaded here, it doesn't keep pictures waiting then.
-import scipy.linalg  # noqa: F401
+from pydantic import Field
 
-from rsenf.bus.bus import Publisher
-from rsenf.bus.keys import camera_key, reference_key, source_of
-from rsenf.config.graph import beside_rows
-from rsenf.config.node_kinds import LiveNode
-from rsenf.live import Live, Silence
-from rsenf.messages import Alarm, Header
-from rsenf.run.node import NodeProcess, run_node
-from rsenf.run.peers import Peers
-from rsenf.run.pump import Lane, TellingLane, pump
-from rsenf.run.runner import Runner
+from rsenf.config.names import Name
+from rsenf.config.node_kind import Problem
+from rsenf.live.settings import LiveSettings
+from rsenf.run.stage_node import StageNode
+from rsenf.run.stages import live_stage
+from rsenf.stage import ALONE, StageContext, StageSpec
+from rsenf.timebase import since_1970_ns
 
-# What a camera and those who read it may take to begin with, before its silence is told.
-FIRST_PICTURE_S = 25.0
+if TYPE_CHECKING:
+    from rsenf.config.graph import Graph
+    from rsenf.live import Live
+    from rsenf.run.node import NodeProcess
 
 
-@dataclass(kw_only=True)
-class LiveLane(TellingLane):
-    """A lane of two topics, whose stage is told when no pictures come.
+class LiveNode(StageNode):
+    """Tells whether feeds are live: whether their flicker follows the grid now."""
 
-    Parameters
-    ----------
-    alarms : Publisher
-    rows : str
-        Key of the pictures.
-    lost_s : float
-        Without any for so long, the stage is told; infinite for files, which come when they can.
-    """
+    kind: Literal["live"]
+    grid: Name
+    start: datetime | None = Field(
+        None, description="when a file's or a simulation's first picture was taken, UTC"
+    )
+    live: LiveSettings = LiveSettings()
 
-    alarms: Publisher
-    rows: str
-    lost_s: float
+    @property
+    def start_utc_ns(self) -> int:
+        """The same in ns since 1970; 0 to go by when pictures arrive."""
+        return since_1970_ns(self.start) if self.start else 0
 
-    def send(self, messages: Iterable[Any]) -> None:
-        """Send each message to its topic."""
-        for message in messages:
-            if isinstance(message, Alarm):
-                self.alarms.send(message)
-            else:
-                super().send([message])
+    def stages(self, context: StageContext = ALONE) -> list[StageSpec]:
+        """Judge the feed. Files come when they can: their silence tells nothing."""
 
-    def give_up(self, run_id: str, peers: Peers) -> None:
-        """Notice silence as well."""
-        now = time.monotonic()
-        limit_s = self.lost_s if self.rows in self._begun else self.lost_s + FIRST_PICTURE_S
-        if self.rows in self.inputs and now - self._heard.get(self.rows, now) > limit_s:
-            header = Header(run_id=run_id, source=source_of(self.publisher.key))
-            self.send(self.runner.feed(Silence(header)))
-        super().give_up(run_id, peers)
+        def make() -> Live:
+            from rsenf.live import Live
 
+            return Live(self.live, start_utc_ns=self.start_utc_ns)
 
-def body(node: NodeProcess) -> None:
-    """Judge every camera until all have ended."""
-    config: LiveNode = node.config
-    site, grid = node.graph.site, config.grid
-    reference = node.subscribe(reference_key(site, grid))
-    lanes: list[Lane] = []
-    latest: dict[str, str] = {}
-    for camera in config.cameras:
-        inputs = {reference: node.sender_of("reference", grid)}
-        rows = camera_key(site, camera, "rows")
-        for topic in ("rows", *beside_rows(node.graph, camera)):
-            key = node.subscribe(camera_key(site, camera, topic))
-            inputs[key] = node.sender_of(topic, camera)
-        lanes.append(
-            LiveLane(
-                runner=Runner(
-                    "live",
-                    lambda: Live(config.live, start_utc_ns=config.start_utc_ns),
-                    inputs=len(inputs),
-                    beside="alarm",
-                ),
-                publisher=node.publisher(camera, "live"),
-                alarms=node.publisher(camera, "alarm"),
-                rows=rows,
-                lost_s=math.inf if config.start else config.live.lost_s,
-                inputs=inputs,
-                node=node,
-                camera=camera,
-                latest=latest,
-            )
-        )
-    node.ready()
-    pump(node, lanes)
+        return [live_stage(make, math.inf if self.start else self.live.lost_s)]
 
+    def problems(self, graph: Graph) -> Iterator[Problem]:
+        """Yield a camera that is compared with itself."""
+        return graph.mirrors(self)
 
-if __name__ == "__main__":
-    run_node(body)
+    def body(self, node: NodeProcess) -> None:
+        """Judge every camera until all have ended."""
+        # The stage needs it with its first verdict: loaded now, it keeps no pictures waiting then.
+        import scipy.linalg  # noqa: F401
+
+        super().body(node)

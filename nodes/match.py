@@ -2,52 +2,66 @@
 
 from __future__ import annotations
 
-from rsenf.bus.keys import camera_key, reference_key
-from rsenf.config.node_kinds import MatchNode
-from rsenf.match.stage import Match
-from rsenf.run.node import NodeProcess, run_node
-from rsenf.run.pump import Lane, pump
-from rsenf.run.runner import Runner
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import Field
+
+from rsenf.config.names import Name
+from rsenf.config.node_kind import Problem, unknown
+from rsenf.match.settings import MatchSettings
+from rsenf.run.stage_node import StageNode
+from rsenf.run.stages import match_stage
+from rsenf.stage import ALONE, StageContext, StageSpec
+
+if TYPE_CHECKING:
+    from rsenf.config.graph import Graph
+    from rsenf.match import Match
 
 
-def body(node: NodeProcess) -> None:
-    """Compare every camera with the reference until all have ended."""
-    config: MatchNode = node.config
-    # One that is to stay doesn't end for a series that doesn't fit; a file's run does.
-    stays = len(config.cameras) > 1 or node.graph.restart_of(node.name) is not None
+class MatchNode(StageNode):
+    """Compares ENF with a reference."""
 
-    def refused(why: str) -> None:
-        node.inbox.counters.rejected += 1
-        node.say("running", f"not compared: {why}")
+    kind: Literal["match"]
+    grid: Name
+    method: str = "phase"
+    interim_every_s: float = Field(
+        0.0, ge=0, description="0: a result at the end only; of long clips, after a quarter more"
+    )
+    keep_hours: float = Field(
+        24.0, ge=0, description="of estimates, and of a growing reference, to go by; 0: all"
+    )
+    match: MatchSettings = MatchSettings()
 
-    def make_stage() -> Match:
-        return Match(
-            method=config.method,
-            grid=config.grid,
-            interim_every_s=config.interim_every_s,
-            settings=config.match,
-            keep_hours=config.keep_hours,
-            on_refused=refused if stays else None,
-        )
+    def stages(self, context: StageContext = ALONE) -> list[StageSpec]:
+        """Compare the whole of each clip."""
 
-    site, grid = node.graph.site, config.grid
-    reference = node.subscribe(reference_key(site, grid))
-    lanes = []
-    for camera in config.cameras:
-        key = node.subscribe(camera_key(site, camera, "track"))
-        lanes.append(
-            Lane(
-                runner=Runner("match", make_stage, inputs=2),
-                publisher=node.publisher(camera, "match"),
-                inputs={
-                    key: node.sender_of("track", camera),
-                    reference: node.sender_of("reference", grid),
-                },
+        def make() -> Match:
+            from rsenf.match import Match
+
+            return Match(
+                method=self.method,
+                grid=self.grid,
+                interim_every_s=self.interim_every_s,
+                settings=self.match,
+                keep_hours=self.keep_hours,
+                # One that is to stay doesn't end for a series that doesn't fit.
+                on_refused=context.refused if context.stays or len(self.cameras) > 1 else None,
             )
-        )
-    node.ready()
-    pump(node, lanes)
 
+        return [match_stage(make)]
 
-if __name__ == "__main__":
-    run_node(body)
+    def problems(self, graph: Graph) -> Iterator[Problem]:
+        """Yield a method that there is not, one that is sent what it can't use, and a mirror."""
+        from rsenf.match import METHODS, tracker_for
+
+        if self.method not in METHODS:
+            yield ("method",), unknown(METHODS, self.method)
+        yield from graph.mirrors(self)
+        needed = tracker_for(self.method)
+        for camera in self.cameras if needed else ():
+            sender = graph.sender("track", camera)
+            track = getattr(sender, "track", None)
+            if track is not None and track.method != needed:
+                text = f"{self.method} needs the ENF method {needed!r}, not {track.method!r}"
+                yield ("method",), text

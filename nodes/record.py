@@ -2,55 +2,79 @@
 
 from __future__ import annotations
 
-from rsenf.bus.inbox import Received
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Literal
+
 from rsenf.bus.keys import ROOT, health_key
-from rsenf.config.node_kinds import RecordNode
-from rsenf.run.alarms import AlarmWatch
-from rsenf.run.node import NodeProcess, run_node
-from rsenf.run.recording import (
-    DELIVERY,
-    Ending,
-    InputHashes,
-    disk_guard,
-    of_run,
-    open_sink,
-    record_until,
-    run_info,
-)
+from rsenf.config.node_kind import NodeKind, Problem, bad_key_expressions
+from rsenf.config.recording import RecordSettings
+
+if TYPE_CHECKING:
+    from rsenf.bus.inbox import Received
+    from rsenf.config.graph import Graph
+    from rsenf.run.node import NodeProcess
 
 
-def body(node: NodeProcess) -> None:
-    """Write until every stream of the graph has ended, or until told to stop."""
-    config: RecordNode = of_run(node.config, node.restarts)
-    site = f"{ROOT}/{node.graph.site}"
+class RecordNode(NodeKind, RecordSettings):
+    """Writes topics to an MCAP file, or to an archive of such files."""
 
-    def warn(text: str) -> None:
-        node.say("running", text)
+    kind: Literal["record"]
 
-    with open_sink(config, run_info(node), warn) as sink:
-        alarms = AlarmWatch(sink, f"{site}/{config.alarms.trigger}")
-        key_exprs = [f"{site}/{below}" for below in config.topics]
-        for key_expr in (*key_exprs, *alarms.key_exprs, health_key(node.graph.site, "*")):
-            node.subscribe(key_expr, DELIVERY)
-        ending, hashes = Ending(node, key_exprs), InputHashes(node.graph)
-        guard = disk_guard(config, warn)
-        node.ready()
+    @property
+    def writes(self) -> str:
+        """The file."""
+        return self.out or ""
 
-        def note(received: Received) -> None:
-            node.note_input(received.message.header)
-            ending.note(received.key, received.message.header)
-            alarms.note(received)
+    def problems(self, graph: Graph) -> Iterator[Problem]:
+        """Yield key expressions that are none, and settings of a file and an archive at once."""
+        named = [("topics", key_expr) for key_expr in self.topics]
+        yield from bad_key_expressions([*named, ("alarms", self.alarms.trigger)])
+        if (self.out is None) == (self.archive is None):
+            yield (), "name a file with 'out', or a folder with 'archive': one of the two"
+        for key in ("rotation", "retention", "alarms"):
+            if self.out is not None and key in self.model_fields_set:
+                yield (key,), f"{key} is of an archive; name a folder with 'archive', not a file"
 
-        def ended() -> bool:
-            alarms.check()
-            return ending.reached()
+    def body(self, node: NodeProcess) -> None:
+        """Write until every stream of the graph has ended, or until told to stop."""
+        from rsenf.run.alarms import AlarmWatch
+        from rsenf.run.recording import (
+            DELIVERY,
+            Ending,
+            InputHashes,
+            disk_guard,
+            of_run,
+            open_sink,
+            record_until,
+            run_info,
+        )
 
-        with alarms.on_signal():
-            record_until(sink, node.inbox, ended, guard, note)
-        for name, facts in hashes.facts(node.stop).items():
-            sink.add_metadata(f"rsenf.input.{name}", facts)
-    node.say("running", f"{sink.path}: {node.inbox.counters.received} messages")
+        config = of_run(self, node.restarts)
+        site = f"{ROOT}/{node.graph.site}"
 
+        def warn(text: str) -> None:
+            node.say("running", text)
 
-if __name__ == "__main__":
-    run_node(body)
+        with open_sink(config, run_info(node), warn) as sink:
+            alarms = AlarmWatch(sink, f"{site}/{config.alarms.trigger}")
+            key_exprs = [f"{site}/{below}" for below in config.topics]
+            for key_expr in (*key_exprs, *alarms.key_exprs, health_key(node.graph.site, "*")):
+                node.subscribe(key_expr, DELIVERY)
+            ending, hashes = Ending(node, key_exprs), InputHashes(node.graph)
+            guard = disk_guard(config, warn)
+            node.ready()
+
+            def note(received: Received) -> None:
+                node.note_input(received.message.header)
+                ending.note(received.key, received.message.header)
+                alarms.note(received)
+
+            def ended() -> bool:
+                alarms.check()
+                return ending.reached()
+
+            with alarms.on_signal():
+                record_until(sink, node.inbox, ended, guard, note)
+            for name, facts in hashes.facts(node.stop).items():
+                sink.add_metadata(f"rsenf.input.{name}", facts)
+        node.say("running", f"{sink.path}: {node.inbox.counters.received} messages")

@@ -3,48 +3,125 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Literal
 
-from rsenf.bus.bus import Publisher
-from rsenf.bus.keys import REFERENCE, topic_of
-from rsenf.config.node_kinds import ReplayNode
-from rsenf.errors import EXIT_LOSS
-from rsenf.run.node import NodeProcess, run_node
-from rsenf.run.outlets import Outlet, open_frames
-from rsenf.run.replay.control import Control
-from rsenf.run.replay.in_graph import player_of
-from rsenf.run.replay.naming import FRAMES
+from pydantic import Field, ValidationInfo, field_validator
 
+from rsenf.bus.keys import REFERENCE, renamed, topic_of
+from rsenf.config.names import Topic, ensure_renamed
+from rsenf.config.node_kind import NodeKind, Problem, Stream
+from rsenf.errors import EXIT_LOSS, RsenfError
 
-def body(node: NodeProcess) -> None:
-    """Play to the end, or until told to stop."""
-    config: ReplayNode = node.config
-    player = player_of(config, node.graph.site, run_id=node.run_id, control=Control(node.stop))
-    with contextlib.ExitStack() as stack:
-        frames: dict[str, Outlet] = {}
-        publishers: dict[str, Publisher] = {}
-        for key in player.keys:
-            _, _, camera, topic = key.split("/")
-            if topic_of(key) == FRAMES:
-                frames[key] = open_frames(node, config, camera)
-                stack.callback(frames[key].close)
-            elif topic_of(key) == REFERENCE:
-                publishers[key] = node.reference_publisher(topic)
-            else:
-                publishers[key] = node.publisher(camera, topic)
-        node.ready()
-        node.wait_for_peers()
-        for key, message in player:
-            node.note_input(message.header)
-            if key in publishers:
-                publishers[key].send(message)
-            elif message.header.is_end:
-                frames[key].finish(message.header.numbered(message.header.seq - 1))
-            else:
-                frames[key].send(message)
-    if player.loss:
-        node.exit_code = EXIT_LOSS
-    node.say("running", player.loss)
+if TYPE_CHECKING:
+    from rsenf.bus.bus import Publisher
+    from rsenf.config.graph import Graph
+    from rsenf.run.node import NodeProcess
+    from rsenf.run.outlets import Outlet
+    from rsenf.run.replay.control import Control
+    from rsenf.run.replay.player import Player
 
 
-if __name__ == "__main__":
-    run_node(body)
+class ReplayNode(NodeKind):
+    """Puts topics of a recording back on the bus."""
+
+    kind: Literal["replay"]
+    input: str = Field(description="MCAP recording")
+    topics: tuple[Topic, ...] = Field(
+        min_length=1, description="as recorded: cam1/rows; cam1/frames decodes the video again"
+    )
+    rename: dict[str, str] = Field({}, description="new names by old: of cameras, or of topics")
+    rate: float = Field(0.0, ge=0, description="of its speed; 0: as fast as the others take it")
+    start_s: float = Field(0.0, ge=0)
+    end_s: float | None = Field(None, gt=0)
+    loop: int = Field(1, ge=0, description="times to play it; 0: until stopped")
+    frames: Literal["ring", "tcp"] = Field("ring", description="shared memory, or over the bus")
+    ring_slots: int = Field(8, ge=2, le=256)
+
+    is_source = True
+    named_by = "topics"
+
+    @field_validator("rename")
+    @classmethod
+    def _can_be_renamed(cls, rename: dict[str, str], info: ValidationInfo) -> dict[str, str]:
+        for old, new in rename.items():
+            ensure_renamed(old, new, info.data.get("topics"))
+        return rename
+
+    @property
+    def plays(self) -> str:
+        """The recording."""
+        return self.input
+
+    @property
+    def waits(self) -> bool:
+        """Whether it waits: at any rate, for a replay is exact."""
+        return True
+
+    def outputs(self) -> list[Stream]:
+        """Return the topics under their new names."""
+        return [Stream.below(renamed(topic, self.rename)) for topic in self.topics]
+
+    def problems(self, graph: Graph) -> Iterator[Problem]:
+        """Yield an end that is before the start."""
+        if self.end_s is not None and self.end_s <= self.start_s:
+            yield ("end_s",), f"{self.end_s:g} s isn't after start_s, {self.start_s:g} s"
+
+    def check_ready(self, name: str, site: str) -> None:
+        """Open the recording before other nodes may write over what was recorded before."""
+        try:
+            self.player(site)
+        except RsenfError as exc:
+            raise type(exc)(f"node {name!r}: {exc.message}", exc.hint) from exc
+
+    def player(self, site: str, *, run_id: str = "", control: Control | None = None) -> Player:
+        """Return its player; raises as :class:`rsenf.run.replay.player.Player`."""
+        import time
+
+        from rsenf.run.replay.player import Player, Playing
+
+        playing = Playing(
+            topics=self.topics,
+            rename=self.rename,
+            site=site,
+            rate=self.rate,
+            start_s=self.start_s,
+            end_s=self.end_s,
+            loop=self.loop,
+        )
+        return Player(self.input, playing, run_id=run_id, clock_ns=time.time_ns, control=control)
+
+    def body(self, node: NodeProcess) -> None:
+        """Play to the end, or until told to stop."""
+        from rsenf.run.outlets import open_frames
+        from rsenf.run.replay.control import Control
+        from rsenf.run.replay.naming import FRAMES
+
+        player = self.player(node.graph.site, run_id=node.run_id, control=Control(node.stop))
+        with contextlib.ExitStack() as stack:
+            frames: dict[str, Outlet] = {}
+            publishers: dict[str, Publisher] = {}
+            for key in player.keys:
+                _, _, camera, topic = key.split("/")
+                if topic_of(key) == FRAMES:
+                    frames[key] = open_frames(
+                        node, camera, ring=self.uses_ring, slots=self.ring_slots
+                    )
+                    stack.callback(frames[key].close)
+                elif topic_of(key) == REFERENCE:
+                    publishers[key] = node.reference_publisher(topic)
+                else:
+                    publishers[key] = node.publisher(camera, topic)
+            node.ready()
+            node.wait_for_peers()
+            for key, message in player:
+                node.note_input(message.header)
+                if key in publishers:
+                    publishers[key].send(message)
+                elif message.header.is_end:
+                    frames[key].finish(message.header.numbered(message.header.seq - 1))
+                else:
+                    frames[key].send(message)
+        if player.loss:
+            node.exit_code = EXIT_LOSS
+        node.say("running", player.loss)

@@ -2,65 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
-from rsenf.bus.frames import FrameReceiver
-from rsenf.bus.inbox import Counters, Received
-from rsenf.bus.keys import camera_key
-from rsenf.config.graph import runs_ahead
-from rsenf.config.node_kinds import RowsNode
-from rsenf.errors import NodeFailed, SchemaMismatch
-from rsenf.run.node import NodeProcess, run_node
-from rsenf.run.pump import Lane, pump
-from rsenf.run.row_sampling import make_rows
-from rsenf.run.runner import Runner
+from rsenf.rows.settings import RowsSettings
+from rsenf.run.stage_node import StageNode
+from rsenf.run.stages import rows_stage
+from rsenf.stage import ALONE, StageContext, StageSpec
+
+if TYPE_CHECKING:
+    from rsenf.run.node import NodeProcess
 
 
-@dataclass(kw_only=True)
-class RowsLane(Lane):
-    """A lane whose messages get their pixels from the ring, and give them back."""
+class RowsNode(StageNode):
+    """Takes row means of the steady pixels."""
 
-    frames: FrameReceiver
-    counters: Counters
-    run_id: str
+    kind: Literal["rows"]
+    rows: RowsSettings = RowsSettings()
 
-    def feed(self, received: Received) -> None:
-        """Sample one frame; refuse one whose pixels aren't what it says (``SchemaMismatch``)."""
-        try:
-            frame = self.frames.open(received.message)
-        except NodeFailed as exc:  # no such ring here; only one of this run has to be
-            if received.message.header.run_id.partition(".")[0] == self.run_id:
-                raise
-            raise SchemaMismatch(str(exc)) from exc
-        if frame is None:
-            self.counters.dropped += 1
-            return
-        try:
-            super().feed(Received(received.key, frame, received.payload))
-        finally:
-            self.frames.done()
+    def stages(self, context: StageContext = ALONE) -> list[StageSpec]:
+        """Sample the frames."""
+        return [rows_stage(self.rows)]
 
+    def body(self, node: NodeProcess) -> None:
+        """Sample every camera's frames until all have ended."""
+        from rsenf.config.graph import runs_ahead
+        from rsenf.run.frame_lane import FrameLane
+        from rsenf.run.pump import lane_of, pump
 
-def body(node: NodeProcess) -> None:
-    """Sample every camera's frames until all have ended."""
-    config: RowsNode = node.config
-    lanes: list[Lane] = []
-    for camera in config.cameras:
-        key = node.subscribe(camera_key(node.graph.site, camera, "frames"))
-        lanes.append(
-            RowsLane(
-                runner=Runner("rows", lambda: make_rows(config.rows)),
-                publisher=node.publisher(camera, "rows"),
-                inputs={key: node.sender_of("frames", camera)},
-                ahead=runs_ahead(node.graph, camera),
-                frames=FrameReceiver(),
-                counters=node.inbox.counters,
-                run_id=node.run_id,
-            )
-        )
-    node.ready()
-    pump(node, lanes)
-
-
-if __name__ == "__main__":
-    run_node(body)
+        lanes = [
+            lane_of(node, camera, self.stages(), FrameLane, ahead=runs_ahead(node.graph, camera))
+            for camera in self.cameras
+        ]
+        node.ready()
+        pump(node, lanes)

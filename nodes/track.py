@@ -2,70 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Literal
 
-from rsenf.bus.bus import Publisher
-from rsenf.bus.keys import camera_key
-from rsenf.config.node_kinds import TrackNode
-from rsenf.messages import IdleEstimate
-from rsenf.run.following import FollowingStages
-from rsenf.run.node import NodeProcess, run_node
-from rsenf.run.pump import Lane, TellingLane, pump
-from rsenf.run.runner import Branches, Runner
-from rsenf.track import make_tracker
+from pydantic import Field
 
+from rsenf.config.node_kind import Problem, unknown
+from rsenf.idle.settings import IdleSettings
+from rsenf.run.stage_node import StageNode
+from rsenf.run.stages import flicker_stages
+from rsenf.stage import ALONE, StageContext, StageSpec
+from rsenf.track.settings import TrackSettings
 
-@dataclass(kw_only=True)
-class BothLane(TellingLane):
-    """A lane of two topics: estimates of the ENF, and of the idle period, of which it tells.
-
-    Parameters
-    ----------
-    idle : Publisher
-    """
-
-    idle: Publisher
-
-    def send(self, messages: Iterable[Any]) -> None:
-        """Send each message to its topic."""
-        for message in messages:
-            if isinstance(message, IdleEstimate):
-                self.idle.send(message)
-                self.tell(message)
-            else:
-                self.publisher.send(message)
+if TYPE_CHECKING:
+    from rsenf.config.graph import Graph
 
 
-def body(node: NodeProcess) -> None:
-    """Track every camera's ENF until all have ended."""
-    config: TrackNode = node.config
-    lanes: list[Lane] = []
-    latest: dict[str, str] = {}
-    for camera in config.cameras:
-        key = node.subscribe(camera_key(node.graph.site, camera, "rows"))
-        inputs = {key: node.sender_of("rows", camera)}
-        publisher = node.publisher(camera, "track")
-        if config.idle is None:
-            runner = Runner("track", lambda: make_tracker(config.track))
-            lanes.append(Lane(runner=runner, publisher=publisher, inputs=inputs))
-            continue
-        make = FollowingStages(config.track, config.idle)
-        lanes.append(
-            BothLane(
-                runner=Branches(Runner("track", make.tracker), Runner("idle", make.idle)),
-                publisher=publisher,
-                idle=node.publisher(camera, "idle"),
-                inputs=inputs,
-                node=node,
-                camera=camera,
-                latest=latest,
-            )
-        )
-    node.ready()
-    pump(node, lanes)
+class TrackNode(StageNode):
+    """Estimates the ENF, and the idle period along with it where that is asked for."""
 
+    kind: Literal["track"]
+    track: TrackSettings = TrackSettings()
+    idle: IdleSettings | None = Field(
+        None,
+        description="send idle estimates, too: cheaper than by a node of their own; {} for them",
+    )
 
-if __name__ == "__main__":
-    run_node(body)
+    def stages(self, context: StageContext = ALONE) -> list[StageSpec]:
+        """Track, and estimate the idle period."""
+        return flicker_stages(self.track, self.idle, context)
+
+    def rows_needed(self) -> Mapping[str, Any]:
+        """Return what the method needs of the rows."""
+        from rsenf.track import METHODS
+
+        method = METHODS.get(self.track.method)
+        return method.rows_needed if method else {}
+
+    def problems(self, graph: Graph) -> Iterator[Problem]:
+        """Yield methods that there are not, and settings that they would ignore."""
+        from rsenf.idle import METHODS as IDLE_METHODS
+        from rsenf.track import METHODS
+
+        if self.track.method not in METHODS:
+            yield ("track", "method"), unknown(METHODS, self.track.method)
+        else:
+            for name in METHODS[self.track.method].ignored(self.track):
+                yield ("track", name), f"{self.track.method} has no use for it: leave it out"
+        if self.idle and self.idle.method not in IDLE_METHODS:
+            yield ("idle", "method"), unknown(IDLE_METHODS, self.idle.method)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import difflib
 import importlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar
 
@@ -33,10 +33,18 @@ class Registry(Mapping[str, T], Generic[T]):
         Entry-point group by which other packages add theirs. They can't replace one of rsenf's.
     built_in : mapping
         The things themselves by name, or where they are: ``module:attribute``.
+    check : callable, optional
+        Given the name and a thing that is added, raises a UsageError where it is no such thing.
     """
 
-    def __init__(self, what: str, group: str, built_in: Mapping[str, T | str]) -> None:
-        self.what, self.group = what, group
+    def __init__(
+        self,
+        what: str,
+        group: str,
+        built_in: Mapping[str, T | str],
+        check: Callable[[str, T], None] = lambda name, item: None,
+    ) -> None:
+        self.what, self.group, self._check = what, group, check
         self._items: dict[str, T | str] = dict(built_in)
         self._others: dict[str, EntryPoint] | None = None
 
@@ -87,6 +95,7 @@ class Registry(Mapping[str, T], Generic[T]):
 
     def register(self, name: str, item: T) -> None:
         """Add a thing for as long as this process runs; the same name again replaces it."""
+        self._check(name, item)
         self._items[name] = item
 
     def _found(self) -> dict[str, EntryPoint]:
@@ -97,6 +106,7 @@ class Registry(Mapping[str, T], Generic[T]):
     def _load(self, point: EntryPoint) -> T:
         try:
             loaded: T = point.load()
+            self._check(point.name, loaded)
         except Exception as exc:  # whatever a stranger's module does
             package = point.dist.name if point.dist else point.value
             raise UsageError(

@@ -16,6 +16,7 @@ ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "registry": {"errors"},
     "timebase": set(),
+    "version": set(),
     "stage": set(),
     "medians": set(),
     "whole_file": {"errors"},
@@ -47,7 +48,7 @@ ALLOWED: dict[str, set[str]] = {
         "record",
     },
     "report": {*BASE, "rows", "flicker", "track", "idle", "match", "live", "model", "discrepancy"},
-    "run": {*BASE, *SIGNAL, "bus", "config", "record", "reference"},
+    "run": {*BASE, *SIGNAL, "bus", "config", "discrepancy", "record", "reference"},
     # Looks at what the others publish and record; runs nothing.
     "dashboard": {*BASE, "bus", "config", "decode", "record"},
     # Every stage there is, with the settings of a recorded graph.
@@ -90,6 +91,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "cli": {
         *BASE,
+        "version",
         *SIGNAL,
         "api",
         "batch",

@@ -17,6 +17,7 @@ from rsenf.match.series import Grid
 from rsenf.messages.schema import FloatArray
 from rsenf.reference import Reference, open_reference, reference_of
 from rsenf.reference.moments import utc_ns
+from rsenf.reference.options import Stamp
 from rsenf.reference.store import StoredReference
 
 Opened: TypeAlias = Reference | StoredReference
@@ -33,7 +34,7 @@ def open_references(
     timezone: str | None = None,
     store: PathLike | None = None,
     column: str | None = None,
-    stamp: str = "start",
+    stamp: Stamp = "start",
     nominal_hz: float | None = None,
 ) -> list[Opened]:
     """Open one reference or several; two of one name get numbers.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import os
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -25,13 +25,6 @@ if TYPE_CHECKING:
 PathLike: TypeAlias = str | os.PathLike[str]
 Recording: TypeAlias = PathLike | Input | ArrayLike
 Progress: TypeAlias = Callable[[float], None]
-
-# The ENF methods that have no use for a choice among harmonics and lines.
-ALL_LINES = ("projection", "paper")
-# Fills the idle period with rows.
-INTERPOLATING = "paper"
-# Takes means of regions, finer than rows and strips.
-REGIONS = "superpixel"
 
 
 def silent(told: Any) -> None:
@@ -122,35 +115,21 @@ def track_settings(
         asked = {name: value for name, value in (given or {}).items() if value is not None}
     needed = tracker_for(matcher)
     method = asked.setdefault("method", needed or TrackSettings.method)
-    if method not in METHODS:
-        raise UsageError(f"no ENF method {method!r}", f"one of {', '.join(METHODS)}")
+    METHODS.find(method)
     if needed and method != needed:
         raise UsageError(
             f"{matcher} compares the hypotheses of the ENF method {needed}, not {method}",
             "name no other ENF method",
         )
-    _check_obeyed(method, asked)
-    return TrackSettings(**{"nominal_hz": nominal_hz, **asked})
-
-
-def _check_obeyed(method: str, asked: Collection[str]) -> None:
-    """Refuse settings that a method has no use for."""
-    if method in ALL_LINES and {"harmonic", "line_m"} & {*asked}:
-        raise UsageError(
-            f"{method} follows all harmonics and lines together",
-            "leave harmonic and line out, or name another method, such as stft",
-        )
-    if method != INTERPOLATING and "interpolation" in asked:
-        raise UsageError(
-            f"{method} interpolates nothing",
-            f"leave the interpolation out, or take the method {INTERPOLATING}",
-        )
+    settings = TrackSettings(**{"nominal_hz": nominal_hz, **asked})
+    METHODS.find(method).check(settings)
+    return settings
 
 
 def row_settings(given: RowsSettings | None, track: TrackSettings | None = None) -> RowsSettings:
     """Return settings of the rows, with what the tracker needs of them."""
     rows = given or RowsSettings(read_out_axis=AUTO)
-    return dataclasses.replace(rows, tile_means=True) if track and track.method == REGIONS else rows
+    return dataclasses.replace(rows, **METHODS.find(track.method).rows_needed) if track else rows
 
 
 ASIDE = {"json": False}  # metadata of a result's field that isn't a part of its JSON

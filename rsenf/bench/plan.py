@@ -96,12 +96,20 @@ class Plan:
 
     Parameters
     ----------
-    sizes, frame_rates : tuple of str
+    sizes : tuple of str
+        Names of sizes, such as 480p.
+    frame_rates : tuple of str
+        Frames a second.
     nominals_hz : tuple of float
+        Grids, 50 or 60.
     codings : tuple of str
-    first_seed, clips : int
-        Each cell of lit scenes has so many clips, and so has each scene with nothing to claim.
+        Bit rates, or lossless.
+    first_seed : int
+        Seed of the first clip.
+    clips : int
+        Of each cell of lit scenes, and of each scene with nothing to claim.
     duration_s : float
+        Length of each clip.
 
     Raises
     ------

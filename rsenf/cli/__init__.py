@@ -6,91 +6,150 @@ import argparse
 import difflib
 import importlib
 import io
+import itertools
 import os
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from rsenf import __version__
-from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_USAGE, RsenfError
+from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_USAGE, RsenfError
+from rsenf.version import version_text
 
 # Verbs in the order a newcomer meets them. The module `rsenf.cli.<verb>` does the work; its help
 # line stands here so that `rsenf --help` imports none of them.
-VERBS = {
-    "demo": "simulate a clip, run the graph of processes on it, show what comes out",
-    "verify": "when was this video taken? Compare its ENF with a grid reference",
-    "track": "print the ENF of a video, one value a second",
-    "idle": "estimate a camera's idle period and read-out time, or compare two recordings'",
-    "live": "was this feed live? Its flicker against the grid, second by second",
-    "tables": "print the paper's idle tables and line figures, with its errata and a simulation",
-    "reference": "keep years of grid frequency in a store: import, list, info, export",
-    "discover": "find what a model of the capture lacks of a recording, and add it",
-    "batch": "verify, idle, track or discover for folders of recordings, into one table",
-    "simulate": "film a lamp on a known grid with a simulated rolling-shutter camera",
-    "bench": "measure every estimator on the same simulated clips",
-    "run": "start the processes of a graph, show their state, stop them cleanly",
-    "dashboard": "show all feeds of a bus on a web page, live",
-    "nodes": "tell which nodes are on a bus, and how each is doing",
-    "topic": "list the topics of a bus, print their messages, measure their rates",
-    "validate": "check a graph file, and name every problem with its line",
-    "record": "write what is on a bus to an MCAP file, or to an archive of them",
-    "doctor": "what is in a recording, is it whole, and if not: what was lost, what to do",
-    "recover": "save all that is whole in a damaged recording",
-    "archive": "tell what an archive of recordings has, and where the gaps are",
-    "replay": "play a recording to a bus: any topics, at any speed, from any moment",
-    "regress": "run recorded stages again, and say what isn't as it was",
-    "export": "write a recording's topic as CSV, Parquet, or the light as a sound (WAV)",
-    "import": "make a recording of the pictures in another program's MCAP (ROS 2, Foxglove)",
-    "new-node": "write a node of your own to begin with",
-    "contract": "check that a program keeps to what nodes owe each other",
-    "explain": "explain a message, an error or an exit code; write the schemas",
+GROUPS = {
+    "analyse": {
+        "demo": "simulate a clip, run the graph of processes on it, show what comes out",
+        "verify": "when was this video taken? Compare its ENF with a grid reference",
+        "track": "print the ENF of a video, one value a second",
+        "idle": "estimate a camera's idle period and read-out time, or compare two recordings'",
+        "discover": "find what a model of the capture lacks of a recording, and add it",
+        "batch": "verify, idle, track or discover for folders of recordings, into one table",
+        "reference": "keep years of grid frequency in a store: import, list, info, export",
+        "simulate": "film a lamp on a known grid with a simulated rolling-shutter camera",
+        "tables": "the paper's idle tables and line figures, with its errata and a simulation",
+    },
+    "live": {
+        "live": "was this feed live? Its flicker against the grid, second by second",
+        "run": "start the processes of a graph, show their state, stop them cleanly",
+        "validate": "check a graph file, and name every problem with its line",
+        "dashboard": "show all feeds of a bus on a web page, live",
+        "nodes": "tell which nodes are on a bus, and how each is doing",
+        "topic": "list the topics of a bus, print their messages, measure their rates",
+    },
+    "recordings": {
+        "record": "write what is on a bus to an MCAP file, or to an archive of them",
+        "replay": "play a recording to a bus: any topics, at any speed, from any moment",
+        "archive": "tell what an archive of recordings has, and where the gaps are",
+        "doctor": "what is in a recording, is it whole, and if not: what was lost, what to do",
+        "recover": "save all that is whole in a damaged recording",
+        "export": "write a recording's topic as CSV, Parquet, or the light as a sound (WAV)",
+        "import": "make a recording of the pictures in another program's MCAP (ROS 2, Foxglove)",
+    },
+    "develop": {
+        "regress": "run recorded stages again, and say what isn't as it was",
+        "bench": "measure every estimator on the same simulated clips",
+        "new-node": "write a node of your own to begin with",
+        "contract": "check that a program keeps to what nodes owe each other",
+        "explain": "explain a message, an error or an exit code; write the schemas",
+        "completion": "print what makes a shell complete verbs, options and names",
+    },
 }
+VERBS = {verb: line for verbs in GROUPS.values() for verb, line in verbs.items()}
+HELP = "help"
 DEBUG = "--debug"
 
 
-class _Parser(argparse.ArgumentParser):
+class _Formatter(argparse.RawDescriptionHelpFormatter):
+    """A usage line of what must be given; all options are below it."""
+
+    def _format_usage(self, usage: Any, actions: Any, groups: Any, prefix: Any) -> str:
+        one_of = {id(a) for group in groups if group.required for a in group._group_actions}
+        must = [a for a in actions if not a.option_strings or a.required or id(a) in one_of]
+        text = super()._format_usage(usage, must, groups, prefix)
+        return (
+            text
+            if usage or prefix == ""
+            else text.replace(self._prog, f"{self._prog} [OPTION …]", 1)
+        )
+
+
+class Parser(argparse.ArgumentParser):
     """Errors in one line with a way out, and exit code 2."""
 
-    def error(self, message: str) -> None:  # type: ignore[override]  # it does not return
+    def __init__(self, **how: Any) -> None:
+        super().__init__(formatter_class=_Formatter, **how)
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong with the arguments, and end."""
         print(f"rsenf: {message} (see '{self.prog} --help')", file=sys.stderr)
         raise SystemExit(EXIT_USAGE)
 
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse; a misspelt option is told before what is missing because of it."""
+        if self._subparsers is None:
+            for word in itertools.takewhile(lambda word: word != "--", args):
+                option, known = word.partition("=")[0], self._option_string_actions
+                if option.startswith("--") and not any(o.startswith(option) for o in known):
+                    self.error(f"no option {option}{_nearest(option, known)}")
+        return super().parse_known_args(args, namespace)
 
-def _parser(prog: str, description: str | None, epilog: str = "") -> _Parser:
-    parser = _Parser(
-        prog=prog,
-        description=description,
-        epilog=epilog,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            known = list(map(str, action.choices))
+            near = _nearest(value, known) if isinstance(value, str) else ""
+            hint = f"{near} (one of {', '.join(known)})"
+            raise argparse.ArgumentError(action, f"no {value!r}{hint}")
+
+
+def _nearest(word: str, known: Iterable[str]) -> str:
+    """Return a question for what a misspelt word may have meant."""
+    close = difflib.get_close_matches(word, list(known), n=1)
+    return f": did you mean '{close[0]}'?" if close else ""
+
+
+def verb_parser(verb: str, to: Any = None) -> Parser:
+    """Return the parser of a verb; with ``to``, one among its subparsers."""
+    module = _module(verb)
+    told = module.__doc__
+    parser: Parser = (
+        Parser(prog=f"rsenf {verb}", description=told)
+        if to is None
+        else to.add_parser(verb, help=VERBS[verb], description=told)
     )
+    module.add_arguments(parser)
     # Shown only: it is taken out of the words before they are parsed, wherever it stands.
     parser.add_argument(DEBUG, action="store_true", help="show the traceback of an error")
     return parser
 
 
-def _top_parser() -> _Parser:
-    parser = _parser(
-        "rsenf",
-        "Reads the electric network frequency out of rolling-shutter video.",
-        "'rsenf VERB --help' tells more.   New here? Start with: rsenf demo",
+def _module(verb: str) -> Any:
+    return importlib.import_module(f"rsenf.cli.{verb.replace('-', '_')}")
+
+
+def top_parser() -> Parser:
+    """Return the parser of what stands before a verb."""
+    parser = Parser(
+        prog="rsenf",
+        usage="rsenf [--version] [--help] [--debug] VERB",
+        description="Reads the electric network frequency out of rolling-shutter video.",
+        epilog="'rsenf help VERB' tells more.   New here? Start with: rsenf demo",
     )
-    parser.add_argument("--version", action="version", version=f"rsenf {__version__}")
-    verbs = parser.add_argument_group("verbs")
-    for verb, line in VERBS.items():
-        # Shown only: the verb itself is looked up below, so that a typing error gets a hint.
-        verbs.add_argument(f"_{verb}", nargs="?", metavar=verb, help=line, default=None)
-    parser.usage = "rsenf [--version] [--help] [--debug] VERB …"
+    parser.add_argument("--version", action="version", version=version_text())
+    parser.add_argument(DEBUG, action="store_true", help="show the traceback of an error")
     return parser
 
 
-def _unknown(verb: str) -> int:
-    close = difflib.get_close_matches(verb, VERBS, n=1, cutoff=0.5)
-    hint = f"did you mean '{close[0]}'?" if close else "see 'rsenf --help'"
-    print(f"rsenf: no verb {verb!r}: {hint}", file=sys.stderr)
-    return EXIT_USAGE
+def _print_help() -> None:
+    parser = top_parser()
+    for heading, verbs in GROUPS.items():
+        group = parser.add_argument_group(heading)
+        for verb, line in verbs.items():
+            group.add_argument(f"_{verb}", nargs="?", metavar=verb, help=line)
+    parser.print_help()
 
 
 def command() -> NoReturn:
@@ -138,15 +197,19 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _call(words: list[str]) -> int:
     """Call the verb with its arguments."""
     try:
-        if not words or words[0].startswith("-"):
-            _top_parser().parse_args(words or ["--help"])
+        if words and words[0] == HELP:
+            words = [*words[1:], "--help"]
+        if not words or words[0] in ("-h", "--help"):
+            _print_help()
+            return EXIT_DONE
+        verb, *rest = words
+        if verb.startswith("-"):
+            top_parser().parse_args(words)
+        if verb not in VERBS:
+            hint = _nearest(verb, VERBS) or ": see 'rsenf --help'"
+            print(f"rsenf: no verb {verb!r}{hint}", file=sys.stderr)
             return EXIT_USAGE
-        if words[0] not in VERBS:
-            return _unknown(words[0])
-        module = importlib.import_module(f"rsenf.cli.{words[0].replace('-', '_')}")
-        parser = _parser(f"rsenf {words[0]}", module.__doc__)
-        module.add_arguments(parser)
-        return int(module.run(parser.parse_args(words[1:])))
+        return int(_module(verb).run(verb_parser(verb).parse_args(rest)))
     except SystemExit as exc:  # argparse's way to end, after --help and after an error
         return int(exc.code or 0)
 

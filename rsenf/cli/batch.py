@@ -31,7 +31,7 @@ ANALYSES = ("verify", "idle", "track", "discover")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import count, positive
+    from rsenf.cli.options import count, positive
     from rsenf.cli.verify import add_reference
 
     verbs = parser.add_subparsers(dest="analysis", metavar="VERB", required=True)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
+import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +14,17 @@ if TYPE_CHECKING:
     from rsenf.api.discover import DiscoverResult
     from rsenf.api.references import Opened
     from rsenf.api.shared import Result
+    from rsenf.bus.zenoh_bus import BusSettings
+    from rsenf.config import Graph
     from rsenf.rows.settings import RowsSettings
     from rsenf.track import TrackSettings
+
+# A turned camera is told from the data.
+EITHER_WAY: dict[str, Any] = {"read_out_axis": "auto"}
+# How a reference is read, but not where the grid is told by the recording.
+OF_IMPORT = ("nominal_hz", "start_utc_ns")
+# Set for what a run starts; of use in a shell, too.
+CONNECT = "RSENF_CONNECT"
 
 
 @contextmanager
@@ -90,38 +99,6 @@ def aligned(lines: Sequence[Sequence[str]]) -> str:
     return "\n".join(line.rstrip() for line in padded)
 
 
-def positive(text: str) -> float:
-    """Argument type: a finite number above zero."""
-    value = float(text)
-    if not (math.isfinite(value) and value > 0):
-        raise argparse.ArgumentTypeError(f"{text} is not a finite number above 0")
-    return value
-
-
-def at_least_0(text: str) -> float:
-    """Argument type: a finite number, zero or above."""
-    value = float(text)
-    if not (math.isfinite(value) and value >= 0):
-        raise argparse.ArgumentTypeError(f"{text} is not a finite number, 0 or above")
-    return value
-
-
-def count(text: str) -> int:
-    """Argument type: 0, 1, 2 …"""
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{text} is below 0")
-    return value
-
-
-def named(text: str) -> tuple[str, str]:
-    """Argument type: ``NAME=VALUE``."""
-    name, equals, value = text.partition("=")
-    if not (name and equals and value):
-        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=VALUE")
-    return name, value
-
-
 def add_begin_argument(parser: argparse.ArgumentParser, *topics: str) -> None:
     """Argument of every verb that may begin with another of a recording's topics than the rows."""
     parser.add_argument(
@@ -132,84 +109,113 @@ def add_begin_argument(parser: argparse.ArgumentParser, *topics: str) -> None:
 
 def add_row_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of every verb that samples rows."""
-    group = parser.add_argument_group("rows")
-    group.add_argument(
+    from rsenf.cli.options import add_settings
+    from rsenf.rows.settings import RowsSettings
+
+    parser.add_argument("--camera", default="", metavar="NAME", help="of a recording with several")
+    parser.add_argument(
         "--nominal-hz", type=float, choices=(50.0, 60.0), help="grid; found from the data otherwise"
     )
-    group.add_argument(
-        "--read-out", choices=("auto", "rows", "columns"), default="auto",
-        help="columns: turned camera; auto: found from the data (auto)",
-    )  # fmt: skip
-    group.add_argument("--no-mask", action="store_true", help="keep pixels that move")
-    group.add_argument(
-        "--camera", default="", metavar="NAME", help="of an MCAP recording with several"
-    )
+    add_settings(parser, "rows", RowsSettings, **EITHER_WAY)
 
 
 def row_settings(args: argparse.Namespace) -> RowsSettings:
     """Return the rows settings that the arguments ask for."""
+    from rsenf.cli.options import settings_of
     from rsenf.rows.settings import RowsSettings
 
-    return RowsSettings(read_out_axis=args.read_out, mask=not args.no_mask)
+    return settings_of(args, RowsSettings, **EITHER_WAY)
 
 
-def add_track_arguments(parser: argparse.ArgumentParser, *method: str) -> None:
-    """Arguments of every verb that tracks ENF; ``method`` spells the one that names how."""
-    group = parser.add_argument_group("ENF")
-    group.add_argument(
-        *method, dest="enf_method", metavar="NAME", help="ENF estimator, such as projection or stft"
-    )
-    group.add_argument(
-        "--harmonic", type=int, choices=(1, 2, 3), help="of the illumination frequency (1)"
-    )
-    group.add_argument(
-        "--line", type=int, metavar="M", help="line k·f0 + M·F_r; the strongest otherwise"
-    )
-    group.add_argument(
-        "--interpolation", metavar="NAME",
-        help="how the method paper fills the idle period (neighbour_mean)",
-    )  # fmt: skip
+def add_track_arguments(
+    parser: argparse.ArgumentParser, also: Mapping[str, str] | None = None
+) -> None:
+    """Arguments of every verb that tracks ENF; ``also`` spells fields in one more way."""
+    from rsenf.cli.options import add_settings
+    from rsenf.track import TrackSettings
+
+    add_settings(parser, "ENF", TrackSettings, also=also)
 
 
 def track_settings(args: argparse.Namespace, matcher: str = "") -> TrackSettings:
     """Return the track settings that the arguments ask for."""
     from rsenf.api.shared import track_settings
+    from rsenf.cli.options import given_by
+    from rsenf.track import TrackSettings
 
-    given = {
-        "method": args.enf_method,
-        "nominal_hz": args.nominal_hz,
-        "harmonic": args.harmonic,
-        "line_m": args.line,
-        "interpolation": args.interpolation,
-    }
-    return track_settings(given, matcher=matcher)
+    return track_settings(given_by(args, TrackSettings), matcher=matcher)
 
 
 def add_reference_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of every verb that reads a grid reference."""
-    group = parser.add_argument_group("reference")
-    group.add_argument(
-        "--timezone", metavar="ZONE", help="of its times, e.g. Europe/Paris; UTC otherwise"
-    )
-    group.add_argument(
-        "--step-s", type=positive, metavar="S", help="between its values, when it has no times"
-    )
-    group.add_argument(
-        "--column", metavar="NAME", help="that holds the frequency, when not found by its name"
-    )
-    group.add_argument(
-        "--stamp",
-        choices=("start", "centre"),
-        default="start",
-        help="whether a value's time is the start or the centre of what it covers",
-    )
+    from rsenf.cli.options import add_settings
+    from rsenf.reference.options import ReadOptions
+
+    add_settings(parser, "reference", ReadOptions, leave_out=OF_IMPORT)
 
 
 def references_of(args: argparse.Namespace) -> list[Opened]:
     """Open what ``--reference`` names."""
     from rsenf.api.references import open_references
 
-    return open_references(
-        args.reference, step_s=args.step_s, timezone=args.timezone, store=args.store,
-        column=args.column, stamp=args.stamp,
-    )  # fmt: skip
+    return open_references(args.reference, store=args.store, **read_options(args))
+
+
+def read_options(args: argparse.Namespace) -> dict[str, Any]:
+    """Return what the arguments say of how a reference is read."""
+    from rsenf.cli.options import given_by
+    from rsenf.reference.options import ReadOptions
+
+    told = given_by(args, ReadOptions).items()
+    return {name: value for name, value in told if name not in OF_IMPORT}
+
+
+def add_bus_arguments(parser: argparse.ArgumentParser, *graph: str) -> None:
+    """Arguments that say which bus; ``graph`` spells the one that names a graph file."""
+    optional = {} if graph[0].startswith("-") else {"nargs": "?"}
+    parser.add_argument(*graph, metavar="GRAPH.yaml", default=None, **optional,  # type: ignore[arg-type]
+                        help="whose bus it is, with its certificates")  # fmt: skip
+    parser.add_argument("--as", dest="by", metavar="NAME",
+                        help="whose certificate to show, where the graph has 'tls'")  # fmt: skip
+    parser.add_argument("--connect", action="append", default=[], metavar="ENDPOINT",
+                        help=f"of the bus, which 'rsenf run' tells (${CONNECT})")  # fmt: skip
+    parser.add_argument("--site", default="*", help="to look at (any)")
+
+
+def bus_of(args: argparse.Namespace) -> tuple[BusSettings, Graph | None]:
+    """Return how to reach the bus, and the graph that was named.
+
+    Raises
+    ------
+    UsageError
+        When nothing says where it is.
+    """
+    from dataclasses import replace
+
+    from rsenf.bus.zenoh_bus import BusSettings
+    from rsenf.config import load_graph
+    from rsenf.errors import UsageError
+    from rsenf.run.access import certificates
+    from rsenf.run.node import bus_settings
+
+    told = tuple(args.connect or filter(None, [os.environ.get(CONNECT)]))
+    if args.graph is None:
+        if not told:
+            raise UsageError("which bus?", "--connect ENDPOINT, as 'rsenf run' tells it")
+        return BusSettings(connect=told), None
+    graph = load_graph(args.graph)
+    routers = tuple(filter(None, (host.address for host in graph.hosts.values())))
+    endpoints = told or graph.bus.listen or routers
+    if not (endpoints or graph.bus.is_elsewhere):
+        raise UsageError(
+            f"{args.graph} has a bus of its own, wherever a port was free",
+            "--connect what 'rsenf run' tells, or give the graph 'bus: {listen: [...]}'",
+        )
+    settings = bus_settings(graph, endpoints)
+    if graph.tls is None or all(endpoint.startswith("tcp/") for endpoint in endpoints):
+        return settings, graph
+    if args.by is None:
+        raise UsageError(
+            "the hosts of this graph ask for a certificate", "--as NAME: whose to show"
+        )
+    return replace(settings, zenoh={**certificates(graph.tls, args.by), **settings.zenoh}), graph

@@ -18,7 +18,7 @@ POLL_S = 0.1
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.on_bus import add_bus_arguments
+    from rsenf.cli.console import add_bus_arguments
 
     add_bus_arguments(parser, "graph")
     parser.add_argument("--host", default="127.0.0.1", metavar="ADDRESS",
@@ -35,9 +35,8 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.bus.inbox import Inbox
     from rsenf.bus.keys import ROOT, health_key
     from rsenf.bus.zenoh_bus import open_bus
-    from rsenf.cli.console import note, say
-    from rsenf.cli.on_bus import bus_of
-    from rsenf.config.node_kinds import DashboardNode
+    from rsenf.cli.console import bus_of, note, say
+    from rsenf.config.node_kind import NODE_KINDS
     from rsenf.dashboard.server import DashboardServer, open_to_all
     from rsenf.dashboard.site import Site
     from rsenf.dashboard.wiring import Wiring, key_expressions, wiring_of
@@ -53,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
         if graph
         else Wiring(archive=Path(args.archive) if args.archive else None)
     )
-    topics = DashboardNode(kind="dashboard").topics
+    topics = NODE_KINDS["dashboard"].model_fields["topics"].default
     key_exprs = [f"{ROOT}/{site}/{below}" for below in topics]
     inbox = Inbox()
     with (

@@ -16,7 +16,7 @@ SHORTEST_S, LONGEST_S = 60, 3600
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import count, positive
+    from rsenf.cli.options import count, positive
 
     parser.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="(demo)")
     parser.add_argument("--seed", type=count, default=1, metavar="N",

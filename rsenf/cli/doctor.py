@@ -9,7 +9,17 @@ to be recorded, or were lost before the file was recovered, and it is whole with
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from typing import Any, NamedTuple
+
+from rsenf.cli.console import print_json, say
+from rsenf.errors import EXIT_DONE, EXIT_LOSS, InputError, RsenfError, UsageError
+from rsenf.record.examine import Examination, TopicState, examine, made_by
+from rsenf.record.gaps import Gap
+
+SHOWN = 5  # of each topic's gaps, and of the damaged places
+RECOVER = "rsenf recover {path} --out NEW.mcap"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,11 +30,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Examine recordings."""
-    from rsenf.cli.console import print_json, say
-    from rsenf.cli.recording_text import recording_json, recording_words, unusable_json, verdict
-    from rsenf.errors import EXIT_DONE, EXIT_LOSS, InputError, UsageError
-    from rsenf.record.examine import examine
-
     failed = EXIT_DONE
     verdicts: list[str] = []
     shown: list[Any] = []
@@ -46,3 +51,163 @@ def run(args: argparse.Namespace) -> int:
         failed = max(failed, InputError.exit_code)
     loss = EXIT_LOSS if "damaged" in verdicts else EXIT_DONE
     return failed or loss
+
+
+class Problem(NamedTuple):
+    """What is wrong, and what to do about it."""
+
+    what: str
+    do: str
+
+
+def verdict(found: Examination) -> str:
+    """``whole``, ``damaged`` (but usable) or ``unusable``."""
+    if found.whole:
+        return "whole"
+    return "damaged" if found.messages else "unusable"
+
+
+def problems(found: Examination) -> Iterator[Problem]:
+    """Yield what is wrong with a recording."""
+    recover = RECOVER.format(path=found.path)
+    if not (found.contents.complete or found.in_the_making):
+        yield Problem(
+            f"it breaks off: there is no end, and its last {found.cut_bytes} bytes are no use",
+            recover,
+        )
+    for damage in found.contents.damages[:SHOWN]:
+        yield Problem(f"bytes {damage.start} to {damage.end}: {damage.why}", recover)
+    if more := found.contents.damages[SHOWN:]:
+        yield Problem(f"{len(more)} more damaged places", recover)
+    if found.short and not found.contents.damages:
+        yield Problem("its end tells of messages that it hasn't got", recover)
+    for why, count in found.unreadable.items():
+        yield Problem(
+            f"{count} messages can't be read: {why}",
+            f"read them with {made_by(found.contents)}" if "version" in why else recover,
+        )
+    if any(state.duplicates for state in found.topics):
+        yield Problem("messages are there more than once", recover)
+
+
+def recording_json(found: Examination) -> dict[str, Any]:
+    """Return the stable keys of an examination."""
+    about = found.contents.metadata.get("rsenf", {})
+    return {
+        "path": str(found.path),
+        "verdict": verdict(found),
+        "size_bytes": found.size_bytes,
+        "complete": found.contents.complete,
+        "being_recorded": found.in_the_making,
+        "cut_bytes": found.cut_bytes,
+        "made_by": made_by(found.contents),
+        "created_utc": about.get("created_utc"),
+        "run_id": about.get("run_id"),
+        "chunks": len(found.contents.index.chunks),
+        "messages": found.messages,
+        "topics": [_topic_json(state) for state in found.topics],
+        "damages": [
+            {"start": damage.start, "end": damage.end, "why": damage.why}
+            for damage in found.contents.damages
+        ],
+        "problems": [problem._asdict() for problem in problems(found)],
+    }
+
+
+def unusable_json(path: str, error: RsenfError) -> dict[str, Any]:
+    """Return the keys of a file that is no recording at all."""
+    return {
+        "path": path,
+        "verdict": "unusable",
+        "problems": [{"what": error.message, "do": error.hint}],
+    }
+
+
+def _topic_json(state: TopicState) -> dict[str, Any]:
+    topic = state.topic
+    return {
+        "topic": topic.name,
+        "schema": topic.schema,
+        "schema_version": state.version,
+        "messages": topic.messages,
+        "first_utc": _utc(topic.first_ns),
+        "last_utc": _utc(topic.last_ns),
+        "last_seq": state.last_seq,
+        "duplicates": state.duplicates,
+        "gaps": [
+            {
+                "run_id": gap.run_id,
+                "epoch": gap.epoch,
+                "first_seq": gap.first,
+                "last_seq": gap.last,
+                "cause": "damage" if gap.damaged else "missing",
+            }
+            for gap in state.gaps
+        ],
+        "lost_at_end": state.lost_at_end,
+    }
+
+
+def recording_words(found: Examination) -> str:
+    """Say to a person what is in a recording."""
+    chunks = len(found.contents.index.chunks)
+    so_far = " so far, it is being recorded" if found.in_the_making else ""
+    lines = [
+        f"{found.path}: {verdict(found)}{so_far}. {found.messages} messages in {chunks} chunks, "
+        f"{found.size_bytes / 1e6:.1f} MB, made by {made_by(found.contents)}"
+    ]
+    width = max((len(state.topic.name) for state in found.topics), default=0)
+    lines += [f"  {state.topic.name:{width}}  {_topic_words(state)}" for state in found.topics]
+    for problem in problems(found):
+        lines += [f"  wrong: {problem.what}", f"     do: {problem.do}"]
+    return "\n".join(lines)
+
+
+def _topic_words(state: TopicState) -> str:
+    topic = state.topic
+    words = []
+    if topic.messages:
+        seconds = (topic.last_ns - topic.first_ns) / 1e9
+        words.append(
+            f"{topic.messages} × {topic.schema} from {_utc(topic.first_ns)}, {seconds:.1f} s"
+        )
+    words += _lost(state)
+    words += _named([gap for gap in state.gaps if not gap.damaged], "missing")
+    if state.duplicates:
+        words.append(f"{state.duplicates} twice")
+    return "; ".join(words)
+
+
+def lost_words(found: Examination) -> dict[str, str]:
+    """Say what was recorded and is gone, by topic."""
+    return {state.topic.name: "; ".join(words) for state in found.topics if (words := _lost(state))}
+
+
+def _lost(state: TopicState) -> list[str]:
+    words = _named([gap for gap in state.gaps if gap.damaged], "lost")
+    after = "all of it" if state.last_seq is None else f"what came after {state.last_seq}"
+    if state.lost_at_end:
+        words.append(f"{state.lost_at_end} lost: {after}")
+    elif state.lost_at_end is None and state.cut:
+        words.append(f"{after} is not there")
+    return words
+
+
+def _named(gaps: list[Gap], what: str) -> list[str]:
+    return [f"{sum(gap.messages for gap in gaps)} {what}: {_numbers(gaps)}"] if gaps else []
+
+
+def _numbers(gaps: list[Gap]) -> str:
+    words = [
+        f"{gap.first}–{gap.last}" + (f" of epoch {gap.epoch}" if gap.epoch else "")
+        for gap in gaps[:SHOWN]
+    ]
+    return ", ".join(words) + (f", and {len(gaps) - SHOWN} more places" if gaps[SHOWN:] else "")
+
+
+def _utc(time_ns: int) -> str | None:
+    try:
+        moment = datetime.fromtimestamp(time_ns // 10**9, UTC).replace(tzinfo=None)
+    except (ValueError, OverflowError, OSError):
+        return None  # beyond the year 9999
+    return f"{moment.isoformat()}.{time_ns % 10**9 // 10**6:03d}Z"

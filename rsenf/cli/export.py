@@ -24,7 +24,7 @@ TABLES = (".csv", ".parquet")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import count
+    from rsenf.cli.options import count
 
     parser.add_argument("recording", metavar="FILE.mcap")
     parser.add_argument(

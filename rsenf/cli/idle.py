@@ -26,11 +26,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Arguments that say how the idle period is estimated."""
+    from rsenf.cli import options
     from rsenf.cli.console import add_begin_argument, add_row_arguments
+    from rsenf.idle import IdleSettings
 
-    parser.add_argument("--method", metavar="NAME", help="estimator (coherent)")
     add_begin_argument(parser, "frames", "rows")
     add_row_arguments(parser)
+    options.add_settings(parser, "idle", IdleSettings, also={"method": "method"})
 
 
 def run(args: argparse.Namespace) -> int:
@@ -70,7 +72,8 @@ def options_of(args: argparse.Namespace) -> dict[str, Any]:
     """Return how the idle period is to be estimated, as the function takes it."""
     from rsenf.api.idle import idle_settings
     from rsenf.cli.console import row_settings
+    from rsenf.cli.options import settings_of
     from rsenf.idle import IdleSettings
 
-    settings = IdleSettings(args.method or IdleSettings.method, args.nominal_hz)
+    settings = settings_of(args, IdleSettings)
     return {"rows": row_settings(args), "settings": idle_settings(settings)}

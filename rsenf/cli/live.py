@@ -18,6 +18,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         add_row_arguments,
         add_track_arguments,
     )
+    from rsenf.cli.options import add_settings
+    from rsenf.live import LiveSettings
 
     parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
     what = parser.add_mutually_exclusive_group(required=True)
@@ -35,7 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_reference_arguments(parser)
     add_begin_argument(parser, "frames", "rows")
     add_row_arguments(parser)
-    add_track_arguments(parser, "--enf-method")
+    add_track_arguments(parser)
+    add_settings(parser, "live", LiveSettings)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -50,8 +53,11 @@ def run(args: argparse.Namespace) -> int:
         say_loss,
         track_settings,
     )
+    from rsenf.cli.options import settings_of
+    from rsenf.live import LiveSettings
     from rsenf.run.inputs import open_input_file
 
+    settings = settings_of(args, LiveSettings)
     recording = open_input_file(args.input, camera=args.camera, begin=args.begin)
     with progress_bar("judging", recording.duration_s) as progress:
         found = live(
@@ -62,6 +68,7 @@ def run(args: argparse.Namespace) -> int:
             nominal_hz=args.nominal_hz,
             rows=row_settings(args),
             track=track_settings(args),
+            settings=settings,
             progress=progress,
         )
     if args.json:

@@ -11,15 +11,16 @@ never deleted; with --alarms-only nothing else is written, and SIGUSR1 is an ala
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rsenf.config.node_kinds import RecordNode
+    from rsenf.config.recording import RecordSettings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import positive
+    from rsenf.cli.options import add_settings, positive
+    from rsenf.config.recording import RecordSettings
 
     parser.add_argument("--connect", action="append", required=True, metavar="ENDPOINT",
                         help="of the bus, for example tcp/127.0.0.1:7447")  # fmt: skip
@@ -27,29 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where.add_argument("--out", metavar="FILE.mcap")
     where.add_argument("--archive", metavar="DIR")
     parser.add_argument("--site", default="*", help="of the graph (any)")
-    parser.add_argument("--topics", action="append", metavar="KEYEXPR",
-                        help="below the site, for example cam1/track (all)")  # fmt: skip
     parser.add_argument("--duration-s", type=positive, metavar="S", help="stop after this long")
-    parser.add_argument("--overwrite", action="store_true")
-    parser.add_argument("--warn-free-mb", type=positive, metavar="MB",
-                        help="warn below so much free (2000, at most 10 %%)")  # fmt: skip
-    parser.add_argument("--stop-free-mb", type=positive, metavar="MB",
-                        help="stop below so much (100, at most 1 %% of the disk)")  # fmt: skip
     parser.add_argument("--json", action="store_true")
-    archive = parser.add_argument_group("archive")
-    archive.add_argument("--rotate-s", type=positive, metavar="S", help="longest file (3600)")
-    archive.add_argument("--rotate-mb", type=positive, metavar="MB", help="largest file (1000)")
-    archive.add_argument("--keep-days", type=positive, metavar="D", help="delete what is older")
-    archive.add_argument("--keep-share", type=positive, metavar="SHARE",
-                         help="of the disk, for the archive; the oldest go")  # fmt: skip
-    archive.add_argument("--alarm", metavar="KEYEXPR",
-                         help="messages that are alarms, below the site (*/alarm)")  # fmt: skip
-    archive.add_argument("--before-s", type=positive, metavar="S", help="of an alarm (120)")
-    archive.add_argument("--after-s", type=positive, metavar="S", help="of an alarm (60)")
-    archive.add_argument("--alarms-only", action="store_true", default=None,
-                         help="keep the last minutes in memory until an alarm comes")  # fmt: skip
-    archive.add_argument("--memory-mb", type=positive, metavar="MB",
-                         help="most to keep in memory of a camera (256)")  # fmt: skip
+    add_settings(parser, "recording", RecordSettings)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -64,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.run.recording import DELIVERY, disk_guard, open_sink, record_until
     from rsenf.run.signals import interruptible
 
-    config = _config(args)
+    config = _settings(args)
     inbox, deadline = Inbox(), time.monotonic() + (args.duration_s or float("inf"))
     with (
         open_bus(BusSettings(connect=tuple(args.connect))) as bus,
@@ -94,33 +75,12 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _config(args: argparse.Namespace) -> RecordNode:
-    """Return what a node of a graph would be told."""
-    from rsenf.config.node_kinds import RecordNode
+def _settings(args: argparse.Namespace) -> RecordSettings:
+    from rsenf.cli.options import settings_of
+    from rsenf.config.recording import RecordSettings
     from rsenf.errors import UsageError
-    from rsenf.record.settings import AlarmSettings, DiskLimits, Retention, Rotation
 
-    archive = {
-        "rotation": _given(every_s=args.rotate_s, size_mb=args.rotate_mb),
-        "retention": _given(days=args.keep_days, disk_share=args.keep_share),
-        "alarms": _given(trigger=args.alarm, before_s=args.before_s, after_s=args.after_s,
-                         only=args.alarms_only, memory_mb=args.memory_mb),
-    }  # fmt: skip
-    if args.out and any(archive.values()):
+    settings = settings_of(args, RecordSettings)
+    if args.out and settings.model_fields_set & {"rotation", "retention", "alarms"}:
         raise UsageError("rotation, retention and alarms are of an archive", "--archive DIR")
-    disk = _given(warn_mb=args.warn_free_mb, stop_mb=args.stop_free_mb)
-    return RecordNode(
-        kind="record",
-        out=args.out,
-        archive=args.archive,
-        topics=tuple(args.topics or ["**"]),
-        overwrite=args.overwrite,
-        rotation=Rotation(**archive["rotation"]),
-        retention=Retention(**archive["retention"]),
-        alarms=AlarmSettings(**archive["alarms"]),
-        disk=DiskLimits(**disk),
-    )
-
-
-def _given(**settings: object) -> dict[str, Any]:
-    return {name: value for name, value in settings.items() if value is not None}
+    return settings

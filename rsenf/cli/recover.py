@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Recover a recording."""
     from rsenf.cli.console import print_json, say
-    from rsenf.cli.recording_text import lost_words, recording_json
+    from rsenf.cli.doctor import lost_words, recording_json
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
     from rsenf.record.recover import recover, recover_in_place
 

@@ -13,17 +13,37 @@ nothing. The store is $RSENF_STORE, or in the user's data folder; --store DIR na
 from __future__ import annotations
 
 import argparse
+import time
+from dataclasses import asdict
+from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-if TYPE_CHECKING:
-    from rsenf.reference.options import ReadOptions
+from rsenf.cli.console import note, print_json, progress_bar
+from rsenf.cli.options import add_settings, settings_of
+from rsenf.errors import EXIT_DONE, UsageError
+from rsenf.reference.moments import utc_ns
+from rsenf.reference.options import ReadOptions
+from rsenf.reference.read import grid_name
+from rsenf.reference.store import (
+    Imported,
+    SampleFile,
+    Series,
+    StoredReference,
+    all_series,
+    coverage,
+    default_store,
+    export,
+    facts,
+    find_series,
+    import_file,
+    open_grid,
+)
+from rsenf.timebase import utc_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import add_reference_arguments
-
     verbs = parser.add_subparsers(dest="what", required=True, metavar="import|list|info|export")
 
     def add(what: str, help_line: str) -> argparse.ArgumentParser:
@@ -35,13 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     new = add("import", "read files into the store")
     new.add_argument("files", nargs="+", type=Path, metavar="FILE")
     new.add_argument("--grid", metavar="NAME", help="what to call it; as the file otherwise")
-    add_reference_arguments(new)
-    new.add_argument(
-        "--nominal-hz",
-        type=float,
-        choices=(50.0, 60.0),
-        help="grid; told from the values otherwise",
-    )
+    add_settings(new, "reading", ReadOptions, leave_out=("start_utc_ns",))
     new.add_argument(
         "--start", metavar="TIME", help="of the first sample, for files that tell no dates"
     )
@@ -58,24 +72,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Import, list, inform or export."""
-    from rsenf.errors import EXIT_DONE
-    from rsenf.reference.store import default_store
-
     store = args.store or default_store()
     _ACTIONS[args.what](args, store)
     return EXIT_DONE
 
 
 def _import(args: argparse.Namespace, store: Path) -> None:
-    from rsenf.cli.console import note, print_json, progress_bar
-    from rsenf.cli.reference_text import import_document, import_words
-    from rsenf.errors import UsageError
-    from rsenf.reference.read import grid_name
-    from rsenf.reference.store import import_file
-
     if len(args.files) > 1 and not args.grid:
         raise UsageError(f"{len(args.files)} files and no name for their grid", "--grid NAME")
-    options = _options(args)
+    start_ns = utc_ns(args.start, "--start") if args.start else 0
+    options = settings_of(args, ReadOptions, start_utc_ns=start_ns)
     documents = []
     for path in args.files:
         with progress_bar("importing", None, unit="rows") as progress:
@@ -84,7 +90,7 @@ def _import(args: argparse.Namespace, store: Path) -> None:
                 path,
                 args.grid or grid_name(path),
                 options,
-                imported_utc=_now(),
+                imported_utc=str(utc_text(time.time_ns())),
                 progress=progress,
             )
         documents.append(import_document(done))
@@ -97,10 +103,6 @@ def _import(args: argparse.Namespace, store: Path) -> None:
 
 
 def _list(args: argparse.Namespace, store: Path) -> None:
-    from rsenf.cli.console import note, print_json
-    from rsenf.cli.reference_text import list_words, series_document
-    from rsenf.reference.store import all_series
-
     documents = [series_document(series) for series in all_series(store)]
     if args.json:
         print_json({"store": str(store), "series": documents})
@@ -111,10 +113,6 @@ def _list(args: argparse.Namespace, store: Path) -> None:
 
 
 def _info(args: argparse.Namespace, store: Path) -> None:
-    from rsenf.cli.console import print_json
-    from rsenf.cli.reference_text import info_document, info_words
-    from rsenf.reference.store import find_series
-
     documents = [info_document(series) for series in find_series(store, args.grid)]
     if args.json:
         print_json({"store": str(store), "series": documents})
@@ -123,11 +121,6 @@ def _info(args: argparse.Namespace, store: Path) -> None:
 
 
 def _export(args: argparse.Namespace, store: Path) -> None:
-    from rsenf.cli.console import note, print_json
-    from rsenf.cli.reference_text import export_document, export_words
-    from rsenf.reference.moments import utc_ns
-    from rsenf.reference.store import export, open_grid
-
     from_ns = utc_ns(args.from_, "--from") if args.from_ else None
     to_ns = utc_ns(args.to, "--to") if args.to else None
     reference = open_grid(store, args.grid, from_ns, to_ns)
@@ -140,26 +133,134 @@ def _export(args: argparse.Namespace, store: Path) -> None:
         note(line)
 
 
-def _options(args: argparse.Namespace) -> ReadOptions:
-    from rsenf.reference.moments import utc_ns
-    from rsenf.reference.options import ReadOptions
+def import_document(done: Imported) -> dict[str, Any]:
+    """What came in."""
+    return {"new": done.new, **_file_document(SampleFile(done.path))}
 
-    return ReadOptions(
-        timezone=args.timezone,
-        step_s=args.step_s,
-        column=args.column,
-        nominal_hz=args.nominal_hz,
-        stamp=args.stamp,
-        start_utc_ns=utc_ns(args.start, "--start") if args.start else 0,
+
+def import_words(document: dict[str, Any]) -> str:
+    """The same in words."""
+    to = f"{document['grid']}@{document['step_s']:g}"
+    if not document["new"]:
+        return f"{document['file']}: in {to} already, since {document['imported_utc']}"
+    return (
+        f"{document['file']}: {document['samples']} samples to {to}, "
+        f"{document['start_utc']} to {document['end_utc']}"
     )
 
 
-def _now() -> str:
-    import time
+def series_document(series: Series) -> dict[str, Any]:
+    """A line of the list."""
+    start, end = map(utc_text, series.span_ns)
+    return {
+        "grid": series.grid,
+        "nominal_hz": series.nominal_hz,
+        "step_s": series.step_s,
+        "start_utc": start,
+        "end_utc": end,
+        "coverage": round(coverage(series), 6),
+        "imports": len(series.files),
+        "size_bytes": sum(file.path.stat().st_size for file in series.files),
+    }
 
-    from rsenf.timebase import utc_text
 
-    return str(utc_text(time.time_ns()))
+def list_words(documents: list[dict[str, Any]]) -> str:
+    """The list as a table."""
+    lines = [f"{'grid':<16} {'Hz':>3} {'step':>6}  {'from':<24} {'to':<24} {'there':>6} {'MB':>6}"]
+    lines += [
+        f"{d['grid']:<16} {d['nominal_hz']:>3g} {d['step_s']:>4g} s  {d['start_utc']:<24} "
+        f"{d['end_utc']:<24} {d['coverage']:>6.1%} {d['size_bytes'] / 1e6:>6.1f}"
+        for d in documents
+    ]
+    return "\n".join(lines)
+
+
+def info_document(series: Series) -> dict[str, Any]:
+    """All that is known of a series."""
+    found = facts(series)
+    return {
+        **series_document(series),
+        "samples": found.total,
+        "valid": found.valid,
+        "gaps": found.gaps,
+        "longest_gaps": [
+            {
+                "start_utc": utc_text(series.raster.time_ns(gap.first)),
+                "duration_s": gap.samples * series.step_s,
+            }
+            for gap in found.longest
+        ],
+        "duplicates": found.repeated,
+        "contradictions": found.contradicted,
+        "mean_hz": round(found.mean_hz, 6),
+        "std_hz": round(found.std_hz, 6),
+        "imports": [_file_document(file) for file in series.files],
+    }
+
+
+def info_words(document: dict[str, Any]) -> str:
+    """The same in words."""
+    d, step_s = document, document["step_s"]
+    missing = d["samples"] - d["valid"]
+    lines = [
+        f"{d['grid']}@{step_s:g}: {d['nominal_hz']:g} Hz grid, {d['start_utc']} to {d['end_utc']}",
+        f"  values          {d['valid']} of {d['samples']} ({d['valid'] / d['samples']:.1%})",
+        f"  mean, std       {d['mean_hz']:.4f} Hz, {d['std_hz'] * 1e3:.1f} mHz",
+        f"  gaps            {d['gaps']}" + (f", in all {_long(missing * step_s)}" * bool(missing)),
+    ]
+    lines += [f"    {_long(g['duration_s']):>20} from {g['start_utc']}" for g in d["longest_gaps"]]
+    lines += [
+        f"  duplicates      {d['duplicates']} samples have several readings",
+        f"  contradictions  {d['contradictions']} of them disagree by over 5 mHz: gaps",
+        f"  imports         {len(d['imports'])}",
+    ]
+    for file in d["imports"]:
+        lines.append(
+            f"    {file['file']}, {file['start_utc']} to {file['end_utc']}, "
+            f"sha256 {file['sha256'][:16]}, on {file['imported_utc']}"
+        )
+        lines += [f"      {note}" for note in file["notes"]]
+    return "\n".join(lines)
+
+
+def export_document(reference: StoredReference, out: Path, written: int) -> dict[str, Any]:
+    """What went out."""
+    return {
+        "out": str(out),
+        "grid": reference.grid,
+        "step_s": reference.step_s,
+        "start_utc": utc_text(reference.t0_ns),
+        "end_utc": utc_text(reference.end_ns),
+        "values": written,
+    }
+
+
+def export_words(document: dict[str, Any]) -> str:
+    """The same in words."""
+    d = document
+    return (
+        f"{d['out']}: {d['values']} values of {d['grid']} at {d['step_s']:g} s, "
+        f"{d['start_utc']} to {d['end_utc']}"
+    )
+
+
+def _long(duration_s: float) -> str:
+    """Days, hours, minutes and seconds."""
+    return str(timedelta(seconds=duration_s))
+
+
+def _file_document(file: SampleFile) -> dict[str, Any]:
+    record = asdict(file.record)
+    start, end = map(utc_text, file.span_ns)
+    step_s = record.pop("step_ns") / 1e9
+    return {
+        "file": record.pop("name"),
+        "start_utc": start,
+        "end_utc": end,
+        "step_s": step_s,
+        "kept_as": str(file.path),
+        **record,
+    }
 
 
 _ACTIONS = {"import": _import, "list": _list, "info": _info, "export": _export}

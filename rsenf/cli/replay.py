@@ -23,7 +23,7 @@ POLL_S = 0.05
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import at_least_0, count, named, positive
+    from rsenf.cli.options import at_least_0, count, named, positive
 
     parser.add_argument("recording", metavar="FILE.mcap")
     parser.add_argument("--connect", action="append", default=[], metavar="ENDPOINT",

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import named
+    from rsenf.cli.options import named
 
     parser.add_argument("graph", type=Path, metavar="GRAPH.yaml")
     parser.add_argument("--replay", action="append", default=[], type=named, metavar="NODE=FILE",
@@ -75,18 +75,18 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(_as_json(running))
     else:
-        for source, result in running.results.items():
+        for source, result in running.latest["match"].items():
             print(f"{source}: {verdict_words(result)}")
             for line in result.warnings:
                 note(line)
-        for source, estimate in running.idle.items():
+        for source, estimate in running.latest["idle"].items():
             print(f"{source}: {idle_words(estimate)}")
-        for source, verdict in running.live.items():
+        for source, verdict in running.latest["live"].items():
             print(f"{source}: {verdict.in_short}")
         for source, alarms in running.alarms.items():
             for alarm in alarms:
                 print(f"{source}: {alarm.in_short}")
-        for source, told in running.discovered.items():
+        for source, told in running.latest["discover"].items():
             print(f"{source}: {told.in_short}")
     if failure:
         raise failure
@@ -118,16 +118,18 @@ def _as_json(running: GraphRun) -> dict[str, Any]:
         },
         "results": {
             source: verdict_json(result, list(result.warnings))
-            for source, result in running.results.items()
+            for source, result in running.latest["match"].items()
         },
         "idle": {
             source: idle_json(estimate, list(estimate.warnings))
-            for source, estimate in running.idle.items()
+            for source, estimate in running.latest["idle"].items()
         },
-        "live": {source: live_json(verdict) for source, verdict in running.live.items()},
+        "live": {source: live_json(verdict) for source, verdict in running.latest["live"].items()},
         "alarms": {
             source: [alarm_json(alarm) for alarm in alarms]
             for source, alarms in running.alarms.items()
         },
-        "discover": {source: watch_json(told) for source, told in running.discovered.items()},
+        "discover": {
+            source: watch_json(told) for source, told in running.latest["discover"].items()
+        },
     }

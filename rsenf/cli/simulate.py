@@ -7,22 +7,37 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import inspect
 import json
 import re
+import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsenf.model import CaptureModel, Codec
+    from rsenf.model import CaptureModel, Codec, Effect
 
+# Parts of the model, all of whose numbers are options, and those that are told otherwise.
+PARTS = {
+    "light": "the lamp", "scene": "the scene", "shutter": "the shutter", "sensor": "the sensor",
+    "codec": "the encoder",
+}  # fmt: skip
+OTHERWISE = (
+    "profile", "shake.shake_px", "shake.time_constant_s", "frame_rate", "rows", "columns",
+    "bitrate_bps", "lossless",
+)  # fmt: skip
+WIDTH = 100  # of the catalogue
 # Commas part parameters, but not within a list such as at_frames=[10,20].
 _COMMA = re.compile(r",(?![^\[]*\])")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import count, positive
-    from rsenf.cli.effect_list import ListEffects
+    from rsenf.cli import options
+    from rsenf.cli.options import count, positive
+    from rsenf.model import CATALOGUE, CaptureModel
+
+    model = CaptureModel()
 
     parser.add_argument(
         "--out", type=Path, required=True, metavar="X",
@@ -44,30 +59,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     grid.add_argument("--step-s", type=positive, metavar="S", help="of REF, where it has no times")
     camera = parser.add_argument_group("the capture, over the model file")
     camera.add_argument("--model", type=Path, metavar="FILE", help="YAML; see configs/model")
-    camera.add_argument(
-        "--lamp", metavar="KIND", help="led, halogen, sodium, cfl, ideal and others"
-    )
-    camera.add_argument("--size", type=size, metavar="1280x720")
-    camera.add_argument("--frame-rate", metavar="30000/1001")
-    camera.add_argument("--idle-ratio", type=float, metavar="RATIO", help="0 to 0.99")
+    camera.add_argument("--size", type=size, metavar="1280x720", help="columns and rows")
+    camera.add_argument("--frame-rate", dest="rate", metavar="30000/1001", help="frames a second")
     camera.add_argument("--clock-ppm", type=float, metavar="PPM", help="fast > 0")
     camera.add_argument(
         "--effect", action="append", default=[], metavar="NAME:PARAMETER=VALUE,...",
-        help="one of the catalogue, in place of the model file's own of that name; repeatable",
+        help="in place of the model file's own of that name; repeatable: " + ", ".join(CATALOGUE),
     )  # fmt: skip
     camera.add_argument(
         "--effects", action="append", default=[], type=Path, metavar="FILE.py",
         help="adds your own effects to the catalogue; configs/model/my_effect.py is a template",
     )  # fmt: skip
-    coding = parser.add_argument_group("the encoder, over the model file")
-    coding.add_argument("--codec", metavar="NAME", help="h264, h265, vp9 or mjpeg")
+    coding = parser.add_argument_group("the encoder")
     coding.add_argument("--bitrate", type=bits, metavar="150k", help="constant quality otherwise")
-    coding.add_argument("--preset", metavar="NAME", help="its effort, for example medium")
     coding.add_argument("--lossless", action="store_true", default=None)
     coding.add_argument(
         "--encodings", type=labels, metavar="lossless,150k,...",
         help="X.lossless.mp4, X.150k.mp4, ... of one and the same clip, filmed once",
     )  # fmt: skip
+    for part, heading in PARTS.items():
+        kind = type(getattr(model, part))
+        options.add_settings(parser, heading, kind, leave_out=OTHERWISE)
     parser.add_argument(
         "--list-effects", action=ListEffects, nargs=0, help="print the catalogue of effects and end"
     )  # fmt: skip
@@ -109,14 +121,18 @@ def run(args: argparse.Namespace) -> int:
 
 def _model_of(args: argparse.Namespace) -> CaptureModel:
     """Return the model file's capture, or the default one, with the options over it."""
+    from rsenf.cli.options import given_by
     from rsenf.config.model_file import load_model
     from rsenf.model import CaptureModel
 
     model = (load_model(args.model) if args.model else CaptureModel()).changed(
-        size=args.size, frame_rate=args.frame_rate, idle_ratio=args.idle_ratio, lamp=args.lamp,
-        clock_ppm=args.clock_ppm, name=args.codec, bitrate_bps=args.bitrate,
-        lossless=args.lossless, preset=args.preset,
+        size=args.size, frame_rate=args.rate, clock_ppm=args.clock_ppm, bitrate_bps=args.bitrate,
+        lossless=args.lossless,
     )  # fmt: skip
+    for name in PARTS:
+        part = getattr(model, name)
+        given = dataclasses.replace(part, **given_by(args, type(part)))
+        model = dataclasses.replace(model, **{name: given})
     return _with_effects(model, args.effect)
 
 
@@ -185,3 +201,47 @@ def labels(text: str) -> list[str]:
         if label != "lossless":
             bits(label)
     return found
+
+
+class ListEffects(argparse.Action):
+    """An option that prints the catalogue and ends the program."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        """Print all effects, those of ``--effects`` files given before included."""
+        from rsenf.model import CATALOGUE, load_effects
+
+        for path in namespace.effects:
+            load_effects(path)
+        print("\n\n".join(describe(effect) for effect in CATALOGUE.values()))
+        parser.exit()
+
+
+def describe(effect: type[Effect]) -> str:
+    """Return what an effect says of itself, with its parameters and their plausible ranges."""
+    told = [effect.name, *_wrapped(inspect.getdoc(effect) or "")]
+    for f in dataclasses.fields(effect):
+        low, high = f.metadata["low"], f.metadata["high"]
+        number = isinstance(f.default, int | float) and not isinstance(f.default, bool)
+        choices = ", ".join(f.metadata["choices"])
+        within = f", {low:g} to {high:g}" if number else f" ({choices})" if choices else ""
+        told.append(f"    {f.name} = {f.default}: {f.metadata['doc']}{within}")
+    told += _wrapped(f"Known from: {effect.source}.")
+    told += _wrapped(
+        f"Looks like: {', '.join(effect.confused_with)}. Told by: {effect.told_apart_by}."
+    )
+    return "\n".join(told)
+
+
+def _wrapped(text: str) -> list[str]:
+    paragraphs = text.replace("``", "").split("\n\n")
+    return [
+        line
+        for paragraph in paragraphs
+        for line in textwrap.wrap(paragraph, WIDTH, initial_indent="  ", subsequent_indent="  ")
+    ]

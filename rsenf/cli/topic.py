@@ -27,8 +27,8 @@ LONGEST = 16  # array that is echoed whole
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import count, positive
-    from rsenf.cli.on_bus import add_bus_arguments
+    from rsenf.cli.console import add_bus_arguments
+    from rsenf.cli.options import count, positive
 
     parser.add_argument("do", choices=("list", "echo", "hz"))
     parser.add_argument("topics", nargs="*", metavar="TOPIC", help="such as cam1/track (all)")
@@ -47,8 +47,7 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.bus.inbox import Inbox
     from rsenf.bus.keys import ROOT, health_key
     from rsenf.bus.zenoh_bus import open_bus
-    from rsenf.cli.console import aligned, note, print_json
-    from rsenf.cli.on_bus import bus_of
+    from rsenf.cli.console import aligned, bus_of, note, print_json
     from rsenf.run.rates import LIVE_ONLY, Rates
 
     settings, graph = bus_of(args)

@@ -25,7 +25,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 
     add_begin_argument(parser, "frames", "rows", "track")
     add_row_arguments(parser)
-    add_track_arguments(parser, "--method", "--enf-method")
+    add_track_arguments(parser, also={"method": "method"})
 
 
 def run(args: argparse.Namespace) -> int:

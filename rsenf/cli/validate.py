@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Check a graph."""
     from rsenf.config import load_graph, redact
-    from rsenf.config.graph import host_of, outputs
+    from rsenf.config.graph import host_of
 
     graph = load_graph(args.graph)
     _check_recordings(graph)
@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     print(f"{args.graph}: fine. Site {graph.site!r}, {len(graph.nodes)} nodes:")
     for name, node in graph.nodes.items():
-        sent = ", ".join(f"{topic} of {of}" for topic, of in outputs(node)) or "nothing"
+        sent = ", ".join(f"{topic} of {of}" for topic, of in node.outputs()) or "nothing"
         where = f"on {host_of(graph, name)}: " if graph.hosts else ""
         print(f"  {name:12} {node.kind:10} {where}sends {sent}")
     return 0
@@ -38,13 +38,9 @@ def run(args: argparse.Namespace) -> int:
 def _check_recordings(graph: Graph) -> None:
     """Look into the recordings that a graph plays; one that isn't there may yet be made."""
     from rsenf.cli.console import note
-    from rsenf.config.node_kinds import ReplayNode
-    from rsenf.run.replay.in_graph import ensure_playable
 
     for name, node in graph.nodes.items():
-        if not isinstance(node, ReplayNode):
-            continue
-        if Path(node.input).exists():
-            ensure_playable(name, node, graph.site)
+        if node.plays and not Path(node.plays).exists():
+            note(f"node {name!r} plays {node.plays}, which isn't there: not checked")
         else:
-            note(f"node {name!r} plays {node.input}, which isn't there: not checked")
+            node.check_ready(name, graph.site)

@@ -39,27 +39,25 @@ def add_reference(to: Any, **more: Any) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Arguments that say how a recording is verified."""
+    from rsenf.cli import options
     from rsenf.cli.console import (
         add_begin_argument,
         add_reference_arguments,
         add_row_arguments,
         add_track_arguments,
-        positive,
     )
+    from rsenf.match.settings import MatchSettings
 
     parser.add_argument(
         "--start", metavar="TIME", help="claimed start, ISO 8601 (UTC unless it says)"
     )
-    parser.add_argument(
-        "--tolerance-s", type=positive, default=1.0, metavar="S",
-        help="how far a true start may be from the claimed one (1)",
-    )  # fmt: skip
-    parser.add_argument("--method", default="phase", metavar="NAME", help="matcher (phase)")
+    options.add_names(parser, "--method", "rsenf.match:METHODS", "matcher", "phase")
+    options.add_settings(parser, "match", MatchSettings)
     parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     add_reference_arguments(parser)
     add_begin_argument(parser, "frames", "rows", "track")
     add_row_arguments(parser)
-    add_track_arguments(parser, "--enf-method")
+    add_track_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -100,6 +98,7 @@ def run(args: argparse.Namespace) -> int:
 def options_of(args: argparse.Namespace) -> dict[str, Any]:
     """Return how a recording is to be verified, as the function takes it."""
     from rsenf.cli.console import row_settings, track_settings
+    from rsenf.cli.options import settings_of
     from rsenf.match.settings import MatchSettings
 
     return {
@@ -108,7 +107,7 @@ def options_of(args: argparse.Namespace) -> dict[str, Any]:
         "nominal_hz": args.nominal_hz,
         "rows": row_settings(args),
         "track": track_settings(args, args.method),
-        "match": MatchSettings(tolerance_s=args.tolerance_s),
+        "match": settings_of(args, MatchSettings),
     }
 
 

@@ -2,35 +2,33 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, TypeVar
+import dataclasses
+import warnings
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
-from pydantic import (
-    Field,
-)
+from pydantic import Field
 
-from rsenf.bus.keys import (
-    REFERENCE,
-    renamed,
-)
+from rsenf.bus.keys import REFERENCE
 from rsenf.config.names import Name
-from rsenf.config.node_kinds import (
-    DecodeNode,
-    DiscoverNode,
-    ExternalNode,
-    IdleNode,
-    LiveNode,
-    MatchNode,
-    Node,
-    ReferenceNode,
-    ReplayNode,
-    RowsNode,
-    SimulatedInput,
-    TrackNode,
-)
-from rsenf.config.supervised import Restart, Strict
-from rsenf.decode.spec import kind_of
+from rsenf.config.node_kind import NODE_KINDS, Input, NodeKind, Problem, Restart, Stream, Strict
+from rsenf.errors import UsageError
+from rsenf.stage import StageSpec
 
-N = TypeVar("N")
+
+def _installed_kinds() -> Iterator[type[NodeKind]]:
+    """Yield every kind of node; another package's that can't be loaded is left out, and told."""
+    for name in NODE_KINDS:
+        try:
+            yield NODE_KINDS[name]
+        except UsageError as exc:
+            warnings.warn(str(exc), stacklevel=2)
+
+
+if TYPE_CHECKING:
+    Node = NodeKind
+else:
+    Node = Annotated[Union[tuple(_installed_kinds())], Field(discriminator="kind")]  # noqa: UP007
 
 
 class BusConfig(Strict):
@@ -92,13 +90,32 @@ class Graph(Strict):
     )
     nodes: dict[Name, Node] = Field(min_length=1)
 
-    def of(self, kind: type[N]) -> list[N]:
-        """Return the nodes of a kind, in the order of the file."""
-        return [n for n in self.nodes.values() if isinstance(n, kind)]
-
     def restart_of(self, name: str) -> Restart | None:
         """Return when a node is started again: its own rule, or else the graph's."""
         return self.nodes[name].restart or self.restart
+
+    def sender(self, topic: str, of: str) -> NodeKind | None:
+        """Return the node that sends a camera's topic or a grid's reference; None for no such."""
+        return self.nodes.get(sender_of(self, topic, of))
+
+    def inputs_of(self, node: NodeKind) -> list[Input]:
+        """Return what a node reads here: all that it must, and of the rest what is sent."""
+        return [
+            read for read in node.inputs() if not read.optional or sender_of(self, *read.stream)
+        ]
+
+    def reads_of(self, node: NodeKind, stage: StageSpec, camera: str) -> list[Stream]:
+        """Return what a stage of a node reads here for a camera."""
+        reads = [node.input_of(topic, camera).stream for topic in stage.reads]
+        return [s for s in reads if s.topic not in stage.optional or sender_of(self, *s)]
+
+    def mirrors(self, node: NodeKind) -> Iterator[Problem]:
+        """Yield a camera of a node that is compared with itself: it fits, whatever it shows."""
+        sender = self.sender(REFERENCE, getattr(node, "grid", ""))
+        for read in sender.inputs() if sender else ():
+            if read.stream.topic == "track" and read.stream.of in node.feeds:
+                text = f"the reference {node.grid!r} is {read.stream.of!r}, compared with itself"  # type: ignore[attr-defined]  # it has read one
+                yield ("cameras",), text
 
 
 def host_of(graph: Graph, node: str) -> str:
@@ -112,53 +129,35 @@ def elsewhere(graph: Graph, node: str) -> set[str]:
     return {name for name in graph.nodes if host_of(graph, name) != here}
 
 
-def outputs(node: Any) -> list[tuple[str, str]]:
-    """Return what a node sends: pairs of topic and camera, or 'reference' and grid."""
-    if isinstance(node, DecodeNode):
-        topics = ["rows"] if node.frames == "fused" else ["frames"]
-        return [(t, node.camera) for t in [*topics, *(["video"] if node.record_video else [])]]
-    if isinstance(node, ReferenceNode):
-        return [(REFERENCE, node.grid)]
-    if isinstance(node, ReplayNode):
-        sent = [renamed(topic, node.rename).split("/") for topic in node.topics]
-        return [(REFERENCE, b) if a == REFERENCE else (b, a) for a, b in sent]
-    if isinstance(node, ExternalNode):
-        sent = [topic.split("/") for topic in node.sends]
-        return [(REFERENCE, b) if a == REFERENCE else (b, a) for a, b in sent]
-    if isinstance(node, TrackNode) and node.idle:
-        return [(topic, camera) for camera in node.cameras for topic in ("track", "idle")]
-    if isinstance(node, RowsNode | TrackNode | IdleNode | DiscoverNode | MatchNode):
-        return [(node.kind, camera) for camera in node.cameras]
-    if isinstance(node, LiveNode):
-        return [(topic, camera) for camera in node.cameras for topic in ("live", "alarm")]
-    return []
+def sender_of(graph: Graph, topic: str, of: str) -> str:
+    """Name of the node that sends a camera's topic or a grid's reference; '' for no such."""
+    wanted = Stream(topic, of)
+    return next((name for name, node in graph.nodes.items() if wanted in node.outputs()), "")
 
 
-def sender_of(graph: Graph, topic: str, name: str) -> str:
-    """Node that sends a camera's topic or a grid's reference; '' when none of this graph does."""
-    return next((n for n, node in graph.nodes.items() if (topic, name) in outputs(node)), "")
-
-
-def beside_rows(graph: Graph, camera: str) -> list[str]:
-    """Topics of a camera, beside its rows, that its liveness is judged by: those that are sent."""
-    return ["track", *(["idle"] if sender_of(graph, "idle", camera) else [])]
+def reader_of_frames(graph: Graph, camera: str) -> str:
+    """Name of the node that samples a camera's frames; '' when none of this graph does."""
+    wanted = Stream("frames", camera)
+    return next(
+        (n for n, node in graph.nodes.items() if wanted in (r.stream for r in node.inputs())), ""
+    )
 
 
 def runs_ahead(graph: Graph, camera: str) -> bool:
     """Whether a camera's frames come from a file faster than they were filmed."""
-    node = graph.nodes.get(sender_of(graph, "frames", camera))
-    if not isinstance(node, DecodeNode) or node.pace:
-        return False
-    return isinstance(node.input, SimulatedInput) or kind_of(node.input) == "file"
+    sender = graph.sender("frames", camera)
+    return sender is not None and sender.runs_ahead
 
 
-def reader_of_frames(graph: Graph, camera: str) -> str:
-    """Node that samples a camera's frames; '' when none of this graph does."""
-    return next(
-        (
-            n
-            for n, node in graph.nodes.items()
-            if isinstance(node, RowsNode) and camera in node.cameras
-        ),
-        "",
-    )
+def completed(graph: Graph) -> Graph:
+    """Return a graph in which rows are sampled as those that read them need it."""
+    nodes = dict(graph.nodes)
+    for node in graph.nodes.values():
+        needed = node.rows_needed()
+        for camera in node.feeds if needed else ():
+            name = sender_of(graph, "rows", camera)
+            rows = getattr(nodes.get(name), "rows", None)
+            if rows is not None:
+                settings = dataclasses.replace(rows, **needed)
+                nodes[name] = nodes[name].model_copy(update={"rows": settings})
+    return graph.model_copy(update={"nodes": nodes})

@@ -6,12 +6,10 @@ from collections.abc import Iterator
 
 from rsenf.bus.keys import matches
 from rsenf.bus.zenoh_bus import setting_problem
-from rsenf.config.graph import BusConfig, Graph, host_of, outputs
+from rsenf.config.graph import BusConfig, Graph, host_of
 from rsenf.config.graph import reader_of_frames as reader_of
-from rsenf.config.node_kinds import DecodeNode, ReplayNode
+from rsenf.config.node_kind import Problem
 from rsenf.errors import UsageError
-
-Problem = tuple[tuple[str, ...], str]
 
 
 def host_problems(graph: Graph) -> Iterator[Problem]:
@@ -88,8 +86,8 @@ def _reached_from(graph: Graph, first: str) -> set[str]:
 def _far_rings(graph: Graph) -> Iterator[Problem]:
     """Yield rings in shared memory that are to be read on another host."""
     for name, node in graph.nodes.items():
-        if isinstance(node, DecodeNode | ReplayNode) and node.frames == "ring":
-            for topic, camera in outputs(node):
+        if node.uses_ring:
+            for topic, camera in node.outputs():
                 reader = reader_of(graph, camera) if topic == "frames" else ""
                 there = host_of(graph, reader)
                 if there and there != host_of(graph, name):

@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rsenf.bus.keys import ROOT
-from rsenf.config.graph import Graph, outputs
-from rsenf.config.node_kinds import DecodeNode, LiveNode, RecordNode
+from rsenf.config import Graph
 
 
 @dataclass(frozen=True)
@@ -51,22 +50,22 @@ def wiring_of(graph: Graph, archive: str | None = None) -> Wiring:
     """
     nodes: dict[str, list[str]] = {}
     for name, node in graph.nodes.items():
-        named = getattr(node, "cameras", None) or [getattr(node, "camera", None)]
-        sent = [of for topic, of in outputs(node) if topic != "reference"]
-        for camera in dict.fromkeys(filter(None, [*named, *sent])):
+        sent = [of for topic, of in node.outputs() if topic != "reference"]
+        for camera in dict.fromkeys([*node.feeds, *sent]):
             nodes.setdefault(f"{graph.site}/{camera}", []).append(name)
-    every = [pair for node in graph.nodes.values() for pair in outputs(node)]
-    folders = [archive, *(record.archive for record in graph.of(RecordNode))]
+    nodes_of = list(graph.nodes.values())
+    every = [stream for node in nodes_of for stream in node.outputs()]
+    folders = [archive, *(getattr(node, "archive", None) for node in nodes_of)]
     folder = next(filter(None, folders), None)
     return Wiring(
         nodes,
         frozenset(f"{graph.site}/{camera}" for topic, camera in every if topic == "live"),
-        tuple(f"{graph.site}/{d.camera}" for d in graph.of(DecodeNode) if d.frames == "ring"),
+        tuple(f"{graph.site}/{of}" for n in nodes_of if n.uses_ring for of in n.feeds),
         Path(folder) if folder else None,
         {
-            f"{graph.site}/{camera}": live.start_utc_ns
-            for live in graph.of(LiveNode)
-            for camera in live.cameras
-            if live.start_utc_ns
+            f"{graph.site}/{camera}": start_utc_ns
+            for node in nodes_of
+            for camera in node.feeds
+            if (start_utc_ns := getattr(node, "start_utc_ns", 0))
         },
     )

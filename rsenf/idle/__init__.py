@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from rsenf.errors import UsageError
 from rsenf.flicker.shared import Follower
-from rsenf.idle import coherent, line_ratio, vertical_phase
 from rsenf.idle.seen import Finding, Seen
 from rsenf.idle.settings import IdleSettings
 from rsenf.idle.stage import IdleStage
+from rsenf.registry import Registry
 from rsenf.stage import Stage
 
-METHODS: dict[str, Callable[[Seen], Finding]] = {
-    "coherent": coherent.conclude,
-    "vertical_phase": vertical_phase.conclude,
-    "line_ratio": line_ratio.continuous,
-    "line_ratio_bins": line_ratio.binned,
-}
+METHODS: Registry[Callable[[Seen], Finding]] = Registry(
+    "idle method",
+    "rsenf.idle_methods",
+    {
+        "coherent": "rsenf.idle.coherent:conclude",
+        "vertical_phase": "rsenf.idle.vertical_phase:conclude",
+        "line_ratio": "rsenf.idle.line_ratio:continuous",
+        "line_ratio_bins": "rsenf.idle.line_ratio:binned",
+    },
+)
 
 
 def make_idle(settings: IdleSettings, follower: Follower | None = None) -> Stage:
@@ -34,9 +37,7 @@ def make_idle(settings: IdleSettings, follower: Follower | None = None) -> Stage
     UsageError
         When there is no method of that name.
     """
-    if settings.method not in METHODS:
-        raise UsageError(f"no idle method {settings.method!r}", f"one of {', '.join(METHODS)}")
-    return IdleStage(settings, METHODS[settings.method], follower)
+    return IdleStage(settings, METHODS.find(settings.method), follower)
 
 
-__all__ = ["METHODS", "IdleSettings", "make_idle"]
+__all__ = ["METHODS", "Finding", "IdleSettings", "Seen", "make_idle"]

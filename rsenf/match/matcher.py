@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 from rsenf.errors import UsageError
+from rsenf.match.paper_tracks import Hypotheses
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.match.speed import off_speed
@@ -66,6 +68,24 @@ class Matcher(Protocol):
     ) -> Finding:
         """Compare; a claimed start, UTC since 1970, is looked at as well, where given."""
         ...
+
+
+class HypothesisMatcher(ABC):
+    """One method of comparing all hypotheses of an ENF method, and not one track.
+
+    Attributes
+    ----------
+    enf_method : str
+        Name of the ENF method whose hypotheses it compares.
+    """
+
+    enf_method: ClassVar[str]
+
+    @abstractmethod
+    def __call__(
+        self, hypotheses: Hypotheses, grids: Sequence[Grid], settings: MatchSettings
+    ) -> Finding:
+        """Compare."""
 
 
 class OneReferenceMatcher(Protocol):

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsenf.errors import UsageError
-from rsenf.match.matcher import Finding
+from rsenf.match.matcher import Finding, HypothesisMatcher
 from rsenf.match.paper_search import Tally, paper_search
 from rsenf.match.paper_tracks import Hypotheses, Label
 from rsenf.match.series import Grid
@@ -72,8 +72,10 @@ def metric(tally: Tally, number: int) -> Finding:
 
 
 @dataclass(frozen=True)
-class Metric:
-    """One of the paper's metrics as a matcher; it compares all hypotheses and not one track."""
+class Metric(HypothesisMatcher):
+    """One of the paper's metrics as a matcher."""
+
+    enf_method = "paper"
 
     number: int
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 from rsenf.errors import UsageError
 
-SMOOTHINGS = ("auto", "window", "none")
+Smoothing = Literal["auto", "window", "none"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +51,7 @@ class MatchSettings:
 
     min_seconds: float = 30.0
     min_overlap: float = 0.5
-    smoothing: str = "auto"
+    smoothing: Smoothing = "auto"
     reference_std_hz: float = 1e-3
     reference_noise_hz: float = 0.0
     clock_scale_ppm: float = 35.0
@@ -62,8 +63,11 @@ class MatchSettings:
     threshold_correlation: float = 0.94
 
     def __post_init__(self) -> None:
-        if self.smoothing not in SMOOTHINGS:
-            raise UsageError(f"no smoothing {self.smoothing!r}", f"one of {', '.join(SMOOTHINGS)}")
+        if self.smoothing not in get_args(Smoothing):
+            known = ", ".join(get_args(Smoothing))
+            raise UsageError(f"no smoothing {self.smoothing!r}", f"one of {known}")
+        if not self.tolerance_s > 0:
+            raise UsageError(f"tolerance of {self.tolerance_s:g} s: above 0")
         if not 0 < self.min_overlap <= 1:
             raise UsageError(f"minimum overlap {self.min_overlap}: above 0, at most 1")
         if not -1 <= self.threshold_correlation <= 1:

@@ -14,7 +14,14 @@ from rsenf.match.correlate import match_ncc
 from rsenf.match.estimates import EstimateStore, Rows
 from rsenf.match.examine import examined
 from rsenf.match.jumps import without_jumps
-from rsenf.match.matcher import Finding, Matcher, nothing_to_decide, of_nominal, one_reference
+from rsenf.match.matcher import (
+    Finding,
+    HypothesisMatcher,
+    Matcher,
+    nothing_to_decide,
+    of_nominal,
+    one_reference,
+)
 from rsenf.match.paper import Metric
 from rsenf.match.paper_tracks import HypothesisStore
 from rsenf.match.phase import match_phase
@@ -22,23 +29,28 @@ from rsenf.match.result import result_of
 from rsenf.match.series import Grid, Track, grid_of, track_of_rows
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import EnfEstimate, MatchResult, ReferenceBlock
+from rsenf.registry import Registry
 from rsenf.timebase import nanoseconds
 
 NAN = float("nan")
 MOST_PAUSE_NS = 3_600 * 10**9  # between estimates: those that aren't usable come, too
 INTERIM_SHARE = 0.25  # by which a clip has grown since the last interim result, at least
-PAPER_TRACKER = "paper"  # the ENF method that the metrics compare the hypotheses of
 
-METHODS: dict[str, Matcher | Metric] = {
-    "phase": match_phase,
-    "ncc": one_reference(match_ncc, "ncc"),
-    **{f"metric{number}": Metric(number) for number in (1, 2, 3, 4)},
-}
+METHODS: Registry[Matcher | HypothesisMatcher] = Registry(
+    "match method",
+    "rsenf.matchers",
+    {
+        "phase": match_phase,
+        "ncc": one_reference(match_ncc, "ncc"),
+        **{f"metric{number}": Metric(number) for number in (1, 2, 3, 4)},
+    },
+)
 
 
 def tracker_for(method: str) -> str:
     """ENF method whose estimates a matcher needs; empty when any will do."""
-    return PAPER_TRACKER if isinstance(METHODS.get(method), Metric) else ""
+    matcher = METHODS.get(method)
+    return matcher.enf_method if isinstance(matcher, HypothesisMatcher) else ""
 
 
 class Match:
@@ -48,8 +60,8 @@ class Match:
     ----------
     method : str
         Name of the matcher. Estimates without a phase are compared by ``ncc`` in place of
-        ``phase``, and the result says so. A :class:`rsenf.match.paper.Metric` is given all
-        hypotheses of the tracker ``paper``, any other only what the tracker stands behind.
+        ``phase``, and the result says so. A :class:`rsenf.match.matcher.HypothesisMatcher` is
+        given all hypotheses of its ENF method, any other only what the tracker stands behind.
     grid : str
         Name of the reference to use; all that come when empty.
     grids : sequence of Grid
@@ -87,8 +99,7 @@ class Match:
         keep_hours: float = 0.0,
         on_refused: Callable[[str], None] | None = None,
     ) -> None:
-        if method not in METHODS:
-            raise UsageError(f"no match method {method!r}", f"one of {', '.join(METHODS)}")
+        METHODS.find(method)
         self.method, self.grid, self.claimed_utc_ns = method, grid, claimed_utc_ns
         self.settings = settings or MatchSettings()
         self._every_ns = nanoseconds(interim_every_s)
@@ -256,12 +267,12 @@ class Match:
             reason = "no ENF estimate: the clip is shorter than one window"
         elif not grids:
             reason = "no reference"
-        elif isinstance(matcher, Metric):
+        elif isinstance(matcher, HypothesisMatcher):
             hypotheses = self._hypotheses.hypotheses(int(rows["end_ns"][-1]))
             if hypotheses:
                 found = matcher(hypotheses, grids, self.settings)
                 return found if track.usable else _doubted(found, self._estimates.said(rows[-1])[1])
-            reason = self._why_no_hypotheses(method, rows[-1])
+            reason = self._why_no_hypotheses(method, matcher.enf_method, rows[-1])
         else:
             reason = nothing_to_decide(track, grids, self.settings)
             if not track.usable:
@@ -271,10 +282,10 @@ class Match:
                 return matcher(track, own, self.settings, self.claimed_utc_ns)
         return Finding(decision="no_decision", reason=reason)
 
-    def _why_no_hypotheses(self, method: str, last: Any) -> str:
+    def _why_no_hypotheses(self, method: str, needed: str, last: Any) -> str:
         other, reason = self._estimates.said(last)
-        if other != PAPER_TRACKER:
-            return f"{method} compares the hypotheses of {PAPER_TRACKER!r}, not an ENF by {other!r}"
+        if other != needed:
+            return f"{method} compares the hypotheses of {needed!r}, not an ENF by {other!r}"
         return f"no usable signal: {reason}"
 
 

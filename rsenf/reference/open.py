@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rsenf.errors import UsageError
 from rsenf.reference.moments import utc_ns
+from rsenf.reference.options import Stamp
 from rsenf.reference.read import read_reference
 from rsenf.reference.reference import Reference
 
@@ -27,7 +28,7 @@ def open_reference(
     step_s: float | None = None,
     column: str | None = None,
     nominal_hz: float | None = None,
-    stamp: str = "start",
+    stamp: Stamp = "start",
     grid: str = "",
 ) -> Reference | StoredReference:
     """Open a reference.

@@ -3,16 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 from rsenf.errors import UsageError
 from rsenf.reference.local_time import zone_of
 
-STAMPS = ("start", "centre")
+Stamp = Literal["start", "centre"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOptions:
-    """Options of reading; their meaning is told at :func:`rsenf.reference.read_reference`.
+    """Options of reading.
+
+    Parameters
+    ----------
+    timezone : str, optional
+        IANA name of the zone of times that don't tell their own; UTC when not given.
+    step_s : float, optional
+        Time between samples; needed when there is no time column.
+    column : str, optional
+        Name of the frequency column, when it isn't found by its name.
+    nominal_hz : float, optional
+        50 or 60; told from the values when not given.
+    stamp : {'start', 'centre'}
+        Which part of its sample's interval a time stamp names.
+    start_utc_ns : int
+        Start of a reference that doesn't tell its own, UTC since 1970; 0 for unknown.
 
     Raises
     ------
@@ -24,11 +40,11 @@ class ReadOptions:
     step_s: float | None = None
     column: str | None = None
     nominal_hz: float | None = None
-    stamp: str = "start"
+    stamp: Stamp = "start"
     start_utc_ns: int = 0
 
     def __post_init__(self) -> None:
-        if self.stamp not in STAMPS:
+        if self.stamp not in get_args(Stamp):
             raise UsageError(f"no stamp {self.stamp!r}", "one of start, centre")
         if self.step_s is not None and not 0 < self.step_s < 86400:
             raise UsageError(f"a step of {self.step_s:g} s between samples", "give it in seconds")

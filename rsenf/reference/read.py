@@ -12,7 +12,7 @@ from rsenf.errors import ReferenceFormatError, UsageError
 from rsenf.messages.schema import FloatArray
 from rsenf.reference.axis import to_axis
 from rsenf.reference.notes import Notes
-from rsenf.reference.options import ReadOptions
+from rsenf.reference.options import ReadOptions, Stamp
 from rsenf.reference.plausible import nominal_of, without_outliers
 from rsenf.reference.readings import Readings
 from rsenf.reference.reference import Reference, gap_lengths
@@ -26,7 +26,7 @@ def read_reference(
     step_s: float | None = None,
     column: str | None = None,
     nominal_hz: float | None = None,
-    stamp: str = "start",
+    stamp: Stamp = "start",
     grid: str = "",
     start_utc_ns: int = 0,
 ) -> Reference:

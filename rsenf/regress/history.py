@@ -13,6 +13,7 @@ from typing import TypeVar
 
 from rsenf.messages import DiscoveryVerdict, Header, RowBlock
 from rsenf.record import Recording
+from rsenf.stage import StageContext
 
 T = TypeVar("T")
 
@@ -24,11 +25,25 @@ def run_of(header: Header) -> Run:
     return header.run_id, header.epoch
 
 
-class Pace:
-    """The watch's pace when it was recorded: which verdicts it skipped, and where it gave up."""
+class RecordedContext(StageContext):
+    """What a stage was given when it was recorded: which verdicts it skipped, where it gave up.
 
-    def __init__(self, skipped: list[int] | None) -> None:
+    Parameters
+    ----------
+    skipped : list of int or None
+        Verdicts left out before each one; None for as fast as needed.
+    stays : bool
+        Whether its node was to go on whatever came.
+    """
+
+    is_shared = False  # each stage is run by itself
+
+    def __init__(self, skipped: list[int] | None, *, stays: bool) -> None:
         self._left = None if skipped is None else list(skipped)
+        self.stays = stays
+
+    def refused(self, why: str) -> None:
+        """Go on: a node that stays says it in its state alone."""
 
     def is_behind(self) -> bool:
         """Whether the verdict that is due was skipped."""
@@ -62,9 +77,9 @@ class History:
     frames: dict[str, dict[Run, dict[int, int]]] = field(default_factory=dict)
     skipped: dict[str, list[int]] = field(default_factory=dict)
 
-    def pace(self, topic: str) -> Pace:
-        """Pace of the watch whose verdicts are a topic; as fast as needed where none are there."""
-        return Pace(self.skipped.get(topic))
+    def context(self, topic: str, *, stays: bool) -> RecordedContext:
+        """Return what the stage was given whose messages are a topic."""
+        return RecordedContext(self.skipped.get(topic), stays=stays)
 
 
 def history_of(recording: Recording, topics: list[str]) -> History:

@@ -4,42 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import yaml
 from pydantic import ValidationError
 
-from rsenf.bus.keys import camera_key, reference_key
+from rsenf.bus.keys import REFERENCE, TOPICS, topic_key
 from rsenf.config import Graph
-from rsenf.config.graph import beside_rows, outputs
-from rsenf.config.model_file import load_model
-from rsenf.config.node_kinds import (
-    DecodeNode,
-    DiscoverNode,
-    IdleNode,
-    LiveNode,
-    MatchNode,
-    Node,
-    ReplayNode,
-    RowsNode,
-    TrackNode,
-)
-from rsenf.discrepancy.start import PLAIN
-from rsenf.discrepancy.watch import WatchStage
-from rsenf.errors import InputError, UsageError
-from rsenf.idle import make_idle
-from rsenf.live import Live
-from rsenf.match.stage import Match
+from rsenf.config.node_kind import NodeKind
+from rsenf.errors import InputError
 from rsenf.record import Recording
 from rsenf.record.growing import ABOUT
 from rsenf.regress.history import History
-from rsenf.run.row_sampling import make_rows
 from rsenf.run.runner import Runner
-from rsenf.track import make_tracker
+from rsenf.stage import StageSpec
 
-# In the order of the data: who is named first was wrong first.
-ORDER = ("rows", "track", "idle", "match", "live", "alarm", "discover")
+# In the order of the data: who is named first was wrong first. The rest comes from outside.
+ORDER = [topic for topic in TOPICS if topic not in ("frames", "video", REFERENCE, "health")]
+RECORDED_AS = {"frames": "video"}
 
 
 @dataclass(frozen=True)
@@ -96,71 +77,41 @@ def recorded_graph(recording: Recording) -> Graph:
 
 
 def steps_of(graph: Graph) -> list[Step]:
-    """Return every stage of a graph, in the order of the data; those played are not its own."""
+    """Return every stage of a graph, in the order of the data."""
     found = [step for name, node in graph.nodes.items() for step in _steps(graph, name, node)]
     return sorted(found, key=lambda step: ORDER.index(step.stage))
 
 
-def played(graph: Graph) -> dict[str, str]:
-    """Return from which recording each topic of a stage came that was played, not made."""
-    return {
-        camera_key(graph.site, camera, stage): node.input
-        for node in graph.of(ReplayNode)
-        for stage, camera in outputs(node)
-        if stage in ORDER
-    }
+def not_made(graph: Graph) -> dict[str, str]:
+    """Return the topics that a graph's nodes send without a stage of rsenf, and why."""
+    found = {}
+    for name, node in graph.nodes.items():
+        why = f"it was played from {node.plays}" if node.plays else ""
+        why = why or (f"the program of node {name!r} made it" if node.program() else "")
+        for topic, of in node.outputs() if why else ():
+            found[topic_key(graph.site, of, topic)] = why
+    return found
 
 
-def _steps(graph: Graph, name: str, node: Node) -> Iterator[Step]:
-    site = graph.site
-    if isinstance(node, ReplayNode):
-        return
-    for stage, camera in outputs(node):
-        if stage not in ORDER:
-            continue
-
-        def key(topic: str, camera: str = camera) -> str:
-            return camera_key(site, camera, topic)
-
-        reads = {"rows": "video", "match": "track"}.get(stage, "rows")
-        topics = [key(reads)]
-        if isinstance(node, LiveNode):
-            topics += [key(topic) for topic in beside_rows(graph, camera)]
-        if isinstance(node, MatchNode | LiveNode):
-            topics.append(reference_key(site, node.grid))
-        yield Step(stage, name, key(stage), tuple(topics), _maker(stage, key(stage), node, topics))
+def _steps(graph: Graph, name: str, node: NodeKind) -> Iterator[Step]:
+    for camera in node.feeds:
+        for number, stage in enumerate(node.stages()):
+            streams = graph.reads_of(node, stage, camera)
+            reads = [
+                topic_key(graph.site, of, RECORDED_AS.get(topic, topic)) for topic, of in streams
+            ]
+            for topic in stage.sends:
+                key = topic_key(graph.site, camera, topic)
+                stays = graph.restart_of(name) is not None
+                make = _maker(node, number, key, len(reads), stays=stays)
+                yield Step(topic, name, key, tuple(reads), make)
 
 
-def _maker(stage: str, topic: str, node: Any, reads: list[str]) -> Callable[[History], Runner]:
+def _maker(
+    node: NodeKind, number: int, key: str, inputs: int, *, stays: bool
+) -> Callable[[History], Runner]:
     def make(history: History) -> Runner:
-        if isinstance(node, LiveNode):
-            return Runner(
-                "live", lambda: _stage(node, stage, topic, history), len(reads), beside="alarm"
-            )
-        return Runner(stage, lambda: _stage(node, stage, topic, history), len(reads))
+        stage: StageSpec = node.stages(history.context(key, stays=stays))[number]
+        return Runner.of(stage, inputs)
 
     return make
-
-
-def _stage(node: Node, stage: str, topic: str, history: History) -> Any:
-    """Build the stage of a node as the node itself does."""
-    if isinstance(node, DecodeNode | RowsNode):
-        return make_rows(node.rows)
-    if isinstance(node, TrackNode | IdleNode) and stage == "idle" and node.idle:
-        return make_idle(node.idle)
-    if isinstance(node, TrackNode):
-        return make_tracker(node.track)
-    if isinstance(node, MatchNode):
-        return Match(
-            method=node.method,
-            grid=node.grid,
-            interim_every_s=node.interim_every_s,
-            settings=node.match,
-        )
-    if isinstance(node, LiveNode):
-        return Live(node.live, start_utc_ns=node.start_utc_ns)
-    if isinstance(node, DiscoverNode):
-        pace = history.pace(topic)
-        model = load_model(Path(node.model)) if node.model else PLAIN
-        return WatchStage(node.discover, model, is_behind=pace.is_behind, run=pace.run)
-    raise UsageError(f"a {node.kind} node has no stage")

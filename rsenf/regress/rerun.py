@@ -15,7 +15,7 @@ from rsenf.record import Recording, open_recording
 from rsenf.regress.fields import moved
 from rsenf.regress.history import History, Run, history_of, run_of
 from rsenf.regress.pictures import Pictures
-from rsenf.regress.plan import Step, played, recorded_graph, steps_of
+from rsenf.regress.plan import ORDER, Step, not_made, recorded_graph, steps_of
 from rsenf.regress.verdict import Regression, TopicVerdict
 from rsenf.regress.versions import changed_since
 
@@ -52,13 +52,17 @@ def regress(path: str | Path) -> Regression:
 def runnable(recording: Recording) -> tuple[list[Step], dict[str, str]]:
     """Return the steps whose output and input were recorded, and why the others can't be run."""
     graph = recorded_graph(recording)
-    steps = []
+    all_steps = steps_of(graph)
+    why = dict.fromkeys(recording.topics, "no node of its graph is said to send it")
+    why |= not_made(graph)
+    made = {step.topic for step in all_steps}
     left_out = {
-        topic: f"it was played from {path}"
-        for topic, path in played(graph).items()
-        if topic in recording.topics
+        name: why[name]
+        for name, topic in recording.topics.items()
+        if topic.is_ours and topic_of(name) in ORDER and name not in made
     }
-    for step in steps_of(graph):
+    steps = []
+    for step in all_steps:
         if step.topic not in recording.topics:
             continue
         absent = [topic for topic in step.reads if topic not in recording.topics]

@@ -37,7 +37,7 @@ class AutoRows:
 
     def __init__(self, settings: RowsSettings, choose: Choose) -> None:
         self._choose = choose
-        self._samplers = {
+        self._samplers: dict[str, Rows] = {
             axis: Rows(dataclasses.replace(settings, read_out_axis=axis)) for axis in AXES
         }
         self._held: dict[str, list[RowBlock]] = {axis: [] for axis in AXES}

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal, get_args
 
 from rsenf.errors import UsageError
 
-AXES = ("rows", "columns")
-AUTO = "auto"
+AXES: tuple[Literal["rows", "columns"], ...] = ("rows", "columns")
+AUTO: Literal["auto"] = "auto"
+ReadOut = Literal["rows", "columns", "auto"]
 
 
 @dataclass(frozen=True)
@@ -22,8 +23,10 @@ class RowsSettings:
         sends nothing until it has.
     block_frames : int
         Frames in a block; blocks begin at multiples of it.
-    strips, tiles : int
-        Strips published, and tiles that the mask decides on; tiles is a multiple of strips.
+    strips : int
+        Strips published.
+    tiles : int
+        Tiles that the mask decides on, a multiple of the strips.
     mask : bool
         Leave out what moves.
     tile_means : bool
@@ -33,7 +36,7 @@ class RowsSettings:
     # Read by whoever validates a configuration file: a misspelt key is an error.
     __pydantic_config__: ClassVar = {"extra": "forbid"}
 
-    read_out_axis: str = "rows"
+    read_out_axis: ReadOut = "rows"
     block_frames: int = 8
     strips: int = 2
     tiles: int = 8
@@ -41,7 +44,7 @@ class RowsSettings:
     tile_means: bool = False
 
     def __post_init__(self) -> None:
-        if self.read_out_axis not in (*AXES, AUTO):
+        if self.read_out_axis not in get_args(ReadOut):
             raise UsageError(f"read_out_axis {self.read_out_axis!r}: 'rows', 'columns' or 'auto'")
         if self.strips < 1 or self.tiles % self.strips:
             raise UsageError(f"{self.tiles} tiles can't be shared out among {self.strips} strips")

@@ -13,7 +13,7 @@ from typing import Any
 from rsenf.bus.keys import NODES, ROOT, alive_key, health_key, topic_key
 from rsenf.bus.zenoh_bus import ECHO_KEY
 from rsenf.config import Graph
-from rsenf.config.graph import TlsConfig, outputs
+from rsenf.config.graph import TlsConfig
 from rsenf.errors import UsageError
 
 # Wild cards don't cover what begins with '@'.
@@ -110,7 +110,7 @@ def sent_by(graph: Graph, host: str, name: str) -> list[str]:
     for other in sorted(_behind(graph, host, name)):
         keys.append(ECHO_KEY)
         for node in graph.hosts[other].nodes:
-            keys += [topic_key(site, of, topic) for topic, of in outputs(graph.nodes[node])]
+            keys += [topic_key(site, of, topic) for topic, of in graph.nodes[node].outputs()]
             keys += [health_key(site, node), alive_key(site, node)]
     # Somebody else may be linked to any of the hosts, which pass on what it sends.
     others = graph.access if name in graph.hosts else {name}

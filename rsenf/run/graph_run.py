@@ -11,24 +11,19 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import InitVar, dataclass, field
+from typing import Any
 
 from rsenf.bus.bus import Bus, Publisher
 from rsenf.bus.delivery import HEALTH, LOOKING
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import camera_key, health_key, node_of, source_of, word_key
+from rsenf.bus.keys import camera_key, health_key, node_of, source_of, topic_of, word_key
 from rsenf.bus.ring import ring_directory
 from rsenf.config import Graph
-from rsenf.config.graph import outputs
-from rsenf.config.node_kinds import DecodeNode, ReferenceNode, ReplayNode
 from rsenf.errors import EXIT_USAGE, NodeFailed
 from rsenf.messages import (
     Alarm,
-    DiscoveryVerdict,
     Header,
     Health,
-    IdleEstimate,
-    Liveness,
-    MatchResult,
 )
 from rsenf.run.node_state import WENT_WRONG, NodeState, end_of
 from rsenf.run.peers import GIVEN_UP, LAST_WORDS
@@ -69,16 +64,10 @@ class GraphRun:
 
     Attributes
     ----------
-    results : dict
-        Latest match result of each camera.
-    idle : dict
-        Latest idle estimate of each camera.
-    live : dict
-        Latest verdict of each camera on whether it is live.
+    latest : dict
+        By topic (:data:`RESULTS`), the latest message of each camera.
     alarms : dict
         Alarms that each camera gave, and their ends, in order.
-    discovered : dict
-        Latest verdict of each camera on what a model of it lacks.
     never_began : bool
         Whether a node went wrong before all were ready: those that weren't would wait for it in
         vain, since they have not seen it come and go.
@@ -90,11 +79,8 @@ class GraphRun:
     nodes: dict[str, NodeState]
     on_change: Callable[[NodeState], None]
     spawn: InitVar[Spawn]
-    results: dict[str, MatchResult] = field(default_factory=dict)
-    idle: dict[str, IdleEstimate] = field(default_factory=dict)
-    live: dict[str, Liveness] = field(default_factory=dict)
+    latest: dict[str, dict[str, Any]] = field(default_factory=lambda: {t: {} for t in RESULTS})
     alarms: dict[str, deque[Alarm]] = field(default_factory=dict)
-    discovered: dict[str, DiscoveryVerdict] = field(default_factory=dict)
     never_began: bool = False
     _words: Inbox = field(default_factory=Inbox)
     _begun: float = field(default_factory=time.monotonic)
@@ -114,7 +100,7 @@ class GraphRun:
 
     def _note_own(self, node: NodeState) -> None:
         """Take somebody's own program to run as long as its process lives: it may say nothing."""
-        if node.kind == "external":
+        if self.graph.nodes[node.name].program():
             node.was_ready = True
             self._change(node, "running", "")
 
@@ -171,7 +157,8 @@ class GraphRun:
     def _tell_others(self, node: NodeState) -> None:
         """Say of a node what it can't say any more: those that read it wait for it, or don't."""
         said = {"restarting": "restarting", "done": "done"}.get(node.state, GIVEN_UP)
-        others_know = self.graph.restart_of(node.name) is None and node.kind != "external"
+        is_own = bool(self.graph.nodes[node.name].program())
+        others_know = self.graph.restart_of(node.name) is None and not is_own
         if self._bus is None or others_know:
             return
         if node.name not in self._tellers:
@@ -229,7 +216,7 @@ class GraphRun:
         return all(n.was_ready for n in self.nodes.values())
 
     def _is_source(self, node: NodeState) -> bool:
-        return isinstance(self.graph.nodes[node.name], DecodeNode | ReferenceNode | ReplayNode)
+        return self.graph.nodes[node.name].is_source
 
     def _tell(self, nodes: Iterable[NodeState]) -> None:
         """Ask to stop, once: a second time means at once."""
@@ -262,24 +249,12 @@ class GraphRun:
                     self._all_ready_s = time.monotonic() - self._begun
                 self._change(node, received.message.state, received.message.detail)
         elif not received.message.header.is_end:
-            self._keep(source_of(received.key), received.message)
+            source, topic = source_of(received.key), topic_of(received.key)
+            self.latest[topic][source] = received.message
+            if topic == "alarm":
+                alarms = self.alarms.setdefault(source, deque(maxlen=MOST_ALARMS))
+                alarms.append(received.message)
         return True
-
-    def _keep(
-        self,
-        source: str,
-        message: MatchResult | IdleEstimate | Liveness | Alarm | DiscoveryVerdict,
-    ) -> None:
-        if isinstance(message, IdleEstimate):
-            self.idle[source] = message
-        elif isinstance(message, Liveness):
-            self.live[source] = message
-        elif isinstance(message, Alarm):
-            self.alarms.setdefault(source, deque(maxlen=MOST_ALARMS)).append(message)
-        elif isinstance(message, DiscoveryVerdict):
-            self.discovered[source] = message
-        else:
-            self.results[source] = message
 
     def _change(self, node: NodeState, state: str, detail: str) -> None:
         before = node.state, node.detail
@@ -297,7 +272,7 @@ class GraphRun:
         site = self.graph.site
         bus.subscribe(self._words, health_key(site, "*"), LOOKING)
         for name in self.nodes:
-            for topic, camera in outputs(self.graph.nodes[name]):
+            for topic, camera in self.graph.nodes[name].outputs():
                 if topic in RESULTS:
                     bus.subscribe(self._words, camera_key(site, camera, topic), LOOKING)
 

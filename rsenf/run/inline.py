@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from rsenf.bus.keys import TOPICS
+from rsenf.bus.keys import REFERENCE, TOPICS
 from rsenf.idle import IdleSettings
 from rsenf.messages import (
     Alarm,
@@ -22,15 +22,13 @@ from rsenf.messages import (
     RowBlock,
 )
 from rsenf.rows.settings import RowsSettings
-from rsenf.run.following import FollowingStages
 from rsenf.run.heap import keep_heap
 from rsenf.run.inputs import Input
-from rsenf.run.row_sampling import make_rows
-from rsenf.run.runner import Chain, Runner
-from rsenf.stage import Stage
+from rsenf.run.runner import Pipeline
+from rsenf.run.stages import flicker_stages, live_stage, match_stage, rows_stage
+from rsenf.stage import Stage, StageSpec
 from rsenf.track import TrackSettings
 
-JUDGED_BY = ("rows", "track", "idle")
 Message = Frame | RowBlock | EnfEstimate
 
 
@@ -132,45 +130,37 @@ def analyse(
         When nothing of the recording can be read.
     """
     keep_heap()
-    out = Analysis()
-
-    judge = _judge_of(make_live, reference)
+    out, begin = Analysis(), recording.begins_with
+    stages = _stages(begin, rows, track, idle, make_match, make_live)
 
     def listen(topic: str, message: Any) -> None:
-        if judge and topic in JUDGED_BY:
-            for told in judge.feed(message):
-                listen("alarm" if isinstance(told, Alarm) else "live", told)
         if message.header.is_end:
             return
         tap(topic, message)
-        if isinstance(message, RowBlock):
-            out.row_reasons[message.reason] += 1
-        if isinstance(message, EnfEstimate) and message.rank == 0:
-            out.estimates.append(message)
-        if isinstance(message, IdleEstimate):
-            out.idle_by_epoch[message.header.epoch] = message
-        if isinstance(message, MatchResult):
-            out.results.append(message)
-        if isinstance(message, Liveness):
-            out.verdicts.append(message)
-        if isinstance(message, Alarm):
-            out.alarms.append(message)
+        match topic:
+            case "rows":
+                out.row_reasons[message.reason] += 1
+            case "track" if message.rank == 0:
+                out.estimates.append(message)
+            case "idle":
+                out.idle_by_epoch[message.header.epoch] = message
+            case "match":
+                out.results.append(message)
+            case "live":
+                out.verdicts.append(message)
+            case "alarm":
+                out.alarms.append(message)
 
-    tracked = recording.begins_with == "track"
-    sampler = Chain(_row_runners(recording, rows))
-    make = FollowingStages(track, idle)
-    to_track = [Runner("track", make.tracker)] if track and not tracked else []
-    to_match = _match_runners(make_match, reference) if track or tracked else []
-    branches = [Chain([*to_track, *to_match], listen)]
-    if idle and not tracked:
-        branches.append(Chain([Runner("idle", make.idle)], listen))
+    pipeline = Pipeline(stages, (begin, REFERENCE), listen)
 
     def feed(message: Message) -> None:
-        for block in sampler.feed(message):
-            listen("track" if tracked else "rows", block)
-            for branch in branches:
-                branch.feed(block)
+        if begin != "frames":
+            listen(begin, message)
+        pipeline.feed(begin, message)
 
+    for block in reference:
+        pipeline.feed(REFERENCE, block)
+    pipeline.feed(REFERENCE, ReferenceBlock(header=Header(mark=Mark.END)))
     last: Message | None = None
     for message in recording.messages():
         feed(message)
@@ -187,36 +177,23 @@ def analyse(
     return out
 
 
-def _row_runners(recording: Input, rows: RowsSettings) -> list[Runner]:
-    """Return the rows stage, for a recording that needs it."""
-    needed = recording.begins_with == "frames"
-    return [Runner("rows", lambda: make_rows(rows))] if needed else []
-
-
-def _match_runners(
-    make_match: Callable[[], Stage] | None, reference: Sequence[ReferenceBlock]
-) -> list[Runner]:
-    """Return the match stage with its reference, if asked for."""
-    if not make_match:
-        return []
-    match = Runner("match", make_match, inputs=2)
-    for block in reference:
-        match.feed(block)
-    match.end(Header())
-    return [match]
-
-
-def _judge_of(
-    make_live: Callable[[], Stage] | None, reference: Sequence[ReferenceBlock]
-) -> Runner | None:
-    """Return the judge of liveness with its reference, if asked for."""
-    if not make_live:
-        return None
-    judge = Runner("live", make_live, inputs=1 + len(JUDGED_BY), beside="alarm")
-    for block in reference:
-        judge.feed(block)
-    judge.end(Header())
-    return judge
+def _stages(
+    begin: str,
+    rows: RowsSettings,
+    track: TrackSettings | None,
+    idle: IdleSettings | None,
+    make_match: Callable[[], Stage] | None,
+    make_live: Callable[[], Stage] | None,
+) -> list[StageSpec]:
+    """Return the stages after the topic that a recording begins with."""
+    stages = [live_stage(make_live)] if make_live else []
+    if begin == "frames":
+        stages.append(rows_stage(rows))
+    if begin != "track":
+        stages += flicker_stages(track, idle)
+    if make_match and (track or begin == "track"):
+        stages.append(match_stage(make_match))
+    return stages
 
 
 def _end_after(last: Message | None, recording: Input) -> Message:

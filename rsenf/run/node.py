@@ -17,21 +17,20 @@ from rsenf.bus.bus import Bus, Publisher
 from rsenf.bus.delivery import HEALTH, LOOKING, Delivery, delivery_of
 from rsenf.bus.inbox import Inbox, Teller
 from rsenf.bus.keys import (
+    REFERENCE,
     alive_key,
-    camera_key,
     health_key,
     matches,
     node_of,
-    reference_key,
     topic_key,
     topic_of,
     word_key,
 )
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph, load_graph
-from rsenf.config.graph import elsewhere, outputs, sender_of
-from rsenf.config.node_kinds import ExternalNode
-from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, RsenfError, UsageError
+from rsenf.config.graph import elsewhere, sender_of
+from rsenf.config.node_kind import Stream
+from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, NodeFailed, RsenfError, UsageError
 from rsenf.run.at_end import end_process
 from rsenf.run.health import HealthReport
 from rsenf.run.heap import TRIM_S, keep_heap, trim_heap
@@ -74,12 +73,14 @@ class NodeProcess:
     ) -> None:
         self.graph, self.name, self.run_id, self.restarts = graph, name, run_id, restarts
         self.config: Any = graph.nodes[name]
+        self._sends = set(self.config.outputs())
+        self._newest: dict[str, str] = {}  # message of each camera, in short
         self.stop = threading.Event()
         self.inbox = Inbox(round(graph.bus.largest_mb * 1e6))
         far = elsewhere(graph, name)
         returning = far.union(n for n in graph.nodes if graph.restart_of(n))
         # What is somebody's own may show no token, and is not waited for.
-        own = {n for n, config in graph.nodes.items() if isinstance(config, ExternalNode)}
+        own = {n for n, config in graph.nodes.items() if config.program()}
         self.peers = Peers(set(graph.nodes) - {name} - own, returning, gone)
         self.exit_code = 0
         self._bus = bus
@@ -103,14 +104,24 @@ class NodeProcess:
     # --- the streams -----------------------------------------------------------------------
 
     def publisher(self, camera: str, topic: str, *, live: bool = False) -> Publisher:
-        """Open a camera's topic for sending."""
-        return self._open(camera_key(self.graph.site, camera, topic), delivery_of(topic, live=live))
+        """Open a camera's topic for sending.
+
+        Raises
+        ------
+        NodeFailed
+            When the node's kind doesn't declare that it sends it.
+        """
+        return self._open(Stream(topic, camera), delivery_of(topic, live=live))
 
     def reference_publisher(self, grid: str) -> Publisher:
-        """Open a grid's reference for sending."""
-        return self._open(reference_key(self.graph.site, grid), delivery_of("reference"))
+        """Open a grid's reference for sending; raises as ``publisher``."""
+        return self._open(Stream(REFERENCE, grid), delivery_of(REFERENCE))
 
-    def _open(self, key: str, delivery: Delivery) -> Publisher:
+    def _open(self, stream: Stream, delivery: Delivery) -> Publisher:
+        if stream not in self._sends:
+            kind = type(self.config).__name__
+            raise NodeFailed(f"{kind} sends {stream} undeclared", "name it in outputs()")
+        key = topic_key(self.graph.site, stream.of, stream.topic)
         publisher = self._bus.publisher(key, delivery)
         publisher.run_suffix = f".{self.name}{self.restarts}" if self.restarts else ""
         self._publishers.append(publisher)
@@ -123,6 +134,11 @@ class NodeProcess:
         if delivery.recovers:
             self._recovers.append(key_expr)
         return key_expr
+
+    def show_newest(self, camera: str, text: str) -> None:
+        """Tell a camera's newest message in the node's state, beside the other cameras'."""
+        self._newest[camera] = f"{camera} {text}"
+        self.show("; ".join(self._newest.values()))
 
     def sender_of(self, topic: str, name: str) -> str:
         """Node of this graph that sends a camera's topic or a grid's reference; '' for none."""
@@ -173,7 +189,7 @@ class NodeProcess:
 
     def _catch_up(self, name: str) -> None:
         """Ask a node that is back for what it sent unheard."""
-        for topic, of in outputs(self.graph.nodes[name]):
+        for topic, of in self.graph.nodes[name].outputs():
             key = topic_key(self.graph.site, of, topic)
             kept = delivery_of(topic).recovers
             if kept and any(matches(expr, key) for expr in self._recovers):
@@ -233,18 +249,12 @@ class NodeProcess:
             publisher.flush()
 
 
-def run_node(body: Callable[[NodeProcess], None]) -> NoReturn:
-    """Run a node from its command line, and end the process.
-
-    Parameters
-    ----------
-    body : callable
-        Opens the node's streams and loops over its stage until done or ``node.stop`` is set.
-    """
+def run_node() -> NoReturn:
+    """Run a node of a graph from its command line, as its kind says, and end the process."""
     keep_heap()
     args, code = _arguments(), EXIT_FAILED
     try:
-        code = _run(body, args)
+        code = _run(args)
     except BaseException:  # noqa: BLE001 - whatever it was, the process ends here
         with contextlib.suppress(Exception):
             complain(traceback.format_exc(), traceback.format_exc(), node=args.node)
@@ -266,7 +276,7 @@ def _arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _run(body: Callable[[NodeProcess], None], args: argparse.Namespace) -> int:
+def _run(args: argparse.Namespace) -> int:
     node: NodeProcess | None = None
     try:
         graph = load_graph(args.graph, dict(r.split("=", 1) for r in args.replay))
@@ -277,7 +287,7 @@ def _run(body: Callable[[NodeProcess], None], args: argparse.Namespace) -> int:
             install_signals(node)
             bus.in_a_hurry = node.stop.is_set
             with node.beating(args.supervisor):
-                return node.live(body)
+                return node.live(node.config.body)
     except RsenfError as exc:
         # A supervisor has heard it over the bus, and says it.
         if node is None or not args.supervisor:

@@ -7,12 +7,11 @@ nodes: {band: {kind: external, command: [python, own_node.py],
 
 from __future__ import annotations
 
-from rsenf.bus.keys import camera_key
 from rsenf.messages import Alarm, EnfEstimate
 from rsenf.run.node import NodeProcess
 from rsenf.run.own_node import run_own_node
-from rsenf.run.pump import Lane, pump
-from rsenf.run.runner import Runner
+from rsenf.run.pump import lane_of, pump
+from rsenf.stage import StageSpec
 
 BAND_HZ = 0.2
 
@@ -39,13 +38,10 @@ class Band:
 
 def body(node: NodeProcess) -> None:
     """Judge every camera until all have ended, or until told to stop."""
-    lanes = []
-    for read in node.config.reads:
-        camera, topic = read.split("/")
-        key = node.subscribe(camera_key(node.graph.site, camera, topic))
-        # A stage anew for each epoch, numbers from 0, and an END mark at the end.
-        runner = Runner("alarm", Band)
-        lanes.append(Lane(runner, node.publisher(camera, "alarm"), {key: ""}))
+    # A stage anew for each epoch, numbers from 0, and an END mark at the end.
+    band = StageSpec(sends=("alarm",), reads=("track",), make=Band)
+    cameras = dict.fromkeys(read.split("/")[0] for read in node.config.reads)
+    lanes = [lane_of(node, camera, [band]) for camera in cameras]
     node.ready()
     pump(node, lanes)
 

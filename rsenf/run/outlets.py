@@ -8,12 +8,11 @@ from typing import Protocol
 from rsenf.bus.bus import Publisher
 from rsenf.bus.frames import FrameSender
 from rsenf.config.graph import reader_of_frames
-from rsenf.config.node_kinds import DecodeNode, ReplayNode
 from rsenf.messages import Frame, Header, Mark
 from rsenf.run.node import NodeProcess
 from rsenf.run.peers import Peers
-from rsenf.run.row_sampling import make_rows
 from rsenf.run.runner import Runner
+from rsenf.stage import StageSpec
 
 
 class Outlet(Protocol):
@@ -29,30 +28,35 @@ class Outlet(Protocol):
         """Let go of what is held."""
 
 
-def open_outlet(node: NodeProcess, config: DecodeNode, *, live: bool) -> Outlet:
-    """Open what the configuration asks for."""
-    ahead = not (live or config.pace)
-    if config.frames == "fused":
-        return _Fused(config, node.publisher(config.camera, "rows"), ahead=ahead)
-    return open_frames(node, config, config.camera, live=live, ahead=ahead)
-
-
 def open_frames(
     node: NodeProcess,
-    config: DecodeNode | ReplayNode,
     camera: str,
     *,
+    ring: bool,
+    slots: int,
     live: bool = False,
     ahead: bool = False,
 ) -> Outlet:
-    """Open the way of a camera's frames to the node that samples them."""
+    """Open the way of a camera's frames to the node that samples them.
+
+    Parameters
+    ----------
+    node : NodeProcess
+    camera : str
+    ring : bool
+        By shared memory; else over the bus.
+    slots : int
+        Planes that a ring holds.
+    live, ahead : bool, optional
+        Whether the source can't wait; whether it comes faster than it was filmed.
+    """
     frames = node.publisher(camera, "frames", live=live)
     reader = reader_of_frames(node.graph, camera)
-    if config.frames == "ring" and not reader:
+    if ring and not reader:
         return _Unread(frames, ahead=ahead)
-    name = f"rsenf-{node.run_id}-{camera}" if config.frames == "ring" else ""
+    name = f"rsenf-{node.run_id}-{camera}" if ring else ""
     departed = _Departed(node.peers, reader)
-    return FrameSender(frames, name, config.ring_slots, departed, ahead=ahead)
+    return FrameSender(frames, name, slots, departed, ahead=ahead)
 
 
 class _Departed:
@@ -68,19 +72,21 @@ class _Departed:
         return away or times > before
 
 
-class _Fused:
+class Fused:
     """A rows stage in the same process."""
 
-    def __init__(self, config: DecodeNode, rows: Publisher, *, ahead: bool) -> None:
-        self._runner = Runner("rows", lambda: make_rows(config.rows))
+    def __init__(self, stage: StageSpec, rows: Publisher, *, ahead: bool) -> None:
+        self._runner = Runner.of(stage, 1)
         self._rows = rows
         self._ahead = ahead  # of time: what follows a block comes at once
 
     def send(self, frame: Frame) -> None:
+        """Sample a frame."""
         for block in self._runner.feed(frame):
             self._rows.send(block, more=self._ahead and not block.header.is_end)
 
     def finish(self, last: Header) -> None:
+        """End the rows."""
         self.send(Frame(header=last.numbered(last.seq + 1, Mark.END)))
 
     def close(self) -> None:

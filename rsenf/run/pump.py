@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, field
-from typing import Any
+from threading import Thread
+from typing import Any, TypeVar
 
 from rsenf.bus.bus import Publisher
+from rsenf.bus.delivery import ROWS
 from rsenf.bus.inbox import Received
-from rsenf.bus.keys import source_of
-from rsenf.errors import SchemaMismatch
+from rsenf.bus.keys import TOPICS, camera_key, source_of, topic_key
+from rsenf.errors import NodeFailed, SchemaMismatch
 from rsenf.messages import Header
 from rsenf.run.node import NodeProcess
-from rsenf.run.peers import Peers
 from rsenf.run.runner import Branches, Runner
+from rsenf.stage import StageContext, StageSpec
+
+T = TypeVar("T")
 
 # An input whose sender has gone without an END mark is given up when nothing has come this long.
 GIVE_UP_S = 1.0
@@ -23,27 +30,37 @@ UNDER_WAY_S = 60.0
 # Told to stop, a node still takes what is under way, but not for longer than this.
 LINGER_S = 0.4
 POLL_S = 0.1
+# What a camera and those who read it may take to begin with, before its silence is told.
+FIRST_PICTURE_S = 25.0
+# Rows of a live camera that wait, from which on what is due is skipped: at twice as many the camera
+# would be made to wait, and with it everybody else who reads it.
+BEHIND = ROWS.queue // 2
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Lane:
     """One camera's way through a node.
 
     Parameters
     ----------
+    node : NodeProcess
     runner : Runner or Branches
         The stage, or stages, and their life.
-    publisher : Publisher
-        Where its messages go.
+    publishers : dict
+        Where messages go, by their class.
     inputs : dict
         Key of each input that hasn't ended, and the node that sends it.
+    shown : tuple of type
+        Messages that the node's state tells, the newest of each camera: all have ``in_short``.
     ahead : bool
         Whether what comes is ahead of time: nobody waits for each message, so several go at once.
     """
 
+    node: NodeProcess
     runner: Runner | Branches
-    publisher: Publisher
+    publishers: dict[type[Any], Publisher]
     inputs: dict[str, str]
+    shown: tuple[type[Any], ...] = ()
     ahead: bool = False
     _heard: dict[str, float] = field(default_factory=dict)
     _begun: set[str] = field(default_factory=set)
@@ -60,58 +77,152 @@ class Lane:
         self._heard[key] = time.monotonic()
         self._begun.add(key)
 
-    def give_up(self, run_id: str, peers: Peers) -> None:
-        """End the inputs from which nothing will come any more.
-
-        Parameters
-        ----------
-        run_id : str
-            For the END mark of a stream that never began.
-        peers : Peers
-            Tells which senders are gone, and how they ended.
-        """
-        now = time.monotonic()
+    def give_up(self) -> None:
+        """End the inputs from which nothing will come any more."""
+        now, peers = time.monotonic(), self.node.peers
         for key, sender in list(self.inputs.items()):
             ends = key in self._begun and peers.has_finished(sender)
             patience_s = UNDER_WAY_S if ends else GIVE_UP_S
             silent_s = now - self._heard.setdefault(key, now)
             if min(silent_s, peers.gone_for_s(sender)) > patience_s:
-                self._end(key, run_id)
+                self._end(key)
 
-    def end(self, run_id: str) -> None:
+    def end(self) -> None:
         """End what is still open."""
         for key in list(self.inputs):
-            self._end(key, run_id)
+            self._end(key)
 
-    def _end(self, key: str, run_id: str) -> None:
+    def _end(self, key: str) -> None:
         del self.inputs[key]
-        self.send(self.runner.end(Header(run_id=run_id, source=source_of(self.publisher.key))))
+        self.send(self.runner.end(self._header()))
+
+    def _header(self) -> Header:
+        """Return what a stream goes by that never began."""
+        source = source_of(next(iter(self.publishers.values())).key)
+        return Header(run_id=self.node.run_id, source=source)
 
     def send(self, messages: Iterable[Any]) -> None:
-        """Send what the stage has completed."""
+        """Send what the stage has completed, and show the newest."""
         for message in messages:
-            self.publisher.send(message, more=self.ahead and not message.header.is_end)
+            is_end = message.header.is_end
+            publisher = self.publishers.get(type(message))
+            if publisher is None:
+                what = f"{type(self.node.config).__name__} sends {type(message).__name__}"
+                raise NodeFailed(f"{what} undeclared", "name its topic in StageSpec.sends")
+            publisher.send(message, more=self.ahead and not is_end)
+            if isinstance(message, self.shown) and not is_end:
+                self.node.show_newest(source_of(publisher.key).split("/")[1], message.in_short)
 
 
 @dataclass(kw_only=True)
-class TellingLane(Lane):
-    """A lane that tells the newest message in the node's state: all of them have ``in_short``."""
+class WatchfulLane(Lane):
+    """A lane whose stage is told when nothing comes.
 
-    node: NodeProcess
-    camera: str
-    latest: dict[str, str]  # of all cameras of the node
+    Parameters
+    ----------
+    watched : str
+        Key of the input that may not be silent.
+    silent_s : float
+        For how long; to begin with a camera, and those who read it, may take longer.
+    on_silence : callable
+        Makes the message that tells it.
+    """
 
-    def send(self, messages: Iterable[Any]) -> None:
-        """Send messages, and say the newest."""
-        for message in messages:
-            super().send([message])
-            self.tell(message)
+    watched: str
+    silent_s: float
+    on_silence: Callable[[Header], Any]
 
-    def tell(self, message: Any) -> None:
-        """Say the newest message."""
-        if not message.header.is_end:
-            self.latest[self.camera] = f"{self.camera} {message.in_short}"
-            self.node.show("; ".join(self.latest.values()))
+    def give_up(self) -> None:
+        """Notice silence as well."""
+        now = time.monotonic()
+        limit_s = self.silent_s + (0.0 if self.watched in self._begun else FIRST_PICTURE_S)
+        if self.watched in self.inputs and now - self._heard.get(self.watched, now) > limit_s:
+            self.send(self.runner.feed(self.on_silence(self._header())))
+        super().give_up()
+
+
+def lane_of(
+    node: NodeProcess,
+    camera: str,
+    stages: Sequence[StageSpec],
+    lane: type[Lane] = Lane,
+    **more: Any,
+) -> Lane:
+    """Open a camera's way through a node.
+
+    Parameters
+    ----------
+    node : NodeProcess
+    camera : str
+    stages : sequence of StageSpec
+        All are fed what any of them reads.
+    lane : type, optional
+        Kind of lane, with ``more`` that it takes.
+    """
+    site, inputs = node.graph.site, dict[str, str]()
+    runners: list[Runner] = []
+    for stage in stages:
+        reads = node.graph.reads_of(node.config, stage, camera)
+        for stream in reads:
+            key = topic_key(site, stream.of, stream.topic)
+            if key not in inputs:
+                inputs[node.subscribe(key)] = node.sender_of(*stream)
+        runners.append(Runner.of(stage, len(reads)))
+        if stage.on_silence and math.isfinite(stage.silent_s):
+            lane = WatchfulLane
+            more |= {"watched": camera_key(site, camera, stage.reads[0])}
+            more |= {"silent_s": stage.silent_s, "on_silence": stage.on_silence}
+    return lane(
+        node=node,
+        runner=runners[0] if len(runners) == 1 else Branches(*runners),
+        publishers={TOPICS[t]: node.publisher(camera, t) for s in stages for t in s.sends},
+        inputs=inputs,
+        shown=tuple(TOPICS[stage.shown] for stage in stages if stage.shown),
+        **more,
+    )
+
+
+class NodeContext(StageContext):
+    """What a stage in a node's process is given beside messages.
+
+    Parameters
+    ----------
+    node : NodeProcess
+    camera : str
+        Whose stage it is.
+    """
+
+    def __init__(self, node: NodeProcess, camera: str) -> None:
+        self._node = node
+        self.stays = node.graph.restart_of(node.name) is not None
+        senders = [node.graph.sender(topic, camera) for topic in ("rows", "frames")]
+        # Of a bus of others nobody knows whether it waits.
+        self._waits = any(sender is not None and sender.waits for sender in senders)
+
+    def refused(self, why: str) -> None:
+        """Count it, and say why in the node's state."""
+        self._node.inbox.counters.rejected += 1
+        self._node.say("running", f"not compared: {why}")
+
+    def is_behind(self) -> bool:
+        """Whether a live camera would soon be made to wait, and everybody who reads it."""
+        return not self._waits and self._node.inbox.depth > BEHIND
+
+    def run(self, work: Callable[[], T]) -> T | None:
+        """Do the work in a thread; give it up when the node is told to stop."""
+        done: Future[T] = Future()
+
+        def do() -> None:
+            try:
+                done.set_result(work())
+            except Exception as exc:  # noqa: BLE001 - raised again where it is waited for
+                done.set_exception(exc)
+
+        Thread(target=do, name="stage", daemon=True).start()
+        while not self._node.stop.is_set():
+            with contextlib.suppress(TimeoutError):
+                return done.result(POLL_S)
+        return None
 
 
 def pump(node: NodeProcess, lanes: list[Lane]) -> None:
@@ -142,6 +253,6 @@ def pump(node: NodeProcess, lanes: list[Lane]) -> None:
         if now - looked > POLL_S and not node.inbox.depth:
             looked = now
             for lane in lanes:
-                lane.give_up(node.run_id, node.peers)
+                lane.give_up()
     for lane in lanes:
-        lane.end(node.run_id)
+        lane.end()

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from rsenf.model.codec import Codec
 from rsenf.model.noise import NoiseBank
 from rsenf.model.sensor import WHITE, Sensor
 from rsenf.model.strips import strip_edges
-from rsenf.rows.settings import RowsSettings
+from rsenf.rows.settings import ReadOut, RowsSettings
 
 CODECS = {"h264": "h264", "hevc": "h265", "vp9": "vp9", "mjpeg": "mjpeg"}  # h264 for any other
 LOSSLESS_H264 = "High 4:4:4 Predictive"  # with 4:2:0 nobody uses it for anything else
@@ -134,7 +134,7 @@ def recoded(path: Path, level: Float32Array, axis: str, settings: RowsSettings) 
     with tempfile.TemporaryDirectory() as folder:
         again = Path(folder) / f"again{'.avi' if codec.name == 'mjpeg' else '.mkv'}"
         write_video(again, Filmed(picture, light, axis, rate, Sensor()), codec)
-        settings = dataclasses.replace(settings, read_out_axis=axis)
+        settings = dataclasses.replace(settings, read_out_axis=cast(ReadOut, axis))
         analyse(open_input_file(again), rows=settings, tap=tap)
     return np.concatenate(blocks)[:, : level.shape[1]]
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 import itertools
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import yaml
 
-from rsenf.bus.delivery import Delivery
+from rsenf.bus.delivery import LOOKING, Delivery
 from rsenf.bus.inbox import Inbox, Received
-from rsenf.bus.keys import matches, topic_key
+from rsenf.bus.keys import ROOT, health_key, matches, topic_key
 from rsenf.config import shown
-from rsenf.config.graph import Graph, outputs
-from rsenf.config.node_kinds import RecordNode
+from rsenf.config.graph import Graph
+from rsenf.config.recording import RecordSettings
 from rsenf.errors import InputError
 from rsenf.messages import Header
 from rsenf.record.archive import ArchiveRecorder
@@ -23,6 +23,7 @@ from rsenf.record.disk import DiskGuard
 from rsenf.record.provenance import input_facts
 from rsenf.record.writer import Recorder
 from rsenf.run.node import NodeProcess
+from rsenf.run.pump import POLL_S
 
 # Recording waits for the disk, and its senders wait for it.
 DELIVERY = Delivery(lossless=True, queue=512, history=600)
@@ -96,7 +97,7 @@ class Ending:
         self._stop_by = float("inf")
         site = node.graph.site
         for name, config in node.graph.nodes.items():
-            for topic, of in outputs(config):
+            for topic, of in config.outputs():
                 key = topic_key(site, of, topic)
                 if any(matches(expr, key) for expr in key_exprs):
                     self._open[key] = name
@@ -122,14 +123,49 @@ class Ending:
         return not self._open and not self._endless and node.inbox.depth == 0
 
 
-def of_run(config: RecordNode, restarts: int) -> RecordNode:
+def look_until_ended(
+    node: NodeProcess,
+    topics: Sequence[str],
+    take: Callable[[Received], None],
+    ready: str,
+    more: Sequence[str] = (),
+) -> None:
+    """Show what is on the bus until every stream of the graph has ended, or until told to stop.
+
+    Parameters
+    ----------
+    node : NodeProcess
+    topics : sequence of str
+        Key expressions below the site.
+    take : callable
+        Given each message, and the health of the nodes. Nobody waits for it.
+    ready : str
+        What the node says once it listens.
+    more : sequence of str, optional
+        Whole keys to listen to beside, whose ends don't count.
+    """
+    key_exprs = [f"{ROOT}/{node.graph.site}/{below}" for below in topics]
+    for key_expr in (*key_exprs, *more, health_key(node.graph.site, "*")):
+        node.subscribe(key_expr, LOOKING)
+    ending = Ending(node, key_exprs)
+    node.ready()
+    node.say("running", ready)
+    while not ending.reached():
+        received = node.inbox.receive(POLL_S)
+        if received is not None:
+            node.note_input(received.message.header)
+            take(received)
+            ending.note(received.key, received.message.header)
+
+
+def of_run(config: RecordSettings, restarts: int) -> RecordSettings:
     """Return what a recorder that was started again writes to: a new file beside the one it left.
 
     What an earlier run left there is kept, too.
 
     Parameters
     ----------
-    config : RecordNode
+    config : RecordSettings
         What it was told.
     restarts : int
         Times it was started before in this run.
@@ -142,7 +178,7 @@ def of_run(config: RecordNode, restarts: int) -> RecordNode:
 
 
 def open_sink(
-    config: RecordNode, info: dict[str, str], warn: Callable[[str], None]
+    config: RecordSettings, info: dict[str, str], warn: Callable[[str], None]
 ) -> Recorder | ArchiveRecorder:
     """Open what a node records to: a file, or an archive, which warns of what stops nothing.
 
@@ -174,7 +210,7 @@ def open_sink(
     )
 
 
-def disk_guard(config: RecordNode, warn: Callable[[str], None]) -> DiskGuard:
+def disk_guard(config: RecordSettings, warn: Callable[[str], None]) -> DiskGuard:
     """Look after the disk that an open sink is on."""
     folder = Path(config.archive) if config.archive else Path(str(config.out)).absolute().parent
     return DiskGuard(folder, config.disk, warn)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from rsenf.bus.keys import camera_key
-from rsenf.config.node_kinds import ReferenceNode
 from rsenf.messages import Header, Mark, ReferenceBlock
 from rsenf.reference.live import (
     CameraReference,
@@ -37,7 +36,7 @@ def publish_feed(node: NodeProcess) -> None:
     UsageError
         When it can't be opened.
     """
-    config: ReferenceNode = node.config
+    config = node.config
     kind, name = config.feed
     site, grid = node.graph.site, config.grid
     if kind == "camera":
@@ -62,7 +61,6 @@ def publish_feed(node: NodeProcess) -> None:
 class _NotedLane(Lane):
     """A lane whose stage notes what it leaves out, for the node's state."""
 
-    node: NodeProcess
     notes: Notes
     _said: str = ""
 
@@ -78,11 +76,11 @@ class _NotedLane(Lane):
 def _relay(node: NodeProcess, senders: dict[str, str], stage: Stage, notes: Notes) -> None:
     """Turn other topics into the reference; each by its key and the node that sends it."""
     lane = _NotedLane(
-        # The reference goes on through the others' epochs: it is one stage for all of them.
-        Runner("reference", lambda: stage, inputs=len(senders)),
-        node.reference_publisher(node.config.grid),
-        {node.subscribe(key): sender for key, sender in senders.items()},
         node=node,
+        # The reference goes on through the others' epochs: it is one stage for all of them.
+        runner=Runner("reference", lambda: stage, inputs=len(senders)),
+        publishers={ReferenceBlock: node.reference_publisher(node.config.grid)},
+        inputs={node.subscribe(key): sender for key, sender in senders.items()},
         notes=notes,
     )
     node.ready()
@@ -104,7 +102,7 @@ def _publish(node: NodeProcess, blocks: Iterable[ReferenceBlock]) -> None:
     publisher.send(ReferenceBlock(header=header.numbered(header.seq + 1, Mark.END)))
 
 
-def _grown(node: NodeProcess, config: ReferenceNode) -> Iterator[ReferenceBlock]:
+def _grown(node: NodeProcess, config: Any) -> Iterator[ReferenceBlock]:
     """Return what a file holds, and goes on to hold."""
     path, grid, nominal_hz = Path(config.input), config.grid, config.nominal_hz
 
@@ -123,7 +121,7 @@ def _grown(node: NodeProcess, config: ReferenceNode) -> Iterator[ReferenceBlock]
     return follow_table(path, grid, options, wait, node.run_id)
 
 
-def _heard(node: NodeProcess, config: ReferenceNode, device: str) -> Iterator[ReferenceBlock]:
+def _heard(node: NodeProcess, config: Any, device: str) -> Iterator[ReferenceBlock]:
     """Yield what a sound card hears, and say by which tone."""
     growing = Growing(config.grid, run_id=node.run_id)
     reference: SoundReference | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from rsenf.config.supervised import Restart
+from rsenf.config.node_kind import Restart
 from rsenf.errors import EXIT_USAGE
 
 # Until its first word a node may take this long: it loads libraries, on a machine that is busy.

@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Mapping
 
 from rsenf.config import Graph
-from rsenf.config.node_kinds import ReferenceNode
 from rsenf.run.node_state import NodeState
 from rsenf.run.restarts import FIRST_WORD_S, Restarts
 
@@ -79,9 +78,9 @@ class Revival:
         for node in started:
             del self._due[node.name]
             node.restarts = self._restarts[node.name].count
-        grids = {getattr(self._graph.nodes[node.name], "grid", None) for node in started}
+        read = {i.stream for node in started for i in self._graph.nodes[node.name].inputs()}
         for name, config in self._graph.nodes.items():
-            if isinstance(config, ReferenceNode) and config.grid in grids:
+            if config.sends_again and not read.isdisjoint(config.outputs()):
                 sender = self._nodes.get(name)  # None: on another host
                 if sender and sender.state == "done" and sender.exit_code is not None:
                     sender.restarts += 1
@@ -120,6 +119,6 @@ class Revival:
         rule = self._restarts[node.name].rule
         if rule is None or node.process is None or node.exit_code is not None:
             return -1.0
-        if node.kind == "external" and node.health is None:
+        if self._graph.nodes[node.name].program() and node.health is None:
             return -1.0  # it has never said that it would
         return now_s - self._heard[node.name] - rule.silent_s

@@ -1,20 +1,20 @@
 """The life of a stage: fed message by message, flushed at the end, renewed with each epoch.
 
 Every way of running rsenf goes through here: a node process has one :class:`Runner` for each
-camera, the one-process commands a :class:`Chain` of them. So batch, stream and replay can't
+camera, the one-process commands a :class:`Pipeline` of them. So batch, stream and replay can't
 differ.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rsenf.bus.keys import TOPICS
 from rsenf.errors import SchemaMismatch
 from rsenf.messages import Header, Mark
 from rsenf.messages.plausible import out_of_place
-from rsenf.stage import Stage
+from rsenf.stage import Stage, StageSpec
 
 
 class Runner:
@@ -45,6 +45,16 @@ class Runner:
         self._sent: Header | None = None  # of the last message out, in the same epoch
         self._sent_beside: Header | None = None
         self.ended = False
+
+    @classmethod
+    def of(cls, spec: StageSpec, inputs: int) -> Runner:
+        """Return a runner of a stage with so many inputs that there are."""
+        return cls(spec.sends[0], spec.make, inputs, "".join(spec.sends[1:]))
+
+    def topic_of(self, message: Any) -> str:
+        """Return which of the stage's topics a message goes to."""
+        is_beside = self._beside and isinstance(message, TOPICS[self._beside])
+        return self._beside if is_beside else self.topic
 
     def feed(self, message: Any) -> list[Any]:
         """Give the stage a message; return what it completes, an END mark when all has ended.
@@ -96,7 +106,7 @@ class Runner:
 
     def _note(self, messages: list[Any]) -> list[Any]:
         for message in messages:
-            if self._beside and isinstance(message, TOPICS[self._beside]):
+            if self.topic_of(message) == self._beside:
                 self._sent_beside = message.header
             else:
                 self._sent = message.header
@@ -123,30 +133,38 @@ class Branches:
         return [sent for runner in self._runners for sent in runner.end(header)]
 
 
-class Chain:
-    """Stages of one camera in one process, each fed with what the one before it completes.
+class Pipeline:
+    """Stages of one camera in one process, each fed with what it reads of what the others send.
 
     Parameters
     ----------
-    runners : sequence of Runner
-        In the order of the data.
+    stages : sequence of StageSpec
+        In the order in which they are fed.
+    given : sequence of str
+        Topics that are fed from outside: ``frames``, or ``rows`` and ``reference``.
     tap : callable, optional
-        Called as ``tap(topic, message)`` with every message any of them sends.
+        Called as ``tap(topic, message)`` with every message that a stage sends.
     """
 
     def __init__(
-        self, runners: list[Runner], tap: Callable[[str, Any], None] | None = None
+        self,
+        stages: Sequence[StageSpec],
+        given: Sequence[str],
+        tap: Callable[[str, Any], None] = lambda topic, message: None,
     ) -> None:
-        self._runners = runners
+        sent = {*given, *(topic for stage in stages for topic in stage.sends)}
+        self._lanes = [
+            (reads, Runner.of(stage, len(reads)))
+            for stage in stages
+            if (reads := [topic for topic in stage.reads if topic in sent])
+        ]
         self._tap = tap
 
-    def feed(self, message: Any, first: int = 0) -> list[Any]:
-        """Feed stage ``first``; return what the last stage completes."""
-        if first == len(self._runners):
-            return [message]
-        out: list[Any] = []
-        for sent in self._runners[first].feed(message):
-            if self._tap:
-                self._tap(self._runners[first].topic, sent)
-            out += self.feed(sent, first + 1)
-        return out
+    def feed(self, topic: str, message: Any) -> None:
+        """Feed a message to all that read it, and what they complete to those after them."""
+        for reads, runner in self._lanes:
+            if topic in reads:
+                for sent in runner.feed(message):
+                    sent_to = runner.topic_of(sent)
+                    self._tap(sent_to, sent)
+                    self.feed(sent_to, sent)

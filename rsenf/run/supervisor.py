@@ -16,13 +16,11 @@ from typing import Any
 from rsenf.bus.zenoh_bus import MANY_LINKS, ONE_LINK, RUNTIME, BusSettings, open_bus
 from rsenf.config import Graph
 from rsenf.config.graph import host_of
-from rsenf.config.node_kinds import ExternalNode, ReplayNode
 from rsenf.errors import NodeFailed, UsageError
 from rsenf.run.access import secured
 from rsenf.run.graph_run import GraphRun, check_ended
 from rsenf.run.node import bus_settings
 from rsenf.run.node_state import NodeState
-from rsenf.run.replay.in_graph import ensure_playable
 
 __all__ = ["GraphRun", "NodeState", "check_ended", "start_graph"]
 
@@ -70,8 +68,7 @@ def start_graph(
     check_host(graph, host)
     here = {name: node for name, node in graph.nodes.items() if host_of(graph, name) == host}
     for name, config in here.items():
-        if isinstance(config, ReplayNode):
-            ensure_playable(name, config, graph.site)
+        config.check_ready(name, graph.site)
     run_id = secrets.token_hex(4)
     own_router = () if graph.bus.is_elsewhere else graph.bus.listen or (free_endpoint(),)
     settings = router_settings(graph, own_router, host) if own_router else bus_settings(graph)
@@ -82,9 +79,8 @@ def start_graph(
 
         def spawn(node: NodeState) -> subprocess.Popen[bytes]:
             gone = [n.name for n in nodes.values() if node.restarts and n.state == "done"]
-            config = graph.nodes[node.name]
-            if isinstance(config, ExternalNode):
-                return _start(node, list(config.command), _told(graph, node, endpoint, run_id))
+            if program := graph.nodes[node.name].program():
+                return _start(node, program, _told(graph, node, endpoint, run_id))
             return _spawn(node, path, run_id, own_router[:1], replayed or {}, threads, gone)
 
         run = GraphRun(graph, run_id, endpoint, nodes, on_change, spawn)
@@ -160,8 +156,7 @@ def _spawn(
     threads: Mapping[str, str],
     gone: Sequence[str],
 ) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", f"rsenf_nodes.{node.kind}"]
-    command += ["--graph", str(path), "--node", node.name]
+    command = [sys.executable, "-m", "rsenf_nodes", "--graph", str(path), "--node", node.name]
     command += ["--run-id", run_id, "--supervisor", str(os.getpid())]
     command += ["--restarts", str(node.restarts)]
     command += [word for name in gone for word in ("--gone", name)]
@@ -175,15 +170,14 @@ def _spawn(
 def _told(graph: Graph, node: NodeState, endpoint: str, run_id: str) -> dict[str, str]:
     """What somebody's own program is told, in its environment."""
     config = graph.nodes[node.name]
-    assert isinstance(config, ExternalNode)
     return {
         "RSENF_CONNECT": endpoint,
         "RSENF_SITE": graph.site,
         "RSENF_NODE": node.name,
         "RSENF_RUN_ID": run_id,
         "RSENF_RESTARTS": str(node.restarts),
-        "RSENF_READS": " ".join(config.reads),
-        "RSENF_SENDS": " ".join(config.sends),
+        "RSENF_READS": " ".join(str(read.stream) for read in config.inputs()),
+        "RSENF_SENDS": " ".join(map(str, config.outputs())),
     }
 
 

@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rsenf.config import Graph
-from rsenf.config.graph import outputs
 from rsenf.run import log
 
 if TYPE_CHECKING:
@@ -71,7 +70,7 @@ class JsonView:
             return
         again = "warning" if node.state == "restarting" else "info"
         level = "error" if node.went_wrong else again
-        of = dict.fromkeys(camera for _, camera in outputs(self._graph.nodes[node.name]))
+        of = dict.fromkeys(camera for _, camera in self._graph.nodes[node.name].outputs())
         cameras = ", ".join(of) if node.kind != "reference" else ""
         message = f"{node.state} {node.detail}".rstrip()
         self._print(log.line(level, message, node=node.name, camera=cameras))

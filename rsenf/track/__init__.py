@@ -2,50 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Any
 
-from rsenf.errors import UsageError
 from rsenf.flicker.shared import Follower
-from rsenf.stage import Stage
-from rsenf.track.frame_mean import FrameMeanTracker
-from rsenf.track.paper import PaperTracker
-from rsenf.track.phase import PhaseTracker
-from rsenf.track.projection import ProjectionTracker
-from rsenf.track.row_concat import RowConcatTracker
+from rsenf.registry import Registry
+from rsenf.track.method import EnfMethod
 from rsenf.track.settings import TrackSettings
-from rsenf.track.stft import StftTracker
-from rsenf.track.superpixel import SuperpixelTracker
 
-METHODS: dict[str, Callable[[TrackSettings], Stage]] = {
-    "projection": ProjectionTracker,
-    "stft": StftTracker,
-    "frame_mean": FrameMeanTracker,
-    "row_concat": RowConcatTracker,
-    "superpixel": SuperpixelTracker,
-    "phase": PhaseTracker,
-    "paper": PaperTracker,
-}
+METHODS: Registry[type[EnfMethod]] = Registry(
+    "ENF method",
+    "rsenf.methods",
+    {
+        "projection": "rsenf.track.projection:ProjectionTracker",
+        "stft": "rsenf.track.stft:StftTracker",
+        "frame_mean": "rsenf.track.frame_mean:FrameMeanTracker",
+        "row_concat": "rsenf.track.row_concat:RowConcatTracker",
+        "superpixel": "rsenf.track.superpixel:SuperpixelTracker",
+        "phase": "rsenf.track.phase:PhaseTracker",
+        "paper": "rsenf.track.paper:PaperTracker",
+    },
+)
 
 
-def make_tracker(settings: TrackSettings, follower: Follower | None = None) -> Stage:
+def make_tracker(settings: TrackSettings, follower: Follower | None = None) -> EnfMethod:
     """Build the estimator that the settings name.
 
     Parameters
     ----------
     settings : TrackSettings
     follower : Follower, optional
-        One that ``projection`` shares with another stage; of its own without.
+        One that is shared with another stage, if the method can; of its own without.
 
     Raises
     ------
     UsageError
-        When there is no method of that name.
+        When there is no method of that name, or it would ignore what is asked for.
     """
-    if settings.method not in METHODS:
-        raise UsageError(f"no ENF method {settings.method!r}", f"one of {', '.join(METHODS)}")
-    if follower is not None and settings.method == "projection":
-        return ProjectionTracker(settings, follower)
-    return METHODS[settings.method](settings)
+    method = METHODS.find(settings.method)
+    method.check(settings)
+    shared: dict[str, Any] = {"follower": follower} if follower and method.shares_follower else {}
+    return method(settings, **shared)
 
 
-__all__ = ["METHODS", "TrackSettings", "make_tracker"]
+__all__ = ["METHODS", "EnfMethod", "TrackSettings", "make_tracker"]

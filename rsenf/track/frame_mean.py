@@ -35,6 +35,7 @@ class FrameMeanTracker(StftTracker):
     """
 
     name = "frame_mean"
+    help = "reads one mean per frame at the alias (Garg 2011)"
 
     def __init__(self, settings: TrackSettings | None = None) -> None:
         super().__init__(settings)

@@ -37,19 +37,16 @@ class PaperTracker(StftTracker):
     Raises
     ------
     UsageError
-        When the settings name a line or harmonic, or a window that isn't a whole number of hops.
+        When the window isn't a whole number of hops.
     """
 
     name = "paper"
+    help = "tries every line with every idle ratio, for the paper's metrics to choose from"
+    obeys = frozenset({"interpolation"})
 
     def __init__(self, settings: TrackSettings | None = None) -> None:
         super().__init__(settings)
         s = self.settings
-        if s.line_m is not None or s.harmonic != 1:
-            raise UsageError(
-                f"{self.name} tries every line, so none can be asked for",
-                "leave line and harmonic out, or take another method",
-            )
         hops = s.window_s / s.hop_s
         if abs(hops - round(hops)) > 1e-9:
             raise UsageError(

@@ -78,6 +78,7 @@ class PhaseTracker(StftTracker):
     """Phase steps over an interval that adapts; what window and line there are, the STFT says."""
 
     name = "phase"
+    help = "reads the phase's step down the stream, over intervals that adapt (Han 2022)"
 
     def _candidates(self, nominal_hz: float, frame_rate_hz: float, rows: int) -> tuple[Line, ...]:
         """Ramps both ways, as the read-out may run upward, and of a turn at least.

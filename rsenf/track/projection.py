@@ -19,11 +19,12 @@ from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.shared import Follower
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
+from rsenf.track.method import EnfMethod
 from rsenf.track.settings import TrackSettings
 
 
-class ProjectionTracker:
-    """Coherent projection. Implements :class:`rsenf.stage.Stage` from row blocks to estimates.
+class ProjectionTracker(EnfMethod):
+    """Coherent projection.
 
     Parameters
     ----------
@@ -33,10 +34,15 @@ class ProjectionTracker:
         One that is shared with another stage; of its own without.
     """
 
+    name = "projection"
+    help = "follows the phase of the flicker by all harmonics and lines together"
+    shares_follower = True
+
     def __init__(
         self, settings: TrackSettings | None = None, follower: Follower | None = None
     ) -> None:
-        s = self.settings = settings or TrackSettings(method="projection")
+        super().__init__(settings)
+        s = self.settings
         self._follower = follower or FlickerFollower(s.nominal_hz, min_snr=s.min_snr)
         self._header: Header | None = None
         self._least_level = 0.0
@@ -88,7 +94,7 @@ class ProjectionTracker:
         )
         return EnfEstimate(
             header=header,
-            method="projection",
+            method=self.name,
             nominal_hz=second.nominal_hz,
             line_hz=2.0 * second.nominal_hz,
             origin_pts_ns=origin_ns,

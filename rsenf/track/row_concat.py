@@ -30,6 +30,7 @@ class RowConcatTracker(StftTracker):
     """
 
     name = "row_concat"
+    help = "reads the rows of all frames, concatenated without idle period (Su 2014)"
 
     def __init__(self, settings: TrackSettings | None = None) -> None:
         super().__init__(settings)

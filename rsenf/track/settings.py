@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal, get_args
 
 from rsenf.errors import UsageError
 from rsenf.track.interpolate import INTERPOLATIONS
+
+Harmonic = Literal[1, 2, 3]
 
 
 @dataclass(frozen=True)
@@ -27,8 +29,10 @@ class TrackSettings:
         Harmonic of the illumination frequency.
     line_m : int, optional
         Line ``k·f_0 + m·F_r`` to follow; the strongest when not given.
-    window_s, hop_s : float
-        Length of the window and time between values.
+    window_s : float
+        Length of the window.
+    hop_s : float
+        Time between values.
     search_hz : float
         Half-width of the band searched, as a deviation of the grid's frequency.
     min_snr : float
@@ -37,7 +41,7 @@ class TrackSettings:
     max_std_hz : float
         Standard error above which an estimate is of no use.
     interpolation : str
-        What ``paper`` fills the idle period with: a name of
+        What ``paper`` fills the idle period with. A name of
         :data:`rsenf.track.interpolate.INTERPOLATIONS`.
     """
 
@@ -46,7 +50,7 @@ class TrackSettings:
 
     method: str = "projection"
     nominal_hz: float | None = None
-    harmonic: int = 1
+    harmonic: Harmonic = 1
     line_m: int | None = None
     window_s: float = 20.0
     hop_s: float = 1.0
@@ -58,7 +62,7 @@ class TrackSettings:
     def __post_init__(self) -> None:
         if self.nominal_hz not in (None, 50.0, 60.0):
             raise UsageError(f"nominal frequency {self.nominal_hz} Hz: 50 or 60")
-        if not 1 <= self.harmonic <= 3:
+        if self.harmonic not in get_args(Harmonic):
             raise UsageError(f"harmonic {self.harmonic}: 1, 2 or 3")
         if not 0 < self.hop_s <= self.window_s:
             raise UsageError(f"hop of {self.hop_s} s with a window of {self.window_s} s")

@@ -8,8 +8,8 @@ values are, and how they are judged, is the estimator's own.
 from __future__ import annotations
 
 import dataclasses
-from abc import ABC, abstractmethod
-from typing import Any, ClassVar
+from abc import abstractmethod
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from rsenf.flicker.faint import MIN_FLICKER_RATIO
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
+from rsenf.track.method import EnfMethod
 from rsenf.track.settings import TrackSettings
 
 # Row blocks held back until the frame rate is known well enough for the phase ramps.
@@ -48,7 +49,7 @@ class Window:
         return self.buffer.between(self.start_s, self.end_s)
 
 
-class SlidingTracker(ABC):
+class SlidingTracker(EnfMethod):
     """Stage from row blocks to one ENF estimate for each window.
 
     Parameters
@@ -56,10 +57,10 @@ class SlidingTracker(ABC):
     settings : TrackSettings, optional
     """
 
-    name: ClassVar[str]
+    obeys = frozenset({"harmonic", "line_m"})
 
     def __init__(self, settings: TrackSettings | None = None) -> None:
-        self.settings = settings or TrackSettings()
+        super().__init__(settings)
         self._waiting: list[RowBlock] = []
         self._buffer: SlowTime | None = None
         self._header: Header | None = None

@@ -41,7 +41,7 @@ DRIFT_MARGIN = 10.0
 
 
 class StftTracker(SlidingTracker):
-    """Sliding STFT. Implements :class:`rsenf.stage.Stage` from row blocks to ENF estimates.
+    """Sliding STFT at the strongest line, or at one that is asked for.
 
     Parameters
     ----------
@@ -49,6 +49,7 @@ class StftTracker(SlidingTracker):
     """
 
     name = "stft"
+    help = "reads the strongest line in windows of 20 s, as the paper's estimator does"
 
     def __init__(self, settings: TrackSettings | None = None) -> None:
         super().__init__(settings)

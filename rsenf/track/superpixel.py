@@ -20,6 +20,8 @@ more of them there are; how independent they are is measured beside the peak.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +73,8 @@ class SuperpixelTracker(SlidingTracker):
     """
 
     name = "superpixel"
+    help = "reads many regions of the picture at the alias, together (Vatansever 2017)"
+    rows_needed: ClassVar[Mapping[str, Any]] = {"tile_means": True}
 
     def __init__(self, settings: TrackSettings | None = None) -> None:
         super().__init__(settings)

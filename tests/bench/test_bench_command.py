@@ -134,7 +134,7 @@ def test_recording_time_films_once(tmp_path: Path, capsys: pytest.CaptureFixture
         (["--only", "films"], "--out"),
         (["--frame-rates", "25"], "--frame-rates"),
         (["--nominal-hz", "60"], "--nominal-hz"),
-        (["--sizes", "240p,480p"], "one in --sizes"),
+        (["--sizes", "240p,480p"], "no size '240p,480p'"),
         (["--codings", "150"], "not a coding"),
         (["--table-only"], "--out"),
     ],

@@ -10,10 +10,9 @@ import pytest
 from rsenf.bench.discover import beside
 from rsenf.bench.discover.judge import judged, parameter_error
 from rsenf.bench.discover.outside import OUTSIDE, done_to
-from rsenf.bench.discover.plan import Plan
+from rsenf.bench.discover.plan import Plan, listed
 from rsenf.bench.discover.scene import drawn
 from rsenf.bench.discover.shown import as_shown
-from rsenf.bench.discover.strengths import LISTED
 from rsenf.bench.discover.table import tabulated, text
 from rsenf.bench.discover.trial import tried
 from rsenf.model import CaptureModel, Light, Scene, Shutter, simulate_rows, synthetic_grid
@@ -67,7 +66,7 @@ def test_a_size_is_compared_with_the_true_one() -> None:
 def test_a_plan_has_every_effect_so_often_and_no_seed_twice() -> None:
     cases = Plan(first_seed=50, each=2, none=3, outside=6, pairs=5).cases()
     assert len({case.seed for case in cases}) == len({case.key for case in cases}) == len(cases)
-    for name in LISTED:
+    for name in listed():
         assert sum(case.hidden == (name,) for case in cases) == 2
     assert {case.hidden[0] for case in cases if case.kind == "outside"} == set(OUTSIDE)
     assert cases == Plan(first_seed=50, each=2, none=3, outside=6, pairs=5).cases()

@@ -14,6 +14,7 @@ from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import Header, RowBlock
 from rsenf.model import CaptureModel, GridPath, Shutter, simulate_rows, synthetic_grid
 from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.track.stft import StftTracker
 
 GRID = synthetic_grid(21, 40.0)
 TRUE_RATIO = 0.3
@@ -66,8 +67,11 @@ def test_a_method_that_breaks_is_a_result(
     def broken(*_: Any) -> Any:
         raise ZeroDivisionError("nothing there")
 
-    monkeypatch.setitem(judge.IDLE_METHODS, "broken", broken)
-    monkeypatch.setitem(judge.ENF_METHODS, "broken", broken)
+    class Broken(StftTracker):
+        update = broken
+
+    monkeypatch.setitem(judge.IDLE_METHODS._items, "broken", broken)
+    monkeypatch.setitem(judge.ENF_METHODS._items, "broken", Broken)
     idle, enf = judge.judge_idle(blocks, TRUE_RATIO), judge.judge_enf(blocks, GRID)
     assert idle["broken"] == enf["broken"] == {"broke": "ZeroDivisionError: nothing there"}
     assert idle["coherent"]["verdict"] == "estimated"

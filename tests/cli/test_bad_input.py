@@ -213,13 +213,13 @@ def test_a_graph_with_a_misspelled_key(rsenf: Rsenf, verb: str, tmp_path: Path) 
     [
         (
             ["--method", "magic"],
-            "no match method 'magic' (one of phase, ncc, metric1, metric2, metric3, metric4)",
+            "argument --method: no 'magic' (one of phase, ncc, metric1, metric2, metric3, metric4)",
         ),
-        (["--enf-method", "magic"], "no ENF method 'magic' (one of "),
+        (["--enf-method", "magic"], "argument --enf-method: no 'magic' (one of "),
         (["--start", "yesterday"], "start 'yesterday' is not a time"),
-        (["--step-s", "-1"], "argument --step-s: -1 is not a finite number above 0"),
-        (["--step-s", "nan"], "argument --step-s: nan is not a finite number above 0"),
-        (["--nominal-hz", "55"], "argument --nominal-hz: invalid choice: 55.0"),
+        (["--step-s", "-1"], "a step of -1 s between samples"),
+        (["--step-s", "nan"], "argument --step-s: nan is not a finite number"),
+        (["--nominal-hz", "55"], "argument --nominal-hz: no 55.0 (one of 50.0, 60.0)"),
         (["--picture", "/no/such/folder/x.png"], "picture /no/such/folder/x.png: no such folder"),
         (["--timezone", "Mars/Olympus"], "Mars/Olympus"),
         (["--column", "watts"], "watts"),

@@ -144,7 +144,7 @@ def deadly(self):
         os.kill(os.getpid(), signal.SIGKILL)
     if "slow" in self.name:
         import time
-        time.sleep(60)
+        time.sleep(3600)
     return whole(self)
 
 npz.Luminance.messages = deadly
@@ -168,7 +168,7 @@ def test_a_crash_costs_one_recording(tmp_path: Path) -> None:
         dark(tmp_path / name, 3)
     out = tmp_path / "out"
     with batch(tmp_path, "idle", str(tmp_path), "--out", str(out), "--jobs", "1") as run:
-        _, told = run.communicate(timeout=120)
+        _, told = run.communicate()
     assert run.returncode == 1
     reason = "the process that worked on it was ended by SIGKILL"
     assert told.endswith(f"rsenf: failed: {tmp_path / 'deadly.npz'}: {reason}\n")
@@ -189,7 +189,7 @@ def test_interrupted_it_keeps_what_is_done(tmp_path: Path) -> None:
             assert run.poll() is None
             time.sleep(0.02)
         os.killpg(run.pid, signal.SIGINT)  # as a terminal does, to all of its processes
-        out, told = run.communicate(timeout=60)
+        out, told = run.communicate()
     assert (run.returncode, out) == (130, "")
     assert told.splitlines()[1:] == [
         f"rsenf: what is done is kept in {journal}; the same command goes on from there",
@@ -215,11 +215,11 @@ def test_two_at_once_are_refused(
         (["idle", "nothing"], "no recordings in nothing"),
         (["idle", "out"], "--out out is the folder that is to be read"),
         (["idle", "--list", "gone"], "--list gone: No such file"),
-        (["idle", "clip.npz", "--method", "magic"], "no idle method 'magic'"),
-        (["track", "clip.npz", "--method", "magic"], "no ENF method 'magic'"),
+        (["idle", "clip.npz", "--method", "magic"], "no 'magic'"),
+        (["track", "clip.npz", "--method", "magic"], "no 'magic'"),
         (["verify", "clip.npz"], "required: --reference"),
         (["verify", "clip.npz", "--reference", "gone.csv"], "gone.csv"),
-        (["simulate", "clip.npz"], "invalid choice"),
+        (["simulate", "clip.npz"], "no 'simulate'"),
     ],
 )
 def test_what_cannot_be_meant_is_one_line(

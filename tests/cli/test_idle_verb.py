@@ -144,7 +144,7 @@ def test_one_of_two_without_flicker(
 def test_no_such_method(rsenf: Rsenf, hidden: HiddenClip) -> None:
     done = rsenf("idle", hidden.clip, "--method", "guess")
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("rsenf: no idle method 'guess' (one of ")
+    assert done.stderr.startswith("rsenf: argument --idle-method/--method: no 'guess' (one of ")
 
 
 def test_no_such_file(rsenf: Rsenf) -> None:

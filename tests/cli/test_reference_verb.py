@@ -139,7 +139,7 @@ def test_a_store_that_is_named(verb: Verb, files: list[Path], tmp_path: Path) ->
     ("words", "says"),
     [
         ([], "the following arguments are required: import|list|info|export"),
-        (["remove", "ce"], "invalid choice: 'remove'"),
+        (["remove", "ce"], "no 'remove'"),
         (["import"], "the following arguments are required: FILE"),
         (["import", "gone.csv"], "no reference file gone.csv (look for a misspelling)"),
         (["import", "a.csv", "b.csv"], "2 files and no name for their grid (--grid NAME)"),

@@ -51,10 +51,10 @@ def test_track_gives_one_value_a_second(
 
 
 def test_a_line_is_no_use_to_a_method_that_follows_all(rsenf: Rsenf, clip: Path) -> None:
-    for words in (("--line", "0"), ("--harmonic", "1")):
+    for words in (("--line", "0"), ("--harmonic", "2")):
         done = rsenf("track", clip, "--method", "projection", *words)
         assert (done.returncode, done.stdout) == (2, "")
-        assert done.stderr.startswith("rsenf: projection follows all harmonics and lines together")
+        assert done.stderr.startswith(f"rsenf: projection takes no {words[0][2:]}: it follows")
 
 
 def test_track_in_a_table(rsenf: Rsenf, clip: Path) -> None:

@@ -42,9 +42,15 @@ def test_what_does_not_go_together_is_refused(rsenf: Rsenf, hidden: HiddenClip) 
     verify = ("verify", hidden.clip, "--reference", hidden.reference)
     for words, says in (
         ((*verify, "--method", "metric3", "--enf-method", "stft"), "compares the hypotheses of"),
-        ((*verify, "--method", "metric4", "--line", "0"), "follows all harmonics and lines"),
-        ((*verify, "--method", "metric4", "--interpolation", "cubic"), "no interpolation 'cubic'"),
-        (("track", hidden.clip, "--interpolation", "linear"), "projection interpolates nothing"),
+        (
+            (*verify, "--method", "metric4", "--line", "0"),
+            "paper takes no line: it tries",
+        ),
+        (
+            (*verify, "--method", "metric4", "--interpolation", "cubic"),
+            "--interpolation: no 'cubic'",
+        ),
+        (("track", hidden.clip, "--interpolation", "linear"), "projection takes no interpolation"),
     ):
         done = rsenf(*words)
         assert (done.returncode, done.stdout) == (2, ""), words

@@ -7,10 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from rsenf_nodes.decode import DecodeNode
+from rsenf_nodes.match import MatchNode
 
 from rsenf.config import Graph, load_graph
-from rsenf.config.graph import outputs, runs_ahead, sender_of
-from rsenf.config.node_kinds import DecodeNode, MatchNode, SimulatedInput
+from rsenf.config.graph import runs_ahead, sender_of
+from rsenf.config.model_file import SimulatedInput
 from rsenf.errors import EXIT_USAGE, ConfigError, UsageError
 from tests.conftest import ROOT
 
@@ -68,7 +70,7 @@ def test_a_good_graph_and_its_defaults(load: Callable[[str], Graph]) -> None:
     decode = graph.nodes["decode"]
     assert isinstance(decode, DecodeNode)
     assert (decode.frames, decode.record_video, decode.pace) == ("ring", True, False)
-    assert outputs(decode) == [("frames", "cam1"), ("video", "cam1")]
+    assert decode.outputs() == [("frames", "cam1"), ("video", "cam1")]
     assert sender_of(graph, "track", "cam1") == "track"
     assert sender_of(graph, "idle", "cam1") == "idle"
     assert sender_of(graph, "reference", "ce") == "grid"
@@ -98,7 +100,7 @@ def test_a_rows_node_may_find_the_axis_by_itself(
 ) -> None:
     text = GOOD.replace("kind: rows, ", "kind: rows, rows: {read_out_axis: AXIS}, ")
     load(text.replace("AXIS", "auto"))
-    assert "'rows', 'columns' or 'auto'" in problems(text.replace("AXIS", "diagonal"))[0]
+    assert "is not one of rows, columns, auto" in problems(text.replace("AXIS", "diagonal"))[0]
 
 
 def test_every_problem_at_once_with_its_line(problems: Callable[[str], list[str]]) -> None:
@@ -167,6 +169,7 @@ nodes:
         (("  track:  {", "  track:  {track: {method: guess}, "), 6, "no method 'guess'; one of"),
         (("all.mcap}", "all.mcap, topics: [/x]}"), 9, "'/x' is no key expression"),
         (("idle, cameras: [cam1]", "idle, cameras: [cam2]"), 10, "nobody sends the rows"),
+        (("  track:  {", "  track:  {track: {harmonic: 2}, "), 6, "projection has no use for it"),
         (("kind: idle, ", "kind: idle, idle: {method: guess}, "), 10, "no method 'guess'; one of"),
         (("kind: idle, ", "kind: idle, idle: {every_s: 0}, "), 10, "an estimate every 0"),
         (("  track:  {", "  track:  {idle: {method: guess}, "), 6, "no method 'guess'; one of"),

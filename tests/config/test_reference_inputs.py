@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from rsenf_nodes.reference import ReferenceNode
 
 from rsenf.config import load_graph
-from rsenf.config.node_kinds import ReferenceNode
 from rsenf.errors import ConfigError
 
 GRAPH = """\

@@ -15,8 +15,9 @@ from rsenf.messages import Header, RowBlock, encode
 from rsenf.messages.plausible import implausible
 from rsenf.model import CaptureModel, Shutter, simulate_rows, synthetic_grid
 from rsenf.rows.luminance import blocks_from_luminance
-from rsenf.run.following import FollowingStages
 from rsenf.run.runner import Branches, Runner
+from rsenf.run.stages import flicker_stages
+from rsenf.stage import StageContext
 from rsenf.track import TrackSettings
 
 
@@ -73,12 +74,12 @@ def test_a_block_of_no_use_parts_no_tracker_from_its_idle_estimator(odd: Any) ->
     given[40] = odd(given[40])
     assert not implausible(given[40])
 
-    def told(make: FollowingStages) -> list[bytes]:
-        both = Branches(Runner("track", make.tracker), Runner("idle", make.idle))
+    def told(context: StageContext) -> list[bytes]:
+        stages = flicker_stages(TrackSettings(), IdleSettings(), context)
+        both = Branches(*(Runner.of(stage, 1) for stage in stages))
         sent = [message for block in given for message in both.feed(block)]
         return [encode(message) for message in (*sent, *both.end(Header()))]
 
-    together = told(FollowingStages(TrackSettings(), IdleSettings()))
-    apart = FollowingStages(TrackSettings(), IdleSettings())
-    apart._share = False
-    assert together == told(apart)
+    apart = StageContext()
+    apart.is_shared = False
+    assert told(StageContext()) == told(apart)

@@ -12,7 +12,7 @@ from rsenf.errors import UsageError
 from rsenf.idle import METHODS, IdleSettings, make_idle
 from rsenf.messages import Header, IdleEstimate, RowBlock
 from rsenf.model import GridPath, Light, Scene, Shake
-from rsenf.run.following import FollowingStages
+from rsenf.run.stages import flicker_stages
 from rsenf.track import TrackSettings
 from tests.idle.idle_clips import camera, error_points, estimates, film, last, std_points
 
@@ -224,8 +224,7 @@ def test_unknown_method_and_settings_are_usage_errors() -> None:
 
 
 def test_rows_of_flicker_that_moves_are_not_kept() -> None:
-    stages = FollowingStages(TrackSettings(), IdleSettings())
-    track, idle = stages.tracker(), stages.idle()
+    track, idle = (stage.make() for stage in flicker_stages(TrackSettings(), IdleSettings()))
     tracemalloc.start()
     try:
         found: list[IdleEstimate] = []

@@ -50,12 +50,10 @@ FITTED = {
 
 
 @pytest.fixture
-def catalogue() -> object:
+def catalogue(monkeypatch: pytest.MonkeyPatch) -> object:
     """Give the catalogue back as it was."""
-    before = dict(CATALOGUE)
-    yield CATALOGUE
-    CATALOGUE.clear()
-    CATALOGUE.update(before)
+    monkeypatch.setattr(CATALOGUE, "_items", dict(CATALOGUE._items))
+    return CATALOGUE
 
 
 def test_all_names_are_there() -> None:

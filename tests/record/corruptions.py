@@ -22,8 +22,8 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
-from rsenf.cli.archive_text import words
-from rsenf.cli.recording_text import lost_words
+from rsenf.cli.archive import words
+from rsenf.cli.doctor import lost_words
 from rsenf.errors import RsenfError
 from rsenf.messages import encode
 from rsenf.record import Recorder, close_truncated, open_recording

@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from record_samples import ROWS, VIDEO, Clock, packet, rows, sample_file
 
-from rsenf.cli.recording_text import lost_words
+from rsenf.cli.doctor import lost_words
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import encode
 from rsenf.record import Recorder, open_recording, output

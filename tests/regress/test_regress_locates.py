@@ -88,7 +88,7 @@ def test_since_when(monkeypatch: pytest.MonkeyPatch) -> None:
         def _off(self, e: EnfEstimate) -> EnfEstimate:
             return dataclasses.replace(e, enf_hz=e.enf_hz + 0.01 * (e.header.seq >= 20))
 
-    monkeypatch.setitem(METHODS, "projection", Off)
+    monkeypatch.setitem(METHODS._items, "projection", Off)
     first = regress(golden("still_2997")).first
     recorded = [
         m.header

@@ -281,7 +281,7 @@ def main() -> int:
         print(f"{args.hours:g} h of feed in {took_s / 60:.1f} min", flush=True)
         for verdict in run.live.values():
             print(verdict.in_short)
-        for result in run.results.values():
+        for result in run.latest["match"].values():
             print(result.decision, result.reason)
         fine = report(run, samples, folder, args.hours)
     print("\nflat, and all accounted for" if fine else "\nNOT FLAT, OR NOT ALL ACCOUNTED FOR")

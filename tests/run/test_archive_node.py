@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rsenf_nodes.record import body
 from run_samples import GRAPH, block, end_after, node_on
 
 from rsenf.bus.delivery import SIGNALS
@@ -45,7 +44,7 @@ def recorded(tmp_path: Path, **record: Any) -> list[Path]:
             header = Header(source="lab/cam", seq=seq // 2 - 2)
             alarm.send(Alarm(header=header, kind="test", active=seq == 4, text="look"))
     rows.send(end_after(block(9)))
-    body(node)
+    node.config.body(node)
     return sorted(tmp_path.glob("lab/cam/*/*.mcap"))
 
 

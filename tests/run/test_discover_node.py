@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import json
 import threading
-import time
 from pathlib import Path
 
 import pytest
+import yaml
 from live_run import LiveRun
-from rsenf_nodes.discover import _unless_stopped, _waits
+from run_samples import node_on
 
-from rsenf.config import Graph
+from rsenf.bus.inbox import Inbox
+from rsenf.bus.loopback import Loopback
 from rsenf.errors import EXIT_DONE, InputError
 from rsenf.record import open_recording
+from rsenf.run.pump import BEHIND, NodeContext
+from tests.in_time import in_time
 
 MODEL = """\
 version: 2
@@ -60,7 +63,7 @@ def test_a_verdict_comes_out_and_is_recorded(live_run: type[LiveRun], tmp_path: 
 @pytest.mark.processes
 def test_it_stops_in_the_midst_of_its_work(live_run: type[LiveRun], tmp_path: Path) -> None:
     run = live_run(write(tmp_path, seconds=60, window=200)).until("done", "decode")
-    assert run.interrupt() < 5.0
+    assert in_time(run.interrupt(), 5.0)
     assert run.process.returncode == EXIT_DONE, run.lines
     assert run.states["discover"][-1] == "done"
     assert run.states["record"][-1] == "done"
@@ -68,20 +71,18 @@ def test_it_stops_in_the_midst_of_its_work(live_run: type[LiveRun], tmp_path: Pa
 
 
 def test_work_is_given_up_when_the_node_is_told_to_stop() -> None:
-    stop, never = threading.Event(), threading.Event()
-    threading.Timer(0.1, stop.set).start()
-    begun = time.monotonic()
-    assert _unless_stopped(never.wait, stop) is None
-    assert time.monotonic() - begun < 2.0
-    never.set()
-    go_on = threading.Event()
-    assert _unless_stopped(lambda: "done", go_on) == "done"
+    node, never = node_on(Loopback(), "track"), threading.Event()
+    context = NodeContext(node, "cam")
+    assert context.run(lambda: "done") == "done"
 
     def fails() -> None:
         raise InputError("no flicker")
 
     with pytest.raises(InputError, match="no flicker"):
-        _unless_stopped(fails, go_on)
+        context.run(fails)
+    threading.Timer(0.1, node.stop.set).start()
+    assert context.run(never.wait) is None
+    never.set()
 
 
 @pytest.mark.parametrize(
@@ -94,10 +95,15 @@ def test_work_is_given_up_when_the_node_is_told_to_stop() -> None:
         ("input: 'v4l2:/dev/video0'", False),
     ],
 )
-def test_only_a_camera_that_can_be_made_to_wait_is_never_skipped(source: str, waits: bool) -> None:
-    import yaml
-
-    text = f"{{version: 1, site: lab, nodes: {{d: {{kind: decode, camera: cam, {source}}}}}}}"
-    graph = Graph.model_validate(yaml.safe_load(text))
-    assert _waits(graph, "cam") is waits
-    assert not _waits(graph, "of another graph")
+def test_only_a_camera_that_can_be_made_to_wait_is_never_skipped(
+    source: str, waits: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    decode = f"d: {{kind: decode, camera: cam, {source}}}"
+    text = f"{{version: 1, site: lab, nodes: {{{decode}, w: {{kind: discover, cameras: [cam]}}}}}}"
+    node = node_on(Loopback(), "w", yaml.safe_load(text))
+    context, of_others = NodeContext(node, "cam"), NodeContext(node, "of another graph")
+    monkeypatch.setattr(Inbox, "depth", BEHIND + 1)
+    assert context.is_behind() is not waits
+    assert of_others.is_behind()
+    monkeypatch.setattr(Inbox, "depth", BEHIND)
+    assert not context.is_behind()

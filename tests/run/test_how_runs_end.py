@@ -178,7 +178,7 @@ def test_one_process_may_run_one_graph_after_another(short_film: Film, graphs: G
         with view_of(graph, quiet=True) as view, start_graph(graph, path, view.update) as run:
             run.wait(threading.Event())
         assert check_ended(run) == EXIT_DONE
-        assert run.results["lab/cam"].decision == "no_decision"  # too short to tell
+        assert run.latest["match"]["lab/cam"].decision == "no_decision"  # too short to tell
 
 
 def test_leaving_the_block_stops_the_graph(film: Film, graphs: Graphs) -> None:

@@ -22,7 +22,6 @@ from rsenf.decode.waiting import Stop
 from rsenf.errors import RsenfError, SourceLost
 from rsenf.messages import EnfEstimate, Header, VideoPacket
 from rsenf.run.node import NodeProcess
-from rsenf.run.sources import open_input
 
 
 def test_a_node_that_fails_has_sent_what_it_made() -> None:
@@ -80,7 +79,7 @@ def test_the_last_pictures_of_a_lost_camera_do_not_wait_for_it(
         return LiveSource(spec, stamp, Stop(stop), connect, on_event)
 
     monkeypatch.setattr(source, "open_source", opened)
-    with open_input(node.config, node) as camera, contextlib.suppress(SourceLost):
+    with node.config._source(node) as camera, contextlib.suppress(SourceLost):
         for item in camera:
             video.send(item, more=True)
     assert came == [0, 1, 2]

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 from live_run import LiveRun
-from rsenf_nodes.live import body
 from run_samples import end_after, node_on
 
 from rsenf.bus.delivery import SIGNALS
@@ -75,7 +74,7 @@ def test_verdicts_and_alarms_go_to_topics_of_their_own_and_both_end() -> None:
     for topic in ("live", "alarm"):
         network.bus("listener").subscribe(told, camera_key("lab", "cam", topic), SIGNALS)
     node = node_on(network, "live", LOOPBACK)
-    thread = threading.Thread(target=body, args=(node,), daemon=True)
+    thread = threading.Thread(target=node.config.body, args=(node,), daemon=True)
     thread.start()
     sender = network.bus("sender")
     pictures = sender.publisher(camera_key("lab", "cam", "rows"), SIGNALS)

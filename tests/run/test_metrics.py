@@ -28,13 +28,13 @@ def run() -> GraphRun:
         header=Header(), messages_in=70, dropped=3, missed=2, rejected=1, queue_depth=4,
         latency_p50_s=0.25, latency_p95_s=1.5, detail="rtsp://user:hunter2@host/x",
     )  # fmt: skip
-    made.live["lab/cam"] = Liveness(header=Header(), verdict="stale", since_ns=5 * 10**9)
+    made.latest["live"]["lab/cam"] = Liveness(header=Header(), verdict="stale", since_ns=5 * 10**9)
     return made
 
 
 def get(port: int, page: str) -> tuple[int, str]:
     try:
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}{page}", timeout=5) as answer:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}{page}") as answer:
             return answer.status, answer.read().decode()
     except urllib.error.HTTPError as exc:
         return exc.code, exc.read().decode()

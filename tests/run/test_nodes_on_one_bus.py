@@ -9,25 +9,25 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
-from rsenf_nodes.rows import RowsLane
 from run_samples import GRAPH, Counting, block, end_after, node_on, wall
 
 from rsenf.bus.delivery import FRAMES_FILE, LOOKING, SIGNALS
-from rsenf.bus.frames import FrameReceiver
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import alive_key, camera_key, health_key, reference_key, word_key
+from rsenf.bus.keys import TOPICS, alive_key, camera_key, health_key, reference_key, word_key
 from rsenf.bus.loopback import Loopback
 from rsenf.errors import InputError
 from rsenf.messages import EnfEstimate, Frame, Header, Health, IdleEstimate, RowBlock
 from rsenf.rows.stage import Rows
 from rsenf.run import peers as peers_module
 from rsenf.run import pump as pump_module
+from rsenf.run.frame_lane import FrameLane
 from rsenf.run.health import EVERY_S
 from rsenf.run.node import NodeProcess
 from rsenf.run.peers import Peers
-from rsenf.run.pump import Lane, TellingLane, pump
+from rsenf.run.pump import Lane, lane_of, pump
 from rsenf.run.recording import Ending
 from rsenf.run.runner import Runner
+from rsenf.stage import StageSpec
 
 ROWS, TRACK = camera_key("lab", "cam", "rows"), camera_key("lab", "cam", "track")
 
@@ -47,11 +47,15 @@ def pumping(node: NodeProcess, lanes: list[Lane]) -> Iterator[threading.Thread]:
     assert not thread.is_alive()
 
 
-def lane(node: NodeProcess, *inputs: str, sender: str = "rows", camera: str = "cam") -> Lane:
+def lane(
+    node: NodeProcess, *inputs: str, sender: str = "rows", camera: str = "cam", topic: str = "track"
+) -> Lane:
+    publisher = node.publisher(camera, topic)
     return Lane(
-        Runner("track", Counting, inputs=len(inputs) or 1),
-        node.publisher(camera, "track"),
-        {node.subscribe(key): sender for key in inputs or (ROWS,)},
+        node=node,
+        runner=Runner(topic, Counting, inputs=len(inputs) or 1),
+        publishers=dict.fromkeys((TOPICS[topic], EnfEstimate), publisher),
+        inputs={node.subscribe(key): sender for key in inputs or (ROWS,)},
     )
 
 
@@ -97,8 +101,9 @@ def test_an_input_whose_sender_is_gone_is_given_up_while_others_go_on(
     network: Loopback, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pump_module, "GIVE_UP_S", 0.1)
-    node, out = node_on(network, "track"), listen(network, TRACK)
-    other = camera_key("lab", "other", "rows")
+    both = {"track": {"kind": "track", "cameras": ["cam", "other"]}}
+    node = node_on(network, "track", {**GRAPH, "nodes": GRAPH["nodes"] | both})  # type: ignore[operator]
+    other, out = camera_key("lab", "other", "rows"), listen(network, TRACK)
     dead, living = network.bus("rows"), network.bus("busy")
     dead.declare_alive(alive_key("lab", "rows"))
     lanes = [lane(node), lane(node, other, sender="busy", camera="other")]
@@ -167,13 +172,13 @@ def test_what_is_under_way_of_a_sender_that_ended_well_is_waited_for(
 def test_a_late_end_of_an_input_given_up_ends_nothing_twice(network: Loopback) -> None:
     node = node_on(network, "match")
     reference = reference_key("lab", "ce")
-    the_lane = lane(node, TRACK, reference, sender="gone")
+    the_lane = lane(node, TRACK, reference, sender="gone", topic="match")
     out = listen(network, TRACK)
-    peers = Peers({"gone"}, gone=["gone"])
-    peers._gone_since["gone"] = -1e9
-    the_lane.give_up("r", peers)  # nothing heard yet: since now
+    node.peers = Peers({"gone"}, gone=["gone"])
+    node.peers._gone_since["gone"] = -1e9
+    the_lane.give_up()  # nothing heard yet: since now
     the_lane._heard = {TRACK: -1e9, reference: time.monotonic()}
-    the_lane.give_up("r", peers)
+    the_lane.give_up()
     assert list(the_lane.inputs) == [reference]
     network.bus("late").publisher(TRACK, SIGNALS).send(
         EnfEstimate(header=end_after(block(3)).header)
@@ -183,7 +188,7 @@ def test_a_late_end_of_an_input_given_up_ends_nothing_twice(network: Loopback) -
     the_lane.feed(received)
     assert list(the_lane.inputs) == [reference]
     assert out.depth == 1  # what was sent as the late END mark, and nothing by the lane
-    the_lane.end("r")
+    the_lane.end()
     assert the_lane.runner.ended
 
 
@@ -414,13 +419,11 @@ def test_a_recording_of_others_alone_ends_when_told_to(
 def test_frames_of_a_stranger_do_not_end_the_rows_node(network: Loopback) -> None:
     node, out = node_on(network, "rows"), listen(network, ROWS)
     key = node.subscribe(camera_key("lab", "cam", "frames"))
-    the_lane = RowsLane(
-        Runner("rows", Rows),
-        node.publisher("cam", "rows"),
-        {key: "decode"},
-        frames=FrameReceiver(),
-        counters=node.inbox.counters,
-        run_id=node.run_id,
+    the_lane = FrameLane(
+        node=node,
+        runner=Runner("rows", Rows),
+        publishers={RowBlock: node.publisher("cam", "rows")},
+        inputs={key: "decode"},
     )
     sender = network.bus("decode").publisher(key, FRAMES_FILE)
     frames = list(wall(16))
@@ -480,18 +483,8 @@ def test_an_idle_node_says_how_far_it_has_come_with_each_camera(
     nodes = {"idle": {"kind": "idle", "cameras": ["cam", "yard"]}}
     node = node_on(network, "idle", {"version": 1, "site": "lab", "nodes": nodes})
     health = health_of(network, "idle")
-    latest: dict[str, str] = {}
-    lanes: list[Lane] = [
-        TellingLane(
-            Runner("idle", Guessing),
-            node.publisher(camera, "idle"),
-            {node.subscribe(camera_key("lab", camera, "rows")): "rows"},
-            node=node,
-            camera=camera,
-            latest=latest,
-        )
-        for camera in ("cam", "yard")
-    ]
+    guess = StageSpec(("idle",), ("rows",), Guessing, shown="idle")
+    lanes = [lane_of(node, camera, [guess]) for camera in ("cam", "yard")]
     out = listen(network, camera_key("lab", "yard", "idle"))
     with pumping(node, lanes) as thread:
         for camera in ("cam", "yard"):

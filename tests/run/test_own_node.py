@@ -8,8 +8,6 @@ import runpy
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -22,22 +20,15 @@ from rsenf.bus.loopback import Loopback
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.cli import main
 from rsenf.config import Graph, load_graph
-from rsenf.config.graph import outputs
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_USAGE, RsenfError
 from rsenf.messages import EnfEstimate, Header, Mark
 from rsenf.run import supervisor
 from rsenf.run.node import NodeProcess
 from rsenf.run.node_state import NodeState
+from rsenf.run.patience import wait_until
 from rsenf.run.supervisor import free_endpoint
 
 OWN = Path("rsenf/run/node_template.py")
-
-
-def until(reached: Callable[[], bool], timeout_s: float = 15.0) -> bool:
-    deadline = time.monotonic() + timeout_s
-    while not reached() and time.monotonic() < deadline:
-        time.sleep(0.02)
-    return reached()
 
 
 def test_its_stage_alone() -> None:
@@ -79,9 +70,9 @@ def test_it_ends_with_what_started_it() -> None:
         with subprocess.Popen(
             ["sh", "-c", f"{sys.executable} {OWN} & wait"], env={**os.environ, **told}
         ) as shell:
-            assert until(lambda: alive == [True])
+            assert wait_until(lambda: alive == [True])
             shell.kill()
-        assert until(lambda: alive == [True, False])
+        assert wait_until(lambda: alive == [True, False])
 
 
 def test_what_it_prints_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,7 +90,7 @@ def test_a_run_that_breaks_stops_its_nodes_in_order(tmp_path: Path) -> None:
 
     def broken() -> None:
         with supervisor.start_graph(load_graph(path), path):
-            assert until(begun.exists)
+            assert wait_until(begun.exists)
             raise RsenfError("no port")
 
     with pytest.raises(RsenfError, match="no port"):
@@ -162,7 +153,7 @@ def test_a_graph_starts_it_again_and_stops_it(tmp_path: Path, live_run: type[Liv
         f"  band: {{kind: external, command: ['{sys.executable}', {OWN}],\n"
         "    reads: [cam/track], sends: [cam/alarm]}\n"
     )
-    assert outputs(load_graph(path).nodes["band"]) == [("alarm", "cam")]
+    assert load_graph(path).nodes["band"].outputs() == [("alarm", "cam")]
     run = live_run(path).until("running", "decode", "track", "band")
     first = run.pids["band"]
     run.kill_node_and_wait("band", first)

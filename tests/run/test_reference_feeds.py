@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rsenf_nodes.reference import body
 from run_samples import end_after, node_on
 
 from rsenf.bus.delivery import SIGNALS
@@ -43,7 +42,7 @@ def publishing(network: Loopback, **reference: Any) -> Iterator[Inbox]:
     """Run the node, and listen to what it publishes; it must end with the block."""
     node, heard = node_on(network, "grid", graph(**reference)), Inbox()
     network.bus("listener").subscribe(heard, reference_key("lab", "ce"), SIGNALS)
-    thread = Thread(target=body, args=(node,), daemon=True)
+    thread = Thread(target=node.config.body, args=(node,), daemon=True)
     thread.start()
     yield heard
     node.stop.set()

@@ -6,9 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from rsenf_nodes.reference import body
+from rsenf_nodes.reference import ReferenceNode
 
-from rsenf.config.node_kinds import ReferenceNode
 from rsenf.errors import UsageError
 from rsenf.messages import Mark
 from rsenf.reference import Reference
@@ -29,7 +28,7 @@ def sent(**config):
         wait_for_peers=lambda: None,
         say=lambda *words: said.append(words),
     )
-    body(node)
+    node.config.body(node)
     return out, said
 
 

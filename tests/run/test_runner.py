@@ -9,16 +9,20 @@ from hypothesis import strategies as st
 from run_samples import Counting, block, end_after, wall
 
 from rsenf.messages import EnfEstimate, Header, Mark, RowBlock, canonical, digest
+from rsenf.rows.settings import RowsSettings
 from rsenf.rows.stage import Rows
-from rsenf.run.runner import Chain, Runner
+from rsenf.run.runner import Pipeline, Runner
+from rsenf.run.stages import rows_stage
+from rsenf.stage import StageSpec
 from rsenf.track import TrackSettings, make_tracker
 
 SHORT = TrackSettings(method="stft", window_s=4.0, nominal_hz=50.0, max_std_hz=1.0)
 
 
-def chain(tapped: list[Any]) -> Chain:
-    runners = [Runner("rows", Rows), Runner("track", lambda: make_tracker(SHORT))]
-    return Chain(runners, lambda topic, message: tapped.append(message))
+def pipeline(tapped: list[Any]) -> Pipeline:
+    track = StageSpec(("track",), ("rows",), lambda: make_tracker(SHORT))
+    stages = [rows_stage(RowsSettings()), track]
+    return Pipeline(stages, ("frames",), lambda topic, message: tapped.append(message))
 
 
 def data(messages: list[Any], cls: type[Any]) -> list[Any]:
@@ -26,12 +30,12 @@ def data(messages: list[Any], cls: type[Any]) -> list[Any]:
 
 
 def streamed(frames: list[Any]) -> list[Any]:
-    """Everything that leaves the chain's stages, fed frame by frame and ended."""
+    """Everything that leaves the stages, fed frame by frame and ended."""
     out: list[Any] = []
-    line = chain(out)
+    line = pipeline(out)
     for frame in frames:
-        line.feed(frame)
-    line.feed(end_after(frames[-1]))
+        line.feed("frames", frame)
+    line.feed("frames", end_after(frames[-1]))
     return out
 
 

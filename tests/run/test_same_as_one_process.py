@@ -17,7 +17,6 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.ring import ring_directory
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import load_graph
-from rsenf.config.node_kinds import IdleNode, MatchNode, TrackNode
 from rsenf.match.stage import Match
 from rsenf.messages import canonical
 from rsenf.record import open_recording
@@ -36,8 +35,9 @@ Stream = dict[str, list[Any]]
 def in_one_process(graph_path: Path, film: Film) -> Stream:
     """What ``rsenf verify`` and ``rsenf idle`` compute, with the settings of the graph."""
     graph = load_graph(graph_path)
-    (track,), (match,) = graph.of(TrackNode), graph.of(MatchNode)
-    idle = track.idle or graph.of(IdleNode)[0].idle
+    kinds: dict[str, Any] = {node.kind: node for node in graph.nodes.values()}
+    track, match = kinds["track"], kinds["match"]
+    idle = track.idle or kinds["idle"].idle
     reference = read_reference(str(film.reference), grid=match.grid)
     out: Stream = defaultdict(list)
     analyse(

@@ -160,7 +160,7 @@ def test_memory_is_bounded():
 def test_what_cannot_be_asked_for_is_refused():
     with pytest.raises(UsageError, match="no interpolation 'cubic'"):
         TrackSettings(method="paper", interpolation="cubic")
-    with pytest.raises(UsageError, match="tries every line"):
+    with pytest.raises(UsageError, match="takes no line: it tries every line"):
         make_tracker(TrackSettings(method="paper", line_m=-1))
     with pytest.raises(UsageError, match="whole number of hops"):
         make_tracker(TrackSettings(method="paper", hop_s=0.3))

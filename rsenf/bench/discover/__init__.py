@@ -3,7 +3,6 @@
 From a seed to a table, one idea a file::
 
     plan       which cases there are: one effect, two, none, or one that no catalogue has
-    strengths  the weakest of each effect that is to be named
     scene      camera, lamp, grid and effects of a case, drawn from its seed
     outside    effects that aren't in the catalogue, by plain array arithmetic
     trial      a case made, given to the workflow, and its truth opened

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rsenf.bench.discover.strengths import SIZE
+from rsenf.model import CATALOGUE
 
 RIGHT, REST, WRONG, MISSED = "right", "right, and a rest", "wrong", "missed"
 
@@ -48,9 +48,10 @@ def parameter_error(
     name: str, truth: dict[str, Any], told: dict[str, Any]
 ) -> tuple[float | None, float | None]:
     """Relative error of an effect's size, and over its standard error; None where not told."""
-    size = SIZE.get(name)
+    weakest = CATALOGUE[name].weakest if name in CATALOGUE else None
+    size = weakest.size if weakest else ""
     found = next((e for e in told["effects"] if e["name"] == name), None)
-    if size is None or found is None or not truth.get(size):
+    if not size or found is None or not truth.get(size):
         return None, None
     off = abs(found["parameters"][size]) - abs(truth[size])
     stderr = found["stderr"].get(size)

@@ -2,14 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 
 from rsenf.bench.discover.outside import OUTSIDE
-from rsenf.bench.discover.strengths import APART, LISTED
+from rsenf.model import CATALOGUE
 from rsenf.model.seeds import generator
 
 KINDS = ("one", "none", "outside", "pair")
+# Their seeds are of this order; whatever joins the catalogue comes after them.
+FIRST = (
+    "harmonics", "gamma", "frame_drop", "frame_duplicate", "capture_jitter", "auto_exposure",
+    "second_lamp", "pwm_tone", "interharmonic", "gop_attenuation", "row_banding", "readout_drift",
+    "variable_frame_rate", "timestamp_jitter", "interlace", "reverse_readout",
+)  # fmt: skip
+
+
+def listed() -> tuple[str, ...]:
+    """Effects of the catalogue that can be hidden: those that say how weak they may be."""
+    known = [name for name, effect in CATALOGUE.items() if effect.weakest]
+    first = [name for name in FIRST if name in known]
+    return (*first, *(name for name in known if name not in first))
+
+
+def left_out() -> dict[str, str]:
+    """Return the other effects, each with the reason why it can't be hidden."""
+    return {name: e.not_hidden for name, e in CATALOGUE.items() if not e.weakest}
 
 
 @dataclass(frozen=True)
@@ -49,16 +67,22 @@ class Case:
 class Plan:
     """How many cases of each kind, from which seed on.
 
-    Attributes
+    Parameters
     ----------
     first_seed : int
+        Seed of the first case.
     each : int
         Of each effect of the catalogue that is listed.
-    none, outside, pairs : int
-        With nothing hidden, with what is in no catalogue, with two effects.
+    none : int
+        With nothing hidden.
+    outside : int
+        With what is in no catalogue.
+    pairs : int
+        With two effects.
     times : float
         Strength, over the weakest that is to be named.
     duration_s : float
+        Of each recording; 30 s of video.
     video : bool
         Filmed, encoded and decoded.
     effects : tuple of str
@@ -73,7 +97,7 @@ class Plan:
     times: float = 3.0
     duration_s: float = 60.0
     video: bool = False
-    effects: tuple[str, ...] = tuple(LISTED)
+    effects: tuple[str, ...] = field(default_factory=listed)
 
     def cases(self) -> list[Case]:
         """Return all cases, each with a seed of its own, mixed."""
@@ -84,7 +108,7 @@ class Plan:
         outside = list(OUTSIDE)
         hidden += [("outside", (outside[n % len(outside)],)) for n in range(self.outside)]
         rng = generator(self.first_seed, "pairs")
-        pairs = [p for p in combinations(self.effects, 2) if not any(set(p) <= a for a in APART)]
+        pairs = [p for p in combinations(self.effects, 2) if _go_together(*p)]
         for n in rng.choice(len(pairs), self.pairs, replace=self.pairs > len(pairs)).tolist():
             hidden.append(("pair", pairs[n]))
         cases = [
@@ -94,3 +118,7 @@ class Plan:
         # A run that is stopped halfway has something of everything.
         order = generator(self.first_seed, "order").permutation(len(cases))
         return [cases[n] for n in order.tolist()]
+
+
+def _go_together(one: str, other: str) -> bool:
+    return not (other in CATALOGUE[one].never_with or one in CATALOGUE[other].never_with)

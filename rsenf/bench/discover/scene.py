@@ -10,9 +10,9 @@ from typing import Any
 
 from rsenf.bench.discover.plan import Case
 from rsenf.bench.discover.shown import as_shown
-from rsenf.bench.discover.strengths import LISTED
 from rsenf.bench.grids import grid_for
-from rsenf.model import CaptureModel, GridPath, Light, Scene, Shutter
+from rsenf.model import CATALOGUE, CaptureModel, GridPath, Light, Scene, Shutter
+from rsenf.model.effects import Hiding
 from rsenf.model.seeds import generator
 
 NTSC, FILM = Fraction(30000, 1001), Fraction(24)
@@ -89,10 +89,11 @@ def drawn(case: Case, grids: Path | None) -> Drawn:
             texture_ratio=float(rng.uniform(0.02, 0.1)),
         ),
     ).with_effect("exposure", exposure_s=exposure_s)
-    frames, hidden = round(case.duration_s * rate), {}
+    hiding = Hiding(rng, case.times, round(case.duration_s * rate), rate, exposure_s)
+    hidden = {}
     for name in case.hidden:
-        if name in LISTED:
-            hidden[name] = LISTED[name](rng, case.times, frames, rate, exposure_s)
+        if name in CATALOGUE:
+            hidden[name] = CATALOGUE[name].hidden(hiding)
     if case.kind == "none" and rng.random() < CROPPED:
         truth = truth.with_effect("rows_cropped", crop_ratio=float(rng.uniform(0.05, 0.2)))
     for name, values in hidden.items():

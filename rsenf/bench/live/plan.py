@@ -71,7 +71,10 @@ class LivePlan:
     Parameters
     ----------
     part : {'fit', 'test'}
-    first_seed, clips : int
+    first_seed : int
+        Seed of the first feed.
+    clips : int
+        Number of feeds.
     duration_s : float
         Of an honest feed.
 

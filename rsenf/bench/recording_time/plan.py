@@ -73,12 +73,15 @@ class RecordingPlan:
     Parameters
     ----------
     size : str
+        Of all films, such as 480p.
     codings : tuple of str
+        Bit rates, or lossless.
     first_seed, clips : int
         Seeds and number of the films. Still and moving ones take turns, and so do cameras and
         lamps, so that a run that is stopped is even; after :data:`ROUND` films there are new
         cameras.
     duration_s, reference_s : float
+        Of a film, and of what it is searched for in.
 
     Raises
     ------

@@ -7,11 +7,11 @@ from functools import cached_property
 
 from rsenf.bench.recording_time.plan import NOMINAL_HZ
 from rsenf.match import Finding, MatchSettings
-from rsenf.match.paper import metric
+from rsenf.match.paper import Metric, metric
 from rsenf.match.paper_search import Tally, paper_search
 from rsenf.match.paper_tracks import Hypotheses, hypotheses_of
 from rsenf.match.series import grid_of
-from rsenf.match.stage import PAPER_TRACKER, Match
+from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, MatchResult, RowBlock
 from rsenf.reference import Reference, reference_blocks
 from rsenf.track import TrackSettings, make_tracker
@@ -41,7 +41,7 @@ class ClipEnf:
     @cached_property
     def hypotheses(self) -> Hypotheses | None:
         """What the paper's tracker says of each hypothesis; None of a clip without a window."""
-        return hypotheses_of(self._tracked(PAPER_TRACKER))
+        return hypotheses_of(self._tracked(Metric.enf_method))
 
     def _tracked(self, method: str) -> Iterator[EnfEstimate]:
         stage = make_tracker(TrackSettings(method=method, nominal_hz=NOMINAL_HZ))

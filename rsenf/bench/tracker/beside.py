@@ -19,7 +19,7 @@ from rsenf.live.settings import LiveSettings
 from rsenf.match.stage import Match
 from rsenf.messages import Frame, Header
 from rsenf.rows.stage import Rows
-from rsenf.run.following import FollowingStages
+from rsenf.run.stages import flicker_stages
 from rsenf.track import TrackSettings
 
 INTERIM_S = 60.0  # between results of the match
@@ -70,8 +70,8 @@ class _Stages:
 
     def __init__(self, light: Light, seconds: int) -> None:
         self._light = light
-        stages = FollowingStages(TrackSettings(), IdleSettings())
-        self._track, self._idle = stages.tracker(), stages.idle()
+        track, idle = flicker_stages(TrackSettings(), IdleSettings())
+        self._track, self._idle = track.make(), idle.make()
         self._match = Match(interim_every_s=INTERIM_S)
         self._live = Live(LiveSettings(), start_utc_ns=T0_NS)
         known = reference(max(seconds, 3600))

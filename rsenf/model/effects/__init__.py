@@ -14,6 +14,7 @@ from rsenf.model.effects.base import (
     WaveformEffect,
 )
 from rsenf.model.effects.catalogue import CATALOGUE, load_effects, make_effect, register
+from rsenf.model.effects.hiding import Hiding, Weakest
 
 __all__ = [
     "CATALOGUE",
@@ -21,6 +22,7 @@ __all__ = [
     "DeliveryEffect",
     "Effect",
     "FrameEffect",
+    "Hiding",
     "LightEffect",
     "ReadOutEffect",
     "Run",
@@ -28,6 +30,7 @@ __all__ = [
     "SensorEffect",
     "ToneEffect",
     "WaveformEffect",
+    "Weakest",
     "load_effects",
     "make_effect",
     "register",

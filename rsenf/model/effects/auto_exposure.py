@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.model.effects.base import Run, SensorEffect
+from rsenf.model.effects.hiding import Weakest
 from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
@@ -25,6 +26,7 @@ class AutoExposure(SensorEffect):
     source = "control loops of cameras; 0.1 to 5 % in steady light"
     confused_with = ("interharmonic", "daylight")
     told_apart_by = "a gain keeps the relative flicker, light that is added doesn't"
+    weakest = Weakest(0.002, "gain_ratio")
 
     gain_ratio: float = parameter(0.002, "rms of the gain about 1", low=0, high=0.3)
     time_constant_s: float = parameter(2.0, "over which it forgets", low=0.02, high=600)

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from rsenf.model import parameters
 from rsenf.model.clip import Clip
+from rsenf.model.effects.hiding import Hiding, Weakest
 from rsenf.model.effects.residue import Residue
 from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
@@ -115,6 +116,12 @@ class Effect(ABC):
         Which data or further measurement decides between them.
     along_lines : bool
         Whether its light changes from one end of a line to the other.
+    weakest : Weakest or None
+        The weakest of it that is to be named; None for one that a blind test can't hide.
+    not_hidden : str
+        Why it can't.
+    never_with : tuple of str
+        Effects that can't be had at the same time, or that the data can't tell from it.
     """
 
     name: ClassVar[str]
@@ -122,6 +129,9 @@ class Effect(ABC):
     confused_with: ClassVar[tuple[str, ...]]
     told_apart_by: ClassVar[str]
     along_lines: ClassVar[bool] = False
+    weakest: ClassVar[Weakest | None] = None
+    not_hidden: ClassVar[str] = "it doesn't say how weak it may be"
+    never_with: ClassVar[tuple[str, ...]] = ()
 
     def check(self, shutter: Shutter) -> None:  # noqa: B027 # most effects fit every shutter
         """Check what no single range can.
@@ -152,6 +162,17 @@ class Effect(ABC):
             defaults, if there is a parameter to be fitted at all.
         """
         return [{}] if parameters.fittings(cls) else []
+
+    @classmethod
+    def hidden(cls, hiding: Hiding) -> dict[str, Any]:
+        """Draw parameters with which it is hidden in a clip.
+
+        By default its size alone, so many times as far from neutral as the weakest.
+        """
+        weakest = cls.weakest
+        if weakest is None or not weakest.size:
+            return {}
+        return {weakest.size: weakest.neutral + hiding.times * weakest.change}
 
 
 class FrameEffect(Effect):

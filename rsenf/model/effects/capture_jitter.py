@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from rsenf.model.clip import Clip
 from rsenf.model.effects.base import FrameEffect, Run
+from rsenf.model.effects.hiding import Weakest
 from rsenf.model.parameters import Fitting, parameter
 
 
@@ -24,6 +25,7 @@ class CaptureJitter(FrameEffect):
         "stamps that jitter along, and the texture of the scene: it stands still here, and moves "
         "with an image that wobbles"
     )
+    weakest = Weakest(20e-6, "jitter_s")
 
     jitter_s: float = parameter(1e-4, "rms", low=0, high=5e-3)
     late_s: tuple[float, ...] = parameter(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib.util
 import inspect
 import sys
@@ -11,45 +10,43 @@ from typing import Any
 
 from rsenf.errors import UsageError
 from rsenf.model import parameters
-from rsenf.model.effects.auto_exposure import AutoExposure
 from rsenf.model.effects.base import Effect
-from rsenf.model.effects.capture_jitter import CaptureJitter
-from rsenf.model.effects.clock_skew import ClockSkew
-from rsenf.model.effects.codec_lowpass import CodecLowpass
-from rsenf.model.effects.exposure import Exposure
-from rsenf.model.effects.frame_drop import FrameDrop
-from rsenf.model.effects.frame_duplicate import FrameDuplicate
-from rsenf.model.effects.gamma import Gamma
-from rsenf.model.effects.gop_attenuation import GopAttenuation
-from rsenf.model.effects.harmonics import Harmonics
-from rsenf.model.effects.image_wobble import ImageWobble
-from rsenf.model.effects.interharmonic import Interharmonic
-from rsenf.model.effects.interlace import Interlace
-from rsenf.model.effects.moving_object import MovingObject
-from rsenf.model.effects.pwm_tone import PwmTone
-from rsenf.model.effects.readout_drift import ReadoutDrift
-from rsenf.model.effects.reverse_readout import ReverseReadout
-from rsenf.model.effects.row_banding import RowBanding
-from rsenf.model.effects.rows_cropped import RowsCropped
-from rsenf.model.effects.second_lamp import SecondLamp
-from rsenf.model.effects.timestamp_jitter import TimestampJitter
-from rsenf.model.effects.variable_frame_rate import VariableFrameRate
 from rsenf.model.parameters import KeyPath, ParameterError
-
-# In the order in which light and frames meet them.
-CATALOGUE: dict[str, type[Effect]] = {
-    effect.name: effect
-    for effect in (
-        ClockSkew, VariableFrameRate, CaptureJitter,
-        Exposure, RowsCropped, ReadoutDrift, ReverseReadout, Interlace, ImageWobble,
-        Harmonics, SecondLamp, PwmTone, Interharmonic, MovingObject,
-        AutoExposure, Gamma, RowBanding,
-        FrameDrop, FrameDuplicate, TimestampJitter,
-        GopAttenuation, CodecLowpass,
-    )
-}  # fmt: skip
+from rsenf.registry import Registry
 
 _TOLD = ("__doc__", "name", "source", "confused_with", "told_apart_by")
+# In the order in which light and frames meet them; one file and one class each, called alike.
+_OWN = (
+    "clock_skew", "variable_frame_rate", "capture_jitter",
+    "exposure", "rows_cropped", "readout_drift", "reverse_readout", "interlace", "image_wobble",
+    "harmonics", "second_lamp", "pwm_tone", "interharmonic", "moving_object",
+    "auto_exposure", "gamma", "row_banding",
+    "frame_drop", "frame_duplicate", "timestamp_jitter",
+    "gop_attenuation", "codec_lowpass",
+)  # fmt: skip
+
+
+def _check(name: str, effect: type[Effect]) -> None:
+    """Check that it says what every effect says of itself."""
+    if not (inspect.isclass(effect) and issubclass(effect, Effect)):
+        raise UsageError(f"{name} is no rsenf.model.effects.Effect")
+    missing = [what for what in _TOLD if not getattr(effect, what, None)]
+    missing += ["apply"] if inspect.isabstract(effect) else []
+    if missing:
+        raise UsageError(
+            f"the effect {effect.__name__} lacks {', '.join(missing)}",
+            "configs/model/my_effect.py is a template",
+        )
+    if effect.name != name:
+        raise UsageError(f"the effect {effect.name} is added as {name}", "give both one name")
+
+
+CATALOGUE: Registry[type[Effect]] = Registry(
+    "effect",
+    "rsenf.effects",
+    {name: f"rsenf.model.effects.{name}:{name.title().replace('_', '')}" for name in _OWN},
+    _check,
+)
 
 
 def make_effect(name: str, values: Any, path: KeyPath = ()) -> Effect:
@@ -72,9 +69,7 @@ def make_effect(name: str, values: Any, path: KeyPath = ()) -> Effect:
     """
     path = path or ("effects", name)
     if name not in CATALOGUE:
-        near = difflib.get_close_matches(name, CATALOGUE, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(CATALOGUE)}"
-        raise ParameterError(path, "is no effect", hint)
+        raise ParameterError(path, "is no effect", CATALOGUE.hint(name))
     return parameters.from_dict(CATALOGUE[name], values, path)
 
 
@@ -104,14 +99,7 @@ def register(effect: type[Effect]) -> None:
     UsageError
         When it doesn't say what every effect says of itself.
     """
-    missing = [what for what in _TOLD if not getattr(effect, what, None)]
-    missing += ["apply"] if inspect.isabstract(effect) else []
-    if missing:
-        raise UsageError(
-            f"the effect {effect.__name__} lacks {', '.join(missing)}",
-            "configs/model/my_effect.py is a template",
-        )
-    CATALOGUE[effect.name] = effect
+    CATALOGUE.register(getattr(effect, "name", effect.__name__), effect)
 
 
 def load_effects(path: Path) -> list[type[Effect]]:

@@ -21,6 +21,7 @@ class ClockSkew(FrameEffect):
     source = "crystal oscillators, 10 to 100 ppm; 62 to 76 ppm measured on a GoPro"
     confused_with = ("variable_frame_rate", "grid frequency")
     told_apart_by = "a reference of the grid's frequency, or a second clock in the recording"
+    not_hidden = "it needs a reference of the grid, and has cases of its own beside one"
 
     clock_ppm: float = parameter(30.0, "error of the clock, fast > 0", low=-1e4, high=1e4)
 

@@ -32,6 +32,7 @@ class CodecLowpass(CodecEffect):
         "harmonics, whose aliases are elsewhere, lose other shares; the first frames after a key "
         "frame, which still have all of the flicker"
     )
+    not_hidden = "but for the first frames it is a weaker flicker, which is fitted anyway"
 
     gain: float = parameter(
         0.3, "share of a change that a frame takes over", low=0.001, high=1,

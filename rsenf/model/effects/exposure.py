@@ -25,6 +25,7 @@ class Exposure(ReadOutEffect):
         "alone it only lowers the signal, which is a parameter of the light; the ratio of two "
         "harmonics of a known lamp tells it"
     )
+    not_hidden = "alone it only lowers the signal, which is fitted anyway"
 
     exposure_s: float = parameter(0.002, "exposure of a line, camera's clock", low=0, high=1)
 

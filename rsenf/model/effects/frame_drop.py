@@ -10,6 +10,7 @@ import numpy as np
 from rsenf.model.clip import Clip
 from rsenf.model.effects.base import DeliveryEffect, Run
 from rsenf.model.effects.events import event_frames, leaps
+from rsenf.model.effects.hiding import Hiding, Weakest
 from rsenf.model.effects.residue import Residue
 from rsenf.model.parameters import parameter
 
@@ -30,6 +31,8 @@ class FrameDrop(DeliveryEffect):
         "the sign of the phase step; where the alias is at 0 Hz (25 fps at 50 Hz) there is none, "
         "and only motion in the scene or a second clock tells"
     )
+    weakest = Weakest(1.0)  # a minute
+    never_with = ("frame_duplicate",)
 
     drops_per_min: float = parameter(1.0, "frames lost per minute, on average", low=0, high=600)
     at_frames: tuple[int, ...] = parameter(
@@ -53,3 +56,8 @@ class FrameDrop(DeliveryEffect):
         # Each one lost before shifts the numbers of those that were captured.
         lost = tuple(int(n) + k for k, n in enumerate(found))
         return [{"at_frames": lost}] if lost else []
+
+    @classmethod
+    def hidden(cls, hiding: Hiding) -> dict[str, Any]:
+        """Draw the frames."""
+        return {"at_frames": hiding.events(hiding.times * cls.weakest.change)}

@@ -10,6 +10,7 @@ import numpy as np
 from rsenf.model.clip import Clip
 from rsenf.model.effects.base import DeliveryEffect, Run
 from rsenf.model.effects.events import event_frames, leaps
+from rsenf.model.effects.hiding import Hiding, Weakest
 from rsenf.model.effects.residue import Residue
 from rsenf.model.parameters import parameter
 
@@ -27,6 +28,7 @@ class FrameDuplicate(DeliveryEffect):
     source = "conversion to a constant frame rate; FFmpeg's fps filter"
     confused_with = ("frame_drop", "clock_skew")
     told_apart_by = "the sign of the phase step; two equal frames side by side"
+    weakest = Weakest(1.0)  # a minute
 
     duplicates_per_min: float = parameter(
         1.0, "frames repeated per minute, on average", low=0, high=600
@@ -63,3 +65,8 @@ class FrameDuplicate(DeliveryEffect):
         hiding = tuple(int(n) - 1 for n in back[hides])
         told = [{"at_frames": moved, "retimed": True}, {"at_frames": hiding, "retimed": False}]
         return [values for values in told if values["at_frames"]]
+
+    @classmethod
+    def hidden(cls, hiding: Hiding) -> dict[str, Any]:
+        """Draw the frames."""
+        return {"at_frames": hiding.events(hiding.times * cls.weakest.change)}

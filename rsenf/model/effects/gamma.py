@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rsenf.model.effects.base import ToneEffect
+from rsenf.model.effects.hiding import Weakest
 from rsenf.model.parameters import Fitting, parameter
 
 
@@ -21,6 +22,7 @@ class Gamma(ToneEffect):
     source = "ITU-R BT.709 and sRGB transfer curves; FFmpeg's eq filter"
     confused_with = ("harmonics",)
     told_apart_by = "noise against level, or flicker in bright against dark regions"
+    weakest = Weakest(0.2, "exponent", 1.0)
 
     exponent: float = parameter(
         1.2, "of the power law", low=0.3, high=3.0, fitting=Fitting(1.0, 0.02)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.model.effects.base import CodecEffect, Run
+from rsenf.model.effects.hiding import Hiding, Weakest
 from rsenf.model.effects.residue import Residue
 from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
@@ -26,6 +27,7 @@ class GopAttenuation(CodecEffect):
     source = "H.264 and H.265 groups of pictures of 12 to 300 frames"
     confused_with = ("codec_lowpass", "interharmonic")
     told_apart_by = "the period, which the container's key frames tell"
+    weakest = Weakest(0.01, "loss_ratio")
 
     loss_ratio: float = parameter(
         0.05, "share of the flicker lost at the end of a group", low=0, high=1,
@@ -56,6 +58,12 @@ class GopAttenuation(CodecEffect):
         best = 2 + int(np.argmax(again[2:] / (size.size - np.arange(2, again.size))))
         periods = [n for n in range(2, best + 1) if best % n == 0]
         return [{"period_frames": n, "first_age": _first_age(size, n)} for n in periods]
+
+    @classmethod
+    def hidden(cls, hiding: Hiding) -> dict[str, Any]:
+        """Draw the period, too."""
+        period = int(hiding.rng.choice([12, 15, 24, 25, 30, 48, 50, 60]))
+        return {**super().hidden(hiding), "period_frames": period}
 
 
 def _first_age(size: FloatArray, period: int) -> int:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.model.effects.base import WaveformEffect
+from rsenf.model.effects.hiding import Hiding, Weakest
 from rsenf.model.parameters import Fitting, parameter
 
 
@@ -27,6 +29,8 @@ class Harmonics(WaveformEffect):
         "gamma bends all levels alike: compare bright with dark regions, and noise with level; "
         "a PWM tone doesn't follow the mains"
     )
+    weakest = Weakest(0.003, "second_ratio")
+    never_with = ("gamma",)
 
     second_ratio: float = parameter(
         0.05, "2nd harmonic over the 1st", low=0, high=1,
@@ -48,3 +52,8 @@ class Harmonics(WaveformEffect):
         second = self.second_ratio * np.exp(1j * self.second_phase_rad)
         third = self.third_ratio * np.exp(1j * self.third_phase_rad)
         return np.asarray(series[0] * np.array([1.0, second, third]))
+
+    @classmethod
+    def hidden(cls, hiding: Hiding) -> dict[str, Any]:
+        """Draw the phase, too."""
+        return {**super().hidden(hiding), "second_phase_rad": hiding.phase_rad()}

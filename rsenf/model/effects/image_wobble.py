@@ -26,6 +26,7 @@ class ImageWobble(ReadOutEffect):
     source = "electronic image stabilisation; 0.1 to 20 rows"
     confused_with = ("capture_jitter", "timestamp_jitter")
     told_apart_by = "the texture moves along; with perfect stabilisation nothing tells"
+    not_hidden = "in the means of rows it is capture jitter, but for the texture"
 
     wobble_rows: float = parameter(1.0, "rms of the shift", low=0, high=30)
     time_constant_s: float = parameter(0.02, "of the movement; 0 is white", low=0, high=60)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.model.effects.base import LightEffect, Run
+from rsenf.model.effects.hiding import Hiding, Weakest
 from rsenf.model.effects.residue import Residue
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
@@ -29,6 +30,7 @@ class Interharmonic(LightEffect):
         "its alias is one of many: the phase ramp down the rows tells which; near 0 Hz only the "
         "side lines part it from a gain"
     )
+    weakest = Weakest(2e-4, "depth_ratio")
 
     flicker_hz: float = parameter(
         8.8, "frequency of the light's swing", low=0.1, high=1000,
@@ -54,3 +56,10 @@ class Interharmonic(LightEffect):
         """Try what stands out, and its aliases."""
         meta = cls.__dataclass_fields__["flicker_hz"].metadata
         return [{"flicker_hz": f} for f in residue.tones_hz if meta["low"] <= f <= meta["high"]]
+
+    @classmethod
+    def hidden(cls, hiding: Hiding) -> dict[str, Any]:
+        """Draw the tone, too."""
+        flicker_hz = hiding.tone_hz(1.5, 25.0)
+        values = {"flicker_hz": flicker_hz, **super().hidden(hiding)}
+        return values | {"phase_rad": hiding.phase_rad()}

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.model.effects.base import ReadOutEffect, Run
+from rsenf.model.effects.hiding import Hiding, Weakest
 from rsenf.model.effects.residue import GROSS, Residue
 from rsenf.model.parameters import parameter
 from rsenf.model.readout import ReadOut
@@ -28,6 +29,8 @@ class Interlace(ReadOutEffect):
     source = "PAL, NTSC and 1080i cameras; FFmpeg's interlace filter"
     confused_with = ("row_banding", "readout_drift")
     told_apart_by = "lines taken apart by parity; the comb turns with the flicker"
+    weakest = Weakest()
+    never_with = ("reverse_readout",)
 
     bottom_first: bool = parameter(False, "odd lines come first")
 
@@ -42,3 +45,8 @@ class Interlace(ReadOutEffect):
         """Try either field as the first, where hardly anything fits or rows are wrong by turns."""
         seen = residue.gap > GROSS or residue.comb - residue.gap > COMB
         return [{"bottom_first": b} for b in (False, True)] if seen else []
+
+    @classmethod
+    def hidden(cls, hiding: Hiding) -> dict[str, Any]:
+        """Draw which field comes first."""
+        return {"bottom_first": bool(hiding.rng.integers(2))}

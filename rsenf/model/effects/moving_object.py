@@ -24,6 +24,7 @@ class MovingObject(SceneEffect):
     source = "people and cars; the paper's moving videos"
     confused_with = ("image_wobble", "auto_exposure")
     told_apart_by = "it is in some rows and strips only; pixels that it never touched are steady"
+    not_hidden = "it is no light: the mask of steady pixels takes it out of the rows"
 
     width_ratio: float = parameter(0.2, "width over the frame's width", low=0.01, high=0.9)
     height_ratio: float = parameter(0.3, "height over the frame's height", low=0.01, high=1)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.model.effects.base import LightEffect, Run
+from rsenf.model.effects.hiding import Hiding, Weakest
 from rsenf.model.effects.residue import Residue
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
@@ -29,6 +30,7 @@ class PwmTone(LightEffect):
     told_apart_by = (
         "its phase ramp down the rows tells its frequency up to aliases of the line rate"
     )
+    weakest = Weakest(5e-4, "depth_ratio")
 
     tone_hz: float = parameter(
         1000.0, "frequency", low=100, high=50_000,
@@ -56,3 +58,9 @@ class PwmTone(LightEffect):
         """Try what stands out, and its aliases."""
         meta = cls.__dataclass_fields__["tone_hz"].metadata
         return [{"tone_hz": f} for f in residue.tones_hz if meta["low"] <= f <= meta["high"]]
+
+    @classmethod
+    def hidden(cls, hiding: Hiding) -> dict[str, Any]:
+        """Draw the tone, too."""
+        tone_hz = hiding.tone_hz(250.0, 2500.0)
+        return {"tone_hz": tone_hz, **super().hidden(hiding), "phase_rad": hiding.phase_rad()}

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from rsenf.model.effects.base import ReadOutEffect, Run
+from rsenf.model.effects.hiding import Hiding, Weakest
 from rsenf.model.parameters import Fitting, parameter
 from rsenf.model.readout import ReadOut
 
@@ -21,6 +23,7 @@ class ReadoutDrift(ReadOutEffect):
     source = "line clocks that follow the sensor's temperature, mode changes; to 1 % a minute"
     confused_with = ("image_wobble", "rows_cropped")
     told_apart_by = "it is nought at the first line and grows down the frame"
+    weakest = Weakest(0.002, "drift_per_min")
 
     drift_per_min: float = parameter(
         0.002, "relative change of the read-out time in a minute", low=-0.2, high=0.2,
@@ -31,3 +34,8 @@ class ReadoutDrift(ReadOutEffect):
         """Stretch the lines' times, later frames more."""
         stretch = 1 + self.drift_per_min / 60 * run.step_s * read_out.number
         read_out.line_s = read_out.line_s * stretch[:, None]
+
+    @classmethod
+    def hidden(cls, hiding: Hiding) -> dict[str, Any]:
+        """In either direction."""
+        return {name: hiding.sign() * value for name, value in super().hidden(hiding).items()}

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rsenf.model.effects.base import ReadOutEffect, Run
+from rsenf.model.effects.hiding import Weakest
 from rsenf.model.effects.residue import GROSS, Residue
 from rsenf.model.readout import ReadOut
 
@@ -24,6 +25,7 @@ class ReverseReadout(ReadOutEffect):
         "where the alias is at 0 Hz (25 fps at 50 Hz) direction and the sign of the ENF's "
         "deviation can't be told apart without a reference"
     )
+    weakest = Weakest()
 
     def apply(self, read_out: ReadOut, run: Run) -> None:
         """Turn the order round."""

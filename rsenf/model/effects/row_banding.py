@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.model.effects.base import Run, SensorEffect
+from rsenf.model.effects.hiding import Weakest
 from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
@@ -24,6 +25,7 @@ class RowBanding(SensorEffect):
     source = "fixed-pattern noise of column-parallel converters (EMVA 1288, DSNU); 0.05 to 1 %"
     confused_with = ("texture", "daylight")
     told_apart_by = "light of another level: the pattern stays, texture follows"
+    weakest = Weakest(0.003, "banding_ratio")
 
     banding_ratio: float = parameter(0.003, "rms over the mean level", low=0, high=0.2)
     offset_ratios: tuple[float, ...] = parameter(

@@ -21,6 +21,7 @@ class RowsCropped(ReadOutEffect):
     source = "electronic image stabilisation, digital zoom, 16:9 from a 4:3 sensor"
     confused_with = ("idle_ratio",)
     told_apart_by = "nothing in the data: it is a change of the idle ratio"
+    not_hidden = "it is a change of the idle ratio, which is fitted anyway"
 
     crop_ratio: float = parameter(0.1, "share of the lines thrown away", low=0, high=0.9)
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rsenf.model.effects.base import LightEffect, Run
+from rsenf.model.effects.hiding import Hiding, Weakest
 from rsenf.model.lamp import LAMPS
 from rsenf.model.light import Light
 from rsenf.model.line_light import LineLight
@@ -28,6 +30,7 @@ class SecondLamp(LightEffect):
     confused_with = ("light phase", "flicker_ratio")
     told_apart_by = "strips from left to right; in row means alone it can't be seen"
     along_lines = True
+    weakest = Weakest(0.02, "weight")
 
     weight: float = parameter(
         0.1, "its mean share of the light", low=0, high=1,
@@ -50,3 +53,9 @@ class SecondLamp(LightEffect):
         if self.tilt_ratio:
             slope = np.float32(2 * self.tilt_ratio) * change
             light.slope = slope if light.slope is None else light.slope + slope
+
+    @classmethod
+    def hidden(cls, hiding: Hiding) -> dict[str, Any]:
+        """On either of the other two phases of the supply."""
+        phase_rad = hiding.sign() * 2.0 * math.pi / 3.0
+        return {**super().hidden(hiding), "phase_rad": phase_rad}

@@ -8,6 +8,7 @@ import numpy as np
 
 from rsenf.model.clip import Clip
 from rsenf.model.effects.base import DeliveryEffect, Run
+from rsenf.model.effects.hiding import Weakest
 from rsenf.model.parameters import parameter
 
 
@@ -24,6 +25,7 @@ class TimestampJitter(DeliveryEffect):
     source = "RTP arrival stamps, software stamping; 0.1 to 5 ms"
     confused_with = ("capture_jitter", "image_wobble")
     told_apart_by = "the stamps themselves against the flicker's phase: the jitter is in both"
+    weakest = Weakest(1e-4, "jitter_s")
 
     jitter_s: float = parameter(1e-3, "rms", low=0, high=0.02)
     error_s: tuple[float, ...] = parameter(

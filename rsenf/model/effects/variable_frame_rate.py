@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rsenf.model.clip import Clip
 from rsenf.model.effects.base import FrameEffect, Run
+from rsenf.model.effects.hiding import Hiding, Weakest
 from rsenf.model.grid import FloatArray
 from rsenf.model.parameters import parameter
 from rsenf.model.wander import wander
@@ -25,6 +27,7 @@ class VariableFrameRate(FrameEffect):
     source = "phones that lengthen frames in dim light; oscillators that warm up, 1e-6 to 1e-4"
     confused_with = ("clock_skew", "grid frequency")
     told_apart_by = "the stamps, or a reference of the grid's frequency"
+    weakest = Weakest(1e-5)  # no size: what a short clip has of it varies
 
     rate_ratio: float = parameter(1e-5, "rms of the relative change", low=0, high=0.2)
     time_constant_s: float = parameter(10.0, "over which it forgets", low=0, high=3600)
@@ -44,3 +47,8 @@ class VariableFrameRate(FrameEffect):
         change = wander(run.rng(), run.frames, run.step_s, self.time_constant_s)
         periods = np.maximum(self.rate_ratio * change, -0.9) * run.step_s
         return np.concatenate(([0.0], np.cumsum(periods)[:-1]))
+
+    @classmethod
+    def hidden(cls, hiding: Hiding) -> dict[str, Any]:
+        """By its relative change."""
+        return {"rate_ratio": hiding.times * cls.weakest.change}

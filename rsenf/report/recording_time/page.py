@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rsenf.report.pages import Picture, fill, setting
 from rsenf.report.verdict import ppm_text
@@ -23,6 +23,36 @@ _WORDS = {
 }
 
 
+class Section(NamedTuple):
+    """A section of the page: ``sections/<id>.html.j2``, in which ``r`` is the document.
+
+    ``short`` is its name in the contents. One that is ``about`` a part of the document is left out
+    where that is empty.
+    """
+
+    id: str
+    title: str
+    short: str = ""
+    about: str = ""
+
+
+# In the order of the page. A new one is a file and a line here.
+SECTIONS = (
+    Section("evidence", "Weight of the evidence"),
+    Section("claim", "The claim", about="claim"),
+    Section("help", "What would help", about="what_would_help"),
+    Section("pictures", "Pictures"),
+    Section("candidates", "Candidates"),
+    Section("camera", "The camera", "Camera"),
+    Section("search", "The search", "Search"),
+    Section("warnings", "Warnings"),
+    Section("limits", "Known limits of the method", "Limits"),
+    Section("inputs", "What this rests on", "Inputs"),
+    Section("parameters", "Parameters in effect, and versions", "Parameters"),
+    Section("terms", "Terms"),
+)
+
+
 def page_of(document: dict[str, Any], pictures: Sequence[Picture]) -> str:
     """Fill in the page; whatever comes from outside is escaped.
 
@@ -33,7 +63,9 @@ def page_of(document: dict[str, Any], pictures: Sequence[Picture]) -> str:
     pictures : sequence of Picture
         Those that the document names, in its order.
     """
-    return fill(Path(__file__).parent / "page.html.j2", pictures, _FILTERS, r=document)
+    shown = [section for section in SECTIONS if not section.about or document[section.about]]
+    template = Path(__file__).parent / "page.html.j2"
+    return fill(template, pictures, _FILTERS, r=document, sections=shown)
 
 
 def _known(write: Callable[..., str]) -> Callable[..., str]:

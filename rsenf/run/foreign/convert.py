@@ -15,8 +15,8 @@ from rsenf.rows.settings import RowsSettings
 from rsenf.run.foreign.cameras import choose_camera, picture_topics
 from rsenf.run.foreign.finder import Finder
 from rsenf.run.foreign.stream import Item, PictureStream
-from rsenf.run.row_sampling import make_rows
 from rsenf.run.runner import Runner
+from rsenf.run.stages import rows_stage
 from rsenf.whole_file import whole_file
 
 
@@ -121,7 +121,7 @@ class _Lane:
         self.stream = PictureStream(f"{site}/{camera}", with_packets=True)
         self.done = Imported(topic)
         self._recorder, self._site, self._camera = recorder, site, camera
-        self._sampler = Runner("rows", lambda: make_rows(rows))
+        self._sampler = Runner.of(rows_stage(rows), 1)
         self._first_ns = 0
         self._frame: Header | None = None
         self._packet: Header | None = None

@@ -1,0 +1,53 @@
+"""Print what makes a shell complete verbs, options, and the names that they take.
+
+eval "$(rsenf completion bash)"                        in ~/.bashrc
+rsenf completion zsh > "${fpath[1]}/_rsenf"            once
+rsenf completion fish > ~/.config/fish/completions/rsenf.fish
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    parser.add_argument("shell", choices=("bash", "zsh", "fish"))
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the script.
+
+    Raises
+    ------
+    UsageError
+        When the library that makes it isn't installed.
+    """
+    from rsenf.cli import VERBS, top_parser, verb_parser
+    from rsenf.errors import EXIT_DONE, UsageError
+
+    try:
+        import shtab
+    except ImportError as exc:
+        raise UsageError("completion needs shtab", "pip install shtab") from exc
+    parser = top_parser()
+    verbs = parser.add_subparsers(metavar="VERB")
+    for verb in VERBS:
+        _complete_files(verb_parser(verb, verbs), shtab.FILE)
+    print(shtab.complete(parser, args.shell))
+    return EXIT_DONE
+
+
+def _complete_files(parser: argparse.ArgumentParser, how: Any) -> None:
+    """Complete files wherever neither names nor numbers are meant."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for below in action.choices.values():
+                _complete_files(below, how)
+        elif (
+            action.nargs != 0
+            and not action.choices
+            and action.type in (None, str, argparse.FileType)
+        ):
+            action.complete = how  # type: ignore[attr-defined]

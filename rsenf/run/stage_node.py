@@ -1,0 +1,39 @@
+"""The kind of node that is a stage between topics of each camera: all that most kinds need.
+
+::
+
+    class SmoothNode(StageNode):
+        '''Smooths the ENF.'''
+
+        kind: Literal["smooth"]
+        window_s: float = 5.0
+
+        def stages(self, context: StageContext = ALONE) -> list[StageSpec]:
+            return [StageSpec(("track",), ("track",), lambda: Smooth(self.window_s))]
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pydantic import Field
+
+from rsenf.config.names import Camera
+from rsenf.config.node_kind import NodeKind
+
+if TYPE_CHECKING:
+    from rsenf.run.node import NodeProcess
+
+
+class StageNode(NodeKind):
+    """Runs its stages for each camera, until the last stream that they read has ended."""
+
+    cameras: tuple[Camera, ...] = Field(min_length=1)
+
+    def body(self, node: NodeProcess) -> None:
+        """Feed every camera's stages."""
+        from rsenf.run.pump import NodeContext, lane_of, pump
+
+        lanes = [lane_of(node, c, self.stages(NodeContext(node, c))) for c in self.cameras]
+        node.ready()
+        pump(node, lanes)

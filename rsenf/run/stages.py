@@ -1,0 +1,135 @@
+"""The stages of the pipeline: what each reads and sends, and how it is made from its settings.
+
+Node kinds, the one-process run and regression all build them here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rsenf.stage import ALONE, Stage, StageContext, StageSpec
+
+if TYPE_CHECKING:
+    from rsenf.discrepancy.settings import WatchSettings
+    from rsenf.flicker.shared import Follower
+    from rsenf.idle.settings import IdleSettings
+    from rsenf.messages import Header
+    from rsenf.rows.settings import RowsSettings
+    from rsenf.track.settings import TrackSettings
+
+
+def rows_stage(settings: RowsSettings) -> StageSpec:
+    """From frames to the row means of their steady pixels."""
+
+    def make() -> Stage:
+        from rsenf.rows.stage import Rows  # OpenCV: 40 ms that not everybody needs
+
+        if settings.read_out_axis != "auto":
+            return Rows(settings)
+        from rsenf.flicker.axis import find_axis
+        from rsenf.rows.auto import AutoRows
+
+        return AutoRows(settings, find_axis)
+
+    return StageSpec(("rows",), ("frames",), make)
+
+
+def flicker_stages(
+    track: TrackSettings | None, idle: IdleSettings | None, context: StageContext = ALONE
+) -> list[StageSpec]:
+    """From rows to the ENF, to the idle period, or to both.
+
+    Both, fed with the same rows, follow the flicker once where that makes no difference.
+    """
+    followers = _Followers(track, idle) if context.is_shared else None
+
+    def tracker(settings: TrackSettings) -> Stage:
+        from rsenf.track import make_tracker
+
+        return make_tracker(settings, followers.next() if followers else None)
+
+    def estimator(settings: IdleSettings) -> Stage:
+        from rsenf.idle import make_idle
+
+        return make_idle(settings, followers.next() if followers else None)
+
+    found = []
+    if track is not None:
+        found.append(StageSpec(("track",), ("rows",), partial(tracker, track)))
+    if idle is not None:
+        found.append(StageSpec(("idle",), ("rows",), partial(estimator, idle), shown="idle"))
+    return found
+
+
+def match_stage(make: Callable[[], Stage]) -> StageSpec:
+    """From the ENF and a grid's reference to the time of recording."""
+    return StageSpec(("match",), ("track", "reference"), make)
+
+
+def live_stage(make: Callable[[], Stage], silent_s: float = math.inf) -> StageSpec:
+    """From all that is known of a feed, and a reference, to verdicts and alarms."""
+
+    def silence(header: Header) -> Any:
+        from rsenf.live import Silence
+
+        return Silence(header)
+
+    return StageSpec(
+        ("live", "alarm"),
+        ("rows", "track", "idle", "reference"),
+        make,
+        optional=("idle",),
+        shown="live",
+        silent_s=silent_s,
+        on_silence=silence,
+    )
+
+
+def discover_stage(settings: WatchSettings, model: str | None, context: StageContext) -> StageSpec:
+    """From rows to what a model of the camera lacks, and what changes."""
+
+    def make() -> Stage:
+        from rsenf.config.model_file import load_model
+        from rsenf.discrepancy.start import PLAIN
+        from rsenf.discrepancy.watch import WatchStage
+
+        given = load_model(Path(model)) if model else PLAIN
+        return WatchStage(settings, given, is_behind=context.is_behind, run=context.run)
+
+    return StageSpec(("discover",), ("rows",), make, shown="discover")
+
+
+class _Followers:
+    """Followers of the flicker for a tracker and an idle estimator that are fed the same rows.
+
+    A pair for each epoch, where both would follow the flicker in just the same way.
+    """
+
+    def __init__(self, track: TrackSettings | None, idle: IdleSettings | None) -> None:
+        self._idle = idle if track and idle and _alike(track, idle) else None
+        self._other: Follower | None = None  # of an epoch in which one stage isn't made yet
+
+    def next(self) -> Follower | None:
+        """Return one of a pair, then the other; None where each stage follows by itself."""
+        from rsenf.flicker.follower import FlickerFollower
+        from rsenf.flicker.shared import shared
+
+        if self._idle is None:
+            return None
+        if self._other is None:
+            one, self._other = shared(FlickerFollower(self._idle.nominal_hz))
+            return one
+        other, self._other = self._other, None
+        return other
+
+
+def _alike(track: TrackSettings, idle: IdleSettings) -> bool:
+    from rsenf.flicker.acquire import MIN_SNR
+    from rsenf.track import METHODS
+
+    same = track.nominal_hz == idle.nominal_hz and track.min_snr == MIN_SNR
+    return same and METHODS.find(track.method).shares_follower
