@@ -31,7 +31,7 @@ GRID_HZ = np.full(600, 50.01)
         (lambda: rsenf.track(ROWS, frame_rate_hz=30.0, method="magic"), "no ENF method 'magic'"),
         (
             lambda: rsenf.track(ROWS, frame_rate_hz=30.0, settings=TrackSettings(harmonic=2)),
-            "projection follows all harmonics and lines together",
+            "projection takes no harmonic",
         ),
         (lambda: rsenf.track(ROWS, frame_rate_hz=30.0, nominal_hz=55.0), "50 or 60"),
         (lambda: rsenf.idle(ROWS, frame_rate_hz=30.0, method="magic"), "no idle method 'magic'"),
