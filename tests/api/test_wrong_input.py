@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -61,6 +62,18 @@ GRID_HZ = np.full(600, 50.01)
         (
             lambda: rsenf.live(ROWS, GRID_HZ, frame_rate_hz=30.0, step_s=1.0, start="2026-01-15"),
             "has no times of day",
+        ),
+        (
+            lambda: rsenf.verify(
+                ROWS, GRID_HZ, frame_rate_hz=30.0, step_s=1.0, report=Path("report")
+            ),
+            "a report tells of a file",
+        ),
+        (
+            lambda: rsenf.verify(
+                ROWS, GRID_HZ, frame_rate_hz=30.0, step_s=1.0, picture=Path("gone") / "x.png"
+            ),
+            "no such folder",
         ),
         (lambda: rsenf.simulate("clip.txt", duration_s=1), "not a video file's name"),
         (lambda: rsenf.simulate(duration_s=1, lamp="moon"), "moon"),
