@@ -88,7 +88,6 @@ def rsenf(site: Path, *words: object) -> subprocess.CompletedProcess[str]:
         [sys.executable, "-m", "rsenf.cli", *map(str, words)],
         capture_output=True,
         text=True,
-        timeout=120,
         check=False,
         cwd=Path(__file__).parents[2],
         env=os.environ | {"PYTHONPATH": os.pathsep.join(paths)},

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
+from rsenf.idle import stage as idle_stage
 from rsenf.messages import EnfEstimate, RowBlock, encode
 from rsenf.record import open_recording
 from rsenf.record.growing import ABOUT
 from rsenf.regress import accept, regress
-from rsenf.track import METHODS
+from rsenf.track import METHODS, projection
 from rsenf.track.projection import ProjectionTracker
 from tests.golden.make import FOLDER
 
@@ -34,7 +36,8 @@ def golden(name: str) -> Path:
 def test_a_constant_is_located(
     name: str, constant: str, value: float, stage: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(constant, value)
+    module, _, name_there = constant.rpartition(".")
+    monkeypatch.setattr(import_module(module), name_there, value)
     result = regress(golden(name))
     assert not result.passed
     assert [t.stage for t in result.topics if not t.passed] == [stage]
@@ -60,14 +63,14 @@ def made_here(tmp_path: Path) -> Path:
 def test_rounding_is_seen_on_the_same_versions_and_allowed_on_others(
     made_here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rsenf.idle.stage.INTERVAL_STDS", 2.2 * (1 + 1e-9))
+    monkeypatch.setattr(idle_stage, "INTERVAL_STDS", 2.2 * (1 + 1e-9))
     assert _stages_that_moved(made_here) == ["idle"]
     facts = open_recording(made_here).metadata[ABOUT]
     monkeypatch.setattr(
         "rsenf.regress.versions.program_facts", lambda: {**facts, "library numpy": "99.0"}
     )
     assert _stages_that_moved(made_here) == []
-    monkeypatch.setattr("rsenf.idle.stage.INTERVAL_STDS", 2.3)
+    monkeypatch.setattr(idle_stage, "INTERVAL_STDS", 2.3)
     assert _stages_that_moved(made_here) == ["idle"]
 
 
@@ -110,7 +113,7 @@ def test_accepted_with_a_reason_it_is_as_it_was(
     shutil.copy(made_here, path)
     before = open_recording(path)
     monkeypatch.setattr("rsenf.flicker.faint.MIN_FLICKER_RATIO", 0.5)
-    monkeypatch.setattr("rsenf.track.projection.MIN_FLICKER_RATIO", 0.5)
+    monkeypatch.setattr(projection, "MIN_FLICKER_RATIO", 0.5)
     moved = regress(path)
     accept(moved, "flicker below a half of the light is none")
     again = regress(path)

@@ -87,7 +87,7 @@ def graph(tmp_path: Path) -> Path:
 
 def rsenf(*words: object, env: dict[str, str]) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "rsenf.cli", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, env=env, timeout=120)
+    return subprocess.run(command, capture_output=True, text=True, env=env)
 
 
 def test_it_is_validated_run_recorded_and_run_again(
