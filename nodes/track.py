@@ -40,11 +40,14 @@ class TrackNode(StageNode):
         return method.rows_needed if method else {}
 
     def problems(self, graph: Graph) -> Iterator[Problem]:
-        """Yield methods that there are not."""
+        """Yield methods that there are not, and settings that they would ignore."""
         from rsenf.idle import METHODS as IDLE_METHODS
         from rsenf.track import METHODS
 
         if self.track.method not in METHODS:
             yield ("track", "method"), unknown(METHODS, self.track.method)
+        else:
+            for name in METHODS[self.track.method].ignored(self.track):
+                yield ("track", name), f"{self.track.method} has no use for it: leave it out"
         if self.idle and self.idle.method not in IDLE_METHODS:
             yield ("idle", "method"), unknown(IDLE_METHODS, self.idle.method)

@@ -16,6 +16,7 @@ ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "registry": {"errors"},
     "timebase": set(),
+    "version": set(),
     "stage": set(),
     "medians": set(),
     "whole_file": {"errors"},
@@ -90,6 +91,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "cli": {
         *BASE,
+        "version",
         *SIGNAL,
         "api",
         "batch",

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -24,17 +25,34 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("reader")
     shutil.copytree(ROOT / "configs", folder / "configs")
     text = README.read_text(encoding="utf-8")
-    for name, body in re.findall(r"<!-- file: (\S+) -->\n```python\n(.*?)```", text, re.S):
+    for name, body in re.findall(r"<!-- file: (\S+) -->\n```(?:python|toml)\n(.*?)```", text, re.S):
         (folder / name).write_text(body, encoding="utf-8")
+    install(folder)
     run("rsenf demo", folder)
     return folder
+
+
+def install(folder: Path) -> None:
+    """Make the README's package known to whoever has its folder on the path."""
+    told = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    facts = folder / f"{told['name'].replace('-', '_')}-{told['version']}.dist-info"
+    facts.mkdir()
+    about = f"Metadata-Version: 2.1\nName: {told['name']}\nVersion: {told['version']}\n"
+    (facts / "METADATA").write_text(about, encoding="utf-8")
+    lines = [
+        line
+        for group, names in told["entry-points"].items()
+        for line in (f"[{group}]", *(f"{name} = {where}" for name, where in names.items()))
+    ]
+    (facts / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
 
 
 def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     done = subprocess.run(
-        ["bash", "-o", "pipefail", "-c", command], cwd=folder, env={**os.environ, "PATH": path},
-        capture_output=True, text=True, timeout=240, check=False,
+        ["bash", "-o", "pipefail", "-c", command], cwd=folder,
+        env={**os.environ, "PATH": path, "PYTHONPATH": str(folder)},
+        capture_output=True, text=True, check=False,
     )  # fmt: skip
     # `head` closes the pipe early: that is not the command's failure.
     assert done.returncode in ((0, 1) if "| head" in command else (0,)), done.stderr
@@ -56,6 +74,13 @@ def test_command(line: int, command: str, reader: Path) -> None:
     done = run(command, reader)
     if "listen.py" in command:
         assert done.stdout.count(" Hz") >= 5, done.stdout
+
+
+def test_no_command_waits_for_seconds_or_forgets_what_it_starts() -> None:
+    """What runs beside is waited for by its number: so its failure is the command's."""
+    for command in (command for block in blocks() for command in block.commands):
+        assert "sleep " not in command
+        assert not re.search(r"[^&]&(?!&)", command) or command.endswith("wait $!"), command
 
 
 def test_the_two_commands_are_there() -> None:

@@ -45,3 +45,17 @@ def test_a_misspelt_name_gets_the_nearest(installed: Registry[object]) -> None:
 def test_what_cannot_be_loaded_names_its_package(installed: Registry[object]) -> None:
     with pytest.raises(UsageError, match="'broken' of the package stranger can't be loaded"):
         installed.find("broken")
+
+
+def test_what_is_no_such_thing_is_refused(installed: Registry[object]) -> None:
+    def check(name: str, item: object) -> None:
+        if name != "absolute" and not isinstance(item, type):
+            raise UsageError(f"{name} is no class")
+
+    classes = Registry[object]("class", "rsenf.tests", {"absolute": abs}, check)
+    assert classes["absolute"] is abs, "what is rsenf's own is tested"
+    with pytest.raises(UsageError, match=r"'cube' of the package stranger .* cube is no class"):
+        classes.find("cube")
+    with pytest.raises(UsageError, match="sum is no class"):
+        classes.register("sum", sum)
+    assert "sum" not in classes

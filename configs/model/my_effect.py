@@ -6,7 +6,8 @@ Copy this file, change it, and use it without touching the package::
 
 1. Choose where it acts: the classes of :mod:`rsenf.model.effects.base` name the places of the
    capture, in the order that light passes them, and what ``apply`` is given at each.
-2. Name it, say where it is known from, what it can be confused with, and what decides.
+2. Name it, say where it is known from, what it can be confused with, what decides, and how weak it
+   may be and still be named (or, as ``not_hidden``, why a blind test can't hide it).
 3. Make its parameters: default, one line, plausible range; the unit is in the name.
 4. Say in the docstring, in one paragraph, what it does to the data.
 5. Write ``apply``. Random numbers come from ``run.rng()`` alone, so that a seed is a clip; a series
@@ -20,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.model.effects import Run, SensorEffect
+from rsenf.model.effects import Run, SensorEffect, Weakest
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import parameter
 
@@ -37,6 +38,7 @@ class HumBars(SensorEffect):
     source = "ground loops of analogue cameras"
     confused_with = ("interharmonic",)
     told_apart_by = "the number of bars doesn't follow the frequency"
+    weakest = Weakest(0.001, "depth_ratio")
 
     depth_ratio: float = parameter(0.005, "amplitude over the level", low=0, high=0.5)
     bars: float = parameter(1.5, "bars in a frame's height", low=0, high=100)

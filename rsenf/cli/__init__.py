@@ -15,8 +15,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, NoReturn
 
-from rsenf import __version__
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_USAGE, RsenfError
+from rsenf.version import version_text
 
 # Verbs in the order a newcomer meets them. The module `rsenf.cli.<verb>` does the work; its help
 # line stands here so that `rsenf --help` imports none of them.
@@ -138,7 +138,7 @@ def top_parser() -> Parser:
         description="Reads the electric network frequency out of rolling-shutter video.",
         epilog="'rsenf help VERB' tells more.   New here? Start with: rsenf demo",
     )
-    parser.add_argument("--version", action="version", version=f"rsenf {__version__}")
+    parser.add_argument("--version", action="version", version=version_text())
     parser.add_argument(DEBUG, action="store_true", help="show the traceback of an error")
     return parser
 

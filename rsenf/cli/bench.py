@@ -381,7 +381,8 @@ def _discover(args: argparse.Namespace, folder: Path) -> Made:
 
     can, hidden = (*listed(), SKEW), args.hide
     if unknown := set(hidden or ()) - set(can):
-        raise UsageError(f"--hide {min(unknown)}: can't be hidden", f"one of {', '.join(can)}")
+        why = left_out().get(min(unknown), "it is no effect")
+        raise UsageError(f"--hide {min(unknown)}: {why}", f"one of {', '.join(can)}")
     if hidden:
         args.hide = [name for name in hidden if name != SKEW]
     elif not args.quick:

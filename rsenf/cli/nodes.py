@@ -2,6 +2,7 @@
 
     rsenf nodes --connect tcp/127.0.0.1:7447
     rsenf nodes GRAPH.yaml
+    rsenf nodes GRAPH.yaml --wait-s 60 && rsenf topic hz --graph GRAPH.yaml
 
 States: as each says itself; 'silent' is there and says nothing (it hangs), 'lost' is gone without
 a word, 'absent' stands in the graph and was never seen. Late: median and slowest twentieth of the
@@ -16,7 +17,7 @@ import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rsenf.run.roster import Seen
+    from rsenf.run.roster import Roster, Seen
 
 HEAD = ("node", "kind", "state", "in/s", "arrival s", "exposure s", "queue", "dropped", "missed",
         "rejected", "again", "heard s", "MB", "")  # fmt: skip
@@ -29,6 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     add_bus_arguments(parser, "graph")
     parser.add_argument("--for-s", type=positive, default=1.5, metavar="S", help="look for (1.5)")
+    parser.add_argument("--wait-s", type=positive, metavar="S",
+                        help="look until all run or are done; if not by then, fail")  # fmt: skip
     parser.add_argument("--json", action="store_true")
 
 
@@ -36,18 +39,9 @@ def run(args: argparse.Namespace) -> int:
     """List the nodes."""
     import time
 
-    from rsenf.bus.zenoh_bus import open_bus
-    from rsenf.cli.console import aligned, bus_of, note, print_json
-    from rsenf.run.roster import Roster
+    from rsenf.cli.console import aligned, note, print_json
 
-    settings, graph = bus_of(args)
-    with open_bus(settings) as bus:
-        roster = Roster(bus, graph.site if graph else args.site)
-        if graph:
-            roster.expect(graph.site, graph.nodes)
-        deadline = time.monotonic() + args.for_s
-        while (left_s := deadline - time.monotonic()) > 0:
-            roster.listen(left_s)
+    roster = _waited_for(args) if args.wait_s else _look(args)
     if args.json:
         print_json(roster.as_json())
         return 0
@@ -58,6 +52,42 @@ def run(args: argparse.Namespace) -> int:
         return 0
     print(aligned([HEAD, *(_line(seen, now_s, now_ns) for seen in nodes)]))
     return 0
+
+
+def _look(args: argparse.Namespace) -> Roster:
+    """Listen for a while; returns what was seen."""
+    import time
+
+    from rsenf.bus.zenoh_bus import open_bus
+    from rsenf.cli.console import bus_of
+    from rsenf.run.roster import Roster
+
+    settings, graph = bus_of(args)
+    with open_bus(settings) as bus:
+        roster = Roster(bus, graph.site if graph else args.site)
+        if graph:
+            roster.expect(graph.site, graph.nodes)
+        deadline = time.monotonic() + args.for_s
+        while (left_s := deadline - time.monotonic()) > 0:
+            roster.listen(left_s)
+    return roster
+
+
+def _waited_for(args: argparse.Namespace) -> Roster:
+    """Look until every node is up. A slow machine has longer than it was told."""
+    from rsenf.errors import RsenfError
+    from rsenf.run.patience import Patience
+
+    patience = Patience(args.wait_s)
+    while True:
+        try:
+            roster = _look(args)
+            if not (down := roster.down()):
+                return roster
+            raise RsenfError(", ".join(down))
+        except RsenfError:
+            if patience.over:
+                raise
 
 
 def _line(seen: Seen, now_s: float, now_ns: int) -> tuple[str, ...]:

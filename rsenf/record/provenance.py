@@ -43,11 +43,18 @@ def program_facts() -> dict[str, str]:
 
 
 def _arithmetic() -> str:
-    """Kind of processor, and what of it NumPy makes use of: another one rounds differently."""
-    import numpy as np
+    """What rounds: the processor, as NumPy and its OpenBLAS make use of it now, and the C library.
 
-    found = np.show_config(mode="dicts")["SIMD Extensions"]
-    return " ".join([platform.machine(), *found["baseline"], *found["found"]])
+    Both heed the environment: ``NPY_DISABLE_CPU_FEATURES`` and ``OPENBLAS_CORETYPE``.
+    """
+    import numpy as np
+    from threadpoolctl import threadpool_info
+
+    used = np.show_config(mode="dicts")["SIMD Extensions"]
+    # SciPy's own, loaded later or not at all, goes by the same processor.
+    cores = [lib["architecture"] for lib in threadpool_info() if lib["internal_api"] == "openblas"]
+    words = [platform.machine(), *used["baseline"], *used.get("found", ()), *cores[:1]]
+    return " ".join([*words, *platform.libc_ver()])
 
 
 def program_versions(libraries: Sequence[str]) -> dict[str, str]:

@@ -1,11 +1,13 @@
 """Whether a recording was made by what runs now: then bits must agree, and otherwise not all can.
 
 The processor counts too. NumPy and its linear algebra choose their inner loops by what it can do,
-and another order of summation rounds differently.
+and another order of summation rounds differently. Of a graph on several hosts the recording knows
+the recorder's only.
 """
 
 from __future__ import annotations
 
+from rsenf.bus.keys import topic_of
 from rsenf.record import Recording
 from rsenf.record.growing import ABOUT
 from rsenf.record.provenance import program_facts
@@ -19,8 +21,18 @@ _NO_MATTER = {*BESIDE, *(f"library {name}" for name in _CARRIERS)}
 def changed_since(recording: Recording) -> dict[str, tuple[str, str]]:
     """Return what isn't as it was when a recording was made: then and now, by name."""
     then, now = recording.metadata.get(ABOUT, {}), program_facts()
-    return {
+    changed = {
         name: (then.get(name, "unknown"), value)
         for name, value in now.items()
         if name not in _NO_MATTER and then.get(name) != value
     }
+    if (hosts := _hosts(recording)) - {then.get("host")}:
+        changed["host"] = (", ".join(sorted(hosts)), now["host"])
+    return changed
+
+
+def _hosts(recording: Recording) -> set[str]:
+    """Hosts that the nodes of a recording ran on, as their health says."""
+    topics = [name for name in recording.topics if topic_of(name) == "health"]
+    words = recording.messages(topics, tolerant=True) if topics else ()
+    return {word.host for _, word, _ in words}

@@ -17,10 +17,14 @@ from rsenf.bus.sequence import Envelope
 from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, open_bus
 from rsenf.errors import UsageError
 from rsenf.messages import Header, Health, encode, encoding_of
+from rsenf.run.patience import wait_until
 from rsenf.run.supervisor import free_endpoint
 
 SITE, NODE, RUN = "contract", "node", "c0ffee00"
+# What a node may take on an idle machine; on a slower one it has longer.
+READY_S = 15.0
 STOP_S = 2.0
+TWO_WORDS_S = 4.0  # a node has one every second
 SAMPLES = 20
 
 
@@ -55,7 +59,7 @@ class Heard:
 
 
 def check_contract(
-    command: Sequence[str], reads: Sequence[str], sends: Sequence[str], ready_s: float = 15.0
+    command: Sequence[str], reads: Sequence[str], sends: Sequence[str]
 ) -> list[Check]:
     """Start a program, feed it good and bad messages, stop it; return what it kept to.
 
@@ -65,8 +69,6 @@ def check_contract(
         Program and arguments.
     reads, sends : sequence of str
         Its topics below the site, such as ``cam/track``.
-    ready_s : float
-        How long it may take until its token is there.
 
     Raises
     ------
@@ -80,7 +82,7 @@ def check_contract(
         for key in (health_key(SITE, NODE), *(f"{ROOT}/{SITE}/{topic}" for topic in sends)):
             bus.subscribe(inbox, key, LOOKING)
         with _running(command, endpoint, reads, sends) as process:
-            return list(_checks(bus, process, inbox, heard, reads, ready_s))
+            return list(_checks(bus, process, inbox, heard, reads))
 
 
 def _checks(
@@ -89,42 +91,39 @@ def _checks(
     inbox: Inbox,
     heard: Heard,
     reads: Sequence[str],
-    ready_s: float,
 ) -> Iterator[Check]:
-    def wait(reached: Callable[[], bool], timeout_s: float) -> bool:
-        deadline = time.monotonic() + timeout_s
-        while not reached() and time.monotonic() < deadline and process.poll() is None:
-            heard.take(inbox)
-            time.sleep(0.02)
-        return reached()
+    def ended() -> bool:
+        return process.poll() is not None
 
-    yield Check("shows its liveliness token", wait(lambda: heard.alive, ready_s))
-    yield Check("says by its health that it runs", wait(lambda: _says(heard, "running"), 3.0))
-    before = len(heard.words)
-    yield Check("says so every second", wait(lambda: len(heard.words) >= before + 2, 4.0))
+    def said(state: str) -> bool:
+        heard.take(inbox)
+        return any(word.state == state for word in heard.words)
+
+    def wait(reached: Callable[[], bool], limit_s: float) -> bool:
+        return wait_until(lambda: reached() or ended(), limit_s) and reached()
+
+    def speaks() -> bool:
+        due = len(heard.words) + 2
+        return wait(lambda: said("running") and len(heard.words) >= due, TWO_WORDS_S)
+
+    yield Check("shows its liveliness token", wait(lambda: heard.alive, READY_S))
+    yield Check("says by its health that it runs", wait(lambda: said("running"), TWO_WORDS_S))
+    yield Check("says so every second", speaks())
     for topic in reads:
         _feed(bus, f"{ROOT}/{SITE}/{topic}")
-    time.sleep(1.0)
-    yield Check("lives through broken, foreign and oversized messages", process.poll() is None)
+    speaks()
+    yield Check("lives through broken, foreign and oversized messages", not ended())
     begun_s = time.monotonic()
     process.send_signal(signal.SIGTERM)
-    try:
-        code: int | None = process.wait(STOP_S)
-    except subprocess.TimeoutExpired:
-        code = None
+    code = process.poll() if wait_until(ended, STOP_S) else None
     took = f"exit code {code} after {time.monotonic() - begun_s:.1f} s"
     yield Check("stops within 2 s of SIGTERM, with exit code 0", code == 0, took)
-    time.sleep(0.2)
-    heard.take(inbox)
+    wait_until(lambda: said("done"), TWO_WORDS_S)
     last = heard.words[-1].state if heard.words else "nothing"
     yield Check("its last word is 'done'", last == "done", f"it was {last!r}")
     missed, rejected = inbox.counters.missed, inbox.counters.rejected
     yield Check("all it sends can be read", not rejected, f"{rejected} can't")
     yield Check("numbers what it sends without a gap", not missed, f"{missed} are missing")
-
-
-def _says(heard: Heard, state: str) -> bool:
-    return any(word.state == state for word in heard.words)
 
 
 def _feed(bus: ZenohBus, key: str) -> None:

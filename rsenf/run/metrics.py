@@ -17,13 +17,13 @@ from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
 
 from rsenf.errors import RsenfError, UsageError
+from rsenf.run.roster import UP
 
 if TYPE_CHECKING:
     from rsenf.messages import Health
     from rsenf.run.graph_run import GraphRun
 
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
-UP = ("running", "done")
 VERDICTS = ("live", "stale", "frozen", "no_signal", "undecided")
 
 _COUNTERS: dict[str, tuple[str, Callable[[Health], float]]] = {

@@ -17,6 +17,7 @@ from rsenf.run.peers import LAST_WORDS
 
 # A node says something every second: after this long it is silent.
 SILENT_S = 3.5
+UP = ("running", "done")
 
 
 @dataclass
@@ -88,6 +89,12 @@ class Roster:
     def nodes(self) -> list[Seen]:
         """Return all that were seen, or expected, by name."""
         return [self._seen[at] for at in sorted(self._seen.copy())]
+
+    def down(self) -> list[str]:
+        """Return which nodes neither run nor have done their work, in words."""
+        states = {f"{s.site}/{s.name}": s.state(self._clock()) for s in self.nodes()}
+        none = {"any node": "absent"}
+        return [f"{name} is {state}" for name, state in (states or none).items() if state not in UP]
 
     def as_json(self) -> list[dict[str, Any]]:
         """Return all that is known of them as plain data."""

@@ -129,6 +129,7 @@ class _Followers:
 
 def _alike(track: TrackSettings, idle: IdleSettings) -> bool:
     from rsenf.flicker.acquire import MIN_SNR
+    from rsenf.track import METHODS
 
-    same = (track.method, track.nominal_hz) == ("projection", idle.nominal_hz)
-    return same and track.min_snr == MIN_SNR
+    same = track.nominal_hz == idle.nominal_hz and track.min_snr == MIN_SNR
+    return same and METHODS.find(track.method).shares_follower

@@ -46,6 +46,15 @@ class EnfMethod(ABC):
         self.settings = settings or TrackSettings(method=self.name)
 
     @classmethod
+    def ignored(cls, settings: TrackSettings) -> list[str]:
+        """Return those of :data:`CHOICES` that are set, and that it has no use for."""
+        return [
+            name
+            for name in CHOICES
+            if name not in cls.obeys and getattr(settings, name) != getattr(TrackSettings, name)
+        ]
+
+    @classmethod
     def check(cls, settings: TrackSettings) -> None:
         """Refuse settings that it would ignore.
 
@@ -54,11 +63,7 @@ class EnfMethod(ABC):
         UsageError
             Naming them.
         """
-        ignored = [
-            name.removesuffix("_m")
-            for name in CHOICES
-            if name not in cls.obeys and getattr(settings, name) != getattr(TrackSettings, name)
-        ]
+        ignored = [name.removesuffix("_m") for name in cls.ignored(settings)]
         if ignored:
             raise UsageError(
                 f"{cls.name} takes no {' and no '.join(ignored)}: it {cls.help}",

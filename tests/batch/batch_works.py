@@ -32,7 +32,7 @@ def obey(order: Order) -> dict[str, Any]:
     if order.does == "raise":
         raise ValueError(order.name)
     if order.does == "wait" or (order.does == "wait once" and first):
-        time.sleep(60.0)
+        time.sleep(3600)
     return {"name": order.name, "pid": os.getpid()}
 
 

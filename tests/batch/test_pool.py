@@ -6,6 +6,7 @@ import multiprocessing
 from pathlib import Path
 
 from rsenf.batch.pool import Trouble, worked
+from rsenf.run.patience import slowness
 from tests.batch.batch_works import Order, obey
 
 
@@ -37,11 +38,11 @@ def test_whoever_looks_away_ends_the_processes(tmp_path: Path) -> None:
 
 def test_what_takes_too_long_is_given_up(tmp_path: Path) -> None:
     orders = [Order("slow", "wait", tmp_path), *(Order(name, "", tmp_path) for name in "ab")]
-    # Long enough for a process to start, which counts.
-    done = {d.task.name: d for d in worked(orders, obey, jobs=1, tries=2, timeout_s=10.0)}
+    limit_s = round(10 * slowness())  # for a process to start, too
+    done = {d.task.name: d for d in worked(orders, obey, jobs=1, tries=2, timeout_s=limit_s)}
     assert sorted(done) == ["a", "b", "slow"]
     told = done["slow"]
-    assert (told.answer, told.tries) == (Trouble("not done within 10 s", died=True), 1)
+    assert (told.answer, told.tries) == (Trouble(f"not done within {limit_s} s", died=True), 1)
     assert multiprocessing.active_children() == []
 
 

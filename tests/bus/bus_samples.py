@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.bus.inbox import Inbox
+from rsenf.bus.inbox import Inbox, Received
 from rsenf.bus.sequence import Envelope
 from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, open_bus
 from rsenf.messages import EnfEstimate, Frame, Header, encode, encoding_of
+from rsenf.run.patience import Patience
 from rsenf.run.supervisor import free_endpoint
 
 TRACK = "rsenf/lab/cam/track"
@@ -45,13 +46,19 @@ def drain(inbox: Inbox, first_timeout_s: float = 0.0) -> list[Any]:
     return out
 
 
+def next_of(inbox: Inbox) -> Received:
+    """The next message, waiting for it."""
+    patience = Patience(20.0)
+    while (received := inbox.receive(0.5)) is None:
+        assert not patience.over, "nothing more came"
+    return received
+
+
 def take(inbox: Inbox, count: int) -> list[Any]:
     """So many messages, waiting for each."""
     out = []
     for _ in range(count):
-        received = inbox.receive(20.0)
-        assert received is not None, f"only {len(out)} of {count} came"
-        out.append(received.message)
+        out.append(next_of(inbox).message)
     return out
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -16,6 +15,7 @@ from rsenf.bus.delivery import SIGNALS, VIDEO_LIVE
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import alive_key
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
+from rsenf.run.patience import wait_until
 from rsenf.run.supervisor import free_endpoint
 from tests.run.link_proxy import LinkProxy
 
@@ -32,17 +32,13 @@ class Hosts:
     sender: Bus
     receiver: Bus
     link: LinkProxy
-    seen: threading.Condition
     alive: bool = False
 
     def on_alive(self, key: str, alive: bool) -> None:
-        with self.seen:
-            self.alive = alive
-            self.seen.notify_all()
+        self.alive = alive
 
     def sees(self, alive: bool) -> bool:
-        with self.seen:
-            return self.seen.wait_for(lambda: self.alive == alive, 20)
+        return wait_until(lambda: self.alive == alive)
 
 
 @pytest.fixture
@@ -57,7 +53,7 @@ def hosts() -> Iterator[Hosts]:
         stack.enter_context(open_bus(BusSettings("router", (), (far,))))
         sender = stack.enter_context(client(near))
         receiver = stack.enter_context(client(far))
-        hosts = Hosts(sender, receiver, link, threading.Condition())
+        hosts = Hosts(sender, receiver, link)
         receiver.watch_alive(alive_key("lab", "*"), hosts.on_alive)
         yield hosts
 
@@ -106,7 +102,4 @@ def test_a_link_that_breaks_loses_no_estimates(hosts: Hosts) -> None:
 
 
 def wait_until_heard(*publishers: Publisher) -> None:
-    deadline = time.monotonic() + 20
-    while not all(publisher.is_heard for publisher in publishers):
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    assert wait_until(lambda: all(publisher.is_heard for publisher in publishers))

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import pytest
-from bus_samples import TRACK, client, drain, estimate, router, seqs, take
+from bus_samples import TRACK, client, drain, estimate, next_of, router, seqs, take
 
 from rsenf.bus.bus import Bus
 from rsenf.bus.delivery import LOOKING, SIGNALS, Delivery
@@ -111,7 +111,7 @@ def test_what_is_sent_together_comes_one_by_one_in_order_and_whole(join: Join) -
         for seq in range(300):
             publisher.send(estimate(seq), more=seq < 299)
         assert len(puts) < 60  # at most 64 at once, or what comes in a tenth of a second
-        received = [inbox.receive(20.0) for _ in range(300)]
+        received = [next_of(inbox) for _ in range(300)]
         assert [r.message.header.seq for r in received if r] == list(range(300))
         assert all(r.payload == encode(r.message) for r in received if r)
         assert publisher.sent == inbox.counters.received == 300

@@ -21,6 +21,7 @@ from rsenf.bus.keys import alive_key
 from rsenf.bus.loopback import Loopback
 from rsenf.bus.sequence import Envelope
 from rsenf.messages import Mark
+from rsenf.run.patience import wait_until
 
 FEW = Delivery(lossless=True, queue=8, history=5, kept=20)
 OTHER = "rsenf/lab/other/track"
@@ -282,7 +283,4 @@ def test_what_is_held_back_counts_as_waiting() -> None:
     inbox.catch_up("rsenf/lab/cam/track")
     assert inbox.depth == 1  # nobody may believe that all is here
     answer.set()
-    deadline = time.monotonic() + 10
-    while inbox.depth and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert inbox.depth == 0
+    assert wait_until(lambda: inbox.depth == 0)

@@ -169,6 +169,7 @@ nodes:
         (("  track:  {", "  track:  {track: {method: guess}, "), 6, "no method 'guess'; one of"),
         (("all.mcap}", "all.mcap, topics: [/x]}"), 9, "'/x' is no key expression"),
         (("idle, cameras: [cam1]", "idle, cameras: [cam2]"), 10, "nobody sends the rows"),
+        (("  track:  {", "  track:  {track: {harmonic: 2}, "), 6, "projection has no use for it"),
         (("kind: idle, ", "kind: idle, idle: {method: guess}, "), 10, "no method 'guess'; one of"),
         (("kind: idle, ", "kind: idle, idle: {every_s: 0}, "), 10, "an estimate every 0"),
         (("  track:  {", "  track:  {idle: {method: guess}, "), 6, "no method 'guess'; one of"),

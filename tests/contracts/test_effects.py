@@ -15,7 +15,7 @@ import pytest
 
 from rsenf.bench.discover.beside import SKEW
 from rsenf.bench.discover.plan import Plan, left_out, listed
-from rsenf.model import CATALOGUE, Effect, Light, Scene, Shutter, make_effect
+from rsenf.model import CATALOGUE, Effect, make_effect
 from rsenf.model.effects import Hiding, LightEffect, Run, SensorEffect, Weakest
 from rsenf.model.effects.harmonics import Harmonics
 from rsenf.model.effects.residue import Residue
@@ -36,14 +36,10 @@ from tests.model.bare import (
     phase_error_rad,
     wave,
 )
+from tests.model.test_effects_catalogue import FITTED
 
 TURN = 2 * np.pi
 SECONDS = 20.0
-# What isn't an effect but can look like one: parameters of every capture, and the grid itself.
-FITTED = {
-    *(f.name for part in (Light, Scene, Shutter) for f in dataclasses.fields(part)),
-    "daylight", "texture", "light phase", "grid frequency",
-}  # fmt: skip
 # Values with which an effect does nothing, where neither its fitting nor its weakest tells them.
 NEUTRAL: dict[str, dict[str, float]] = {
     "clock_skew": {"clock_ppm": 0.0},

@@ -14,6 +14,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from rsenf.run.patience import Patience
+
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 START_S = 20.0
 
@@ -53,13 +55,13 @@ class Browser:
         from websockets.sync.client import connect
 
         port_file = Path(self._folder.name) / "DevToolsActivePort"
-        deadline = time.monotonic() + START_S
+        patience = Patience(START_S)
         while not (port_file.is_file() and port_file.read_text().count("\n")):
             assert self._process.poll() is None, "the browser didn't start"
-            assert time.monotonic() < deadline, "the browser opens no port"
+            assert not patience.over, "the browser opens no port"
             time.sleep(0.05)
         port = port_file.read_text().split()[0]
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}/json", timeout=10) as answer:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/json") as answer:
             pages = [p for p in json.load(answer) if p["type"] == "page"]
         # What it tells waits until something is asked: no reason to hang up.
         opened = connect(pages[0]["webSocketDebuggerUrl"], max_size=None, ping_interval=None)
@@ -88,7 +90,7 @@ class Browser:
         self._number += 1
         self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
         while True:
-            said = json.loads(self._socket.recv(timeout=30))
+            said = json.loads(self._socket.recv())
             if said.get("id") == self._number:
                 assert "error" not in said, said
                 return dict(said.get("result", {}))
@@ -119,9 +121,9 @@ class Browser:
 
     def until(self, expression: str, timeout_s: float = 10.0) -> float:
         """Wait until an expression is true; returns how long it took."""
-        begun = time.monotonic()
+        begun, patience = time.monotonic(), Patience(timeout_s)
         while not self.value(f"Boolean({expression})"):
-            if time.monotonic() - begun > timeout_s:
+            if patience.over:
                 text = self.value("document.body.innerText.slice(0, 1500)")
                 raise AssertionError(f"not within {timeout_s} s: {expression}\n{text}")
             time.sleep(0.05)

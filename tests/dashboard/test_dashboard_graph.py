@@ -7,11 +7,11 @@ import re
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
 from rsenf.cli import main
+from rsenf.run.patience import Patience
 from tests.conftest import ROOT
 
 GRAPH = """\
@@ -42,13 +42,13 @@ def url_told(process):
     raise AssertionError("it serves nothing")
 
 
-def card_when(url, is_there, timeout_s=40.0):
+def card_when(url, is_there):
     client = pytest.importorskip("websockets.sync.client")
-    deadline = time.monotonic() + timeout_s
+    patience = Patience(40.0)
     card = {}
     with client.connect(url.replace("http", "ws") + "news") as socket:
-        while time.monotonic() < deadline:
-            for card in json.loads(socket.recv(timeout=10)).get("cards", []):
+        while not patience.over:
+            for card in json.loads(socket.recv()).get("cards", []):
                 if is_there(card):
                     return card
     raise AssertionError(f"never so: {card}")

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 from threading import Event
@@ -21,6 +21,7 @@ from rsenf.decode.ahead import BATCH_BYTES, BATCH_FRAMES, BATCHES, Step, ahead
 from rsenf.decode.file import FileSource, _threads
 from rsenf.decode.waiting import Stop
 from rsenf.messages import Frame, VideoPacket
+from rsenf.run.patience import wait_until
 
 MOST = (BATCHES + 2) * BATCH_FRAMES  # one batch more is being made, one taken
 
@@ -29,18 +30,10 @@ def threads() -> list[threading.Thread]:
     return [t for t in threading.enumerate() if t.name == "rsenf-decode-pump"]
 
 
-def soon(holds: Callable[[], bool]) -> bool:
-    """Wait for it, 10 s at most."""
-    end_s = time.monotonic() + 10
-    while not holds() and time.monotonic() < end_s:
-        time.sleep(0.002)
-    return holds()
-
-
 @pytest.fixture(autouse=True)
 def no_thread_stays() -> Iterator[None]:
     yield
-    assert soon(lambda: not threads())
+    assert wait_until(lambda: not threads())
 
 
 def step(number: int, luma_bytes: int = 100) -> Step:
@@ -94,12 +87,12 @@ def test_it_waits_when_it_is_far_enough_ahead(luma_bytes: int, most: int) -> Non
     source = Steps(luma_bytes)
     steps = ahead(source, Stop())
     next(steps)
-    assert soon(lambda: source.made == most)
+    assert wait_until(lambda: source.made == most)
     time.sleep(0.1)
     assert source.made == most
     for _ in range(MOST):
         next(steps)
-    assert soon(lambda: source.made > most)
+    assert wait_until(lambda: source.made > most)
     steps.close()
 
 
@@ -119,9 +112,9 @@ def test_a_stop_ends_both_sides_though_nobody_takes_any_more() -> None:
     source, outside = Steps(), Event()
     steps = ahead(source, Stop(outside))
     next(steps)
-    assert soon(lambda: source.made == MOST)
+    assert wait_until(lambda: source.made == MOST)
     outside.set()
-    assert soon(lambda: not threads())
+    assert wait_until(lambda: not threads())
     assert len(list(steps)) < BATCH_FRAMES  # at most the rest of a batch
 
 
@@ -139,7 +132,7 @@ def test_leaving_a_loop_or_closing_from_anywhere_ends_the_thread(tmp_path: Path)
     for item in source:
         if item.header.seq == 3:
             break
-    assert soon(lambda: not threads())  # before it is closed
+    assert wait_until(lambda: not threads())  # before it is closed
     source.close()
 
 
@@ -160,7 +153,7 @@ def test_a_program_ends_though_it_closed_nothing(tmp_path: Path, how: str) -> No
         "items = iter(source)\n"
         "print(next(items).header.seq, next(items).header.seq)\n" + how
     )
-    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, timeout=60)
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True)
     assert ran.stdout.split() == [b"0", b"1"]
     assert ran.returncode == {"pass": 0, "1 / 0": 1}.get(how, 3), ran.stderr
 

@@ -89,9 +89,7 @@ for n in range(200):
 
 
 def test_one_that_is_dropped_at_work_does_not_hang(packets: list[tuple[int, bytes]]) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", DROPPED], input=pickle.dumps(packets), check=False, timeout=100
-    )
+    done = subprocess.run([sys.executable, "-c", DROPPED], input=pickle.dumps(packets), check=False)
     assert done.returncode == 0
 
 

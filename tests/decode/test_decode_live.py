@@ -21,6 +21,7 @@ from rsenf.decode.stream import StreamDecoder
 from rsenf.decode.waiting import Stop
 from rsenf.errors import SourceLost
 from rsenf.messages import Frame
+from rsenf.run.patience import wait_until
 
 STAMP = Stamp("lab/cam", "r", lambda: 0)
 
@@ -171,7 +172,7 @@ def test_who_stays_behind_is_given_what_is_new_from_a_key_picture_on() -> None:
 
 def test_before_anybody_takes_pictures_none_is_dropped() -> None:
     pump = Pump(lambda: iter(range(100)), Stop(), bool, iter(range(0, 10**6, 10)).__next__)
-    time.sleep(0.05)
+    assert wait_until(lambda: pump._queue.qsize() == 64)
     assert [pump.get(30) for _ in range(100)] == list(range(100))
 
 

@@ -29,6 +29,7 @@ from rsenf.messages import encode
 from rsenf.record import Recorder, open_recording
 from rsenf.record.examine import examine
 from rsenf.record.recover import recover
+from rsenf.run.patience import Patience
 from rsenf.run.supervisor import free_endpoint
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -145,10 +146,10 @@ def kill_one(start: Callable[[Path], Recording], out: Path, after_s: float) -> K
     AssertionError
         When what was recovered isn't what was sent, or isn't whole.
     """
-    recording, begun = start(out), time.monotonic()
+    recording, patience = start(out), Patience(LIMIT_S)
     try:
         while not (out.exists() and out.stat().st_size > BEGUN_BYTES):
-            assert time.monotonic() - begun < LIMIT_S, "it doesn't begin to record"
+            assert not patience.over, "it doesn't begin to record"
             time.sleep(0.01)
         time.sleep(after_s)
     finally:

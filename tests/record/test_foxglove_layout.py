@@ -6,8 +6,8 @@ import json
 import re
 from pathlib import Path
 
-from rsenf.bus.keys import TOPICS, topic_of
 from rsenf.api.demo import GRAPH
+from rsenf.bus.keys import TOPICS, topic_of
 from rsenf.messages.schema import field_specs, message_classes
 
 LAYOUT = Path(__file__).resolve().parents[2] / "configs" / "foxglove-layout.json"

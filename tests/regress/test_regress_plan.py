@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import pytest
+
 from rsenf.config import Graph
 from rsenf.messages import Header, IdleEstimate, Mark, RowBlock
+from rsenf.record import open_recording
+from rsenf.regress import rerun
 from rsenf.regress.history import History
-from rsenf.regress.plan import steps_of
+from rsenf.regress.plan import recorded_graph, steps_of
+from tests.conftest import ROOT
 
 
 def test_a_node_of_two_stages_is_two_steps() -> None:
@@ -27,3 +32,18 @@ def test_a_node_of_two_stages_is_two_steps() -> None:
     ]
     (told,) = found[2].make_runner(History()).feed(RowBlock(header=Header(mark=Mark.END)))
     assert isinstance(told, IdleEstimate)
+
+
+def test_what_no_node_is_said_to_send_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Messages that nobody can make again aren't passed over in silence."""
+    recording = open_recording(next((ROOT / "recordings").glob("*.mcap")))
+    whole = recorded_graph(recording)
+    own = {"kind": "external", "command": ["own"], "sends": ["cam/track"]}
+    nodes = {name: node for name, node in whole.nodes.items() if node.kind not in ("idle", "track")}
+    config = whole.model_dump() | {"nodes": {**nodes, "own": own}}
+    monkeypatch.setattr(rerun, "recorded_graph", lambda _: Graph.model_validate(config))
+    _, left_out = rerun.runnable(recording)
+    assert left_out == {
+        "rsenf/golden/cam/idle": "no node of its graph is said to send it",
+        "rsenf/golden/cam/track": "the program of node 'own' made it",
+    }

@@ -12,15 +12,18 @@ from typing import Any
 import pytest
 import yaml
 
+from rsenf.bus.keys import health_key
 from rsenf.cli import main
 from rsenf.config import Graph, shown
 from rsenf.config.load import with_replayed
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
-from rsenf.messages import EnfEstimate, Header, RowBlock, VideoPacket
+from rsenf.messages import EnfEstimate, Header, Health, RowBlock, VideoPacket
 from rsenf.record import Recorder, open_recording
 from rsenf.record.growing import ABOUT
+from rsenf.record.provenance import program_facts
 from rsenf.regress import regress
 from rsenf.regress.pictures import Pictures
+from rsenf.regress.versions import changed_since
 from tests.golden.make import BEGINS_NS, FOLDER
 from tests.record.record_samples import sample_file
 
@@ -45,10 +48,12 @@ def part_of(
     change: Callable[[str, Any], Any] = lambda _, message: message,
     **told: str,
 ) -> Path:
-    """Record those messages of a golden recording anew that are to be kept, changed or not."""
+    """Record those messages of a golden recording anew that are to be kept, changed or not.
+
+    What made their values is what made the golden, wherever that was.
+    """
     source = open_recording(GOLDEN)
-    about = {name: source.metadata[ABOUT][name] for name in ("config", "site", "run_id")}
-    about |= told
+    about = {**source.metadata[ABOUT], **told}
     with Recorder(path, run_info=about, clock_ns=lambda: BEGINS_NS) as recorder:
         for topic, message, _ in source.messages():
             if keep(topic, message):
@@ -295,6 +300,27 @@ def test_accept_leaves_what_has_not_moved(told: Told, tmp_path: Path) -> None:
     code, _, err = told(path, "--accept", "--reason", "no need")
     assert (code, err) == (EXIT_DONE, "")
     assert path.read_bytes() == GOLDEN.read_bytes()
+
+
+def test_what_was_cut_here_is_compared_as_what_it_was_cut_from(tmp_path: Path) -> None:
+    path = part_of(tmp_path / "whole.mcap", lambda *_: True)
+    assert regress(path).changed == regress(GOLDEN).changed
+
+
+def test_bits_of_other_hosts_are_not_asked_for(tmp_path: Path) -> None:
+    """The recorder knows its own processor, and each node's host from its health."""
+
+    def recorded(host: str) -> Path:
+        path = tmp_path / f"{host}.mcap"
+        about = {**open_recording(GOLDEN).metadata[ABOUT], **program_facts(), "host": "recorder"}
+        health = Health(header=Header(run_id="golden"), node="track", host=host)
+        with Recorder(path, run_info=about, clock_ns=lambda: BEGINS_NS) as recorder:
+            recorder.write(health_key("golden", "track"), health)
+        return path
+
+    assert changed_since(open_recording(recorded("recorder"))) == {}
+    (told,) = changed_since(open_recording(recorded("other"))).items()
+    assert told == ("host", ("other", program_facts()["host"]))
 
 
 @pytest.mark.processes

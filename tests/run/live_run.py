@@ -14,8 +14,10 @@ from typing import Any, ClassVar
 
 from run_samples import children_of
 
+from rsenf.run.patience import wait_until
+
 LINE = re.compile(r"rsenf +([\d.]+) s +(\w+): (\w+)(?: pid (\d+))? ?(.*)")
-TIMEOUT_S = 120.0  # against what hangs; how fast things are is said where it matters
+LIMIT_S = 120.0  # against what hangs; how fast things are is said where it matters
 
 
 class LiveRun:
@@ -37,7 +39,6 @@ class LiveRun:
         self.states: dict[str, list[str]] = {}
         self.pids: dict[str, int] = {}
         self.lines: list[str] = []
-        self._news = threading.Condition()
         self.process = subprocess.Popen(
             [sys.executable, "-m", "rsenf.cli", "run", str(graph), *words],
             stdout=subprocess.PIPE,
@@ -53,18 +54,16 @@ class LiveRun:
     def _read(self) -> None:
         assert self.process.stderr is not None
         for line in self.process.stderr:
-            with self._news:
-                self.lines.append(line.rstrip("\n"))
-                if found := re.search(r"bus at (\S+), run (\w+)", line):
-                    self.endpoint, self.run_id = found.groups()
-                elif found := LINE.match(line):
-                    after_s, name, state, pid, _ = found.groups()
-                    if state == "running" and state not in self.states.get(name, []):
-                        self.ready_s = float(after_s)
-                    self.states.setdefault(name, []).append(state)
-                    if pid:
-                        self.pids[name] = int(pid)
-                self._news.notify_all()
+            self.lines.append(line.rstrip("\n"))
+            if found := re.search(r"bus at (\S+), run (\w+)", line):
+                self.endpoint, self.run_id = found.groups()
+            elif found := LINE.match(line):
+                after_s, name, state, pid, _ = found.groups()
+                if state == "running" and state not in self.states.get(name, []):
+                    self.ready_s = float(after_s)
+                if pid:
+                    self.pids[name] = int(pid)
+                self.states.setdefault(name, []).append(state)  # last: it is waited for
 
     def until(self, state: str, *names: str) -> LiveRun:
         """Wait until nodes have been in a state."""
@@ -72,8 +71,7 @@ class LiveRun:
         def reached() -> bool:
             return all(state in self.states.get(name, []) for name in names)
 
-        with self._news:
-            assert self._news.wait_for(reached, TIMEOUT_S), "\n".join(self.lines)
+        assert wait_until(reached, LIMIT_S), "\n".join(self.lines)
         return self
 
     def kill_node(self, name: str) -> float:
@@ -86,9 +84,7 @@ class LiveRun:
     def kill_node_and_wait(self, name: str, pid: int) -> None:
         """Kill a node, and wait until it runs again."""
         os.kill(pid, signal.SIGKILL)
-        with self._news:
-            back = self._news.wait_for(lambda: self.pids[name] != pid, TIMEOUT_S)
-        assert back, "\n".join(self.lines)
+        assert wait_until(lambda: self.pids[name] != pid, LIMIT_S), "\n".join(self.lines)
 
     def interrupt(self, number: signal.Signals = signal.SIGINT) -> float:
         """Send a signal; returns how long the run took to end."""
@@ -99,9 +95,9 @@ class LiveRun:
 
     def wait(self) -> int:
         """Wait for the end; returns the exit code."""
-        code = self.process.wait(TIMEOUT_S)
-        self._reading.join(10)
-        return code
+        assert wait_until(lambda: self.process.poll() is not None, LIMIT_S), "\n".join(self.lines)
+        self._reading.join()
+        return self.process.wait()
 
     @property
     def error(self) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import threading
-import time
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, Header, ReferenceBlock, RowBlock, encode, encoding_of
 from rsenf.messages.plausible import implausible, out_of_place
 from rsenf.messages.schema import field_specs
+from rsenf.run.patience import Patience, wait_until
 from rsenf.run.runner import Runner
 from rsenf.track import make_tracker
 from rsenf.track.settings import TrackSettings
@@ -246,9 +246,9 @@ def test_real_nodes_live_through_it(tmp_path: Path, live_run: type[LiveRun]) -> 
     words = Inbox()
     with open_bus(BusSettings(connect=(run.endpoint,))) as bus:
         bus.subscribe(words, health_key("lab", "*"), LOOKING)
-        time.sleep(0.3)
         for topic, cls in TOPICS.items():
             publisher = bus.publisher(key_of(topic), SIGNALS)
+            assert wait_until(lambda publisher=publisher: publisher.is_heard)
             right = encoding_of(cls)
             header = Header(run_id=run.run_id, source="lab/cam", seq=2**60, frame_last=7)
             for encoding, payload in (
@@ -259,9 +259,9 @@ def test_real_nodes_live_through_it(tmp_path: Path, live_run: type[LiveRun]) -> 
                 send(publisher, encoding, payload)
         # Each input of a node counts; the recorder reads them all.
         due = dict.fromkeys(nodes[1:4], 6) | {"match": 12, "record": 6 * len(TOPICS)}
-        deadline = time.monotonic() + 20
+        patience = Patience(20)
         while any(rejected.get(name, 0) < count for name, count in due.items()):
-            assert time.monotonic() < deadline, rejected
+            assert not patience.over, rejected
             if received := words.receive(0.5):
                 rejected[received.message.node] = received.message.rejected
     assert run.process.poll() is None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from rsenf.bus.keys import alive_key, health_key
 from rsenf.bus.loopback import Loopback, LoopbackBus
 from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, open_bus
 from rsenf.cli import main
+from rsenf.errors import EXIT_DONE, EXIT_FAILED, RsenfError
 from rsenf.messages import EnfEstimate, Header, Health, RowBlock, VideoPacket
 from rsenf.messages.plain import plain
 from rsenf.run.latency import LastMinute
@@ -118,14 +120,51 @@ def test_the_verb_nodes(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    assert main(["nodes", "--connect", router[0], "--for-s", "0.5"]) == 0
+    waiting = ["--wait-s", "20", "--for-s", "0.5"]
+    assert main(["nodes", "--connect", router[0], *waiting]) == 0
     head, line = capsys.readouterr().out.splitlines()
     assert line.split()[:3] == ["lab/track", "track", "running"]
     assert line[head.index("arrival s") :].startswith("0.25 / 1.50")
     monkeypatch.setenv("RSENF_CONNECT", router[0])
-    assert main(["nodes", "--json", "--for-s", "0.3"]) == 0
+    assert main(["nodes", "--json", *waiting]) == 0
     (node,) = json.loads(capsys.readouterr().out)
     assert (node["node"], node["state"], node["exposure_p50_s"]) == ("track", "running", None)
+
+
+def test_the_verb_nodes_waits_until_all_run(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Past a bus that isn't there yet, and a node that starts."""
+    network = Loopback()
+    bus, roster = network.bus("track"), Roster(network.bus("looker"), "*")
+    told = iter(enumerate(["", "starting", "running"]))
+
+    def look(_args: object) -> Roster:
+        number, state = next(told)
+        if not state:
+            raise RsenfError("no bus")
+        bus.declare_alive(alive_key("lab", "track"))
+        say(bus, "track", state, number)
+        assert roster.listen(0)
+        return roster
+
+    monkeypatch.setattr("rsenf.cli.nodes._look", look)
+    assert main(["nodes", "--connect", "x", "--wait-s", "60"]) == EXIT_DONE
+    assert capsys.readouterr().out.splitlines()[1].split()[2] == "running"
+    assert next(told, None) is None
+
+
+def test_the_verb_nodes_says_who_does_not_run(
+    router: tuple[str, ZenohBus], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    graph = tmp_path / "graph.yaml"
+    graph.write_text(
+        f"version: 1\nsite: lab\nbus: {{listen: ['{router[0]}']}}\nnodes:\n"
+        "  track: {kind: track, cameras: [cam]}\n"
+        "  decode: {kind: decode, camera: cam, input: a.mp4, frames: fused}\n"
+    )
+    assert main(["nodes", str(graph), "--wait-s", "1"]) == EXIT_FAILED
+    assert capsys.readouterr().err == "rsenf: lab/decode is absent\n"
 
 
 def test_the_verb_topic(router: tuple[str, ZenohBus], capsys: pytest.CaptureFixture[str]) -> None:

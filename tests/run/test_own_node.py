@@ -8,8 +8,6 @@ import runpy
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -27,16 +25,10 @@ from rsenf.messages import EnfEstimate, Header, Mark
 from rsenf.run import supervisor
 from rsenf.run.node import NodeProcess
 from rsenf.run.node_state import NodeState
+from rsenf.run.patience import wait_until
 from rsenf.run.supervisor import free_endpoint
 
 OWN = Path("rsenf/run/node_template.py")
-
-
-def until(reached: Callable[[], bool], timeout_s: float = 15.0) -> bool:
-    deadline = time.monotonic() + timeout_s
-    while not reached() and time.monotonic() < deadline:
-        time.sleep(0.02)
-    return reached()
 
 
 def test_its_stage_alone() -> None:
@@ -78,9 +70,9 @@ def test_it_ends_with_what_started_it() -> None:
         with subprocess.Popen(
             ["sh", "-c", f"{sys.executable} {OWN} & wait"], env={**os.environ, **told}
         ) as shell:
-            assert until(lambda: alive == [True])
+            assert wait_until(lambda: alive == [True])
             shell.kill()
-        assert until(lambda: alive == [True, False])
+        assert wait_until(lambda: alive == [True, False])
 
 
 def test_what_it_prints_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -98,7 +90,7 @@ def test_a_run_that_breaks_stops_its_nodes_in_order(tmp_path: Path) -> None:
 
     def broken() -> None:
         with supervisor.start_graph(load_graph(path), path):
-            assert until(begun.exists)
+            assert wait_until(begun.exists)
             raise RsenfError("no port")
 
     with pytest.raises(RsenfError, match="no port"):

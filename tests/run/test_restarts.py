@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +12,11 @@ from conftest import Film, Graphs
 from live_run import LiveRun
 from run_samples import GRAPH, block, node_on
 
-from rsenf.bus.delivery import SIGNALS
+from rsenf.bus.delivery import LOOKING, SIGNALS
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import alive_key, camera_key, health_key
 from rsenf.bus.loopback import Loopback
+from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph
 from rsenf.config.node_kind import Restart
 from rsenf.config.recording import RecordSettings
@@ -26,6 +26,7 @@ from rsenf.record import open_recording
 from rsenf.run.graph_run import GraphRun
 from rsenf.run.node_state import NodeState
 from rsenf.run.outlets import _Departed
+from rsenf.run.patience import wait_until
 from rsenf.run.recording import of_run
 from rsenf.run.restarts import FIRST_WORD_S, Restarts
 from rsenf.run.revival import Revival
@@ -136,10 +137,7 @@ def test_a_dead_node_is_started_again_until_the_limit(supervised: Run) -> None:
     assert not supervised.run.never_began
     supervised.after(10)
     assert len(supervised.started) == 2
-    deadline = time.monotonic() + 20
-    while peers.gone_for_s("track") == 0:  # told that it doesn't
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    assert wait_until(lambda: peers.gone_for_s("track") > 0)  # told that it doesn't
 
 
 def test_words_of_the_process_before_are_not_taken_for_the_new_ones(supervised: Run) -> None:
@@ -250,15 +248,22 @@ def test_killed_and_hung_nodes_come_back_and_the_stream_goes_on(
     path.write_text(path.read_text().replace("nodes:", rule, 1))
     nodes = ("decode", "rows", "track", "idle", "match", "record")
     run = live_run(path).until("running", *nodes).until("done", "grid")
-    first, deadline = dict(run.pids), time.monotonic() + 60
+    first = dict(run.pids)
     os.kill(first["idle"], signal.SIGSTOP)
     for name in ("rows", "match", "record", "decode", "idle"):
         if name != "idle":
             os.kill(first[name], signal.SIGKILL)
-        while run.pids[name] == first[name]:
-            time.sleep(0.05)
-            assert time.monotonic() < deadline, "\n".join(run.lines)
-    time.sleep(2.0)
+        back = wait_until(lambda name=name: run.pids[name] != first[name], 60)
+        assert back, "\n".join(run.lines)
+    with open_bus(BusSettings(connect=(run.endpoint,))) as bus:
+        heard, told = Inbox(), [""]
+        bus.subscribe(heard, camera_key("lab", "cam", "track"), LOOKING)
+
+        def goes_on() -> bool:
+            told.extend(r.message.header.run_id for r in iter(lambda: heard.receive(0.1), None))
+            return told[-1].endswith("decode1.rows1")
+
+        assert wait_until(goes_on, 60), told[-1]
     run.interrupt()
     said = "\n".join(run.lines)
     assert run.process.returncode == 0, said

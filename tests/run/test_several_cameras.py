@@ -6,7 +6,6 @@ import base64
 import json
 import os
 import re
-import time
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,6 +21,7 @@ from rsenf.bus.keys import camera_key, health_key
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.messages import encode
 from rsenf.record import open_recording
+from rsenf.run.patience import Patience
 from rsenf.run.supervisor import free_endpoint
 from tests.decode import rtsp_server
 from tests.decode.rtsp_server import RtspServer
@@ -82,7 +82,7 @@ def contents(recording: Path) -> Iterator[bytes]:
 
 
 def fetched(url: str) -> bytes:
-    with urllib.request.urlopen(url, timeout=20) as answer:
+    with urllib.request.urlopen(url) as answer:
         return bytes(answer.read())
 
 
@@ -95,14 +95,14 @@ def shown(said: str) -> bytes:
     with client.connect(found[0].replace("http", "ws") + "news") as socket:
         for camera in ("door", "shut"):
             socket.send(json.dumps({"feed": f"lab/{camera}"}))
-            parts += [str(socket.recv(timeout=20)).encode() for _ in range(2)]
+            parts += [str(socket.recv()).encode() for _ in range(2)]
     return b"\n".join(parts)
 
 
-def until(inbox: Inbox, camera: str, epoch: int, *, within_s: float = 60.0) -> list[bytes]:
+def until(inbox: Inbox, camera: str, epoch: int) -> list[bytes]:
     """Wait for rows of an epoch; return all that was heard meanwhile."""
-    heard, deadline = [], time.monotonic() + within_s
-    while time.monotonic() < deadline:
+    heard, patience = [], Patience(60.0)
+    while not patience.over:
         received = inbox.receive(1.0)
         if received is None:
             continue

@@ -1,0 +1,38 @@
+"""Which rsenf this is: its version, and the commit that it was built from or is checked out at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+BUILT_FROM = "COMMIT"  # a file in the package, which setup.py writes
+SHOWN = 12  # digits
+
+
+def version_text() -> str:
+    """Return what ``rsenf --version`` says."""
+    from rsenf import __version__
+
+    package = Path(__file__).parent
+    built_from = package / BUILT_FROM
+    found = built_from.read_text() if built_from.is_file() else commit_of(package.parent)
+    return f"rsenf {__version__}" + (f" (commit {found[:SHOWN]})" if found else "")
+
+
+def commit_of(checkout: Path) -> str:
+    """Return the commit that a folder is checked out at, without git's help; '' for none."""
+    git = checkout / ".git"
+    if git.is_file():  # of a worktree
+        git = checkout / git.read_text().removeprefix("gitdir:").strip()
+    try:
+        head = (git / "HEAD").read_text().strip()
+        shared = git / "commondir"
+        refs = git / shared.read_text().strip() if shared.is_file() else git
+        ref = head.removeprefix("ref: ")
+        if ref == head:
+            return head
+        if (refs / ref).is_file():
+            return (refs / ref).read_text().strip()
+        packed = (line.split() for line in (refs / "packed-refs").read_text().splitlines())
+        return next((words[0] for words in packed if words[1:] == [ref]), "")
+    except OSError:
+        return ""
