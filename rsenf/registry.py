@@ -6,7 +6,7 @@ A package adds its own in its ``pyproject.toml``; nothing of rsenf is touched::
     my_method = "my_package.my_method:MyTracker"
 
 Groups: ``rsenf.methods`` (ENF), ``rsenf.idle_methods``, ``rsenf.matchers``, ``rsenf.effects``,
-``rsenf.nodes``. Nothing is imported before it is asked for by name.
+``rsenf.nodes``, ``rsenf.inputs``. Nothing is imported before it is asked for by name.
 """
 
 from __future__ import annotations

@@ -17,20 +17,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the script.
+    """Print the script."""
+    import shtab
 
-    Raises
-    ------
-    UsageError
-        When the library that makes it isn't installed.
-    """
     from rsenf.cli import VERBS, top_parser, verb_parser
-    from rsenf.errors import EXIT_DONE, UsageError
+    from rsenf.errors import EXIT_DONE
 
-    try:
-        import shtab
-    except ImportError as exc:
-        raise UsageError("completion needs shtab", "pip install shtab") from exc
     parser = top_parser()
     verbs = parser.add_subparsers(metavar="VERB")
     for verb in VERBS:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import Frame
+from rsenf.registry import Registry
 
-MCAP_MAGIC = b"\x89MCAP"
+LONGEST_MAGIC = 16
 
 
 class Input(ABC):
@@ -97,19 +99,50 @@ def open_input_file(
         if path.is_dir():
             raise UsageError(f"{path} is a folder", "name a file in it")
         raise UsageError(f"{path}: no such file", "look for a misspelling")
-    kind = path.suffix.lower()
-    if kind == ".mcap" or _start_of(path).startswith(MCAP_MAGIC):
-        return _recorded(path, camera, begin, source or f"file/{path.stem}")
-    if begin == "track" or (begin == "frames" and kind == ".npz"):
+    start, wanted = _start_of(path), Opening(camera, source or f"file/{path.stem}", begin, threads)
+    found = next((f for f in FORMATS.values() if f.is_of(path, start)), FORMATS["video"])
+    if begin not in found.begins:
         raise UsageError(f"{path} is no recording of {begin}", "give an .mcap recording")
-    if kind == ".npz":
-        from rsenf.run.npz import read_npz
-
-        return read_npz(path, source or f"file/{path.stem}")
-    return Video(path, source or f"file/{path.stem}", threads)
+    return found.open(path, wanted)
 
 
-def _recorded(path: Path, camera: str, begin: str, source: str) -> Input:
+class Opening(NamedTuple):
+    """How a recording is to be opened; as the arguments of :func:`open_input_file`."""
+
+    camera: str
+    source: str
+    begin: str
+    threads: int
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of recordings.
+
+    Attributes
+    ----------
+    open : callable
+        From a path and an :class:`Opening` to an :class:`Input`.
+    begins : tuple of str
+        What may be asked for as its beginning.
+    suffix : str
+        Of its files; empty where the name doesn't tell.
+    magic : bytes
+        Its files begin so; empty where they needn't.
+    """
+
+    open: Callable[[Path, Opening], Input]
+    begins: tuple[str, ...]
+    suffix: str = ""
+    magic: bytes = b""
+
+    def is_of(self, path: Path, start: bytes) -> bool:
+        """Whether a file is of this format, by its name and its first bytes."""
+        named = bool(self.suffix) and path.suffix.lower() == self.suffix
+        return named or (bool(self.magic) and start.startswith(self.magic))
+
+
+def _recorded(path: Path, opening: Opening) -> Input:
     """Open an MCAP file: a recording, or the pictures of another program."""
     from rsenf.record.reader import open_recording
     from rsenf.run.foreign.cameras import picture_topics
@@ -121,15 +154,21 @@ def _recorded(path: Path, camera: str, begin: str, source: str) -> Input:
     except InputError as exc:
         raise InputError(exc.message, exc.hint or "give the video itself") from exc
     ours = any(topic.is_ours for topic in recording.topics.values())
-    if not ours and begin != "track" and picture_topics(recording):
-        return ForeignVideo(recording, camera, source)
-    return Replayed(recording, camera, begin)
+    if not ours and opening.begin != "track" and picture_topics(recording):
+        return ForeignVideo(recording, opening.camera, opening.source)
+    return Replayed(recording, opening.camera, opening.begin)
+
+
+def _arrays(path: Path, opening: Opening) -> Input:
+    from rsenf.run.npz import read_npz
+
+    return read_npz(path, opening.source)
 
 
 def _start_of(path: Path) -> bytes:
     try:
         with path.open("rb") as file:
-            return file.read(len(MCAP_MAGIC))
+            return file.read(LONGEST_MAGIC)
     except OSError as exc:
         raise UsageError(f"{path} can't be read: {exc.strerror}", "check its rights") from exc
 
@@ -168,3 +207,19 @@ class Video(Input):
     def warnings(self) -> list[str]:
         """What the container left open."""
         return self._source.warnings
+
+
+def _video(path: Path, opening: Opening) -> Input:
+    return Video(path, opening.source, opening.threads)
+
+
+# The first that a file is of opens it. What is of none is left to FFmpeg.
+FORMATS: Registry[Format] = Registry(
+    "input format",
+    "rsenf.inputs",
+    {
+        "mcap": Format(_recorded, ("frames", "rows", "track"), ".mcap", b"\x89MCAP"),
+        "npz": Format(_arrays, ("rows",), ".npz"),
+        "video": Format(_video, ("frames", "rows")),
+    },
+)

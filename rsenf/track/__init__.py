@@ -36,10 +36,9 @@ def make_tracker(settings: TrackSettings, follower: Follower | None = None) -> E
     Raises
     ------
     UsageError
-        When there is no method of that name, or it would ignore what is asked for.
+        When there is no method of that name.
     """
     method = METHODS.find(settings.method)
-    method.check(settings)
     shared: dict[str, Any] = {"follower": follower} if follower and method.shares_follower else {}
     return method(settings, **shared)
 

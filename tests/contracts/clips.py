@@ -27,49 +27,56 @@ from tests.discrepancy import foreign_camera
 
 Array = NDArray[np.float64]
 SECONDS = 32.0
-FOREIGN = ("foreign camera", 50.0)
-# Frame rates and grids: the alias is away from 0 Hz, at it, near it, and on its mirror image.
-CELLS = (
-    ("29.97", 50.0),
-    ("25", 60.0),
-    ("23.976", 50.0),
-    ("25", 50.0),
-    ("30", 50.0),
-    ("59.94", 50.0),
-    ("23.976", 60.0),
-    ("29.97", 60.0),
-    ("50", 60.0),
+Cell = tuple[str, float, float]
+FOREIGN: Cell = ("foreign camera", 50.0, 1.0 - foreign_camera.READ_OUT_S * foreign_camera.RATE_HZ)
+# Frame rate, grid and idle ratio: the alias is away from 0 Hz, at it, near it, and on its mirror
+# image.
+CELLS: tuple[Cell, ...] = (
+    ("29.97", 50.0, 0.38),
+    ("25", 60.0, 0.38),
+    ("23.976", 50.0, 0.38),
+    ("24", 50.0, 0.6),
+    ("25", 50.0, 0.38),
+    ("30", 50.0, 0.38),
+    ("59.94", 50.0, 0.38),
+    ("60", 50.0, 0.38),
+    ("23.976", 60.0, 0.38),
+    ("29.97", 60.0, 0.2),
+    ("29.97", 60.0, 0.38),
+    ("50", 60.0, 0.38),
+    ("59.94", 60.0, 0.38),
     FOREIGN,
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """Rows, the grid's mean frequency over intervals of them, and the idle ratio."""
+    """Rows, and the grid's mean frequency over intervals of them."""
 
     blocks: tuple[RowBlock, ...]
     mean_hz: Callable[[Array, Array], Array]
-    idle_ratio: float
 
 
 @functools.cache
-def clip(cell: tuple[str, float], block_frames: int = 8) -> Clip:
+def clip(cell: Cell, block_frames: int = 8) -> Clip:
     """Return a raw clip: an LED of 10 % flicker on a lightly textured wall, or a foreign one."""
-    rate, nominal_hz = cell
+    rate, nominal_hz, idle_ratio = cell
     if cell == FOREIGN:
         path = {"seconds": SECONDS, "stroll_hz": 5e-4}
         level, t_s = foreign_camera.film(5, **path)
         mean_hz = functools.partial(foreign_camera.true_hz, 5, **path)
-        idle_ratio = 1.0 - foreign_camera.READ_OUT_S * foreign_camera.RATE_HZ
-        return Clip(blocks_of(level, t_s, block_frames), mean_hz, idle_ratio)
+        return Clip(blocks_of(level, t_s, block_frames), mean_hz)
+    shutter = Shutter(
+        frame_rate=parse_frame_rate(rate), rows=60, columns=320, idle_ratio=idle_ratio
+    )
     model = CaptureModel(
         light=Light(lamp="led", flicker_ratio=0.1),
         scene=Scene(texture_ratio=0.03),
-        shutter=Shutter(frame_rate=parse_frame_rate(rate), rows=60, columns=320, idle_ratio=0.38),
+        shutter=shutter,
     )
     grid = synthetic_grid(3, SECONDS + 4.0, nominal_hz=nominal_hz, start_s=1.0)
     rows = simulate_rows(model, grid, SECONDS, 3, strips=2)
-    return Clip(blocks_of(rows.level, rows.frame_time_s, block_frames), grid.mean_hz, 0.38)
+    return Clip(blocks_of(rows.level, rows.frame_time_s, block_frames), grid.mean_hz)
 
 
 def blocks_of(level: Array, t_s: Array, block_frames: int = 8) -> tuple[RowBlock, ...]:

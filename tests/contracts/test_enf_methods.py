@@ -21,7 +21,7 @@ from rsenf.run.runner import Runner
 from rsenf.track import METHODS, EnfMethod, TrackSettings, make_tracker
 from rsenf.track.method import CHOICES
 from rsenf.track.projection import ProjectionTracker
-from tests.contracts.clips import CELLS, FOREIGN, NOTHING_THERE, clip, flicker_free
+from tests.contracts.clips import CELLS, FOREIGN, NOTHING_THERE, Cell, clip, flicker_free
 
 # Root mean square of the error over the stated one. Errors of overlapping windows hang together,
 # so that of one short clip may be nearly twice what it is on average.
@@ -31,8 +31,10 @@ MOST_RMS_HZ = 5e-3  # who states more than that is of no use, however honest
 CLEAR = (CELLS[0], CELLS[1], FOREIGN)
 # Known to be too sure of themselves there; to be mended, and struck out here.
 FAILING = {
-    ("stft", "23.976", 60.0): "41 mHz, 27 times its error: takes the alias's mirror image for it",
-    ("projection", "30", 50.0): "0.07 mHz, 2.2 times its error: harmonics mirror each other",
+    ("stft", "23.976", 60.0, 0.38): "41 mHz, 27 times its error: the alias, near 0 Hz, is mirrored",
+    ("stft", "29.97", 60.0, 0.2): "10 mHz, 7 times its error: the alias, near 0 Hz, is mirrored",
+    ("projection", "30", 50.0, 0.38): "0.07 mHz, 2.2 times its error: harmonics are mirrored",
+    ("projection", "60", 50.0, 0.38): "0.08 mHz, 3.2 times its error: harmonics are mirrored",
 }
 SPLIT_HZ = 1e-9  # sums over blocks of another length are rounded otherwise
 
@@ -58,7 +60,7 @@ def check_declaration(method: str) -> None:
                 make_tracker(settings)
 
 
-def check_accuracy(method: str, cell: tuple[str, float]) -> None:
+def check_accuracy(method: str, cell: Cell) -> None:
     filmed = clip(cell)
     own = [e for e in run(method, filmed.blocks) if e.rank == 0]
     usable = [e for e in own if e.usable]
@@ -124,7 +126,7 @@ def test_it_declares_what_it_is(method: str) -> None:
 @pytest.mark.parametrize("cell", CELLS, ids=str)
 @pytest.mark.parametrize("method", METHODS)
 def test_it_is_within_its_own_errors(
-    method: str, cell: tuple[str, float], request: pytest.FixtureRequest
+    method: str, cell: Cell, request: pytest.FixtureRequest
 ) -> None:
     if reason := FAILING.get((method, *cell)):
         request.applymarker(pytest.mark.xfail(reason=reason, strict=True))

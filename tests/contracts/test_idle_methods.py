@@ -17,7 +17,7 @@ from rsenf.idle.coherent import conclude
 from rsenf.idle.stage import IdleStage
 from rsenf.messages import IdleEstimate, RowBlock, canonical
 from rsenf.run.runner import Runner
-from tests.contracts.clips import CELLS, FOREIGN, NOTHING_THERE, clip
+from tests.contracts.clips import CELLS, FOREIGN, NOTHING_THERE, Cell, clip
 
 MOST_Z = 2.0  # root mean square, over all clips, of the error over the stated one
 MOST_ERROR = 0.05  # of an idle ratio; the paper's tables are in such steps
@@ -27,7 +27,7 @@ CLEAR = (CELLS[0], CELLS[1])
 
 
 @functools.cache
-def _fed(cell: tuple[str, float]) -> IdleStage:
+def _fed(cell: Cell) -> IdleStage:
     """Return a stage that has taken in all of a clip, to end it with any method."""
     stage = IdleStage(IdleSettings(every_s=math.inf), _not_yet)
     for block in clip(cell).blocks:
@@ -39,7 +39,7 @@ def _not_yet(seen: Seen) -> Finding:
     raise NotImplementedError
 
 
-def _end(method: str, cell: tuple[str, float]) -> IdleEstimate:
+def _end(method: str, cell: Cell) -> IdleEstimate:
     stage = copy.deepcopy(_fed(cell))
     stage._conclude = METHODS[method]
     (estimate,) = stage.flush()
@@ -60,7 +60,7 @@ def check_accuracy(method: str) -> None:
             assert found.reason
             assert np.isnan(found.idle_ratio)
             continue
-        error = found.idle_ratio - clip(cell).idle_ratio
+        error = found.idle_ratio - cell[2]
         assert abs(error) <= MOST_ERROR
         assert found.idle_ratio_low <= found.idle_ratio <= found.idle_ratio_high
         z.append(error / np.sqrt(found.idle_ratio_var))
