@@ -260,6 +260,7 @@ def test_bash_completes_files(
     (tmp_path / "clip.mp4").touch()
     monkeypatch.chdir(tmp_path)
     assert bash("rsenf track cl") == ["clip.mp4"]
+    assert bash("rsenf simulate --model cl") == ["clip.mp4"]
 
 
 @pytest.mark.parametrize("shell", ["zsh", "fish"])
