@@ -92,14 +92,14 @@ def run(args: argparse.Namespace) -> int:
 def _settings(args: argparse.Namespace, threads: int) -> Settings:
     """Return how recordings are to be treated."""
     from rsenf.batch.settings import Settings
+    from rsenf.cli.console import read_options
 
     module = importlib.import_module(f"rsenf.cli.{args.analysis}")
-    reading = ("step_s", "timezone", "store", "column", "stamp")
     return Settings(
         analysis=args.analysis,
         options=module.options_of(args),
         references=tuple(getattr(args, "reference", None) or ()),
-        reading={name: getattr(args, name, None) for name in reading},
+        reading={**read_options(args), "store": getattr(args, "store", None)},
         effects=tuple(getattr(args, "effects", ())),
         begin=getattr(args, "begin", "rows"),
         camera=args.camera,
