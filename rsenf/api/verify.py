@@ -62,8 +62,8 @@ def verify(
     rows: RowsSettings | None = None,
     track: TrackSettings | None = None,
     match: MatchSettings | None = None,
-    picture: Path | None = None,
-    report: Path | None = None,
+    picture: PathLike | None = None,
+    report: PathLike | None = None,
     progress: Progress = silent,
 ) -> VerifyResult:
     """Compare a recording's ENF with a grid reference at every lag.
@@ -89,9 +89,9 @@ def verify(
     nominal_hz : float, optional
         50 or 60; the reference's unless given.
     rows, track, match : RowsSettings, TrackSettings, MatchSettings, optional
-    picture : Path, optional
+    picture : path, optional
         PNG to draw what was compared in.
-    report : Path, optional
+    report : path, optional
         Folder to write a report in: HTML, JSON and pictures.
 
     Raises
@@ -114,6 +114,7 @@ def verify(
     >>> found.decision, round(found.lag_s)
     ('match', 200)
     """
+    picture, report = (Path(path) if path else None for path in (picture, report))
     claimed_ns = utc_ns(start, "start") if start else 0
     if begin == "track" and (picture or report):
         raise UsageError("estimates hold no rows to draw", "begin with rows or frames")

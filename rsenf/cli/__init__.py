@@ -16,7 +16,6 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_USAGE, RsenfError
-from rsenf.version import version_text
 
 # Verbs in the order a newcomer meets them. The module `rsenf.cli.<verb>` does the work; its help
 # line stands here so that `rsenf --help` imports none of them.
@@ -138,7 +137,7 @@ def top_parser() -> Parser:
         description="Reads the electric network frequency out of rolling-shutter video.",
         epilog="'rsenf help VERB' tells more.   New here? Start with: rsenf demo",
     )
-    parser.add_argument("--version", action="version", version=version_text())
+    parser.add_argument("--version", action="store_true", help="show version and commit")
     parser.add_argument(DEBUG, action="store_true", help="show the traceback of an error")
     return parser
 
@@ -201,6 +200,11 @@ def _call(words: list[str]) -> int:
             words = [*words[1:], "--help"]
         if not words or words[0] in ("-h", "--help"):
             _print_help()
+            return EXIT_DONE
+        if words[0] == "--version":
+            from rsenf.version import version_text
+
+            print(version_text())
             return EXIT_DONE
         verb, *rest = words
         if verb.startswith("-"):

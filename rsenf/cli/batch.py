@@ -95,12 +95,11 @@ def _settings(args: argparse.Namespace, threads: int) -> Settings:
     from rsenf.cli.console import read_options
 
     module = importlib.import_module(f"rsenf.cli.{args.analysis}")
-    compares = hasattr(args, "reference")
     return Settings(
         analysis=args.analysis,
         options=module.options_of(args),
-        references=tuple(args.reference or ()) if compares else (),
-        reading={"store": args.store, **read_options(args)} if compares else {},
+        references=tuple(getattr(args, "reference", None) or ()),
+        reading={**read_options(args), "store": getattr(args, "store", None)},
         effects=tuple(getattr(args, "effects", ())),
         begin=getattr(args, "begin", "rows"),
         camera=args.camera,

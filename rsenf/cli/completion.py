@@ -8,6 +8,7 @@ rsenf completion fish > ~/.config/fish/completions/rsenf.fish
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 
@@ -37,9 +38,5 @@ def _complete_files(parser: argparse.ArgumentParser, how: Any) -> None:
         if isinstance(action, argparse._SubParsersAction):
             for below in action.choices.values():
                 _complete_files(below, how)
-        elif (
-            action.nargs != 0
-            and not action.choices
-            and action.type in (None, str, argparse.FileType)
-        ):
+        elif action.nargs != 0 and not action.choices and action.type in (None, Path):
             action.complete = how  # type: ignore[attr-defined]

@@ -30,9 +30,9 @@ class TrackSettings:
     line_m : int, optional
         Line ``k·f_0 + m·F_r`` to follow; the strongest when not given.
     window_s : float
-        Length of the window.
+        Length of the window, which ``projection`` chooses by itself.
     hop_s : float
-        Time between values.
+        Time between values; a second by ``projection``.
     search_hz : float
         Half-width of the band searched, as a deviation of the grid's frequency.
     min_snr : float

@@ -172,8 +172,6 @@ def test_a_misspelled_key_is_named_with_its_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (["--lamp", "neon"], "light.lamp is 'neon'"),
-        (["--codec", "h266"], "did you mean 'h26"),
         (["--idle-ratio", "1.2"], "shutter.idle_ratio is 1.2"),
         (["--frame-rate", "quick"], "not a frame rate"),
         (["--bitrate", "150k", "--lossless"], "excludes codec.bitrate_bps"),
