@@ -45,32 +45,49 @@ __all__ = [
 ]
 __version__ = "0.1.0"
 
+_ROOMS = ("track", "idle", "live")
 _HOME = {"compare_idle": "idle", "read_recording": "recordings", "verify_against": "verify"}
 
 
-class _Package(ModuleType):
-    """Keeps ``rsenf.track``, ``rsenf.idle`` and ``rsenf.live`` functions.
+class _Room(ModuleType):
+    # ``rsenf.track`` is a room of the package, and is called as the function of its name.
+    __doc__ = property(lambda room: room.__wrapped__.__doc__)
 
-    Rooms have these names too, and importing one would put it in the function's place. What is in
-    a room is imported from it: ``from rsenf.track import METHODS``.
-    """
+    @property
+    def __wrapped__(self) -> Any:
+        return _function(self.__name__.removeprefix("rsenf."))
+
+    def __call__(self, *args: Any, **more: Any) -> Any:
+        return self.__wrapped__(*args, **more)
+
+
+class _Package(ModuleType):
+    """Lets ``rsenf.track``, ``rsenf.idle`` and ``rsenf.live`` be called, whoever imports them."""
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if not (name in __all__ and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
+        if name in __all__ and isinstance(value, ModuleType):
+            value.__class__ = _Room
+        super().__setattr__(name, value)
 
 
 sys.modules[__name__].__class__ = _Package
 
 
+def _function(name: str) -> Any:
+    import importlib
+
+    return getattr(importlib.import_module(f"rsenf.api.{_HOME.get(name, name)}"), name)
+
+
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    import importlib
+    if name in _ROOMS:
+        import importlib
 
-    function = getattr(importlib.import_module(f"rsenf.api.{_HOME.get(name, name)}"), name)
-    globals()[name] = function
-    return function
+        return importlib.import_module(f"rsenf.{name}")
+    found = globals()[name] = _function(name)
+    return found
 
 
 def __dir__() -> list[str]:

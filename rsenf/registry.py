@@ -11,6 +11,7 @@ Groups: ``rsenf.methods`` (ENF), ``rsenf.idle_methods``, ``rsenf.matchers``, ``r
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import importlib
 from collections.abc import Callable, Iterator, Mapping
@@ -88,6 +89,14 @@ class Registry(Mapping[str, T], Generic[T]):
             raise UsageError(f"no {self.what} {name!r}", self.hint(name))
         return self[name]
 
+    def usable(self) -> dict[str, T]:
+        """Return all that can be imported: one broken package takes nothing from the others."""
+        found = {}
+        for name in self:
+            with contextlib.suppress(UsageError):
+                found[name] = self[name]
+        return found
+
     def hint(self, name: str) -> str:
         """Return what a misspelt name may have meant, and what there is."""
         close = difflib.get_close_matches(name, self, n=1)
@@ -109,9 +118,9 @@ class Registry(Mapping[str, T], Generic[T]):
             self._check(point.name, loaded)
         except Exception as exc:  # whatever a stranger's module does
             package = point.dist.name if point.dist else point.value
+            why = str(exc) if isinstance(exc, UsageError) else f"{type(exc).__name__}: {exc}"
             raise UsageError(
-                f"{self.what} {point.name!r} of the package {package} can't be loaded: "
-                f"{type(exc).__name__}: {exc}",
+                f"{self.what} {point.name!r} of the package {package} can't be loaded: {why}",
                 f"mend or remove the package {package}",
             ) from exc
         return loaded

@@ -218,7 +218,7 @@ class ListEffects(argparse.Action):
 
         for path in namespace.effects:
             load_effects(path)
-        print("\n\n".join(describe(effect) for effect in CATALOGUE.values()))
+        print("\n\n".join(describe(effect) for effect in CATALOGUE.usable().values()))
         parser.exit()
 
 

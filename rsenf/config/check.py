@@ -8,9 +8,10 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from rsenf.config.node_kind import NODE_KINDS
 from rsenf.config.secrets import is_secret, redact
 from rsenf.config.yaml_lines import KeyPath, YamlText
-from rsenf.errors import ConfigError
+from rsenf.errors import ConfigError, UsageError
 
 Model = TypeVar("Model", bound=BaseModel)
 _Schema = dict[str, Any]
@@ -60,6 +61,8 @@ def _finding(document: YamlText, schema: _Schema, error: ErrorDetails) -> tuple[
     elif kind == "union_tag_invalid":
         path, read = (*path, "kind"), str(context["tag"])
         text = _not_one_of(f"{name}.kind", read, _choices(node))
+        if read in NODE_KINDS:  # of a package that is there, and broken
+            text = f"{name}.kind: {_why_broken(read)}"
     elif kind == "literal_error":
         words = context["expected"].replace(" or ", ", ").replace("'", "").split(", ")
         text = _not_one_of(name, str(error["input"]), words)
@@ -114,6 +117,14 @@ def _choices(node: _Schema) -> list[str]:
 
 def _not_one_of(name: str, read: str, choices: list[str]) -> str:
     return f"{name}: {read!r} is not one of {', '.join(choices)}{_nearest(read, choices)}"
+
+
+def _why_broken(kind: str) -> str:
+    try:
+        NODE_KINDS.find(kind)
+    except UsageError as exc:
+        return str(exc)
+    return ""
 
 
 def _nearest(word: str, choices: list[str]) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import warnings
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
@@ -12,23 +11,13 @@ from pydantic import Field
 from rsenf.bus.keys import REFERENCE
 from rsenf.config.names import Name
 from rsenf.config.node_kind import NODE_KINDS, Input, NodeKind, Problem, Restart, Stream, Strict
-from rsenf.errors import UsageError
 from rsenf.stage import StageSpec
-
-
-def _installed_kinds() -> Iterator[type[NodeKind]]:
-    """Yield every kind of node; another package's that can't be loaded is left out, and told."""
-    for name in NODE_KINDS:
-        try:
-            yield NODE_KINDS[name]
-        except UsageError as exc:
-            warnings.warn(str(exc), stacklevel=2)
-
 
 if TYPE_CHECKING:
     Node = NodeKind
 else:
-    Node = Annotated[Union[tuple(_installed_kinds())], Field(discriminator="kind")]  # noqa: UP007
+    _KINDS = tuple(NODE_KINDS.usable().values())
+    Node = Annotated[Union[_KINDS], Field(discriminator="kind")]  # noqa: UP007
 
 
 class BusConfig(Strict):

@@ -10,6 +10,7 @@ group ``rsenf.nodes``; ``rsenf.run.stage_node.StageNode`` is the base of most.
 
 from __future__ import annotations
 
+import typing
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -200,6 +201,14 @@ def bad_key_expressions(named: Iterable[tuple[str, str]]) -> Iterator[Problem]:
             yield (where,), str(exc)
 
 
+def _check(name: str, kind: type[NodeKind]) -> None:
+    if not (isinstance(kind, type) and issubclass(kind, NodeKind)):
+        raise UsageError(f"{name} is no rsenf.config.node_kind.NodeKind")
+    called = typing.get_args(kind.model_fields["kind"].annotation)
+    if called != (name,):
+        raise UsageError(f"{kind.__name__} is added as {name}", f'kind: Literal["{name}"] in it')
+
+
 NODE_KINDS: Registry[type[NodeKind]] = Registry(
     "node kind",
     "rsenf.nodes",
@@ -218,4 +227,5 @@ NODE_KINDS: Registry[type[NodeKind]] = Registry(
         "dashboard": "rsenf_nodes.dashboard:DashboardNode",
         "external": "rsenf_nodes.external:ExternalNode",
     },
+    _check,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from rsenf.bus.keys import REFERENCE
+from rsenf.bus.keys import REFERENCE, TOPICS
 from rsenf.bus.zenoh_bus import setting_problem
 from rsenf.config.graph import BusConfig, Graph, reader_of_frames, sender_of
 from rsenf.config.hosts import host_problems
@@ -52,6 +52,8 @@ def _unread(graph: Graph, node: NodeKind) -> Iterator[Problem]:
 def _twice(graph: Graph, name: str, node: NodeKind) -> Iterator[Problem]:
     """Yield what another node, or this one, does already."""
     sent = node.outputs()
+    for topic in {stream.topic for stream in sent} - set(TOPICS):
+        yield (node.named_by,), f"sends {topic!r}, which is no topic; there are {', '.join(TOPICS)}"
     for stream in dict.fromkeys(sent):
         first = sender_of(graph, *stream)
         if first != name:

@@ -48,7 +48,7 @@ def candidates(fit: Fit) -> list[Candidate]:
     residue = residue_of(fit)
     there = {effect.name for effect in fit.theory.model.effects}
     out: list[Candidate] = []
-    for name, kind in CATALOGUE.items():
+    for name, kind in CATALOGUE.usable().items():
         if name in there:
             continue
         for values in kind.guesses(residue):

@@ -13,6 +13,7 @@ from rsenf import __version__
 from rsenf.errors import InputError
 from rsenf.messages.schema import message_classes
 
+ADDED = "package "  # that adds to rsenf
 LIBRARIES = (
     "av",
     "eclipse-zenoh",
@@ -39,6 +40,18 @@ def program_facts() -> dict[str, str]:
         "host": socket.gethostname(),
         **{f"schema {name}": str(cls.VERSION) for name, cls in message_classes().items()},
         **{f"library {name}": version for name, version in versions.items()},
+        **_added(),
+    }
+
+
+def _added() -> dict[str, str]:
+    """Versions of the packages that add to rsenf by entry points."""
+    from importlib.metadata import distributions
+
+    return {
+        f"{ADDED}{found.name}": found.version
+        for found in distributions()
+        if any(point.group.startswith("rsenf.") for point in found.entry_points)
     }
 
 

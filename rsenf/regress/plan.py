@@ -11,9 +11,10 @@ from pydantic import ValidationError
 from rsenf.bus.keys import REFERENCE, TOPICS, topic_key
 from rsenf.config import Graph
 from rsenf.config.node_kind import NodeKind
-from rsenf.errors import InputError
+from rsenf.errors import InputError, UsageError
 from rsenf.record import Recording
 from rsenf.record.growing import ABOUT
+from rsenf.record.provenance import ADDED
 from rsenf.regress.history import History
 from rsenf.run.runner import Runner
 from rsenf.stage import StageSpec
@@ -69,11 +70,24 @@ def recorded_graph(recording: Recording) -> Graph:
     except ValidationError as exc:
         first = exc.errors()[0]
         where = ".".join(map(str, first["loc"]))
+        if first["type"] == "union_tag_invalid":
+            kind = first["ctx"]["tag"]
+            raise InputError(
+                f"{recording.path}: no node kind {kind!r} here, of {where}",
+                f"install the package that adds it{_packages(recording)}",
+            ) from exc
         made_by = recording.metadata[ABOUT].get("rsenf", "unknown")
         raise InputError(
             f"{recording.path}: its graph isn't one to this program, at {where}: {first['msg']}",
             f"it was recorded by rsenf {made_by}; record it anew, or take that version",
         ) from exc
+
+
+def _packages(recording: Recording) -> str:
+    """Name the packages that added to rsenf where it was recorded."""
+    about = recording.metadata.get(ABOUT, {})
+    names = [f"{k.removeprefix(ADDED)} {v}" for k, v in about.items() if k.startswith(ADDED)]
+    return f": {', '.join(names)}" if names else ""
 
 
 def steps_of(graph: Graph) -> list[Step]:
@@ -112,6 +126,9 @@ def _maker(
 ) -> Callable[[History], Runner]:
     def make(history: History) -> Runner:
         stage: StageSpec = node.stages(history.context(key, stays=stays))[number]
-        return Runner.of(stage, inputs)
+        try:
+            return Runner.of(stage, inputs)
+        except UsageError as exc:
+            raise InputError(f"{key}: {exc.message}", exc.hint) from exc
 
     return make

@@ -8,7 +8,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from rsenf.bus.keys import TOPICS, topic_of
+from rsenf.bus.keys import ROOT, TOPICS, matches, topic_of
+from rsenf.config import Graph
 from rsenf.errors import InputError, SchemaMismatch
 from rsenf.messages import Header, VideoPacket
 from rsenf.record import Recording, open_recording
@@ -40,7 +41,10 @@ def regress(path: str | Path) -> Regression:
         raise InputError(f"{path}: no stage can be run again", why or "it holds no stage's output")
     changed = changed_since(recording)
     history = history_of(recording, [step.topic for step in steps])
-    runs = [StepRun(step, history, exact=not changed) for step in steps]
+    try:
+        runs = [StepRun(step, history, exact=not changed) for step in steps]
+    except InputError as exc:
+        raise InputError(f"{path}: {exc.message}", exc.hint) from exc
     topics = {step.topic for step in steps}.union(*(step.reads for step in steps))
     for topic, message, log_time_ns in recording.messages(topics, tolerant=True):
         for run in runs:
@@ -64,6 +68,8 @@ def runnable(recording: Recording) -> tuple[list[Step], dict[str, str]]:
     steps = []
     for step in all_steps:
         if step.topic not in recording.topics:
+            if _was_recorded(graph, step.topic):
+                left_out[step.topic] = "nothing of it is in the recording"
             continue
         absent = [topic for topic in step.reads if topic not in recording.topics]
         if absent:
@@ -71,6 +77,16 @@ def runnable(recording: Recording) -> tuple[list[Step], dict[str, str]]:
         else:
             steps.append(step)
     return steps, left_out
+
+
+def _was_recorded(graph: Graph, topic: str) -> bool:
+    """Whether a graph's recorder listened to a topic."""
+    return any(
+        matches(f"{ROOT}/{graph.site}/{below}", topic)
+        for node in graph.nodes.values()
+        for below in getattr(node, "topics", ())
+        if node.kind == "record"
+    )
 
 
 class Numbers:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from rsenf.bus.keys import topic_of
 from rsenf.record import Recording
 from rsenf.record.growing import ABOUT
-from rsenf.record.provenance import program_facts
+from rsenf.record.provenance import ADDED, program_facts
 
 BESIDE = ("created_utc", "host", "platform")  # where and when the video came in
 # These carry messages as they are.
@@ -25,7 +25,10 @@ def changed_since(recording: Recording) -> dict[str, tuple[str, str]]:
         name: (then.get(name, "unknown"), value)
         for name, value in now.items()
         if name not in _NO_MATTER and then.get(name) != value
+        if name in then or not name.startswith(ADDED)  # what was added since made nothing of it
     }
+    gone = [name for name in then if name.startswith(ADDED) and name not in now]
+    changed |= {name: (then[name], "not installed") for name in gone}
     if (hosts := _hosts(recording)) - {then.get("host")}:
         changed["host"] = (", ".join(sorted(hosts)), now["host"])
     return changed

@@ -6,7 +6,7 @@ from typing import Any
 
 from rsenf.flicker.shared import Follower
 from rsenf.registry import Registry
-from rsenf.track.method import EnfMethod
+from rsenf.track.method import EnfMethod, check_method
 from rsenf.track.settings import TrackSettings
 
 METHODS: Registry[type[EnfMethod]] = Registry(
@@ -21,6 +21,7 @@ METHODS: Registry[type[EnfMethod]] = Registry(
         "phase": "rsenf.track.phase:PhaseTracker",
         "paper": "rsenf.track.paper:PaperTracker",
     },
+    check_method,
 )
 
 

@@ -66,7 +66,7 @@ class EnfMethod(ABC):
         ignored = [name.removesuffix("_m") for name in cls.ignored(settings)]
         if ignored:
             raise UsageError(
-                f"{cls.name} takes no {' and no '.join(ignored)}: it {cls.help}",
+                f"{cls.name} takes no {' and no '.join(ignored)}: {cls.help}",
                 f"leave {' and '.join(ignored)} out, or take another method",
             )
 
@@ -77,3 +77,21 @@ class EnfMethod(ABC):
     @abstractmethod
     def flush(self) -> list[Any]:
         """Return the estimates that the end of the stream completes."""
+
+
+def check_method(name: str, method: type[EnfMethod]) -> None:
+    """Check that a method is one, whole, and of the name that it is added by.
+
+    Raises
+    ------
+    UsageError
+        When it isn't.
+    """
+    if not (isinstance(method, type) and issubclass(method, EnfMethod)):
+        raise UsageError(f"{name} is no rsenf.track.EnfMethod", "derive it from that class")
+    missing = [what for what in ("name", "help") if not getattr(method, what, None)]
+    missing += sorted(method.__abstractmethods__)
+    if missing:
+        raise UsageError(f"the ENF method {method.__name__} lacks {', '.join(missing)}")
+    if method.name != name:
+        raise UsageError(f"the ENF method {method.name} is added as {name}", "give both one name")

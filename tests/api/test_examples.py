@@ -13,10 +13,8 @@ import rsenf
 
 @pytest.mark.parametrize("name", sorted(rsenf.__all__))
 def test_example(name: str) -> None:
-    function = getattr(rsenf, name)
+    function = inspect.unwrap(getattr(rsenf, name))
     module = importlib.import_module(function.__module__)
-    (example,) = doctest.DocTestFinder(recurse=False).find(
-        inspect.unwrap(function), name, module, globs={}
-    )
+    (example,) = doctest.DocTestFinder(recurse=False).find(function, name, module, globs={})
     assert example.examples, f"{name} has no example"
     assert doctest.DocTestRunner().run(example).failed == 0

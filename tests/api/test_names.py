@@ -28,11 +28,21 @@ def python(program: str) -> str:
         "import rsenf.{name}.settings; import rsenf; f = rsenf.{name}",
         "import rsenf; f = rsenf.{name}; import rsenf.{name}.settings; assert rsenf.{name} is f",
         "import importlib; importlib.import_module('rsenf.{name}'); from rsenf import {name} as f",
+        "import rsenf.{name}.settings as s; import rsenf.{name} as f; assert s is f.settings",
     ],
 )
-def test_a_function_whatever_came_first(name: str, order: str) -> None:
+def test_a_function_and_a_room_whatever_came_first(name: str, order: str) -> None:
     program = order.format(name=name) + f"\nimport rsenf.{name}\nassert f is rsenf.{name}"
-    assert python(f"{program}\nprint(f.__module__, f.__name__)") == f"rsenf.api.{name} {name}\n"
+    program += "\nimport inspect; g = inspect.unwrap(f); assert 'Examples' in f.__doc__"
+    program += "\nassert 'recording' in inspect.signature(f).parameters"
+    assert python(f"{program}\nprint(g.__module__, g.__name__)") == f"rsenf.api.{name} {name}\n"
+
+
+def test_it_is_called_as_the_function() -> None:
+    program = (
+        "import numpy as np, rsenf; print(rsenf.track(np.ones(90), frame_rate_hz=30.0).summary)"
+    )
+    assert "no usable signal" in python(program)
 
 
 def test_rooms_are_imported_from_as_ever() -> None:

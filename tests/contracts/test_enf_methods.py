@@ -219,3 +219,17 @@ def test_a_fault_is_caught(
     METHODS.register("faulty", fault)
     with pytest.raises(AssertionError):
         check("faulty", *of)
+
+
+@pytest.mark.parametrize(
+    ("method", "why"),
+    [
+        (type("Lacking", (EnfMethod,), {"name": "mine", "help": "x", "update": id}), "lacks flush"),
+        (type("Plain", (), {}), "mine is no rsenf.track.EnfMethod"),
+        (type("Other", (METHODS["stft"],), {"name": "other"}), "other is added as mine"),
+    ],
+)
+def test_what_is_no_method_is_told_before_it_is_used(method: Any, why: str) -> None:
+    with pytest.raises(UsageError, match=why):
+        METHODS.register("mine", method)
+    assert "mine" not in METHODS

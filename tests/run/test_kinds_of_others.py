@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from live_run import LiveRun
 
-from rsenf.errors import EXIT_DONE, EXIT_USAGE
+from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_USAGE
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.processes
@@ -107,10 +107,21 @@ def test_it_is_validated_run_recorded_and_run_again(
     assert alarm["messages"] == len(alarms) + 1  # its END mark
 
 
-def test_without_the_package_its_kind_is_unknown(graph: Path) -> None:
+def test_without_the_package_its_kind_is_unknown(
+    installed: dict[str, str], graph: Path, live_run: type[LiveRun], tmp_path: Path
+) -> None:
+    assert live_run(graph, env=installed).wait() == EXIT_DONE
     checked = rsenf("validate", graph, env=dict(os.environ))
     assert checked.returncode == EXIT_USAGE
     assert "nodes.band.kind: 'band' is not one of" in checked.stderr
+    again = rsenf("regress", tmp_path / "out.mcap", env=dict(os.environ))
+    assert again.returncode == EXIT_FAILED
+    assert "out.mcap: no node kind 'band' here, of nodes.band" in again.stderr
+    assert "install the package that adds it: band 1.0" in again.stderr
+    facts = tmp_path / "band-1.0.dist-info/METADATA"
+    facts.write_text(facts.read_text().replace("1.0", "1.1"))
+    newer = rsenf("regress", tmp_path / "out.mcap", env=installed)
+    assert "package band 1.0 → 1.1" in newer.stdout
 
 
 def test_one_that_sends_what_it_does_not_declare_fails_in_one_line(
@@ -123,13 +134,32 @@ def test_one_that_sends_what_it_does_not_declare_fails_in_one_line(
     assert "BandNode sends Alarm undeclared (name its topic in StageSpec.sends)" in run.error
 
 
-def test_one_that_cannot_be_loaded_is_told_of_and_hinders_nobody(
-    installed: dict[str, str], graph: Path, tmp_path: Path
+@pytest.mark.parametrize(
+    ("module", "why"),
+    [
+        ("import nowhere\n", "ModuleNotFoundError"),
+        (KIND.replace('Literal["band"]', 'Literal["bend"]'), 'kind: Literal["band"] in it'),
+        ("BandNode = 3\n", "band is no rsenf.config.node_kind.NodeKind"),
+    ],
+)
+def test_one_that_is_none_is_told_of_where_it_is_used(
+    installed: dict[str, str], graph: Path, tmp_path: Path, module: str, why: str
 ) -> None:
-    (tmp_path / "band_node.py").write_text("import nowhere\n")
+    (tmp_path / "band_node.py").write_text(module)
     checked = rsenf("validate", graph, env=installed)
     assert checked.returncode == EXIT_USAGE
-    assert "node kind 'band' of the package band can't be loaded" in checked.stderr
+    assert "nodes.band.kind: node kind 'band' of the package band can't be loaded" in checked.stderr
+    assert why in checked.stderr
     text = graph.read_text(encoding="utf-8").splitlines()
     graph.write_text("\n".join(line for line in text if "band" not in line), encoding="utf-8")
-    assert rsenf("validate", graph, env=installed).returncode == EXIT_DONE
+    others = rsenf("validate", graph, env=installed)
+    assert (others.returncode, others.stderr) == (EXIT_DONE, "")
+
+
+def test_one_of_a_topic_that_is_none_is_refused(
+    installed: dict[str, str], graph: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "band_node.py").write_text(KIND.replace("SENDS", "quality"))
+    checked = rsenf("validate", graph, env=installed)
+    assert checked.returncode == EXIT_USAGE
+    assert "nodes.band.cameras: sends 'quality', which is no topic" in checked.stderr

@@ -20,14 +20,14 @@ FIRST = (
 
 def listed() -> tuple[str, ...]:
     """Effects of the catalogue that can be hidden: those that say how weak they may be."""
-    known = [name for name, effect in CATALOGUE.items() if effect.weakest]
+    known = [name for name, effect in CATALOGUE.usable().items() if effect.weakest]
     first = [name for name in FIRST if name in known]
     return (*first, *(name for name in known if name not in first))
 
 
 def left_out() -> dict[str, str]:
     """Return the other effects, each with the reason why it can't be hidden."""
-    return {name: e.not_hidden for name, e in CATALOGUE.items() if not e.weakest}
+    return {name: e.not_hidden for name, e in CATALOGUE.usable().items() if not e.weakest}
 
 
 @dataclass(frozen=True)
