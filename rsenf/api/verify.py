@@ -299,13 +299,16 @@ class VerifyResult(Result):
         return verdict_words(self.analysis.result)
 
 
-def verify_against(first: TrackResult, second: TrackResult) -> AgainstResult:
+def verify_against(
+    first: TrackResult, second: TrackResult, *, match: MatchSettings | None = None
+) -> AgainstResult:
     """Tell whether two recordings were made at the same time; of each, the stretch that tells most.
 
     Parameters
     ----------
     first, second : TrackResult
         What :func:`rsenf.track` returned, by the method ``projection``.
+    match : MatchSettings, optional
 
     Raises
     ------
@@ -330,7 +333,7 @@ def verify_against(first: TrackResult, second: TrackResult) -> AgainstResult:
     ('match', 20)
     """
     warnings = [f"{one.recording}: {line}" for one in (first, second) for line in one.warnings]
-    found = match_against(_best_stretch(first), _best_stretch(second), MatchSettings())
+    found = match_against(_best_stretch(first), _best_stretch(second), match or MatchSettings())
     return AgainstResult(**against_json(found, warnings), against=found)
 
 

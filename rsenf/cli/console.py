@@ -107,8 +107,8 @@ def add_begin_argument(parser: argparse.ArgumentParser, *topics: str) -> None:
     )  # fmt: skip
 
 
-def add_row_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of every verb that samples rows."""
+def add_row_arguments(parser: argparse.ArgumentParser, *leave_out: str) -> None:
+    """Arguments of every verb that samples rows, but for some fields of its settings."""
     from rsenf.cli.options import add_settings
     from rsenf.rows.settings import RowsSettings
 
@@ -116,7 +116,7 @@ def add_row_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--nominal-hz", type=float, choices=(50.0, 60.0), help="grid; found from the data otherwise"
     )
-    add_settings(parser, "rows", RowsSettings, **EITHER_WAY)
+    add_settings(parser, "rows", RowsSettings, leave_out=leave_out, **EITHER_WAY)
 
 
 def row_settings(args: argparse.Namespace) -> RowsSettings:

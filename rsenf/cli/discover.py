@@ -46,7 +46,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     add_reference_arguments(parser)
-    add_row_arguments(parser)
+    add_row_arguments(parser, "strips", "tile_means")
 
 
 def run(args: argparse.Namespace) -> int:

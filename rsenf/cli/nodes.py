@@ -75,8 +75,10 @@ def _look(args: argparse.Namespace) -> Roster:
 
 def _waited_for(args: argparse.Namespace) -> Roster:
     """Look until every node is up. A slow machine has longer than it was told."""
-    from rsenf.errors import RsenfError
-    from rsenf.run.patience import Patience
+    import time
+
+    from rsenf.errors import RsenfError, UsageError
+    from rsenf.run.patience import PAUSE_S, Patience
 
     patience = Patience(args.wait_s)
     while True:
@@ -85,9 +87,10 @@ def _waited_for(args: argparse.Namespace) -> Roster:
             if not (down := roster.down()):
                 return roster
             raise RsenfError(", ".join(down))
-        except RsenfError:
-            if patience.over:
+        except RsenfError as exc:
+            if isinstance(exc, UsageError) or patience.over:
                 raise
+            time.sleep(PAUSE_S)
 
 
 def _line(seen: Seen, now_s: float, now_ns: int) -> tuple[str, ...]:

@@ -115,14 +115,16 @@ def _against(args: argparse.Namespace) -> int:
     """Compare two recordings."""
     from rsenf.api.verify import verify_against
     from rsenf.cli.console import note, print_json, say, say_loss
+    from rsenf.cli.options import settings_of
     from rsenf.errors import UsageError
+    from rsenf.match.settings import MatchSettings
 
     for name in ("reference", "start", "picture", "report"):
         if getattr(args, name):
             raise UsageError(f"--against with --{name}", "the other recording is the reference")
     paths = (args.input, args.against)
     first, second = (_tracked(args, path) for path in paths)
-    found = verify_against(first, second)
+    found = verify_against(first, second, match=settings_of(args, MatchSettings))
     if args.json:
         print_json(found.to_dict())
     else:

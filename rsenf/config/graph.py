@@ -101,7 +101,7 @@ class Graph(Strict):
     def mirrors(self, node: NodeKind) -> Iterator[Problem]:
         """Yield a camera of a node that is compared with itself: it fits, whatever it shows."""
         sender = self.sender(REFERENCE, getattr(node, "grid", ""))
-        for read in sender.inputs() if sender else ():
+        for read in sender.inputs() if sender and not sender.program() else ():
             if read.stream.topic == "track" and read.stream.of in node.feeds:
                 text = f"the reference {node.grid!r} is {read.stream.of!r}, compared with itself"  # type: ignore[attr-defined]  # it has read one
                 yield ("cameras",), text
@@ -126,9 +126,13 @@ def sender_of(graph: Graph, topic: str, of: str) -> str:
 
 def reader_of_frames(graph: Graph, camera: str) -> str:
     """Name of the node that samples a camera's frames; '' when none of this graph does."""
-    wanted = Stream("frames", camera)
     return next(
-        (n for n, node in graph.nodes.items() if wanted in (r.stream for r in node.inputs())), ""
+        (
+            name
+            for name, node in graph.nodes.items()
+            if camera in node.feeds and any("frames" in stage.reads for stage in node.stages())
+        ),
+        "",
     )
 
 

@@ -93,7 +93,8 @@ def _contradictions(graph: Graph, data: Any) -> Iterator[tuple[tuple[str, ...], 
             for camera in node.feeds:
                 for name, sender in graph.nodes.items():
                     given = data["nodes"][name].get("rows") or {}
-                    sends = ("rows", camera) in sender.outputs()
-                    if sends and given.get(field, value) != value:
+                    sends = ("rows", camera) in sender.outputs() and field in given
+                    rows = getattr(sender, "rows", None)
+                    if sends and getattr(rows, field, value) != value:
                         text = f"node {reader!r} needs {field} {str(value).lower()}"
                         yield ("nodes", name, "rows", field), text

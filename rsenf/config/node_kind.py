@@ -114,7 +114,7 @@ class NodeKind(Strict):
     def outputs(self) -> list[Stream]:
         """Return what it sends. Its process can open no other topic for sending."""
         topics = [topic for stage in self.stages() for topic in stage.sends]
-        return [Stream(topic, camera) for camera in self.feeds for topic in topics]
+        return [self.input_of(topic, camera).stream for camera in self.feeds for topic in topics]
 
     def inputs(self) -> list[Input]:
         """Return what it reads that others of the graph send."""

@@ -114,7 +114,7 @@ def _steps(graph: Graph, name: str, node: NodeKind) -> Iterator[Step]:
             reads = [
                 topic_key(graph.site, of, RECORDED_AS.get(topic, topic)) for topic, of in streams
             ]
-            for topic in stage.sends:
+            for topic in filter(ORDER.__contains__, stage.sends):
                 key = topic_key(graph.site, camera, topic)
                 stays = graph.restart_of(name) is not None
                 make = _maker(node, number, key, len(reads), stays=stays)

@@ -38,4 +38,4 @@ def _hosts(recording: Recording) -> set[str]:
     """Hosts that the nodes of a recording ran on, as their health says."""
     topics = [name for name in recording.topics if topic_of(name) == "health"]
     words = recording.messages(topics, tolerant=True) if topics else ()
-    return {word.host for _, word, _ in words}
+    return {word.host for _, word, _ in words if word.host}

@@ -46,5 +46,8 @@ class RowsSettings:
     def __post_init__(self) -> None:
         if self.read_out_axis not in get_args(ReadOut):
             raise UsageError(f"read_out_axis {self.read_out_axis!r}: 'rows', 'columns' or 'auto'")
-        if self.strips < 1 or self.tiles % self.strips:
+        for name in ("block_frames", "strips", "tiles"):
+            if getattr(self, name) < 1:
+                raise UsageError(f"{name} of {getattr(self, name)}: at least 1")
+        if self.tiles % self.strips:
             raise UsageError(f"{self.tiles} tiles can't be shared out among {self.strips} strips")

@@ -100,7 +100,7 @@ def open_input_file(
             raise UsageError(f"{path} is a folder", "name a file in it")
         raise UsageError(f"{path}: no such file", "look for a misspelling")
     start, wanted = _start_of(path), Opening(camera, source or f"file/{path.stem}", begin, threads)
-    found = next((f for f in FORMATS.values() if f.is_of(path, start)), FORMATS["video"])
+    found = next((f for f in FORMATS.usable().values() if f.is_of(path, start)), FORMATS["video"])
     if begin not in found.begins:
         raise UsageError(f"{path} is no recording of {begin}", "give an .mcap recording")
     return found.open(path, wanted)

@@ -111,9 +111,7 @@ class GraphMetrics:
         yield since
 
     def _cameras(self, name: str) -> str:
-        config: Any = self._run.graph.nodes[name]
-        cameras = getattr(config, "cameras", None) or (getattr(config, "camera", ""),)
-        return ",".join(cameras)
+        return ",".join(self._run.graph.nodes[name].feeds)
 
 
 @contextmanager

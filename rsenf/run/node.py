@@ -119,8 +119,9 @@ class NodeProcess:
 
     def _open(self, stream: Stream, delivery: Delivery) -> Publisher:
         if stream not in self._sends:
-            kind = type(self.config).__name__
-            raise NodeFailed(f"{kind} sends {stream} undeclared", "name it in outputs()")
+            kind, own = type(self.config).__name__, self.config.program()
+            where = "under 'sends' in the graph" if own else "in outputs()"
+            raise NodeFailed(f"{kind} sends {stream} undeclared", f"name it {where}")
         key = topic_key(self.graph.site, stream.of, stream.topic)
         publisher = self._bus.publisher(key, delivery)
         publisher.run_suffix = f".{self.name}{self.restarts}" if self.restarts else ""

@@ -51,6 +51,6 @@ def wait_until(reached: Callable[[], bool], limit_s: float = 20.0) -> bool:
     patience = Patience(limit_s)
     while not reached():
         if patience.over:
-            return False
+            return reached()  # to know that it is over takes a while
         time.sleep(PAUSE_S)
     return True

@@ -14,9 +14,9 @@ from typing import Any, TypeVar
 from rsenf.bus.bus import Publisher
 from rsenf.bus.delivery import ROWS
 from rsenf.bus.inbox import Received
-from rsenf.bus.keys import TOPICS, camera_key, source_of, topic_key
+from rsenf.bus.keys import TOPICS, camera_key, source_of, topic_key, topic_of
 from rsenf.errors import NodeFailed, SchemaMismatch
-from rsenf.messages import Header
+from rsenf.messages import Header, Mark
 from rsenf.run.node import NodeProcess
 from rsenf.run.runner import Branches, Runner
 from rsenf.stage import StageContext, StageSpec
@@ -94,12 +94,13 @@ class Lane:
 
     def _end(self, key: str) -> None:
         del self.inputs[key]
-        self.send(self.runner.end(self._header()))
+        header = self._header(Mark.END)
+        self.send(self.runner.feed(TOPICS[topic_of(key)](header=header)))
 
-    def _header(self) -> Header:
+    def _header(self, mark: Mark = Mark.DATA) -> Header:
         """Return what a stream goes by that never began."""
         source = source_of(next(iter(self.publishers.values())).key)
-        return Header(run_id=self.node.run_id, source=source)
+        return Header(run_id=self.node.run_id, source=source, mark=mark)
 
     def send(self, messages: Iterable[Any]) -> None:
         """Send what the stage has completed, and show the newest."""
@@ -122,6 +123,8 @@ class WatchfulLane(Lane):
     ----------
     watched : str
         Key of the input that may not be silent.
+    watching : Runner
+        Of the stage that is told.
     silent_s : float
         For how long; to begin with a camera, and those who read it, may take longer.
     on_silence : callable
@@ -129,6 +132,7 @@ class WatchfulLane(Lane):
     """
 
     watched: str
+    watching: Runner
     silent_s: float
     on_silence: Callable[[Header], Any]
 
@@ -137,7 +141,7 @@ class WatchfulLane(Lane):
         now = time.monotonic()
         limit_s = self.silent_s + (0.0 if self.watched in self._begun else FIRST_PICTURE_S)
         if self.watched in self.inputs and now - self._heard.get(self.watched, now) > limit_s:
-            self.send(self.runner.feed(self.on_silence(self._header())))
+            self.send(self.watching.feed(self.on_silence(self._header())))
         super().give_up()
 
 
@@ -155,26 +159,27 @@ def lane_of(
     node : NodeProcess
     camera : str
     stages : sequence of StageSpec
-        All are fed what any of them reads.
+        Each is fed what it reads.
     lane : type, optional
         Kind of lane, with ``more`` that it takes.
     """
     site, inputs = node.graph.site, dict[str, str]()
-    runners: list[Runner] = []
+    branches: list[tuple[Sequence[str], Runner]] = []
     for stage in stages:
         reads = node.graph.reads_of(node.config, stage, camera)
         for stream in reads:
             key = topic_key(site, stream.of, stream.topic)
             if key not in inputs:
                 inputs[node.subscribe(key)] = node.sender_of(*stream)
-        runners.append(Runner.of(stage, len(reads)))
+        runner = Runner.of(stage, len(reads))
+        branches.append(([stream.topic for stream in reads], runner))
         if stage.on_silence and math.isfinite(stage.silent_s):
             lane = WatchfulLane
-            more |= {"watched": camera_key(site, camera, stage.reads[0])}
+            more |= {"watched": camera_key(site, camera, stage.reads[0]), "watching": runner}
             more |= {"silent_s": stage.silent_s, "on_silence": stage.on_silence}
     return lane(
         node=node,
-        runner=runners[0] if len(runners) == 1 else Branches(*runners),
+        runner=Branches(*branches),
         publishers={TOPICS[t]: node.publisher(camera, t) for s in stages for t in s.sends},
         inputs=inputs,
         shown=tuple(TOPICS[stage.shown] for stage in stages if stage.shown),

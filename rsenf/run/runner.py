@@ -30,11 +30,11 @@ class Runner:
         Streams that must have ended before the stage has: 1, or 2 with a reference. A stage with
         a reference keeps it across epochs, and tells them apart by itself.
     beside : str
-        Another topic that some of the stage's messages go to, with numbers of its own.
+        Other topics that some of the stage's messages go to, by their class, with own numbers.
     """
 
     def __init__(
-        self, topic: str, make_stage: Callable[[], Stage], inputs: int = 1, beside: str = ""
+        self, topic: str, make_stage: Callable[[], Stage], inputs: int = 1, *beside: str
     ) -> None:
         self.topic, self._beside = topic, beside
         self._make_stage = make_stage
@@ -42,19 +42,18 @@ class Runner:
         self._inputs, self._open = inputs, inputs
         self._last: dict[type[Any], Header] = {}  # of the messages in, by what they are
         self._fed: Header | None = None  # of the last message in
-        self._sent: Header | None = None  # of the last message out, in the same epoch
-        self._sent_beside: Header | None = None
+        self._sent: dict[str, Header] = {}  # of the last message out, by its topic
         self.ended = False
 
     @classmethod
     def of(cls, spec: StageSpec, inputs: int) -> Runner:
         """Return a runner of a stage with so many inputs that there are."""
-        return cls(spec.sends[0], spec.make, inputs, "".join(spec.sends[1:]))
+        return cls(spec.sends[0], spec.make, inputs, *spec.sends[1:])
 
     def topic_of(self, message: Any) -> str:
         """Return which of the stage's topics a message goes to."""
-        is_beside = self._beside and isinstance(message, TOPICS[self._beside])
-        return self._beside if is_beside else self.topic
+        found = (topic for topic in self._beside if isinstance(message, TOPICS[topic]))
+        return next(found, self.topic)
 
     def feed(self, message: Any) -> list[Any]:
         """Give the stage a message; return what it completes, an END mark when all has ended.
@@ -85,13 +84,13 @@ class Runner:
         self.ended = True
         out = self._note(self._stage.flush())
         last, seq = self._fed or header, 0
-        if self._sent:
-            last, seq = self._sent, self._sent.seq + 1
+        if sent := self._sent.get(self.topic):
+            last, seq = sent, sent.seq + 1
         out.append(TOPICS[self.topic](header=last.numbered(seq, Mark.END)))
-        if self._beside:
-            own = self._sent_beside
+        for topic in self._beside:
+            own = self._sent.get(topic)
             seq = own.seq + 1 if own and own.epoch == last.epoch else 0
-            out.append(TOPICS[self._beside](header=last.numbered(seq, Mark.END)))
+            out.append(TOPICS[topic](header=last.numbered(seq, Mark.END)))
         return out
 
     def _renew(self, header: Header) -> list[Any]:
@@ -101,36 +100,35 @@ class Runner:
             return []
         out = self._stage.flush()
         self._stage = self._make_stage()
-        self._sent = None
+        self._sent.pop(self.topic, None)
         return out
 
     def _note(self, messages: list[Any]) -> list[Any]:
-        for message in messages:
-            if self.topic_of(message) == self._beside:
-                self._sent_beside = message.header
-            else:
-                self._sent = message.header
+        self._sent |= {self.topic_of(message): message.header for message in messages}
         return messages
 
 
 class Branches:
-    """Stages of one camera that are all fed the same.
+    """Stages of one camera, each fed with what it reads.
 
     Parameters
     ----------
-    runners : sequence of Runner
+    branches : sequence of tuple
+        Topics that a stage reads, and its runner.
     """
 
-    def __init__(self, *runners: Runner) -> None:
-        self._runners = runners
+    def __init__(self, *branches: tuple[Sequence[str], Runner]) -> None:
+        self._branches = [(tuple(TOPICS[t] for t in reads), runner) for reads, runner in branches]
+
+    @property
+    def ended(self) -> bool:
+        """Whether all stages have."""
+        return all(runner.ended for _, runner in self._branches)
 
     def feed(self, message: Any) -> list[Any]:
-        """Feed every stage; return what they complete. Raises what :meth:`Runner.feed` does."""
-        return [sent for runner in self._runners for sent in runner.feed(message)]
-
-    def end(self, header: Header) -> list[Any]:
-        """End every stage, as :meth:`Runner.end` does."""
-        return [sent for runner in self._runners for sent in runner.end(header)]
+        """Feed the stages that read it; return what they complete, as :meth:`Runner.feed` does."""
+        reading = [runner for kinds, runner in self._branches if isinstance(message, kinds)]
+        return [sent for runner in reading for sent in runner.feed(message)]
 
 
 class Pipeline:

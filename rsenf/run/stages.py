@@ -5,9 +5,9 @@ Node kinds, the one-process run and regression all build them here.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rsenf.flicker.shared import Follower
     from rsenf.idle.settings import IdleSettings
     from rsenf.messages import Header
+    from rsenf.model import CaptureModel
     from rsenf.rows.settings import RowsSettings
     from rsenf.track.settings import TrackSettings
 
@@ -59,9 +60,11 @@ def flicker_stages(
 
     found = []
     if track is not None:
-        found.append(StageSpec(("track",), ("rows",), partial(tracker, track)))
+        found.append(StageSpec(("track",), ("rows",), functools.partial(tracker, track)))
     if idle is not None:
-        found.append(StageSpec(("idle",), ("rows",), partial(estimator, idle), shown="idle"))
+        found.append(
+            StageSpec(("idle",), ("rows",), functools.partial(estimator, idle), shown="idle")
+        )
     return found
 
 
@@ -92,13 +95,17 @@ def live_stage(make: Callable[[], Stage], silent_s: float = math.inf) -> StageSp
 def discover_stage(settings: WatchSettings, model: str | None, context: StageContext) -> StageSpec:
     """From rows to what a model of the camera lacks, and what changes."""
 
-    def make() -> Stage:
+    @functools.cache  # every epoch begins with the same
+    def given() -> CaptureModel:
         from rsenf.config.model_file import load_model
         from rsenf.discrepancy.start import PLAIN
+
+        return load_model(Path(model)) if model else PLAIN
+
+    def make() -> Stage:
         from rsenf.discrepancy.watch import WatchStage
 
-        given = load_model(Path(model)) if model else PLAIN
-        return WatchStage(settings, given, is_behind=context.is_behind, run=context.run)
+        return WatchStage(settings, given(), is_behind=context.is_behind, run=context.run)
 
     return StageSpec(("discover",), ("rows",), make, shown="discover")
 
@@ -110,7 +117,7 @@ class _Followers:
     """
 
     def __init__(self, track: TrackSettings | None, idle: IdleSettings | None) -> None:
-        self._idle = idle if track and idle and _alike(track, idle) else None
+        self._track, self._idle = track, idle
         self._other: Follower | None = None  # of an epoch in which one stage isn't made yet
 
     def next(self) -> Follower | None:
@@ -118,7 +125,7 @@ class _Followers:
         from rsenf.flicker.follower import FlickerFollower
         from rsenf.flicker.shared import shared
 
-        if self._idle is None:
+        if self._track is None or self._idle is None or not _alike(self._track, self._idle):
             return None
         if self._other is None:
             one, self._other = shared(FlickerFollower(self._idle.nominal_hz))

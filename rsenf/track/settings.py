@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar, Literal, get_args
+from dataclasses import dataclass, field
+from typing import ClassVar
 
 from rsenf.errors import UsageError
 from rsenf.track.interpolate import INTERPOLATIONS
 
-Harmonic = Literal[1, 2, 3]
+HARMONICS = (1, 2, 3)
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class TrackSettings:
 
     method: str = "projection"
     nominal_hz: float | None = None
-    harmonic: Harmonic = 1
+    harmonic: int = field(default=1, metadata={"choices": HARMONICS})
     line_m: int | None = None
     window_s: float = 20.0
     hop_s: float = 1.0
@@ -62,8 +62,11 @@ class TrackSettings:
     def __post_init__(self) -> None:
         if self.nominal_hz not in (None, 50.0, 60.0):
             raise UsageError(f"nominal frequency {self.nominal_hz} Hz: 50 or 60")
-        if self.harmonic not in get_args(Harmonic):
+        if self.harmonic not in HARMONICS:
             raise UsageError(f"harmonic {self.harmonic}: 1, 2 or 3")
+        for name in ("search_hz", "min_snr", "max_std_hz"):
+            if not getattr(self, name) > 0:
+                raise UsageError(f"{name} of {getattr(self, name):g}: above 0")
         if not 0 < self.hop_s <= self.window_s:
             raise UsageError(f"hop of {self.hop_s} s with a window of {self.window_s} s")
         if self.interpolation not in INTERPOLATIONS:

@@ -58,6 +58,7 @@ CASES = [
     for settings in every
     for option in options_of(settings)
     if option.name not in OTHERWISE
+    and not (words[0] == "discover" and option.name in ("strips", "tile_means"))  # its own
     and not (settings is ReadOptions and words[0] != "reference" and option.name in OF_IMPORT)
 ]
 # Values other than the default where a number near to it won't do.

@@ -54,7 +54,7 @@ def test_a_line_is_no_use_to_a_method_that_follows_all(rsenf: Rsenf, clip: Path)
     for words in (("--line", "0"), ("--harmonic", "2")):
         done = rsenf("track", clip, "--method", "projection", *words)
         assert (done.returncode, done.stdout) == (2, "")
-        assert done.stderr.startswith(f"rsenf: projection takes no {words[0][2:]}: it follows")
+        assert done.stderr.startswith(f"rsenf: projection takes no {words[0][2:]}: follows")
 
 
 def test_track_in_a_table(rsenf: Rsenf, clip: Path) -> None:

@@ -44,7 +44,7 @@ def test_what_does_not_go_together_is_refused(rsenf: Rsenf, hidden: HiddenClip) 
         ((*verify, "--method", "metric3", "--enf-method", "stft"), "compares the hypotheses of"),
         (
             (*verify, "--method", "metric4", "--line", "0"),
-            "paper takes no line: it tries",
+            "paper takes no line: tries",
         ),
         (
             (*verify, "--method", "metric4", "--interpolation", "cubic"),

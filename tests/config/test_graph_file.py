@@ -11,7 +11,7 @@ from rsenf_nodes.decode import DecodeNode
 from rsenf_nodes.match import MatchNode
 
 from rsenf.config import Graph, load_graph
-from rsenf.config.graph import runs_ahead, sender_of
+from rsenf.config.graph import reader_of_frames, runs_ahead, sender_of
 from rsenf.config.model_file import SimulatedInput
 from rsenf.errors import EXIT_USAGE, ConfigError, UsageError
 from tests.conftest import ROOT
@@ -187,6 +187,12 @@ nodes:
             8,
             "metric3 needs the ENF method 'paper', not 'projection'",
         ),
+        (("  track:  {", "  track:  {track: {method: guess}, idle: {}, "), 6, "no method 'guess'"),
+        (
+            ("kind: rows, ", "kind: rows, rows: {block_frames: 0}, "),
+            5,
+            "block_frames of 0: at least 1",
+        ),
         (("site: lab", "site: lab\nbus: {zenoh: {scoutin/delay: 0}}"), 3, "unknown key"),
         (("site: lab", "site: lab\nbus: {connect: [tcp/a:1], listen: [tcp/b:1]}"), 3, "listens"),
     ],
@@ -294,3 +300,36 @@ def test_the_published_schema_refuses_what_the_program_refuses(
         if part.get("additionalProperties") is not False
     ]
     assert open_ones == []
+
+
+def test_rows_are_sampled_as_those_that_read_them_need_it(
+    load: Callable[[str], Graph],
+    problems: Callable[[str], list[str]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    text = GOOD.replace("kind: track, ", "kind: track, track: {method: superpixel}, ")
+    assert load(text).nodes["rows"].rows.tile_means  # type: ignore[attr-defined]
+    assert not load(GOOD).nodes["rows"].rows.tile_means  # type: ignore[attr-defined]
+    given = text.replace("kind: rows, ", "kind: rows, rows: {tile_means: '${MEANS}'}, ")
+    monkeypatch.setenv("MEANS", "true")
+    load(given)
+    monkeypatch.setenv("MEANS", "false")
+    (said,) = problems(given)
+    assert said.startswith("5: nodes.rows.rows.tile_means: node 'track' needs tile_means true")
+
+
+def test_numbers_may_be_variables(
+    load: Callable[[str], Graph], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBER", "2")
+    track = "kind: track, track: {method: stft, harmonic: '${NUMBER}'}, "
+    node = load(GOOD.replace("kind: track, ", track)).nodes["track"]
+    assert node.track.harmonic == 2  # type: ignore[attr-defined]
+
+
+def test_a_program_that_reads_frames_has_no_part_in_the_ring(load: Callable[[str], Graph]) -> None:
+    own = "  own: {kind: external, command: [sleep], reads: [cam1/frames]}\n  rows:"
+    graph = load(GOOD.replace("  rows:", own))
+    assert reader_of_frames(graph, "cam1") == "rows"
+    alone = "\n".join(line for line in GOOD.splitlines() if "[cam1]" not in line)
+    assert reader_of_frames(load(alone + "\n" + own.removesuffix("  rows:")), "cam1") == ""

@@ -30,11 +30,12 @@ MOST_RMS_HZ = 5e-3  # who states more than that is of no use, however honest
 # Where every method has what it needs, and may not refuse.
 CLEAR = (CELLS[0], CELLS[1], FOREIGN)
 # Known to be too sure of themselves there; to be mended, and struck out here.
+# Cells in which a method is known to be too sure, and how sure at most: it may not become worse.
 FAILING = {
-    ("stft", "23.976", 60.0, 0.38): "41 mHz, 27 times its error: the alias, near 0 Hz, is mirrored",
-    ("stft", "29.97", 60.0, 0.2): "10 mHz, 7 times its error: the alias, near 0 Hz, is mirrored",
-    ("projection", "30", 50.0, 0.38): "0.07 mHz, 2.2 times its error: harmonics are mirrored",
-    ("projection", "60", 50.0, 0.38): "0.08 mHz, 3.2 times its error: harmonics are mirrored",
+    ("stft", "23.976", 60.0, 0.38): (30.0, 0.05, "the alias, near 0 Hz, is mirrored"),
+    ("stft", "29.97", 60.0, 0.2): (8.0, 0.012, "the alias, near 0 Hz, is mirrored"),
+    ("projection", "30", 50.0, 0.38): (2.5, 1e-4, "harmonics are mirrored"),
+    ("projection", "60", 50.0, 0.38): (3.5, 1e-4, "harmonics are mirrored"),
 }
 SPLIT_HZ = 1e-9  # sums over blocks of another length are rounded otherwise
 
@@ -54,13 +55,15 @@ def check_declaration(method: str) -> None:
     for name, value in (("harmonic", 2), ("line_m", 0), ("interpolation", "linear")):
         settings = TrackSettings(method=method, **{name: value})
         if name in kind.obeys:
-            make_tracker(settings)
+            kind.check(settings)
         else:
             with pytest.raises(UsageError, match=f"{method} takes no {name.removesuffix('_m')}"):
-                make_tracker(settings)
+                kind.check(settings)
 
 
-def check_accuracy(method: str, cell: Cell) -> None:
+def check_accuracy(
+    method: str, cell: Cell, most_z: float = MOST_Z, most_rms_hz: float = MOST_RMS_HZ
+) -> None:
     filmed = clip(cell)
     own = [e for e in run(method, filmed.blocks) if e.rank == 0]
     usable = [e for e in own if e.usable]
@@ -73,8 +76,8 @@ def check_accuracy(method: str, cell: Cell) -> None:
     t_s = np.array([e.t_s for e in usable])
     error_hz = np.array([e.enf_hz for e in usable]) - filmed.mean_hz(t_s - 0.5, t_s + 0.5)
     z = error_hz / np.sqrt([e.enf_var_hz2 for e in usable])
-    assert np.sqrt(np.mean(z**2)) <= MOST_Z
-    assert np.sqrt(np.mean(error_hz**2)) <= MOST_RMS_HZ
+    assert np.sqrt(np.mean(z**2)) <= most_z
+    assert np.sqrt(np.mean(error_hz**2)) <= most_rms_hz
 
 
 def check_refusal(method: str, what: str) -> None:
@@ -128,8 +131,9 @@ def test_it_declares_what_it_is(method: str) -> None:
 def test_it_is_within_its_own_errors(
     method: str, cell: Cell, request: pytest.FixtureRequest
 ) -> None:
-    if reason := FAILING.get((method, *cell)):
-        request.applymarker(pytest.mark.xfail(reason=reason, strict=True))
+    if known := FAILING.get((method, *cell)):
+        check_accuracy(method, cell, *known[:2])
+        request.applymarker(pytest.mark.xfail(reason=known[2], raises=AssertionError, strict=True))
     check_accuracy(method, cell)
 
 
@@ -193,10 +197,6 @@ class Shared(Off):
         return [dataclasses.replace(e, enf_hz=0.5 * (e.enf_hz + mean_hz)) for e in out]
 
 
-class Unnamed(ProjectionTracker):
-    """Says that it is another."""
-
-
 @pytest.mark.parametrize(
     ("fault", "check", "of"),
     [
@@ -208,7 +208,6 @@ class Unnamed(ProjectionTracker):
         (Always, check_refusal, ("constant",)),
         (Always, check_refusal, ("flicker_free",)),
         (Shared, check_streaming, ()),
-        (Unnamed, check_declaration, ()),
     ],
     ids=lambda x: getattr(x, "__name__", None),
 )
@@ -216,6 +215,7 @@ def test_a_fault_is_caught(
     fault: type[EnfMethod], check: Any, of: tuple[Any, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(METHODS, "_items", dict(METHODS._items))
+    monkeypatch.setattr(fault, "name", "faulty")
     METHODS.register("faulty", fault)
     with pytest.raises(AssertionError):
         check("faulty", *of)

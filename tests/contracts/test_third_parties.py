@@ -115,9 +115,12 @@ def test_their_effect_is_simulated(site: Path, filmed: Path) -> None:
 
 def test_their_effect_is_told_of(site: Path) -> None:
     told = rsenf(site, "simulate", "--list-effects")
-    # What can't be loaded says whose it is.
-    assert told.returncode == 2
-    assert "'misnamed' of the package their-package can't be loaded" in told.stderr
+    assert told.returncode == 0
+    assert "\nramp" in told.stdout
+    # What can't be loaded hinders nobody but who asks for it, and says whose it is.
+    asked = rsenf(site, "simulate", "--out", site / "x.npz", "--effect", "misnamed")
+    assert asked.returncode == 2
+    assert "'misnamed' of the package their-package can't be loaded" in asked.stderr
 
 
 def test_their_method_tracks(site: Path, filmed: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 from rsenf.flicker.follower import FlickerFollower
 from rsenf.flicker.shared import shared
 from rsenf.idle import IdleSettings
-from rsenf.messages import Header, RowBlock, encode
+from rsenf.messages import Header, Mark, RowBlock, encode
 from rsenf.messages.plausible import implausible
 from rsenf.model import CaptureModel, Shutter, simulate_rows, synthetic_grid
 from rsenf.rows.luminance import blocks_from_luminance
@@ -76,9 +76,10 @@ def test_a_block_of_no_use_parts_no_tracker_from_its_idle_estimator(odd: Any) ->
 
     def told(context: StageContext) -> list[bytes]:
         stages = flicker_stages(TrackSettings(), IdleSettings(), context)
-        both = Branches(*(Runner.of(stage, 1) for stage in stages))
+        both = Branches(*((stage.reads, Runner.of(stage, 1)) for stage in stages))
         sent = [message for block in given for message in both.feed(block)]
-        return [encode(message) for message in (*sent, *both.end(Header()))]
+        end = RowBlock(header=Header(mark=Mark.END))
+        return [encode(message) for message in (*sent, *both.feed(end))]
 
     apart = StageContext()
     apart.is_shared = False

@@ -8,10 +8,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from run_samples import Counting, block, end_after, wall
 
-from rsenf.messages import EnfEstimate, Header, Mark, RowBlock, canonical, digest
+from rsenf.messages import (
+    Alarm,
+    EnfEstimate,
+    Header,
+    IdleEstimate,
+    Mark,
+    RowBlock,
+    canonical,
+    digest,
+)
 from rsenf.rows.settings import RowsSettings
 from rsenf.rows.stage import Rows
-from rsenf.run.runner import Pipeline, Runner
+from rsenf.run.runner import Branches, Pipeline, Runner
 from rsenf.run.stages import rows_stage
 from rsenf.stage import StageSpec
 from rsenf.track import TrackSettings, make_tracker
@@ -118,3 +127,39 @@ def test_a_stream_without_a_single_message_still_ends() -> None:
     end = Header(run_id="r", source="lab/cam", seq=7, mark=Mark.END)
     out = Runner("rows", Rows).feed(RowBlock(header=end))
     assert [(m.header.seq, m.header.source, m.header.is_end) for m in out] == [(0, "lab/cam", True)]
+
+
+def test_each_branch_is_fed_and_ended_by_what_it_reads() -> None:
+    rows, track = Counting(), Counting()
+    branches = Branches(
+        (("rows",), Runner("track", lambda: rows)), (("track",), Runner("idle", lambda: track))
+    )
+    estimate = EnfEstimate(header=block(0).header)
+    branches.feed(block(0))
+    branches.feed(estimate)
+    branches.feed(end_after(estimate))
+    branches.feed(block(1))
+    assert ([type(m) for m in rows.taken], len(track.taken)) == ([RowBlock, RowBlock], 1)
+    assert not branches.ended
+    branches.feed(end_after(block(1)))
+    assert branches.ended
+
+
+class Telling:
+    """A stage of three topics."""
+
+    def update(self, message: RowBlock) -> list[Any]:
+        header = message.header
+        return [EnfEstimate(header=header), IdleEstimate(header=header), Alarm(header=header)]
+
+    def flush(self) -> list[Any]:
+        return []
+
+
+def test_a_stage_of_three_topics_ends_each_by_its_own_numbers() -> None:
+    spec = StageSpec(("track", "idle", "alarm"), ("rows",), Telling)
+    runner = Runner.of(spec, 1)
+    sent = [*runner.feed(block(0)), *runner.feed(block(1)), *runner.feed(end_after(block(1)))]
+    told = [(runner.topic_of(m), m.header.seq, m.header.is_end) for m in sent]
+    assert told[3:6] == [("track", 1, False), ("idle", 1, False), ("alarm", 1, False)]
+    assert told[6:] == [("track", 2, True), ("idle", 2, True), ("alarm", 2, True)]

@@ -10,7 +10,7 @@ import pytest
 from rsenf.errors import UsageError
 from rsenf.messages import Header, canonical
 from rsenf.rows.luminance import blocks_from_luminance
-from rsenf.track import TrackSettings, make_tracker
+from rsenf.track import METHODS, TrackSettings, make_tracker
 from rsenf.track.interpolate import INTERPOLATIONS
 from rsenf.track.paper_hypotheses import IDLE_RATIOS, hypotheses, paper_lines
 from tests.track.test_paper_oracle import hypotheses_of, rows_of
@@ -160,8 +160,8 @@ def test_memory_is_bounded():
 def test_what_cannot_be_asked_for_is_refused():
     with pytest.raises(UsageError, match="no interpolation 'cubic'"):
         TrackSettings(method="paper", interpolation="cubic")
-    with pytest.raises(UsageError, match="takes no line: it tries every line"):
-        make_tracker(TrackSettings(method="paper", line_m=-1))
+    with pytest.raises(UsageError, match="takes no line: tries every line"):
+        METHODS["paper"].check(TrackSettings(method="paper", line_m=-1))
     with pytest.raises(UsageError, match="whole number of hops"):
         make_tracker(TrackSettings(method="paper", hop_s=0.3))
     assert set(INTERPOLATIONS) >= {"neighbour_mean", "linear", "harmonic", "none"}

@@ -109,7 +109,8 @@ class Plan:
         hidden += [("outside", (outside[n % len(outside)],)) for n in range(self.outside)]
         rng = generator(self.first_seed, "pairs")
         pairs = [p for p in combinations(self.effects, 2) if _go_together(*p)]
-        for n in rng.choice(len(pairs), self.pairs, replace=self.pairs > len(pairs)).tolist():
+        drawn = self.pairs if pairs else 0
+        for n in rng.choice(max(len(pairs), 1), drawn, replace=drawn > len(pairs)).tolist():
             hidden.append(("pair", pairs[n]))
         cases = [
             Case(kind, names, self.first_seed + n, self.times, self.duration_s, self.video)
