@@ -22,11 +22,15 @@ class Limits:
 
     Parameters
     ----------
-    live, stale : float
-        At which sum a feed is called live, and at which (less than nothing) stale.
-    most, least : float
-        Where the sum stops. From ``most`` down to ``stale`` is what it takes to give up a feed
-        that has been live for long, and what false alarms are rare by.
+    live : float
+        At which sum a feed is called live.
+    stale : float
+        At which sum, below 0, it is called stale.
+    most : float
+        Where the sum stops. From there down to ``stale`` is what it takes to give up a feed that
+        has been live for long, and what false alarms are rare by.
+    least : float
+        Where the sum stops below.
     """
 
     live: float
@@ -54,10 +58,11 @@ class LiveSettings:
 
     Parameters
     ----------
-    earliest_s, latest_s : float
-        How old the picture of an honest feed may be when it arrives, by the reference's clock:
-        what an encoder, a network and a reference that is late itself may take. A picture from
-        before that is stale.
+    earliest_s : float
+        How old, at least, the picture of an honest feed is when it arrives, by the reference's
+        clock; below 0 where a reference may be late itself.
+    latest_s : float
+        How old it is at most: what an encoder and a network may take. An older picture is stale.
     clock_scale_ppm : float
         Standard deviation of cameras' clock errors, before one is known.
     limits : Limits

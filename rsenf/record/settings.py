@@ -69,8 +69,10 @@ class AlarmSettings:
     ----------
     trigger : str
         Key expression below the site; a message there is an alarm, unless it says that one ended.
-    before_s, after_s : float
-        How much before and after an alarm belongs to it.
+    before_s : float
+        How much before an alarm belongs to it.
+    after_s : float
+        How much after an alarm belongs to it.
     only : bool
         Write nothing else: what comes waits in memory until an alarm, or is forgotten.
     memory_mb : float
