@@ -25,6 +25,11 @@ class RecordNode(NodeKind, RecordSettings):
         """The file."""
         return self.out or ""
 
+    @property
+    def records(self) -> tuple[str, ...]:
+        """The topics."""
+        return self.topics
+
     def problems(self, graph: Graph) -> Iterator[Problem]:
         """Yield key expressions that are none, and settings of a file and an archive at once."""
         named = [("topics", key_expr) for key_expr in self.topics]

@@ -156,6 +156,11 @@ class NodeKind(Strict):
         return ""
 
     @property
+    def records(self) -> tuple[str, ...]:
+        """Key expressions below the site of what it writes down; nothing for most."""
+        return ()
+
+    @property
     def uses_ring(self) -> bool:
         """Whether its frames lie in shared memory."""
         return getattr(self, "frames", "") == "ring"

@@ -84,8 +84,7 @@ def _was_recorded(graph: Graph, topic: str) -> bool:
     return any(
         matches(f"{ROOT}/{graph.site}/{below}", topic)
         for node in graph.nodes.values()
-        for below in getattr(node, "topics", ())
-        if node.kind == "record"
+        for below in node.records
     )
 
 
