@@ -13,6 +13,7 @@ import yaml
 from conftest import Film, Graphs
 from run_samples import children_of
 
+from rsenf.api.shared import row_settings
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.ring import ring_directory
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
@@ -42,7 +43,7 @@ def in_one_process(graph_path: Path, film: Film) -> Stream:
     out: Stream = defaultdict(list)
     analyse(
         open_input_file(film.video, source="lab/cam"),
-        rows=RowsSettings(),
+        rows=row_settings(RowsSettings(), track.track),
         track=track.track,
         idle=idle,
         make_match=lambda: Match(method=match.method, grid=match.grid, settings=match.match),
@@ -89,6 +90,7 @@ def bits(messages: list[Any]) -> list[bytes]:
         ("tcp", "stft", "phase", True),
         ("fused", "projection", "phase", True),
         ("fused", "paper", "metric4", False),
+        ("ring", "superpixel", "phase", False),
     ],
 )
 def test_bit_identical_and_nothing_lost(
