@@ -187,8 +187,11 @@ def test_who_is_not_known_or_not_allowed_is_refused_and_told(
         assert wait_until(lambda: bool(cam._session.put(video, b"x")) or video in heard)
         for key in ("rsenf/lab/cam2/rows", "rsenf/lab/cam1/rows"):
             cam._session.put(key, b"x")
+        # One after the other: Zenoh tells what it holds up by thread, not by message.
+        assert wait_until(lambda: "cam may not put" in log.read_text(encoding="utf-8"))
         forging = v._session.declare_publisher("rsenf/lab/cam1/rows")
         forging.put(b"forged")
+        assert wait_until(lambda: "viewer may not put" in log.read_text(encoding="utf-8"))
         assert wait_until(lambda: heard.count("rsenf/lab/cam1/rows") == 2)
         cam._session.put("rsenf/lab/cam1/rows", b"x")  # it goes on
         assert wait_until(lambda: heard.count("rsenf/lab/cam1/rows") == 3)

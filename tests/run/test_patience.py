@@ -70,15 +70,18 @@ def test_who_is_in_time_pays_nothing(machine: Machine) -> None:
 
 
 @pytest.mark.processes
-@pytest.mark.parametrize(("start_s", "kept"), [(0.001, True), (1000.0, False)])
+@pytest.mark.parametrize("kept", [True, False])
 def test_a_node_that_starts_slowly_keeps_the_contract_on_a_slow_machine(
-    monkeypatch: pytest.MonkeyPatch, start_s: float, kept: bool
+    monkeypatch: pytest.MonkeyPatch, kept: bool
 ) -> None:
     """It needs longer than it has on an idle machine; a process starts as slowly here, or not."""
     for limit in ("READY_S", "TWO_WORDS_S", "STOP_S"):
         monkeypatch.setattr(contract, limit, 0.1)
-    monkeypatch.setattr(patience, "START_S", start_s)
-    assert (slowness() > 50) == kept
+    if kept:
+        monkeypatch.setattr(patience, "START_S", 0.001)
+        assert slowness() > 50
+    else:
+        monkeypatch.setattr(patience, "slowness", lambda: 1.0)
     checks = check_contract([sys.executable, str(TEMPLATE)], ["cam/track"], ["cam/alarm"])
     assert all(check.passed for check in checks) == kept
     assert checks[0].passed == kept
