@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
-BUILT_FROM = "COMMIT"  # a file in the package, which setup.py writes
+BUILT_FROM = "COMMIT"  # a file in the package, which is written when it is built
 SHOWN = 12  # digits
 
 
@@ -36,3 +37,19 @@ def commit_of(checkout: Path) -> str:
         return next((words[0] for words in packed if words[1:] == [ref]), "")
     except OSError:
         return ""
+
+
+def __getattr__(name: str) -> Any:
+    """Return setuptools' step ``BuildPy`` with the commit; who runs rsenf has no setuptools."""
+    if name != "BuildPy":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from setuptools.command.build_py import build_py
+
+    class BuildPy(build_py):  # type: ignore[misc] # setuptools has no types
+        def run(self) -> None:
+            super().run()
+            if not self.editable_mode:
+                built = Path(self.build_lib) / "rsenf" / BUILT_FROM
+                built.write_text(commit_of(Path.cwd()))
+
+    return BuildPy
