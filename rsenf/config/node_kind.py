@@ -189,7 +189,7 @@ class NodeKind(Strict):
         node : rsenf.run.node.NodeProcess
             Its process.
         """
-        raise NotImplementedError(f"a {self.kind} node has no process of rsenf's")
+        raise UsageError(f"a {self.kind} node has no process of rsenf's", "'rsenf run' starts it")
 
 
 def unknown(known: Registry[Any] | Mapping[str, Any], name: str) -> str:
