@@ -62,6 +62,8 @@ def light(plan: Plan, moment: Moment) -> Array:
     total: Array = np.ones((1, 1, 1))
     for shining in plan.lamps:
         part = shining.lamp.exposed(mains_hz, exposure_s).flicker(turn).real
+        if shining.course is not None:
+            part = part * shining.course(moment.t_s)
         total = total + part[:, :, None] * shining.share
     for tone in plan.tones:
         wave = _wave(tone, moment.t_s)
@@ -80,7 +82,7 @@ def light(plan: Plan, moment: Moment) -> Array:
 def _wave(tone: Tone, t_s: Array) -> Complex:
     angle = 2 * np.pi * ((tone.hz * t_s) % 1.0) + tone.phase_rad
     wave = tone.depth_ratio * np.exp(1j * angle)
-    return wave if tone.course is None else wave * tone.course(t_s)
+    return np.asarray(wave if tone.course is None else wave * tone.course(t_s))
 
 
 def _wall(plan: Plan, moment: Moment) -> Array:

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .camera import take
-from .effects import EFFECTS, Effect
+from .effects import EFFECTS, NEUTRAL, UNKNOWN, Effect, go_together
 from .light import LAMPS, Array, draw_grid, draw_lamp
 from .plan import Plan, Sensor, Shining
+from .rest import leave_rest
 from .scene import draw_wall
 
 START_S = 0.5
@@ -92,7 +93,7 @@ class Filmed:
     hidden: dict[str, dict[str, Any]]
 
 
-HIDEABLE: dict[str, Effect] = {**EFFECTS}
+HIDEABLE: dict[str, Effect] = {**EFFECTS, **UNKNOWN}
 
 
 def film(case: Case) -> Filmed:
@@ -133,7 +134,36 @@ def plan_of(case: Case) -> tuple[Plan, dict[str, dict[str, Any]]]:
     for name in sorted(case.hidden, key=list(HIDEABLE).index):
         effect = HIDEABLE[name]
         hidden[name] = effect.hide(plan, effect.size(case.times), drawn_for(case, name))
+    if case.rest:
+        leave_rest(plan, case.rest, drawn_for(case, "rest"))
     return plan, hidden
+
+
+def draw_case(seed: int) -> Case:
+    """Draw what to film: nothing hidden, one effect, two of them, or something in no catalogue."""
+    rng = np.random.default_rng([seed, zlib.crc32(b"case")])
+    strips = int(rng.choice([1, 2, 2, 2, 3, 4]))
+    kind = str(
+        rng.choice(["nothing", "neutral", "one", "two", "odd"], p=[0.2, 0.1, 0.4, 0.15, 0.15])
+    )
+    named = [
+        name
+        for name, effect in EFFECTS.items()
+        if name not in NEUTRAL and effect.needs != "reference"
+        if strips > 1 or effect.needs != "strips"
+    ]
+    hidden: tuple[str, ...] = ()
+    if kind == "neutral":
+        hidden = (str(rng.choice(NEUTRAL)),)
+    elif kind == "odd":
+        hidden = (str(rng.choice(list(UNKNOWN))),)
+    elif kind != "nothing":
+        one, other = rng.choice(named, 2, replace=False).tolist()
+        while kind == "two" and not go_together(one, other):
+            one, other = rng.choice(named, 2, replace=False).tolist()
+        hidden = (one,) if kind == "one" else (one, other)
+    rows = int(rng.choice([240, 480, 720, 720, 1080]))
+    return Case(hidden=hidden, seed=seed, rows=rows, strips=strips)
 
 
 def _pace(case: Case) -> tuple[float, Fraction]:
@@ -168,12 +198,14 @@ def _truth(case: Case, plan: Plan) -> dict[str, Any]:
     seen, sensor = plan.seen, plan.sensor
     at_s = np.arange(0.0, case.duration_s)
     turns = plan.grid.turns(START_S + np.append(at_s, at_s[-1] + 1.0))
+    readout_s = float(abs(plan.line[-1] - plan.line[0]) * case.rows / (case.rows - 1))
+    readout_s *= float(plan.readout_s.mean())
     parts = dict(zip(seen.order.tolist(), np.abs(seen.size / seen.first).tolist(), strict=True))
     return {
         "frame_rate": sensor.frame_rate,
         "nominal_hz": plan.grid.nominal_hz,
-        "idle_ratio": sensor.idle_ratio,
-        "readout_s": sensor.readout_s,
+        "idle_ratio": 1.0 - readout_s * sensor.frame_rate,
+        "readout_s": readout_s,
         "exposure_s": sensor.exposure_s,
         "lamp": seen.kind,
         "flicker_ratio": abs(seen.first),
@@ -184,5 +216,8 @@ def _truth(case: Case, plan: Plan) -> dict[str, Any]:
         "grid_s": at_s.tolist(),
         "grid_hz": np.diff(turns).tolist(),
         "pixels": sensor.pixels,
+        "well_electrons": sensor.well_electrons,
+        "read_electrons": sensor.read_electrons,
+        "row_noise_level": sensor.row_noise_level,
         "rest": case.rest,
     }

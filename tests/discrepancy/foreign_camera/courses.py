@@ -30,13 +30,13 @@ def stroll(rng: np.random.Generator, t_s: Array, time_s: float, *, smooth_s: flo
 
 def linear(rng: np.random.Generator, t_s: Array) -> Array:
     """Straight up or down."""
-    return unit(t_s) * rng.choice([-1.0, 1.0])
+    return unit(t_s) * float(rng.choice([-1.0, 1.0]))
 
 
 def settling(rng: np.random.Generator, t_s: Array) -> Array:
     """Towards a value exponentially, in a fifth to one of the film's length."""
     time_s = rng.uniform(0.2, 1.0) * (t_s[-1] - t_s[0])
-    return unit(np.exp(-(t_s - t_s[0]) / time_s)) * rng.choice([-1.0, 1.0])
+    return unit(np.exp(-(t_s - t_s[0]) / time_s)) * float(rng.choice([-1.0, 1.0]))
 
 
 def swing(rng: np.random.Generator, t_s: Array) -> Array:

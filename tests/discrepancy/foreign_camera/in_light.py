@@ -15,14 +15,16 @@ BESIDE_HZ = 0.4  # of aliases that would hide a tone
 
 
 def harmonics(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, Any]:
-    """Add to the second harmonic of the first lamp, at any phase."""
+    """Add to the second harmonic of the first lamp, about in phase with what it has."""
     shining = plan.lamps[0]
     lamp = shining.lamp
     order, had = lamp.order.tolist(), lamp.size
     if 4 not in order:
         order, had = [*order, 4], np.append(had, 0j)
     shown = np.sinc(np.array([2, 4]) * plan.mains_hz * plan.sensor.exposure_s)
-    added = size * lamp.first * shown[0] / shown[1] * np.exp(1j * rng.uniform(0, 2 * np.pi))
+    second = had[order.index(4)]
+    turn = rng.uniform(-0.8, 0.8) + np.angle(second) if second else rng.uniform(0, 2 * np.pi)
+    added = size * abs(lamp.first * shown[0] / shown[1]) * np.exp(1j * turn)
     new = had + np.where(np.array(order) == 4, added, 0)
     plan.lamps[0] = replace(shining, lamp=replace(lamp, order=np.array(order), size=new))
     seen = dict(zip(order, np.abs(plan.seen.size / plan.seen.first), strict=True))
@@ -61,6 +63,12 @@ def second_lamp(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, 
         "weights": (size * share).tolist(),
         "form": form,
     }
+
+
+def exposure(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, Any]:
+    """Expose longer or shorter."""
+    plan.expose(min(6e-3, plan.sensor.exposure_s * float(np.exp(rng.uniform(-size, size)))))
+    return {"exposure_s": plan.sensor.exposure_s}
 
 
 def pwm_tone(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, Any]:
@@ -129,7 +137,8 @@ def interharmonic(plan: Plan, size: float, rng: np.random.Generator) -> dict[str
 
 def _beside(plan: Plan, rng: np.random.Generator, lower_hz: float, upper_hz: float) -> float:
     """Draw a frequency whose alias is neither steady nor that of the light's first harmonics."""
-    taken = [plan.alias_hz(order * plan.mains_hz) for order in range(1, 9)] + [0.0]
+    taken = [plan.alias_hz(order * plan.mains_hz) for order in range(9)]
+    taken += [plan.alias_hz(tone.hz) for tone in plan.tones]
     for _ in range(1000):
         hz = float(np.exp(rng.uniform(np.log(lower_hz), np.log(upper_hz))))
         if min(abs(plan.alias_hz(hz) - alias) for alias in taken) > BESIDE_HZ:

@@ -164,7 +164,7 @@ def _magnetic(rng: np.random.Generator) -> Lamp:
 
 def _half_wave(rng: np.random.Generator) -> Lamp:
     """An ageing tube or a broken rectifier: its half waves differ."""
-    even = rng.choice([_led, _magnetic])(rng)
+    even = _led(rng) if rng.uniform() < 0.5 else _magnetic(rng)
     ratio = rng.uniform(0.05, 0.4) * np.cumprod([1.0, *rng.uniform(0.1, 0.5, 3)])
     odd = abs(even.first) * ratio * np.exp(2j * np.pi * rng.uniform(size=4))
     order = np.concatenate([even.order, [1, 3, 5, 7]])

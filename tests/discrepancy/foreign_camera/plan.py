@@ -72,10 +72,20 @@ class Moment:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shining:
-    """A lamp and its share of the light, in each strip or also in each row of it."""
+    """A lamp and its share of the light, in each strip or also in each row of it.
+
+    Attributes
+    ----------
+    lamp : Lamp
+    share : ndarray
+        Broadcasts to (rows, strips).
+    course : callable, optional
+        Factor over time, slow.
+    """
 
     lamp: Lamp
-    share: Array  # broadcasts to (rows, strips)
+    share: Array
+    course: Callable[[Array], Array] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -162,7 +172,7 @@ class Plan:
     @property
     def strips(self) -> int:
         """Of columns."""
-        return self.wall.shape[1]
+        return int(self.wall.shape[1])
 
     @property
     def mains_hz(self) -> float:
