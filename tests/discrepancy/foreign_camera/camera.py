@@ -55,7 +55,7 @@ def light(plan: Plan, moment: Moment) -> Array:
     """Light that falls on each row over its exposure, about one; (frames, rows, 1 or strips).
 
     A lamp's parts and tones are integrated over the exposure exactly, also where they multiply;
-    slow factors are taken at its middle.
+    their slow courses are taken at its middle.
     """
     turn = np.exp(2j * np.pi * mains(plan, moment))
     exposure_s, mains_hz = plan.sensor.exposure_s, plan.mains_hz
@@ -74,8 +74,6 @@ def light(plan: Plan, moment: Moment) -> Array:
             below = shining.lamp.exposed(mains_hz, exposure_s, beside_hz=-tone.hz).flicker(turn)
             part = (above * wave + below * wave.conj()).real / 2
             total = total + part[:, :, None] * (shining.share * tone.share)
-    for factor in plan.on_light:
-        total = total * factor(moment)
     return total
 
 

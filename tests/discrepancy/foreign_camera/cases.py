@@ -82,7 +82,10 @@ class Filmed:
         Mean 8-bit level of each row in each strip.
     stamp_s : ndarray (frames,)
     truth : dict
-        Plain values, units in their names.
+        Plain values, units in their names. What is about light and rows is as rows show it, after
+        exposure: ``flicker_ratio`` of the first harmonic, ``harmonics`` (its multiples from the
+        first on) and ``half_wave`` (odd halves of it) relative to that. ``grid_hz`` are means over
+        the seconds from ``grid_s`` on, which count from the first frame.
     hidden : dict of dict
         Parameters of each effect hidden, as rows show them.
     """

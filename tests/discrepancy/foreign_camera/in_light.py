@@ -96,8 +96,9 @@ def pwm_tone(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, Any
     return {
         "tone_hz": hz,
         "depth_ratio": size,
+        "strip_ratio": np.broadcast_to(share, plan.strips).tolist(),
+        "overtones_ratio": ratio[1:],
         "form": form,
-        "tones_hz": [tone.hz for tone in plan.tones if tone.hz % hz < 1e-6],
     }
 
 

@@ -13,8 +13,8 @@ from .plan import Frames, Plan
 
 def rows_cropped(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, Any]:
     """Keep some of the rows that are read only, from anywhere in the picture."""
-    ratio = 1.0 - size
-    begin = rng.uniform(0.0, size)
+    ratio = 1.0 - min(size, 0.8)
+    begin = rng.uniform(0.0, 1.0 - ratio)
     plan.line = begin + ratio * plan.line
     return {"rows_ratio": ratio, "first_row_ratio": begin}
 

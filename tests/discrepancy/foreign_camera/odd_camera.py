@@ -55,20 +55,18 @@ def knee(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, Any]:
 
 
 def s_curve(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, Any]:
-    """A tone curve with a toe: part of sRGB's, or one that steepens the middle."""
+    """A tone curve that is no power: one that steepens the middle, or one that rolls off."""
     if rng.uniform() < 0.5:
-
-        def bend(level: Array) -> Array:
-            light = np.clip(level / FULL, 0.0, None)
-            coded = np.where(light < 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-            return np.asarray(FULL * (coded - light))
-
-        form = "towards sRGB"
-    else:
         form, over = "S", rng.uniform(0.8, 1.4)
 
         def bend(level: Array) -> Array:
-            return np.asarray(-np.sin(2 * np.pi * over * level / FULL) * FULL / 6)
+            return np.asarray(-np.sin(2 * np.pi * over * level / FULL) * FULL / 8)
+
+    else:
+        form, over = "roll-off", rng.uniform(2.0, 5.0)
+
+        def bend(level: Array) -> Array:
+            return np.asarray(level / (1 + over * np.clip(level, 0, None) / FULL) - level)
 
     return {"flicker_share": size, "bend": _bent(plan, bend, size), "form": form}
 
@@ -79,9 +77,10 @@ def _bent(plan: Plan, bend: Callable[[Array], Array], size: float) -> float:
 
     def varies(much: float) -> float:
         slope = 1 + much * (bend(level + 0.5) - bend(level - 0.5))
-        return float(np.std(slope * level / (level + much * bend(level)))) - size
+        relative = slope * level / (level + much * bend(level))
+        return float(np.mean(relative.std(axis=0)) / relative.mean()) - size
 
-    most = 0.9
+    most = 0.8
     much = float(brentq(varies, 0.0, most)) if varies(most) > 0 else most
     plan.curves.append(lambda level: np.asarray(level + much * bend(level)))
     return much

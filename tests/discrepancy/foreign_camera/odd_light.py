@@ -68,8 +68,8 @@ def shadow_edge(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, 
 
 def saw_gain(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, Any]:
     """Light that rises evenly and falls back at once, again and again, in its own time."""
-    falls_s = plan.start_s[0] + np.cumsum(rng.uniform(0.8, 4.0) * rng.uniform(0.7, 1.3, 400))
-    falls_s = np.concatenate([[plan.start_s[0] - 1.0], falls_s])
+    apart_s = rng.uniform(0.8, 4.0) * rng.uniform(0.7, 1.3, plan.frames + 8)
+    falls_s = plan.start_s[0] - 1.0 + np.concatenate([[0.0], np.cumsum(apart_s)])
 
     def share(moment: Moment) -> Array:
         index = np.searchsorted(falls_s, moment.t_s) - 1
@@ -82,7 +82,8 @@ def saw_gain(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, Any
 
 def two_levels(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, Any]:
     """Light that jumps between two levels, in the midst of frames, with time enough between."""
-    jumps_s = plan.start_s[0] + np.cumsum(rng.exponential(1.5, 400) + 0.15)
+    apart_s = 0.15 + min(1.5, (plan.start_s[-1] - plan.start_s[0]) / 10)
+    jumps_s = plan.start_s[0] + np.cumsum(0.15 + rng.exponential(apart_s, plan.frames))
 
     def share(moment: Moment) -> Array:
         return np.asarray((np.searchsorted(jumps_s, moment.t_s) % 2)[:, :, None] * 1.0)

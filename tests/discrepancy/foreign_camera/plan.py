@@ -112,7 +112,6 @@ class Tone:
     course: Callable[[Array], NDArray[Any]] | None = None
 
 
-Factor = Callable[[Moment], Array]  # broadcasts to (frames, rows, strips)
 Change = Callable[[Moment, Array], Array]
 
 
@@ -131,8 +130,8 @@ class Plan:
         When a row begins, in read-out times after its frame.
     late_s : ndarray (rows,)
         How much later than that.
-    on_light, on_level, on_picture : list
-        Factors of the light; changes of the level before the sensor's noise; and changes of
+    on_level, on_picture : list
+        Changes of the level before the sensor's noise; and changes of
         finished pictures with it, in order of frames.
     curves : list
         Functions of level, applied by the sensor.
@@ -153,7 +152,6 @@ class Plan:
     late_s: Array
     arrive: Frames
     tones: list[Tone] = field(default_factory=list)
-    on_light: list[Factor] = field(default_factory=list)
     on_level: list[Change] = field(default_factory=list)
     on_picture: list[Change] = field(default_factory=list)
     curves: list[Callable[[Array], Array]] = field(default_factory=list)

@@ -14,7 +14,18 @@ from .camera import FULL, take
 from .cases import Case, drawn_for, plan_of
 
 LEAST_ROWS, MOST_ROWS, COLUMNS, CHUNK = 160, 240, 128, 64
-ENCODE = ("-c:v", "libx264", "-preset", "ultrafast", "-qp", "0", "-pix_fmt", "yuv420p")
+ENCODE = (
+    "-c:v",
+    "libx264",
+    "-preset",
+    "ultrafast",
+    "-qp",
+    "0",
+    "-pix_fmt",
+    "yuv420p",
+    "-color_range",
+    "pc",
+)
 
 
 def video_case(case: Case) -> Case:
@@ -46,7 +57,8 @@ def as_video(case: Case, path: Path | str) -> None:
     chroma = np.full(plan.rows * COLUMNS // 2, 128, dtype=np.uint8)
     rate = Fraction(plan.sensor.frame_rate).limit_denominator(1001)
     command = ["ffmpeg", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "yuv420p"]
-    command += ["-s", f"{COLUMNS}x{plan.rows}", "-r", str(rate), "-i", "-", *ENCODE, str(path)]
+    command += ["-color_range", "pc", "-s", f"{COLUMNS}x{plan.rows}", "-r", str(rate), "-i", "-"]
+    command += [*ENCODE, str(path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as encoder:
         assert encoder.stdin is not None
         for first in range(0, len(level), CHUNK):
