@@ -15,13 +15,14 @@ import numpy as np
 
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.knobs import knobs_of, neutral, series_of
+from rsenf.discrepancy.order import with_order
 from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.series import halves, power, response
 from rsenf.discrepancy.slopes import Slopes, by_knob
 from rsenf.model import CATALOGUE, Effect
 from rsenf.model.parameters import Fitting
 
-KEPT = 8  # candidates that keep their slopes
+KEPT = 3  # candidates that keep their slopes
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +89,15 @@ def weighed(fit: Fit, effect: Effect) -> Candidate | None:
     theory = fit.theory.with_model(fit.theory.model.plus(effect))
     own = [by_knob(theory, fit.rows, fit.data, knob) for knob in knobs]
     slopes = fit.slopes.plus(knobs, own)
+    normal = slopes.training.normal(fit.residual).over(fit.noise_var)
+    shorter = with_order(effect, knobs, normal.worth([k.member for k in knobs]))
+    if shorter != effect:
+        kept = knobs_of(shorter, neutral=True)
+        own = [one for knob, one in zip(knobs, own, strict=True) if knob in kept]
+        effect, knobs, slopes = shorter, kept, fit.slopes.plus(kept, own)
+        normal = slopes.training.normal(fit.residual).over(fit.noise_var)
     left = float((fit.residual[fit.data.training] ** 2).sum(dtype=np.float64))
-    told = slopes.training.normal(fit.residual).over(fit.noise_var).explained(len(own))
+    told = normal.explained(len(own))
     return Candidate(effect, told * fit.noise_var / left, slopes)
 
 

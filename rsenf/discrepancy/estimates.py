@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rsenf.discrepancy.lines import ENOUGH, averaged, group_of
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.messages.schema import FloatArray
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
-
-ENOUGH = 240  # lines; what more of them tell is kept by means of neighbours
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +67,5 @@ def enf_of(
 
 
 def _blocks(level: np.ndarray, time_s: FloatArray, axis: str) -> Iterator[RowBlock]:
-    return blocks_from_luminance(_thinned(level), time_s, Header(), read_out_axis=axis)
-
-
-def _thinned(level: np.ndarray) -> np.ndarray:
-    """Means of as many neighbouring lines as leave enough; some at the end may be left out."""
-    group = max(level.shape[1] // ENOUGH, 1)
-    lines = level.shape[1] // group
-    cut = level[:, : lines * group].reshape(level.shape[0], lines, group, level.shape[2])
-    return np.asarray(cut.mean(axis=2)) if group > 1 else level
+    lines = averaged(level, group_of(level.shape[1], ENOUGH))
+    return blocks_from_luminance(lines, time_s, Header(), read_out_axis=axis)

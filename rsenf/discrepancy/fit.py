@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 
@@ -63,6 +64,26 @@ class Fit:
     def knobs(self) -> tuple[Knob, ...]:
         """What was fitted, besides the course and the wall."""
         return self.slopes.knobs
+
+    def released(self, *, to_show: bool = False) -> Fit:
+        """Return what is known of it, without the arrays; or with those that pictures show."""
+        none = np.empty((0, 0, 0), np.float32)
+        kept = {} if to_show else {"rows": none, "residual": none}
+        out = dataclasses.replace(self, slopes=self.slopes.released(), **kept)
+        out.__dict__.update(gap=self.gap, misfit=self.misfit, noise_var=self.noise_var)
+        return out
+
+    def stderr_of(self, part: str) -> dict[str, float | list[float]]:
+        """Standard errors of a part's parameters, by name; of a list those of its members."""
+        out: dict[str, float | list[float]] = {}
+        for knob, error in zip(self.knobs, self.stderr.tolist(), strict=True):
+            if knob.part != part or knob.across:
+                continue
+            if knob.index < 0:
+                out[knob.name] = error
+            else:
+                out[knob.name] = [*cast("list[float]", out.get(knob.name, [])), error]
+        return out
 
     @cached_property
     def flicker(self) -> Float32Array:

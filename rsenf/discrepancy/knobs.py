@@ -28,6 +28,8 @@ class Knob:
         Parameter that is its phase, if it is an amplitude.
     across : bool
         Of an amplitude: the part at a right angle.
+    index : int
+        Of a parameter that is a list: which of its members; else −1.
     """
 
     part: str
@@ -35,19 +37,38 @@ class Knob:
     step: float
     turn: str = ""
     across: bool = False
+    index: int = -1
+
+    @property
+    def member(self) -> tuple[str, int]:
+        """Name and place of its parameter: of both parts of an amplitude the same."""
+        return self.name, self.index
+
+    def value(self, model: CaptureModel) -> float:
+        """Return the parameter in a model."""
+        return self._of(_part(model, self.part), self.name)
+
+    def _of(self, held: Any, name: str) -> float:
+        told = getattr(held, name)
+        return float((told if self.index < 0 else told[self.index]) or 0.0)
+
+    def _put(self, held: Any, name: str, value: float) -> Any:
+        told = getattr(held, name)
+        return value if self.index < 0 else (*told[: self.index], value, *told[self.index + 1 :])
 
     def moved(self, model: CaptureModel, by: float) -> CaptureModel:
         """Return the model with this coordinate moved."""
         held = _part(model, self.part)
         if not self.turn:
-            value = within(held, self.name, getattr(held, self.name) + by)
+            value = within(held, self.name, self._of(held, self.name) + by)
             value = max(value, LEAST_FLICKER) if self == FLICKER else value
-            return _with(model, self.part, **{self.name: value})
-        size, phase = getattr(held, self.name), getattr(held, self.turn) or 0.0
+            return _with(model, self.part, **{self.name: self._put(held, self.name, value)})
+        size, phase = self._of(held, self.name), self._of(held, self.turn)
         along, across = size * math.cos(phase), size * math.sin(phase)
         along, across = (along, across + by) if self.across else (along + by, across)
         size = within(held, self.name, math.hypot(along, across))
         turned = {self.name: size, self.turn: math.atan2(across, along)}
+        turned = {name: self._put(held, name, value) for name, value in turned.items()}
         return _with(model, self.part, **turned)
 
 
@@ -69,9 +90,11 @@ def knobs_of(effect: Effect, *, neutral: bool) -> list[Knob]:
     for name, fitting in fittings(effect).items():
         if fitting.each or (neutral and fitting.neutral is None):
             continue
-        out.append(Knob(effect.name, name, fitting.step, fitting.turn))
-        if fitting.turn:
-            out.append(Knob(effect.name, name, fitting.step, fitting.turn, across=True))
+        told = getattr(effect, name)
+        for index in range(len(told)) if isinstance(told, tuple) else (-1,):
+            out.append(Knob(effect.name, name, fitting.step, fitting.turn, index=index))
+            if fitting.turn:
+                out.append(dataclasses.replace(out[-1], across=True))
     return out
 
 
@@ -85,8 +108,12 @@ def neutral(effect: Effect) -> Effect:
     values: dict[str, Any] = {}
     for name, fitting in fittings(effect).items():
         if fitting.neutral is not None and not fitting.each:
-            values[name] = fitting.neutral
-            values |= {fitting.turn: 0.0} if fitting.turn else {}
+            told = getattr(effect, name)
+            values |= {
+                parameter: (value,) * len(told) if isinstance(told, tuple) else value
+                for parameter, value in ((name, fitting.neutral), (fitting.turn, 0.0))
+                if parameter
+            }
     return dataclasses.replace(effect, **values)
 
 

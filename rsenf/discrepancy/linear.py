@@ -9,7 +9,7 @@ direction that a change of the wall would do as well is taken off it.
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,6 +83,23 @@ class Normal:
         return float(told @ np.linalg.solve(own, told))
 
 
+    def worth(self, members: Sequence[Hashable]) -> dict[Hashable, float]:
+        """By how much each group of the last directions reduces the square, were it the last.
+
+        Parameters
+        ----------
+        members : sequence
+            Of which group each of the last directions is.
+        """
+        step, covariance = self.solve()[-len(members) :], self.covariance()
+        covariance = covariance[-len(members) :, -len(members) :]
+        out: dict[Hashable, float] = {}
+        for member in dict.fromkeys(members):
+            at = [n for n, one in enumerate(members) if one == member]
+            out[member] = float(step[at] @ np.linalg.solve(covariance[np.ix_(at, at)], step[at]))
+        return out
+
+
 class System:
     """Normal equations of a part of the data, ready for one residual after another.
 
@@ -112,7 +129,7 @@ class System:
         self._course = ((self._lit * self._turn).T @ basis) * self._size[:, None]
         power = (self._turn * self._turn).sum(axis=1, dtype=np.float64)
         self._matrix = basis.T @ (power[:, None] * basis) - self._course.T @ self._course
-        self._others: list[tuple[Float32Array, FloatArray]] = []  # each with its wall
+        self._others: list[tuple[Float32Array, FloatArray]] = []  # whole, each with its wall
 
     def plus(self, others: Sequence[Float32Array]) -> System:
         """Return the system with further directions, (frames, lines, strips) each."""
@@ -121,10 +138,9 @@ class System:
         for other in others:
             mine = self._taken(other)
             wall = self._wall(mine)
-            both = [self._both(mine, wall, *there) for there in [*out._others, (mine, wall)]]
-            row = np.concatenate([self._along(mine, wall), both])
+            out._others.append((other, wall))
+            row = np.concatenate([self._along(mine, wall), out._beside(mine, wall)])
             out._matrix = np.block([[out._matrix, row[:-1, None]], [row[None, :]]])
-            out._others.append((mine, wall))
         return out
 
     @property
@@ -136,10 +152,8 @@ class System:
         """Build the normal equations for a residual (frames, lines, strips)."""
         rest = self._taken(residual)
         wall = self._wall(rest)
-        told = [self._both(rest, wall, *there) for there in self._others]
-        return Normal(
-            self._matrix, np.concatenate([self._along(rest, wall), told]), self._basis.shape[1]
-        )
+        vector = np.concatenate([self._along(rest, wall), self._beside(rest, wall)])
+        return Normal(self._matrix, vector, self._basis.shape[1])
 
     def _taken(self, array: Float32Array) -> Float32Array:
         return np.ascontiguousarray(self._part(array)).reshape(len(self._basis), -1)
@@ -153,9 +167,12 @@ class System:
         told = (self._turn * array).sum(axis=1, dtype=np.float64)
         return np.asarray(self._basis.T @ told - self._course.T @ wall)
 
-    @staticmethod
-    def _both(a: Float32Array, wall_a: FloatArray, b: Float32Array, wall_b: FloatArray) -> float:
-        return float((a * b).sum(dtype=np.float64) - wall_a @ wall_b)
+    def _beside(self, array: Float32Array, wall: FloatArray) -> list[float]:
+        """Its products with the other directions, of which no copy is kept."""
+        return [
+            float((array * self._taken(other)).sum(dtype=np.float64) - wall @ own)
+            for other, own in self._others
+        ]
 
 
 def _scale(matrix: FloatArray) -> FloatArray:

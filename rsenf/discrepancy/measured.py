@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rsenf.discrepancy.apart import LINES, STRIPS, apart_of
 from rsenf.discrepancy.estimates import Estimates, estimate
+from rsenf.discrepancy.lines import ENOUGH, along_rows, averaged, group_of, has_fields
 from rsenf.discrepancy.settings import BLOCK_S, FEWEST_LINES, SHORTEST_S
 from rsenf.errors import InputError, NoSignal
 from rsenf.messages import RowBlock
@@ -31,6 +32,7 @@ RATES = (
     *(Fraction(n * 1000, 1001) for n in (24, 30, 60, 120, 240)),
 )
 SAME_RATE = 5e-4
+APART_FRAMES = 600  # in which noise is looked at for what neighbours share
 MOST_SLIP = 0.25  # frames, over a whole recording
 
 
@@ -54,6 +56,8 @@ class Measured:
     apart : int
         Axis along which neighbours have nothing to do with each other but what is systematic:
         ``LINES``, as a sensor's noise is, or ``STRIPS``, as a codec leaves it.
+    rows : int
+        How many a frame of the recording has, where they are more than there are lines here.
     """
 
     level: Float32Array
@@ -63,6 +67,12 @@ class Measured:
     estimates: Estimates
     axis: str = "rows"
     apart: int = LINES
+    rows: int = 0
+
+    @property
+    def group(self) -> int:
+        """How many neighbouring rows of the recording are averaged into a line."""
+        return max(self.rows // self.lines, 1)
 
     @property
     def nominal_hz(self) -> float:
@@ -120,6 +130,14 @@ class Measured:
         pairs = (slice(None),) * self.apart + (slice(second.shape[self.apart]),)
         return array[self.first][pairs], second
 
+    def as_recorded(self, level: Float32Array) -> Float32Array:
+        """Give every row of the recording the level of its line, (frames, rows, strips)."""
+        return along_rows(level, self.group, self.rows or self.lines)
+
+    def as_lines(self, level: Float32Array) -> Float32Array:
+        """Average rows of the recording into lines, (frames, lines, strips)."""
+        return averaged(level, self.group)
+
     def every(self, axis: int) -> int:
         """How many lines or strips it takes to the next pair."""
         return 2 if axis == self.apart else 1
@@ -141,6 +159,7 @@ def measured_of(blocks: Sequence[RowBlock], nominal_hz: float | None = None) -> 
         When they are too short, have too few lines, or hold nothing that changes.
     """
     level, stamp_s = joined_rows(blocks)
+    rows = level.shape[1]
     if blocks[0].read_out_axis == "frame":
         problem = "one mean for the whole frame: it is rows that are compared"
         raise InputError(problem, "give the video, an .npz with 'rows', or a --reference")
@@ -158,7 +177,9 @@ def measured_of(blocks: Sequence[RowBlock], nominal_hz: float | None = None) -> 
     axis = blocks[0].read_out_axis
     # Stamps that jitter would move the phase: frames count.
     seen = estimate(level, slot / float(rate), axis, nominal_hz)
-    return Measured(level, stamp_s, slot, rate, seen, axis, apart_of(level))
+    apart = apart_of(level[:APART_FRAMES])
+    level = averaged(level, group_of(rows, ENOUGH)) if not has_fields(level) else level
+    return Measured(level, stamp_s, slot, rate, seen, axis, apart, rows)
 
 
 def joined_rows(blocks: Sequence[RowBlock]) -> tuple[Float32Array, FloatArray]:

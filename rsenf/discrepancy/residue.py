@@ -12,6 +12,9 @@ from rsenf.model.effects.residue import Residue
 
 STANDS_OUT = 25.0  # power of a line over the median of the others
 ALIASES = 1  # to either side of the likeliest
+PEAKS = 24  # that are looked at, until one isn't the mains'
+SKIRT = 4  # bins of half the resolution to either side of a peak that are its own
+NEAR_BINS = 2.0  # by which a line may be off a multiple, over one in the length of the recording
 
 
 def residue_of(fit: Fit) -> Residue:
@@ -37,7 +40,7 @@ def tones_hz(fit: Fit) -> tuple[float, ...]:
 
     Lines are looked for frame by frame and row by row at once: the one transform tells the alias,
     the other, by how fast the phase runs down the rows, which of its aliases it is. What stands out
-    less is for the next round.
+    less is for the next round, and what is the mains' own harmonic is no tone.
     """
     data, every = fit.data, fit.data.every(LINES)
     first = fit.residual[data.first].mean(axis=2)
@@ -48,15 +51,29 @@ def tones_hz(fit: Fit) -> tuple[float, ...]:
     if every > 1:  # the odd rows, moved up by one
         moved *= np.exp(-2j * np.pi * down / every).astype(np.complex64)
     power = (fft.rfft2(first, s=size) * moved.conj()).real
-    n, i = np.unravel_index(int(np.argmax(power)), power.shape)
-    if power[n, i] < STANDS_OUT * np.median(np.abs(power)):
-        return ()
+    limit = STANDS_OUT * float(np.median(np.abs(power)))
     rate_hz, shutter = float(data.frame_rate), fit.theory.model.shutter
-    alias_hz = _between(power[:, i], int(n)) * rate_hz / size[0]
-    down_hz = down[i] * data.lines / every / shutter.read_out_time_s
-    likely = round((down_hz - alias_hz) / rate_hz)
-    near = sorted(range(likely - ALIASES, likely + ALIASES + 1), key=lambda m: abs(m - likely))
-    return tuple(dict.fromkeys(abs(alias_hz + m * rate_hz) for m in near))
+    for _ in range(PEAKS):
+        n, i = np.unravel_index(int(np.argmax(power)), power.shape)
+        if power[n, i] < limit:
+            break
+        alias_hz = _between(power[:, i], int(n)) * rate_hz / size[0]
+        down_hz = down[i] * data.lines / every / shutter.read_out_time_s
+        likely = round((down_hz - alias_hz) / rate_hz)
+        near = sorted(range(likely - ALIASES, likely + ALIASES + 1), key=lambda m: abs(m - likely))
+        found = tuple(dict.fromkeys(abs(alias_hz + m * rate_hz) for m in near))
+        if not is_harmonic(fit, found[0]):
+            return tuple(hz for hz in found if not is_harmonic(fit, hz))
+        power[np.arange(n - SKIRT, n + SKIRT + 1) % size[0]] = 0.0
+    return ()
+
+
+def is_harmonic(fit: Fit, freq_hz: float) -> bool:
+    """Whether light at a frequency may follow the mains: a multiple of its frequency."""
+    grid_hz = fit.theory.course.grid().freq_hz
+    order = round(freq_hz / float(grid_hz.mean()))
+    near_hz = max(order, 1) * float(np.ptp(grid_hz)) + NEAR_BINS / float(fit.data.time_s[-1])
+    return abs(freq_hz - order * float(grid_hz.mean())) < near_hz
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> FloatArray:

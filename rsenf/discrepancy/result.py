@@ -10,6 +10,8 @@ import numpy as np
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.hint import hint_json, hint_of
 from rsenf.discrepancy.knobs import series_of
+from rsenf.discrepancy.lines import along_rows
+from rsenf.discrepancy.measured import Measured
 from rsenf.discrepancy.search import Step
 from rsenf.discrepancy.verdict import Discovery, stamps_gap
 from rsenf.model import CaptureModel, Effect
@@ -49,11 +51,12 @@ def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:
 
 def model_of(found: Discovery, made_from: str) -> CaptureModel:
     """Return the extended model, with where it comes from and how sure its parameters are."""
-    theory = found.last.theory
+    theory, data = found.last.theory, found.last.data
     errors = {
-        f"{knob.part}.{knob.name}{'.across' if knob.across else ''}": float(error)
+        ".".join([knob.part, knob.name, *([str(knob.index)] if knob.index >= 0 else []),
+                  *(["across"] if knob.across else [])]): float(error)
         for knob, error in zip(found.last.knobs, found.last.stderr, strict=True)
-    }
+    }  # fmt: skip
     provenance = {
         "made_by": "rsenf discover",
         "from": made_from,
@@ -62,9 +65,31 @@ def model_of(found: Discovery, made_from: str) -> CaptureModel:
         "gap": {"before": found.gap_before, "after": found.gap_after},
         "wander": "the light's course is the recording's own and isn't part of the model",
     }
-    extended = theory.whole()
+    extended = _of_rows(theory.whole(), data)
     shutter = dataclasses.replace(extended.shutter, columns=_columns(found.last))
     return dataclasses.replace(extended, shutter=shutter, provenance=provenance)
+
+
+def _of_rows(model: CaptureModel, data: Measured) -> CaptureModel:
+    """Return a model whose frames have as many rows as the recording's."""
+    if data.group == 1:
+        return model
+    taken = data.rows / (data.lines * data.group)  # a few rows at the end may be left over
+    shutter = dataclasses.replace(
+        model.shutter,
+        rows=data.rows,
+        idle_ratio=max(1.0 - (1.0 - model.shutter.idle_ratio) * taken, 0.0),
+    )
+    profile = along_rows(np.array(model.scene.profile), data.group, data.rows, axis=0)
+    scene = dataclasses.replace(model.scene, profile=tuple(map(tuple, profile.tolist())))
+    effects = []
+    for effect in model.effects:
+        told = series_of(effect)
+        if told and told[1].each == "line":
+            values = along_rows(np.array(getattr(effect, told[0])), data.group, data.rows, axis=0)
+            effect = dataclasses.replace(effect, **{told[0]: tuple(values.tolist())})
+        effects.append(effect)
+    return dataclasses.replace(model, shutter=shutter, scene=scene, effects=tuple(effects))
 
 
 def _columns(last: Fit) -> int:
@@ -74,7 +99,7 @@ def _columns(last: Fit) -> int:
     """
     wall, unit = last.theory.wall.astype(np.float32), 2 * last.data.strips
     pixel_var = float(last.theory.model.sensor.variance(wall).mean()) + QUANTISATION_VAR
-    wanted = pixel_var / last.noise_var * last.data.strips
+    wanted = pixel_var / (last.noise_var * last.data.group) * last.data.strips
     return unit * min(max(round(wanted / unit), -(-FEWEST_PIXELS // unit)), MOST_PIXELS // unit)
 
 
@@ -106,17 +131,12 @@ def _step_json(step: Step) -> dict[str, Any]:
     best = step.chosen
     assert best is not None
     kin = step.kin
-    errors = {
-        (k.name, k.across): float(e)
-        for k, e in zip(best.fit.knobs, best.fit.stderr, strict=True)
-        if k.part == best.effect.name
-    }
     told = series_of(best.effect)
     return {
         "name": best.effect.name if len(kin) == 1 else None,
         "class": list(kin) if len(kin) > 1 else [],
         "parameters": {k: v for k, v in _numbers(best.effect).items() if not told or k != told[0]},
-        "stderr": {name: error for (name, across), error in errors.items() if not across},
+        "stderr": best.fit.stderr_of(best.effect.name),
         "told_apart_by": best.effect.told_apart_by if len(kin) > 1 else "",
         "gap_before": step.before.gap.value,
         "gap_after": best.fit.gap.value,

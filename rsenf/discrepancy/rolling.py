@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rsenf.discrepancy.lines import averaged, group_of
 from rsenf.messages import Header, RowBlock
 
 BLOCK_FRAMES = 8
@@ -68,22 +69,16 @@ class Rolling:
 
 
 def thinned(block: RowBlock, lines: int) -> RowBlock:
-    """Average neighbouring rows, so that no more than so many lines are left.
-
-    As many in each, for the lines must come regularly: a few rows at the end may be left over.
-    """
-    group = -(-block.rows // lines)
-    # A few lines less, if that leaves no row over.
-    group = next((n for n in range(group, 2 * group) if block.rows % n == 0), group)
+    """Average neighbouring rows, so that no more than so many lines are left."""
+    group = group_of(block.rows, lines)
     if group == 1:
         return block
     kept = block.rows // group
-    level = block.level[:, : kept * group].reshape(block.frames, kept, group, block.strips)
     pixels = block.kept_px[: kept * group].reshape(kept, group, block.strips)
     return dataclasses.replace(
         block,
         rows=kept,
-        level=level.mean(axis=2, dtype=np.float64).astype(np.float32),
+        level=averaged(block.level, group),
         kept_px=pixels.sum(axis=1, dtype=np.uint32),
     )
 

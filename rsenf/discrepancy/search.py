@@ -70,6 +70,11 @@ class Step:
             return best
         return None
 
+    def released(self) -> Step:
+        """Return it without the arrays of its fits."""
+        trials = tuple(_released(trial) for trial in self.trials)
+        return dataclasses.replace(self, before=self.before.released(), trials=trials)
+
     @property
     def kin(self) -> tuple[str, ...]:
         """Names of all effects that may do as well as the chosen one, it among them.
@@ -145,13 +150,20 @@ def next_step(before: Fit, usual: Usual = NOTHING) -> Step:
     # What is nearly as good may be as good, once it rests.
     near = NEAR * step.chosen.gain
     trials = [settled(before, t, usual) if t.gain > near else t for t in step.trials]
-    return dataclasses.replace(step, trials=tuple(sorted(trials, key=lambda t: -t.beyond)))
+    best, *others = sorted(trials, key=lambda t: -t.beyond)
+    return dataclasses.replace(step, trials=(best, *map(_released, others)))
 
 
 def _with_trial(step: Step, candidate: Candidate, usual: Usual) -> Step:
     trial = tried(step.before, candidate, usual)
-    trials = (*step.trials, trial) if trial else step.trials
-    return dataclasses.replace(step, trials=tuple(sorted(trials, key=lambda t: -t.beyond)))
+    trials = sorted((*step.trials, trial) if trial else step.trials, key=lambda t: -t.beyond)
+    best = trials[0].gain if trials else 0.0
+    kept = [t if t.gain > NEAR * best else _released(t) for t in trials]
+    return dataclasses.replace(step, trials=tuple(kept))
+
+
+def _released(trial: Trial) -> Trial:
+    return dataclasses.replace(trial, fit=trial.fit.released())
 
 
 def _confusable(found: Sequence[Candidate], step: Step, scale: float) -> list[Candidate]:

@@ -136,11 +136,9 @@ def _values(found: Discovery) -> dict[tuple[str, str], Value]:
     """What was fitted; of an amplitude with a phase the size, with the larger of its errors."""
     out: dict[tuple[str, str], Value] = {}
     model = found.last.theory.model
-    parts = {"light": model.light, "shutter": model.shutter}
-    parts |= {effect.name: effect for effect in model.effects}
     for knob, error in zip(found.last.knobs, found.last.stderr, strict=True):
-        key = knob.part, knob.name
-        value = float(getattr(parts[knob.part], knob.name))
+        key = knob.part, knob.name + (f".{knob.index}" if knob.index >= 0 else "")
+        value = knob.value(model)
         out[key] = value, max(float(error), out.get(key, (value, 0.0))[1])
     return out
 
@@ -149,8 +147,9 @@ def _does_nothing(effect: Effect, values: dict[tuple[str, str], Value]) -> bool:
     """Whether all that an effect does is neutral, to what the data can tell."""
     tells = [(name, f.neutral) for name, f in fittings(effect).items() if f.neutral is not None]
     fitted = [
-        (*values[effect.name, name], neutral)
+        (*value, neutral)
         for name, neutral in tells
-        if (effect.name, name) in values
+        for (part, key), value in values.items()
+        if part == effect.name and key.split(".")[0] == name
     ]
     return bool(fitted) and all(abs(v - neutral) < GONE_STDS * e for v, e, neutral in fitted)

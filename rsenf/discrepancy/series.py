@@ -108,7 +108,9 @@ def followed(
     return found, left - found.astype(np.float32)[along] * direction
 
 
-def summed_up(effect: Effect, first: FloatArray, second: FloatArray, step_s: float) -> Effect:
+def summed_up(
+    effect: Effect, first: FloatArray, second: FloatArray, step_s: float, group: int
+) -> Effect:
     """Return an effect with its series' root mean square, and the time over which it forgets.
 
     Parameters
@@ -118,12 +120,14 @@ def summed_up(effect: Effect, first: FloatArray, second: FloatArray, step_s: flo
         The series as found on either half of the data: their noise is not in their product.
     step_s : float
         Time between its values.
+    group : int
+        How many rows are averaged in a line: of what is white from row to row that takes.
     """
     told = series_of(effect)
     if told is None or not told[1].rms:
         return effect
     first, second = first - first.mean(), second - second.mean()
-    square = float(first @ second) / first.size
+    square = float(first @ second) / first.size * (group if told[1].each == "line" else 1)
     values = {told[1].rms: within(effect, told[1].rms, math.sqrt(max(square, 0.0)))}
     if told[1].memory and square > 0.0:
         beside = float(first[:-1] @ second[1:] + second[:-1] @ first[1:]) / (2 * first.size - 2)

@@ -70,6 +70,11 @@ class Slopes:
         out.__dict__["course"] = self.course
         return out
 
+    def released(self) -> Slopes:
+        """Return them without the arrays."""
+        none = np.empty((0, 0, 0), np.float32)
+        return dataclasses.replace(self, lit=none, turn=none, own=(), series={}, lean=None)
+
     def brighter(self, residual: Float32Array) -> FloatArray:
         """By how much training frames say that the wall is brighter, relative to it."""
         lit = self.lit[self.data.training]

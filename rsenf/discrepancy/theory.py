@@ -18,6 +18,7 @@ from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel, GridPath, Scene, simulate_rows
 from rsenf.model.chain import Chain
 from rsenf.model.clip import Clip
+from rsenf.model.effects.exposure import Exposure
 from rsenf.model.sensor import WHITE
 
 BEFORE, AFTER = 4, 8  # nodes beyond the clip's ends
@@ -67,8 +68,7 @@ class Course:
 
     def through(self, psi_rad: FloatArray) -> Course:
         """Return the course nearest to phases at the nodes."""
-        weights = np.linalg.lstsq(phase_prior(self.nodes).basis, psi_rad, rcond=1e-9)[0]
-        return dataclasses.replace(self, weights=np.asarray(weights))
+        return dataclasses.replace(self, weights=phase_prior(self.nodes).nearest(psi_rad))
 
     def moved(self, by: FloatArray) -> Course:
         """Return the course with other weights."""
@@ -156,12 +156,25 @@ class Theory:
             By which all the wall is brighter.
         """
         theory = dataclasses.replace(self, wall=self.wall * lit) if lit != 1.0 else self
-        model = theory.whole(turned_rad)
+        model = _averaged(theory.whole(turned_rad), data.group)
         duration_s = plan(model, data).start_s.size / float(data.frame_rate)
         made = simulate_rows(
             model, self.course.grid(), duration_s, SEED, strips=data.strips, noise=False
         )
         return made.level[data.slot]
+
+
+def _averaged(model: CaptureModel, group: int) -> CaptureModel:
+    """Expose each line for as long as it takes to read the rows that are averaged in it.
+
+    They are instants, so many line times apart: a box of the same variance.
+    """
+    if group == 1:
+        return model
+    own = next((e for e in model.effects if isinstance(e, Exposure)), Exposure(exposure_s=0.0))
+    line_s = model.shutter.read_out_time_s / (model.shutter.lines * group)
+    exposure_s = math.hypot(own.exposure_s, line_s * math.sqrt(group * group - 1.0))
+    return model.with_effect(own.name, exposure_s=min(exposure_s, 1.0 / model.shutter.frame_rate))
 
 
 def plan(model: CaptureModel, data: Measured) -> Clip:

@@ -12,6 +12,7 @@ from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.gap import by_block
 from rsenf.discrepancy.knobs import knobs_of, series_of
 from rsenf.discrepancy.measured import Float32Array, Part
+from rsenf.discrepancy.order import held_out_worth, with_more, with_order
 from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.series import all_as_told, halves, held, summed_up, with_series
 from rsenf.discrepancy.start import begun_anew
@@ -26,6 +27,7 @@ from rsenf.model.parameters import Fitting
 STEPS = 5  # in which a candidate is fitted, at first
 TO_REST = 24  # in which the best is: where a series follows a knob, it goes step by step
 BANDS = 8  # of rows
+KEEPS = 0.999  # of what it told, that a fit with fewer parameters or nearer to rest must tell
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,11 +98,12 @@ def judged(before: Fit, after: Fit, name: str, usual: Usual) -> Trial:
 
 def settled(before: Fit, trial: Trial, usual: Usual) -> Trial:
     """Fit a trial on until it rests, unless that makes it worse, and sum its series up."""
-    best = trial
+    best, name = trial, trial.effect.name
     try:
         on = fit(trial.fit.theory, trial.fit.data, most=TO_REST, slopes=trial.fit.slopes)
-        again = judged(before, on, trial.effect.name, usual)
-        best = again if again.nats >= trial.nats else trial
+        on = _with_its_order(on, name)
+        again = judged(before, on, name, usual)
+        best = again if again.nats >= KEEPS * trial.nats else trial
     except (UsageError, np.linalg.LinAlgError):
         pass  # as far as it was is as far as it goes
     after, told = best.fit, []
@@ -113,6 +116,26 @@ def settled(before: Fit, trial: Trial, usual: Usual) -> Trial:
     return dataclasses.replace(best, effect=effect, fit=after)
 
 
+def _with_its_order(on: Fit, name: str) -> Fit:
+    """Fit with as many members of an effect's lists as held-out rows support."""
+    closed: set[str] = set()
+    while True:
+        held = next(e for e in on.theory.model.effects if e.name == name)
+        knobs = [knob for knob in on.knobs if knob.part == name]
+        if not any(knob.index >= 0 for knob in knobs):
+            return on
+        shorter = with_order(held, knobs, held_out_worth(on, name))
+        other = with_more(shorter, held, closed)
+        if other == held:
+            return on
+        model = on.theory.model.without(name).plus(other)
+        theory, data = on.theory.with_model(model), on.data
+        del on  # its arrays are much
+        on = fit(theory, data, most=TO_REST)
+        if other == shorter:
+            return on
+
+
 def _in_numbers(after: Fit, effect: Effect, name: str, how: Fitting) -> Effect:
     """Return an effect with the numbers that its series comes to."""
     direction = after.slopes.series[effect.name]
@@ -120,9 +143,8 @@ def _in_numbers(after: Fit, effect: Effect, name: str, how: Fitting) -> Effect:
     values = np.array(getattr(effect, name))
     if how.each == "frame":  # as they were delivered
         values = values[plan(after.theory.model, after.data).number[after.data.slot]]
-    return summed_up(
-        effect, values + moved[0], values + moved[1], 1.0 / float(after.data.frame_rate)
-    )
+    step_s = 1.0 / float(after.data.frame_rate)
+    return summed_up(effect, values + moved[0], values + moved[1], step_s, after.data.group)
 
 
 def _with_effect(before: Fit, effect: Effect) -> Theory:

@@ -60,6 +60,7 @@ def usual_of(fitted: Fit, recoded: Callable[[Float32Array], Float32Array] | None
     """
     if recoded is None:
         return NOTHING
-    data = dataclasses.replace(fitted.data, level=recoded(fitted.rows))
+    level = fitted.data.as_lines(recoded(fitted.data.as_recorded(fitted.rows)))
+    data = dataclasses.replace(fitted.data, level=level)
     again = fit(fitted.theory, data)
     return Usual(abs(again.gap.value), seeming_gains(again))

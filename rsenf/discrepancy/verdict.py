@@ -105,6 +105,7 @@ def discover(
     """
     progress("fitting the model")
     first = first_fit(model, data)
+    disagreed = where(first)
     stamps = stamps_of(first)
     begun = last = stamps.fit if stamps else first
     if recoded:
@@ -117,9 +118,11 @@ def discover(
         if step.chosen is None:
             refused = step
             break
-        steps.append(step)
-        last = step.chosen.fit
-        progress(f"added {' or '.join(step.kin)}, looking for what else is missing")
+        # What a fit has of arrays is much, and its successor's are enough.
+        steps = [*(step.released() for step in steps), step]
+        first, last = first.released(to_show=True), step.chosen.fit
+        del step
+        progress(f"added {' or '.join(steps[-1].kin)}, looking for what else is missing")
     last, steps = needed(last, steps, usual)
     if steps:
         own = usual_of(last, recoded)
@@ -130,5 +133,5 @@ def discover(
     floor = refused.floor if refused and refused.before is last else floor_of(last)
     floor = floor.raised(usual.gap, usual.most)
     return Discovery(
-        first, last, tuple(steps), stamps, floor, usual, where(first), where(last), refused
+        first, last, tuple(steps), stamps, floor, usual, disagreed, where(last), refused
     )

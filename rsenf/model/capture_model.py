@@ -185,12 +185,13 @@ class CaptureModel:
         series = self.light.series(f0_hz)
         if not np.abs(series[0]) or not np.abs(series[1:]).any():
             return []
-        others = np.zeros(2, np.complex128)
-        others[: series.size - 1] = series[1:3] / series[0]
+        others = np.zeros(max(series.size - 1, 2), np.complex128)
+        others[: series.size - 1] = series[1:] / series[0]
         sizes, phases = np.abs(others).tolist(), np.angle(others).tolist()
         own = Harmonics(
             second_ratio=sizes[0], third_ratio=sizes[1],
             second_phase_rad=phases[0], third_phase_rad=phases[1],
+            higher_ratios=tuple(sizes[2:]), higher_phases_rad=tuple(phases[2:]),
         )  # fmt: skip
         return [{"name": own.name, "parameters": own.to_dict()}]
 

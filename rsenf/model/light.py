@@ -62,8 +62,9 @@ def relative_level(
 
     Parameters
     ----------
-    series : ndarray of complex128 (harmonics,)
-        From :meth:`Light.series`.
+    series : ndarray of complex128 (harmonics,) or (2, harmonics)
+        From :meth:`Light.series`; of a lamp whose half-waves differ, in a second row, the lines
+        at 1/2, 3/2, 5/2 … of the first harmonic's frequency.
     phase_rad : float
         Phase of harmonic 1 at time zero.
     grid : GridPath
@@ -82,13 +83,19 @@ def relative_level(
     angle = ((turns - np.floor(turns)) * (2 * math.pi)).astype(np.float32)
     real, imaginary = np.cos(angle), np.sin(angle)
     f0_hz = 2 * grid.frequency_hz(middle_s[:, middle_s.shape[1] // 2])
-    order = np.arange(1, series.size + 1)
-    sizes = (series * np.sinc(f0_hz[:, None] * order * exposure_s)).astype(np.complex64)
+    whole, *halves = np.atleast_2d(series)
+    order = np.arange(1, whole.size + 1)
+    sizes = (whole * np.sinc(f0_hz[:, None] * order * exposure_s)).astype(np.complex64)
     first = sizes[:, :1]
+    tone = np.empty(angle.shape if series.size > 1 else (0, 0), np.complex64)
     if series.size > 1:
-        tone = np.empty(angle.shape, np.complex64)
         tone.real, tone.imag = real, imaginary
+    if whole.size > 1:
         first = first + _above(sizes[:, 1:], tone)
+    for half in halves:  # every second turn the light of a half-wave comes back
+        sizes = (half * np.sinc(f0_hz[:, None] * (order - 0.5) * exposure_s)).astype(np.complex64)
+        turn = ((turns / 2 - np.floor(turns / 2)) * (2 * math.pi)).astype(np.float32)
+        first = first + _above(sizes, tone) * np.exp(-1j * (angle + turn)).astype(np.complex64)
     # Of harmonic 1 only the real part is needed.
     real *= first.real
     imaginary *= first.imag

@@ -52,6 +52,8 @@ class Fitting:
         is empty; empty for a single value.
     wanders : bool
         Of a series: each value goes on from the one before; else they are white.
+    most : int
+        Of a list of amplitudes: how many there may be.
     rms, memory : str
         Of a series: parameters of the same part that are its root mean square, and the time over
         which it forgets; empty for none.
@@ -62,6 +64,7 @@ class Fitting:
     turn: str = ""
     each: str = ""
     wanders: bool = False
+    most: int = 0
     rms: str = ""
     memory: str = ""
 

@@ -141,8 +141,11 @@ def _parameters(effect: dict[str, Any]) -> list[str]:
     if frames:  # each by itself: how often is only what they come to
         return [f"at frames {', '.join(map(str, frames[:LISTED]))}{' …' * (len(frames) > LISTED)}"]
     for name, value in effect["parameters"].items():
-        if errors.get(name) is not None:
-            out.append(f"{name} {value:.6g} ± {errors[name]:.2g}")
+        error = errors.get(name)
+        if isinstance(error, list):
+            out += [f"{name}[{n}] {v:.4g} ± {error[n]:.2g}" for n, v in enumerate(value)]
+        elif error is not None:
+            out.append(f"{name} {value:.6g} ± {error:.2g}")
         elif isinstance(value, float) and not errors:
             out.append(f"{name} {value:.3g}")
     return out

@@ -260,7 +260,7 @@ def check_facts(name: str) -> None:
 def neutral_of(name: str) -> dict[str, float]:
     """Return the values with which an effect says that it does nothing."""
     effect = CATALOGUE[name]
-    values = {n: f.neutral for n, f in fittings(effect).items() if not f.each}
+    values = {n: f.neutral for n, f in fittings(effect).items() if not (f.each or f.most)}
     neutral = {n: value for n, value in values.items() if value is not None}
     if effect.weakest and effect.weakest.size:
         neutral[effect.weakest.size] = effect.weakest.neutral

@@ -31,7 +31,7 @@ class Residue:
         Size of each frame's flicker over the model's.
     tones_hz : tuple of float
         Frequencies at which light would leave the lines that stand out of the residual, what
-        stands out most first.
+        stands out most first; none of them a multiple of half the light's own.
     """
 
     gap: float

@@ -88,8 +88,7 @@ def _outcome(step: Step, trial: Trial) -> str:
 def _parameters(trial: Trial) -> list[dict[str, str]]:
     """List values with errors where they were fitted; a series by how many values it has."""
     effect, told = trial.effect, series_of(trial.effect)
-    knobs = zip(trial.fit.knobs, trial.fit.stderr, strict=True)
-    errors = {k.name: float(e) for k, e in knobs if k.part == effect.name and not k.across}
+    errors = trial.fit.stderr_of(effect.name)
     turned = {fitting.turn for fitting in fittings(effect).values() if fitting.turn}
     out = []
     for name, value in effect.to_dict().items():
@@ -98,9 +97,15 @@ def _parameters(trial: Trial) -> list[dict[str, str]]:
             values = np.array(getattr(effect, name))
             text = f"a value for each {told[1].each}, {values.size} in all, {values.std():.2g} rms"
         elif name in errors:
-            text = f"{value:.6g} ± {errors[name]:.2g}"
+            text = _with_error(value, errors[name])
         else:
             text = "drawn" if value is None else setting(value)
             text += "" if name in turned else " (not fitted)"
         out.append({"name": name, "value": text, "about": str(meta.get("doc", ""))})
     return out
+
+
+def _with_error(value: Any, error: float | list[float]) -> str:
+    if isinstance(error, list):
+        return ", ".join(_with_error(v, e) for v, e in zip(value, error, strict=True))
+    return f"{value:.6g} ± {error:.2g}"
