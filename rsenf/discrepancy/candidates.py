@@ -22,6 +22,7 @@ from rsenf.discrepancy.slopes import Slopes, by_knob
 from rsenf.model import CATALOGUE, Effect
 from rsenf.model.parameters import Fitting
 
+SIMPLER = 0.97  # of what a course of any shape explains, that one of few parameters must
 KEPT = 3  # candidates that keep their slopes
 
 
@@ -108,4 +109,5 @@ def _series(fit: Fit, effect: Effect, name: str, how: Fitting) -> Candidate:
     left = float((fit.residual**2).sum(dtype=np.float64))
     told = float((first * second * power(direction, fit.slopes.lit, how)).sum())
     series = {**fit.slopes.series, effect.name: direction}
-    return Candidate(effect, told / left, dataclasses.replace(fit.slopes, series=series))
+    explains = SIMPLER * told / left
+    return Candidate(effect, explains, dataclasses.replace(fit.slopes, series=series))

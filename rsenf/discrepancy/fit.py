@@ -67,9 +67,10 @@ class Fit:
 
     def released(self, *, to_show: bool = False) -> Fit:
         """Return what is known of it, without the arrays; or with those that pictures show."""
-        none = np.empty((0, 0, 0), np.float32)
-        kept = {} if to_show else {"rows": none, "residual": none}
-        out = dataclasses.replace(self, slopes=self.slopes.released(), **kept)
+        out = dataclasses.replace(self, slopes=self.slopes.released())
+        if not to_show:
+            none = np.empty((0, 0, 0), np.float32)
+            out = dataclasses.replace(out, rows=none, residual=none)
         out.__dict__.update(gap=self.gap, misfit=self.misfit, noise_var=self.noise_var)
         return out
 

@@ -7,6 +7,7 @@ from scipy import fft
 
 from rsenf.discrepancy.apart import LINES
 from rsenf.discrepancy.fit import Fit
+from rsenf.discrepancy.theory import plan
 from rsenf.messages.schema import FloatArray
 from rsenf.model.effects.residue import Residue
 
@@ -14,6 +15,7 @@ STANDS_OUT = 25.0  # power of a line over the median of the others
 ALIASES = 1  # to either side of the likeliest
 PEAKS = 24  # that are looked at, until one isn't the mains'
 SKIRT = 4  # bins of half the resolution to either side of a peak that are its own
+BIN_S, ALIKE = 1.0, 0.3  # in which lines' gains are looked at; correlation of their pattern
 NEAR_BINS = 2.0  # by which a line may be off a multiple, over one in the length of the recording
 
 
@@ -32,6 +34,7 @@ def residue_of(fit: Fit) -> Residue:
         angle_rad=np.arctan2(across, along),
         size_ratio=np.hypot(along, across),
         tones_hz=tones_hz(fit),
+        row_course=row_course(fit),
     )
 
 
@@ -66,6 +69,36 @@ def tones_hz(fit: Fit) -> tuple[float, ...]:
             return tuple(hz for hz in found if not is_harmonic(fit, hz))
         power[np.arange(n - SKIRT, n + SKIRT + 1) % size[0]] = 0.0
     return ()
+
+
+def row_course(fit: Fit) -> FloatArray:
+    """Course over time that the gains of the lines have in common, beside that of all of them.
+
+    The first principal component of the lines' gains by seconds, if what one frame in two tells of
+    its pattern the others tell, too. One value for each captured frame, of rms 1; or empty.
+    """
+    data, lit = fit.data, fit.slopes.lit
+    second = (data.time_s // BIN_S).astype(np.intp)
+    own, left = lit[data.first], fit.residual[data.first]
+    gains = (own * left).sum(axis=2) / np.maximum((own * own).sum(axis=2), 1e-12)
+    maps = []
+    for part in (0, 1):
+        frames = np.arange(part, data.frames, 2)
+        count = np.bincount(second[frames], minlength=second[-1] + 1)
+        starts = np.searchsorted(second[frames], np.arange(count.size))
+        if not count.all():
+            return np.empty(0)
+        binned = np.add.reduceat(gains[frames], starts, axis=0) / count[:, None]
+        binned -= binned.mean(axis=1, keepdims=True)
+        maps.append(binned - binned.mean(axis=0))
+    course = np.linalg.svd(maps[0] + maps[1], full_matrices=False)[0][:, 0]
+    one, other = (course @ binned for binned in maps)
+    alike = float(one @ other) / float(np.linalg.norm(one) * np.linalg.norm(other) + 1e-30)
+    if alike < ALIKE:
+        return np.empty(0)
+    captured_s = plan(fit.theory.model, data).start_s
+    told = np.interp(captured_s, (np.arange(course.size) + 0.5) * BIN_S, course)
+    return np.asarray(told / np.sqrt(np.mean(told**2)))
 
 
 def is_harmonic(fit: Fit, freq_hz: float) -> bool:

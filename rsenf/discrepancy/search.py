@@ -64,11 +64,12 @@ class Step:
 
     @property
     def chosen(self) -> Trial | None:
-        """The best trial, if the held-out data support it."""
-        best = self.trials[0] if self.trials else None
-        if best and best.nats > self.limit and best.beyond > self.least and best.worst > WORST:
-            return best
-        return None
+        """The best trial that the held-out data support."""
+        return next(filter(self.holds, self.trials), None)
+
+    def holds(self, trial: Trial) -> bool:
+        """Whether held-out data support a trial."""
+        return trial.nats > self.limit and trial.beyond > self.least and trial.worst > WORST
 
     def released(self) -> Step:
         """Return it without the arrays of its fits."""
@@ -85,7 +86,9 @@ class Step:
         if best is None:
             return ()
         return tuple(dict.fromkeys(
-            t.effect.name for t in self.trials if best.beyond - t.gain <= self.least
+            t.effect.name
+            for t in (best, *self.trials)
+            if t is best or (self.holds(t) and best.beyond - t.gain <= self.least)
         ))  # fmt: skip
 
 
@@ -150,8 +153,10 @@ def next_step(before: Fit, usual: Usual = NOTHING) -> Step:
     # What is nearly as good may be as good, once it rests.
     near = NEAR * step.chosen.gain
     trials = [settled(before, t, usual) if t.gain > near else t for t in step.trials]
-    best, *others = sorted(trials, key=lambda t: -t.beyond)
-    return dataclasses.replace(step, trials=(best, *map(_released, others)))
+    step = dataclasses.replace(step, trials=tuple(sorted(trials, key=lambda t: -t.beyond)))
+    chosen = step.chosen
+    kept = tuple(t if t is chosen else _released(t) for t in step.trials)
+    return dataclasses.replace(step, trials=kept)
 
 
 def _with_trial(step: Step, candidate: Candidate, usual: Usual) -> Step:

@@ -19,7 +19,9 @@ from rsenf.messages.schema import FloatArray
 from rsenf.model import Effect
 from rsenf.model.parameters import Fitting
 
-WHITE_STDS, RARE, FAR_OUT = 4.0, 1e-4, 8.0
+WHITE_STDS, RARE, FAR_OUT = 4.0, 1e-4, 15.0
+SMOOTH = 0.3  # correlation of lines, from which on the rows in them are alike
+BEND = 1e-6  # of a course, over what the data tell of it
 
 
 def with_series(theory: Theory, effect: Effect, name: str, values: FloatArray) -> Theory:
@@ -55,7 +57,8 @@ def halves(
     """
     if how.each == "frame":
         first, second = (
-            _least(direction[part], residual[part], (1, 2)) for part in (data.first, data.second)
+            _along_time(direction[part], residual[part], data, how)
+            for part in (data.first, data.second)
         )
         return first, second
     out = []
@@ -127,8 +130,11 @@ def summed_up(
     if told is None or not told[1].rms:
         return effect
     first, second = first - first.mean(), second - second.mean()
-    square = float(first @ second) / first.size * (group if told[1].each == "line" else 1)
-    values = {told[1].rms: within(effect, told[1].rms, math.sqrt(max(square, 0.0)))}
+    square = float(first @ second) / first.size
+    stays = float(first[:-1] @ second[1:]) / max(float(first @ second), 1e-30)
+    # Of what is white from row to row a mean of several has less.
+    more = group if told[1].each == "line" and stays < SMOOTH else 1
+    values = {told[1].rms: within(effect, told[1].rms, math.sqrt(max(square, 0.0) * more))}
     if told[1].memory and square > 0.0:
         beside = float(first[:-1] @ second[1:] + second[:-1] @ first[1:]) / (2 * first.size - 2)
         stays = min(max(beside / square, 1e-6), 1.0 - 1e-6)
@@ -139,32 +145,55 @@ def summed_up(
 def all_as_told(effects: Sequence[Effect], directions: int) -> bool:
     """Whether every series is of the kind that its effect says: a free one would explain anything.
 
-    Kicks, what each value brings beyond what the one before lets expect, must be white: no tone
-    among them, none far out. One value a line must not go on down the frame, as what a tone curve
-    or a codec makes of the wall does. ``directions`` is how many the course of the phase has, which
-    takes what is slow out of a series of frames: neighbours are less alike than by chance then.
+    Values must be white, no tone among them, none far out, unless the effect may take any course:
+    then it is known by what it does to lines, strips and levels alone. One value a line must not go
+    on down the frame, as what a tone curve or a codec makes of the wall does. ``directions`` is how
+    many the course of the phase has, which takes what is slow out of a series of frames: neighbours
+    are less alike than by chance then.
     """
     for effect in effects:
         told = series_of(effect)
-        if told is None:
+        if told is None or told[1].wanders:
             continue
         values = np.array(getattr(effect, told[0]))
         values = values - values.mean()
-        before, after = values[:-1], values[1:]
-        stays = float(before @ after) / max(float(before @ before), 1e-30)
+        stays = float(values[:-1] @ values[1:]) / max(float(values[:-1] @ values[:-1]), 1e-30)
         taken = directions / values.size if told[1].each == "frame" else 0.0
         chance = WHITE_STDS / np.sqrt(values.size)
-        if not told[1].wanders and not -chance - taken < stays < chance:
+        if not -chance - taken < stays < chance:
             return False
         if told[1].each == "line":
             continue
-        kicks = after - (stays * before if told[1].wanders else 0.0)
-        power = np.abs(np.fft.rfft(kicks)[1:]) ** 2
+        power = np.abs(np.fft.rfft(values)[1:]) ** 2
         if power.max() > power.mean() * np.log(power.size / RARE):
             return False
-        if np.abs(kicks).max() > FAR_OUT * 1.4826 * float(np.median(np.abs(kicks))):
+        if np.abs(values).max() > FAR_OUT * 1.4826 * float(np.median(np.abs(values))):
             return False
     return True
+
+
+def _along_time(
+    direction: Float32Array, residual: Float32Array, data: Measured, how: Fitting
+) -> FloatArray:
+    """Values of frames by least squares: each by itself, or of a course between nodes."""
+    if not how.every_s:
+        return _least(direction, residual, (1, 2))
+    told = (direction * residual).sum(axis=(1, 2), dtype=np.float64)
+    square = _squares(direction, (1, 2))
+    hats = between_nodes(data.time_s, how.every_s)
+    matrix = hats.T @ (square[:, None] * hats)
+    # Where there are no frames, the course goes straight on.
+    bends = np.diff(np.eye(hats.shape[1]), 2, axis=0)
+    matrix += BEND * np.trace(matrix) / len(matrix) * (bends.T @ bends)
+    values = hats @ np.linalg.solve(matrix + 1e-12 * np.eye(len(matrix)), hats.T @ told)
+    return np.asarray(values - values.mean())
+
+
+def between_nodes(t_s: FloatArray, every_s: float) -> FloatArray:
+    """Shares that equidistant nodes have in a course at some times, (times, nodes)."""
+    nodes = max(math.ceil(float(t_s[-1]) / every_s), 2) + 1
+    place = t_s / float(t_s[-1]) * (nodes - 1)
+    return np.asarray(np.maximum(1.0 - np.abs(place[:, None] - np.arange(nodes)), 0.0))
 
 
 def _least(direction: Float32Array, residual: Float32Array, axes: tuple[int, int]) -> FloatArray:

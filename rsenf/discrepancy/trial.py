@@ -27,6 +27,7 @@ from rsenf.model.parameters import Fitting
 STEPS = 5  # in which a candidate is fitted, at first
 TO_REST = 24  # in which the best is: where a series follows a knob, it goes step by step
 BANDS = 8  # of rows
+HOPELESS = 3.0  # of what is left without it, that an effect may leave before anything is fitted
 KEEPS = 0.999  # of what it told, that a fit with fewer parameters or nearer to rest must tell
 
 
@@ -66,6 +67,8 @@ def tried(before: Fit, candidate: Candidate, usual: Usual) -> Trial | None:
     """Fit a candidate jointly with all there is; None where no fit is found."""
     try:
         begun = _with_effect(before, candidate.effect)
+        if begun is None:
+            return None
         after = fit(begun, before.data, most=STEPS, slopes=candidate.slopes)
     except (UsageError, np.linalg.LinAlgError):  # steps have led to what can't be
         return None
@@ -147,15 +150,17 @@ def _in_numbers(after: Fit, effect: Effect, name: str, how: Fitting) -> Effect:
     return summed_up(effect, values + moved[0], values + moved[1], step_s, after.data.group)
 
 
-def _with_effect(before: Fit, effect: Effect) -> Theory:
-    """Return a fit's theory with an effect that does nothing yet."""
+def _with_effect(before: Fit, effect: Effect) -> Theory | None:
+    """Return a fit's theory with an effect that does nothing yet; None for one that can't be."""
     told, model = series_of(effect), before.theory.model.plus(effect)
     if isinstance(effect, DeliveryEffect):
         ahead_rad = residue_of(before).angle_rad
         return before.theory.otherwise_delivered(model, before.data, ahead_rad)
     if told is None and not knobs_of(effect, neutral=True):
         # Without it nothing has fitted: what steps have made of the course is of no use.
-        return begun_anew(before.begun.with_model(model), before.data)
+        begun = begun_anew(before.begun.with_model(model), before.data)
+        wrong = float(((before.data.level - begun.rows(before.data)) ** 2).mean(dtype=np.float64))
+        return begun if wrong < HOPELESS * before.misfit else None
     if told is None:
         return before.theory.with_model(model)
     values = held(before.theory, before.data, effect, *told)

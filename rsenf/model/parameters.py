@@ -51,7 +51,10 @@ class Fitting:
         ``frame`` or ``line`` for a tuple with one value for each of them, drawn at random while it
         is empty; empty for a single value.
     wanders : bool
-        Of a series: each value goes on from the one before; else they are white.
+        Of a series: its course may be any; else its values are white.
+    every_s : float
+        Of a series of frames: its course is straight between nodes so far apart; 0 for a value of
+        its own for each frame.
     most : int
         Of a list of amplitudes: how many there may be.
     rms, memory : str
@@ -64,6 +67,7 @@ class Fitting:
     turn: str = ""
     each: str = ""
     wanders: bool = False
+    every_s: float = 0.0
     most: int = 0
     rms: str = ""
     memory: str = ""
@@ -100,9 +104,17 @@ def parameter(
 
 
 def fittings(part: Any) -> dict[str, Fitting]:
-    """Return the parameters of a part that can be found from data, and how."""
+    """Return the parameters of a part that can be found from data, and how.
+
+    Those that a part itself leaves out, by its ``not_fitted``, are none of them.
+    """
+    left_out = () if isinstance(part, type) else getattr(part, "not_fitted", ())
     told = {f.name: f.metadata.get("fitting") for f in dataclasses.fields(part)}
-    return {name: fitting for name, fitting in told.items() if fitting is not None}
+    return {
+        name: fitting
+        for name, fitting in told.items()
+        if fitting is not None and name not in left_out
+    }
 
 
 def validate(part: Any, path: KeyPath = ()) -> None:

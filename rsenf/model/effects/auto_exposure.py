@@ -16,7 +16,7 @@ from rsenf.model.wander import wander
 
 @dataclass(frozen=True, kw_only=True)
 class AutoExposure(SensorEffect):
-    """The camera's gain drifts slowly and at random, for whole frames.
+    """The camera's gain changes for whole frames, by any course: drift, steps, hunting.
 
     Every row of a frame is brighter or darker by the same share, texture and flicker alike, so the
     frame mean wanders at frequencies well below a hertz.

@@ -7,33 +7,60 @@ from typing import Any
 
 from rsenf.model.effects.base import ReadOutEffect, Run
 from rsenf.model.effects.hiding import Hiding, Weakest
+from rsenf.model.effects.residue import Residue
 from rsenf.model.parameters import Fitting, parameter
 from rsenf.model.readout import ReadOut
 
 
+EVERY_S = 2.0  # between nodes of a course
+
+
 @dataclass(frozen=True, kw_only=True)
 class ReadoutDrift(ReadOutEffect):
-    """The read-out time grows evenly from the clip's start, the frame rate stays.
+    """The read-out time changes in the course of the clip, the frame rate stays.
 
-    The flicker's phase at the first line is as it was, and that at the last moves by
-    ``2π·f_0·T_ro`` times the drift so far: the ramp down the frame becomes steeper in time.
+    It grows evenly, or takes any slow course. The flicker's ramp down the frame becomes steeper or
+    less steep: by ``2π·f_0·T_ro`` times the relative change from the first line to the last.
     """
 
     name = "readout_drift"
     source = "line clocks that follow the sensor's temperature, mode changes; to 1 % a minute"
     confused_with = ("image_wobble", "rows_cropped")
-    told_apart_by = "it is nought at the first line and grows down the frame"
+    told_apart_by = "it is nought at the middle line and grows towards both ends of the frame"
     weakest = Weakest(0.002, "drift_per_min")
 
     drift_per_min: float = parameter(
         0.002, "relative change of the read-out time in a minute", low=-0.2, high=0.2,
         fitting=Fitting(0.0, 0.002),
     )  # fmt: skip
+    drift_ratio: float = parameter(
+        0.0, "rms of the relative changes, where they aren't even", low=0, high=0.2
+    )
+    stretch_ratios: tuple[float, ...] = parameter(
+        (), "exactly these relative changes instead, one a frame", low=-0.2, high=0.2,
+        fitting=Fitting(0.0, 0.002, each="frame", wanders=True, every_s=EVERY_S, rms="drift_ratio"),
+    )  # fmt: skip
+    course: str = parameter("even", "over time: even, or any", choices=("even", "any"))
+
+    @property
+    def not_fitted(self) -> tuple[str, ...]:
+        """What such a course hasn't."""
+        return ("stretch_ratios",) if self.course == "even" else ("drift_per_min",)
 
     def apply(self, read_out: ReadOut, run: Run) -> None:
-        """Stretch the lines' times, later frames more."""
+        """Stretch the lines' times: about the first line, or about the middle one."""
+        if self.stretch_ratios:
+            change = run.given(self.stretch_ratios)[read_out.number][:, None]
+            middle_s = read_out.line_s.mean(axis=1, keepdims=True)
+            read_out.line_s = read_out.line_s + change * (read_out.line_s - middle_s)
+            return
         stretch = 1 + self.drift_per_min / 60 * run.step_s * read_out.number
         read_out.line_s = read_out.line_s * stretch[:, None]
+
+    @classmethod
+    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+        """Try an even course, and any."""
+        return [{}, {"course": "any", "drift_per_min": 0.0}]
 
     @classmethod
     def hidden(cls, hiding: Hiding) -> dict[str, Any]:

@@ -32,6 +32,9 @@ class Residue:
     tones_hz : tuple of float
         Frequencies at which light would leave the lines that stand out of the residual, what
         stands out most first; none of them a multiple of half the light's own.
+    row_course : ndarray (captured frames,)
+        Course over time, of rms 1, that the gains of the rows have in common where they differ;
+        empty where they don't.
     """
 
     gap: float
@@ -40,3 +43,4 @@ class Residue:
     angle_rad: FloatArray
     size_ratio: FloatArray
     tones_hz: tuple[float, ...]
+    row_course: FloatArray
