@@ -23,7 +23,7 @@ from rsenf.model import (
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.rows.settings import RowsSettings
 from rsenf.rows.stage import Rows
-from tests.discrepancy import foreign_camera
+from tests.discrepancy.foreign_camera import simple as foreign_camera
 
 Array = NDArray[np.float64]
 SECONDS = 32.0

@@ -13,7 +13,7 @@ from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.verdict import discover
 from rsenf.messages import Header
 from rsenf.rows.luminance import blocks_from_luminance
-from tests.discrepancy.foreign_camera import film
+from tests.discrepancy.foreign_camera.simple import film
 
 
 def _discover(seed: int, **hidden: Any) -> dict[str, Any]:
