@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from rsenf.bench.discover.foreign import CAMERA, Case, Plan, camera_at, left_out, listed, tried
-from rsenf.bench.discover.foreign_judge import closed_beside, judged, parameter_errors
+from rsenf.bench.discover.foreign_judge import closed, judged, parameter_errors
 from rsenf.bench.discover.foreign_table import tabulated, text
 from rsenf.errors import UsageError
 
@@ -99,13 +99,15 @@ def test_lost_and_doubled_frames_are_compared_as_captured() -> None:
     assert _errors("frame_duplicate", twice, at_frames=[99, 200]) == [0.0]
 
 
-def test_what_the_lamp_closes_of_the_gap_is_left_out() -> None:
+def test_what_the_lamp_closes_of_the_gap_is_told_apart() -> None:
     told = _told("unexplained", "harmonics", "frame_drop")
-    told["gap"] = {"after": 0.02, "floor": 0.0, "limit": 0.001}
-    for effect, (before, after) in zip(told["effects"], ((1.0, 0.1), (0.1, 0.02)), strict=True):
+    told["gap"] = {"before": 1.0, "after": -0.02, "floor": 0.0, "limit": 0.001}
+    for effect, (before, after) in zip(told["effects"], ((1.0, 0.1), (-0.1, 0.02)), strict=True):
         effect |= {"gap_before": before, "gap_after": after}
-    assert closed_beside(told, {"frame_drop": ()}, ("harmonics",)) == pytest.approx(0.8)
-    assert closed_beside(told, {"gamma": ("harmonics",)}, ("harmonics",)) is None
+    own = ("harmonics",)
+    assert closed(told, {"frame_drop": ()}, own) == pytest.approx((0.98, 0.8))
+    assert closed(told, {"gamma": own}, own) == (pytest.approx(0.98), None)
+    assert closed({**told, "gap": {}}, {"frame_drop": ()}, own) == (None, None)
 
 
 def test_a_plan_has_every_effect_so_often_and_no_seed_twice() -> None:
@@ -142,7 +144,7 @@ def test_cases_are_tried_and_counted() -> None:
     assert abs(drop["idle_error"]) < 0.01
     assert burst["verdict"] == "unexplained"
     document = tabulated(records)
-    assert [row["cases"] for row in document["rows"]] == [1, 1]
+    assert [row["cases"] for row in document["rows"]] == [1] * 4  # one by one, and in all
     written = text(document)
     assert all(word in written for word in ("all single effects", "in no catalogue", "≥ 95 %"))
     assert "| mark |" in text(document, on_page=True)

@@ -36,7 +36,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from rsenf.bench.discover.foreign_judge import closed_beside, judged, parameter_errors, said_of
+from rsenf.bench.discover.foreign_judge import closed, judged, parameter_errors, said_of
 from rsenf.errors import RsenfError, UsageError
 from rsenf.model.seeds import generator
 
@@ -234,6 +234,9 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
     like = {name: tuple(every[name].like) for name in case.hidden}
     own = () if truth["lamp"] == "tone" else (OF_LAMPS,)
     errors = parameter_errors(filmed.hidden, told, case.duration_s)
+    shares = closed(told, like, own)
+    # Of two fields each has half the frame's time.
+    true_idle = truth["idle_ratio"] * 2 - 1 if "interlace" in case.hidden else truth["idle_ratio"]
     return {
         "key": case.key,
         "kind": case.kind,
@@ -250,14 +253,15 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
         "relative_error": {name: error[0] for name, error in errors.items()},
         "error_over_stderr": {name: error[1] for name, error in errors.items()},
         "gap": told["gap"],
-        "closed_beside": closed_beside(told, like, own),
+        "closed": shares[0],
+        "closed_beside": shares[1],
         "frame_rate": truth["frame_rate"],
         "nominal_hz": truth["nominal_hz"],
         "lines": case.rows,
         "strips": filmed.level.shape[2],
         "lamp": truth["lamp"],
         "flicker_ratio": truth["flicker_ratio"],
-        "idle_ratio": truth["idle_ratio"],
-        "idle_error": None if idle is None else idle - truth["idle_ratio"],
+        "idle_ratio": true_idle,
+        "idle_error": None if idle is None else idle - true_idle,
         "cpu_s": round(seconds, 2),
     }

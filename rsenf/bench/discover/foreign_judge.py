@@ -87,24 +87,28 @@ def _matched(wanted: Sequence[set[str]], said: Sequence[set[str]]) -> int:
     return max([_matched(rest, said), *ways])
 
 
-def closed_beside(
+def closed(
     told: dict[str, Any], hidden: Mapping[str, Sequence[str]], own: Collection[str]
-) -> float | None:
-    """Share of the gap above the floor that is closed, beside what the lamp's own part closes.
+) -> tuple[float | None, float | None]:
+    """Share of the gap above the floor that is closed, and beside what the lamp's own part closes.
 
-    None where that is all there is, or where it may be what was hidden.
+    Gaps count by their size, since some are below zero. None where nothing is above the floor; and
+    beside the lamp where its own part may be what was hidden, too.
     """
-    gap, own = told["gap"], set(own)
-    fair = {*hidden}.union(*hidden.values())
-    if not hidden or not gap or own & fair:
-        return None
-    closed = sum(
-        effect["gap_before"] - effect["gap_after"]
+    gap = told["gap"]
+    if not gap:
+        return None, None
+    left, least = max(abs(gap["after"]) - gap["floor"], 0.0), gap["limit"] - gap["floor"]
+    above = abs(gap["before"]) - gap["floor"]
+    share = 1.0 - left / above if above > least else None
+    if not hidden or set(own) & {*hidden}.union(*hidden.values()):
+        return share, None
+    others = sum(
+        abs(effect["gap_before"]) - abs(effect["gap_after"])
         for effect, names in zip(told["effects"], said_of(told), strict=True)
-        if not own & set(names)
+        if not {*own} & {*names}
     )
-    above = closed + max(gap["after"] - gap["floor"], 0.0)
-    return float(closed / above) if above > gap["limit"] - gap["floor"] else None
+    return share, float(others / (others + left)) if others + left > least else None
 
 
 def parameter_errors(

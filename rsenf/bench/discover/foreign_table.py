@@ -30,7 +30,7 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
         of_kind = [r for r in records if r["kind"] == kind]
         if kind in ("one", "none", "unknown"):
             names = sorted({_what(r) for r in of_kind})
-            for name in names if len(names) > 1 else ():
+            for name in names if len(names) > 1 or kind != "none" else ():
                 rows.append(_row(name, [r for r in of_kind if _what(r) == name]))
         if of_kind:
             rows.append(_row(WHOLE[kind], of_kind))
@@ -58,7 +58,7 @@ def marks(records: Sequence[Record]) -> list[dict[str, Any]]:
     by_kind = {kind: [r for r in records if r["kind"] == kind] for kind in KINDS}
     hidden = [r for kind in ("one", "pair", "triple") for r in by_kind[kind]]
     off = [error for r in hidden for error in _errors(r)]
-    closed = [r["gap"]["shrinkage"] for r in hidden if r["gap"].get("shrinkage") is not None]
+    closed = [r["closed"] for r in hidden if r["closed"] is not None]
     beside = [r["closed_beside"] for r in hidden if r["closed_beside"] is not None]
     names = [float(bool(r["wrong_names"])) for r in records]
     median, share = statistics.median, _mean
@@ -75,7 +75,7 @@ def marks(records: Sequence[Record]) -> list[dict[str, Any]]:
     out: list[dict[str, Any]] = []
     for mark, least, limit, summary, values in asked:
         value = _of(summary, values)
-        reached = value is not None and (value >= limit if least else value <= limit)
+        reached = None if value is None else value >= limit if least else value <= limit
         out.append(
             {"mark": mark, "asked": limit, "at_least": least, "value": value,
              "cases": len(values), "reached": reached}
@@ -121,7 +121,10 @@ that isn't told or is told wrongly. beside: of the gap that the lamp's harmonics
 
 
 def _what(record: Record) -> str:
-    return " + ".join(record["hidden"]) or NOTHING
+    names = " + ".join(record["hidden"])
+    if record["kind"] == "none":
+        return f"{NOTHING} but {names}" if names else NOTHING
+    return names
 
 
 def _are(records: Sequence[Record], *outcomes: str) -> list[float]:
@@ -144,7 +147,7 @@ def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
     outcome = Counter(r["outcome"] for r in records)
     off = [error for r in records for error in _errors(r)]
     sure = [abs(e) for r in records for e in r["error_over_stderr"].values() if e is not None]
-    closed = [r["gap"]["shrinkage"] for r in records if r["gap"].get("shrinkage") is not None]
+    closed = [r["closed"] for r in records if r["closed"] is not None]
     beside = [r["closed_beside"] for r in records if r["closed_beside"] is not None]
     idle = [abs(r["idle_error"]) for r in records if r["idle_error"] is not None]
     return {
@@ -165,8 +168,8 @@ def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
         "error_median": _of(statistics.median, off),
         "error_close": _of(_mean, [float(error <= CLOSE) for error in off]),
         "within_two": _of(_mean, [float(e <= 2.0) for e in sure]),
-        "shrinkage_median": _of(statistics.median, closed),
-        "shrinkage_least": _of(min, closed),
+        "closed_median": _of(statistics.median, closed),
+        "closed_least": _of(min, closed),
         "beside_median": _of(statistics.median, beside),
         "idle_error_median": _of(statistics.median, idle),
         "cpu_median_s": statistics.median(r["cpu_s"] for r in records),
@@ -183,13 +186,13 @@ _COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
     ("missed", lambda r: str(r["missed"])),
     ("refused", lambda r: str(r["refused"] or "")),
     ("with wrong names", lambda r: str(r["wrong_names"] or "")),
-    ("right in all", lambda r: _percent(r["named"], 0)),
+    ("rightly", lambda r: _percent(r["named"], 0)),
     ("by a like name", lambda r: str(r["by_like"] or "")),
     ("size off by", lambda r: _percent(r["error_median"])),
     ("within 5 %", lambda r: _percent(r["error_close"], 0)),
     ("within 2 std", lambda r: _percent(r["within_two"], 0)),
-    ("gap closed, median", lambda r: _percent(r["shrinkage_median"], 2)),
-    ("least", lambda r: _percent(r["shrinkage_least"])),
+    ("gap closed, median", lambda r: _percent(r["closed_median"], 2)),
+    ("least", lambda r: _percent(r["closed_least"])),
     ("beside", lambda r: _percent(r["beside_median"])),
     ("idle off by", lambda r: _percent(r["idle_error_median"], 2)),
     ("CPU", lambda r: f"{r['cpu_median_s']:.1f} s"),
