@@ -57,10 +57,13 @@ TABLES = {
 # Measured grids are not part of the project; in a checkout they lie beside it.
 _GRIDS = Path("../shared/data")
 _CLAIMS: dict[str, Any] = {"clips": 40}  # of each of five scenes
+_ALSO = {"each": "each", "outside": "unknown"}  # as the foreign camera calls them
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
+    from rsenf.bench.discover.foreign import CAMERA
+    from rsenf.bench.discover.foreign import Plan as ForeignPlan
     from rsenf.bench.discover.plan import Plan as DiscoverPlan
     from rsenf.bench.live.plan import LivePlan
     from rsenf.bench.plan import Plan
@@ -87,6 +90,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "feeds": film | {"duration-s": seconds | {"help": "of a film (60)"},
                          "feeds": number | {"help": "from so many on, one by one"}},
         "tracker": {"duration-s": seconds | {"help": "of each part (30)"}},
+        "discover": {
+            "foreign": {"type": Path, "nargs": "?", "const": CAMERA, "metavar": "FILE",
+                        "help": "hidden by a camera that is none of rsenf's: its folder or file "
+                                f"({CAMERA}); 60 outside and 60 pairs then"},
+        },
     }  # fmt: skip
     tables = parser.add_subparsers(dest="table", metavar="TABLE", required=True)
     for name, line in TABLES.items():
@@ -118,9 +126,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             table.add_argument(f"--{option}", **given)
         if name in plans:
             usual = _CLAIMS if name == "claims" else {}
-            add_settings(table, "clips", plans[name], leave_out=("part",), **usual)
+            also = _ALSO if name == "discover" else {}
+            add_settings(table, "clips", plans[name], also=also, leave_out=("part",), **usual)
         else:
             table.add_argument("--seed", **{**number, "default": 0}, dest="seed", help="first (0)")
+        if name == "discover":
+            add_settings(table, "clips", ForeignPlan)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -371,6 +382,8 @@ def _tracker(args: argparse.Namespace, folder: Path) -> Made:
 
 
 def _discover(args: argparse.Namespace, folder: Path) -> Made:
+    if args.foreign:
+        return _foreign(args, folder)
     from rsenf.bench.discover.beside import SKEW, clock_cases, tried
     from rsenf.bench.discover.picture import draw
     from rsenf.bench.discover.plan import Plan, left_out, listed
@@ -379,6 +392,9 @@ def _discover(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.cli.options import settings_of
     from rsenf.errors import UsageError
 
+    for option in ("triples", "rows"):
+        if getattr(args, option) is not None:
+            raise UsageError(f"--{option} without --foreign", "only a foreign camera has it")
     can, hidden = (*listed(), SKEW), args.hide
     if unknown := set(hidden or ()) - set(can):
         why = left_out().get(min(unknown), "it is no effect")
@@ -402,6 +418,38 @@ def _discover(args: argparse.Namespace, folder: Path) -> Made:
         cases += clock_cases(plan.each, plan.first_seed + len(cases), plan.duration_s)
     work = partial(tried, grids=args.grids)
     document = tabulated(_measured(args, cases, work, folder / "discover.jsonl", "cases"))
+    _drawn(args, draw, document)
+    return document, lambda told, on_page: text(told, on_page=on_page)
+
+
+def _foreign(args: argparse.Namespace, folder: Path) -> Made:
+    from rsenf.bench.discover.foreign import Plan, camera_at, left_out, listed, tried
+    from rsenf.bench.discover.foreign_table import tabulated, text
+    from rsenf.bench.discover.picture import draw
+    from rsenf.cli.console import note
+    from rsenf.cli.options import settings_of
+    from rsenf.errors import UsageError
+
+    if args.video:
+        raise UsageError("--video with --foreign", "a foreign camera is tried by its rows")
+    camera, hidden = camera_at(args.foreign.absolute()), args.hide
+    can = (*listed(camera), *camera.UNKNOWN)
+    if unknown := set(hidden or ()) - set(can):
+        why = left_out(camera).get(min(unknown), "it is no effect")
+        raise UsageError(f"--hide {min(unknown)}: {why}", f"one of {', '.join(can)}")
+    if not (hidden or args.quick):
+        for name, why in left_out(camera).items():
+            note(f"not hidden among the others: {name}: {why}")
+    many = 0 if hidden else 20 if args.clips is None else args.clips
+    usual: dict[str, Any] = {"none": 5 * many, "outside": 3 * many, "pairs": 3 * many}
+    usual["triples"] = many
+    if args.quick:
+        usual = {"each": 1, "none": 1, "outside": 1, "pairs": 0, "triples": 0, "rows": 240,
+                 "effects": ("harmonics", "frame_drop", "timestamp_jitter"),
+                 "duration_s": 27.0}  # fmt: skip
+    cases = settings_of(args, Plan, **usual).cases(camera)
+    work = partial(tried, path=args.foreign.absolute())
+    document = tabulated(_measured(args, cases, work, folder / "foreign.jsonl", "cases"))
     _drawn(args, draw, document)
     return document, lambda told, on_page: text(told, on_page=on_page)
 

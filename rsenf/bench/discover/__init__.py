@@ -10,4 +10,10 @@ From a seed to a table, one idea a file::
     judge      what an answer is worth
     table      records to rates
     picture    what was hidden against what was named
+
+and on a camera that shares nothing with rsenf's own model::
+
+    foreign        the camera loaded, its cases, one of them tried
+    foreign_judge  what an answer is worth, and how far off sizes are
+    foreign_table  records to rates, and to the marks that are to be reached
 """

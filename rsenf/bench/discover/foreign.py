@@ -1,0 +1,267 @@
+"""Blind discovery on a camera that shares nothing with rsenf's own model.
+
+Such a camera is a Python package, or one file, that is loaded by its path. It simulates by itself,
+knows nothing of rsenf, and has
+
+``Case(hidden=, seed=, times=, duration_s=, rows=)``
+    What to film. All else, such as grid, frame rate, lamp, scene and noise, it draws from the seed.
+``film(case)``
+    Films it: ``level`` (frames, rows, strips), ``stamp_s`` (frames,), ``truth``, a dict with
+    ``frame_rate``, ``nominal_hz``, ``idle_ratio``, ``lamp`` (its kind, ``"tone"`` for a pure one)
+    and ``flicker_ratio``, and ``hidden``, the parameters of each effect by name; all as rows show
+    it. `foreign_judge.SIZES` has what is compared.
+``EFFECTS``, ``UNKNOWN``
+    What can be hidden, by name: effects of rsenf's catalogue, and what is in no catalogue. Each has
+    ``needs`` (``"reference"`` where rows alone can't show it) and ``like`` (names that may fairly
+    be given instead, since they do nearly the same).
+``NEUTRAL``
+    Names in ``EFFECTS`` that a model of the rows takes in by itself: nothing lacks then.
+``go_together(one, other)``
+    Whether both can be hidden at once.
+
+The workflow gets levels and stamps, and begins at a lamp that is a pure tone. A real lamp has
+harmonics, so ``harmonics`` may be named of any case whose lamp isn't such a tone.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+import sys
+import time
+import zlib
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from rsenf.bench.discover.foreign_judge import closed, judged, parameter_errors, said_of
+from rsenf.errors import RsenfError, UsageError
+from rsenf.model.seeds import generator
+
+CAMERA = Path("tests/discrepancy/foreign_camera")  # in a checkout
+NEEDED = ("Case", "film", "EFFECTS", "UNKNOWN", "NEUTRAL", "go_together")
+KINDS = ("one", "none", "pair", "triple", "unknown")
+OF_LAMPS = "harmonics"
+
+
+@functools.cache
+def camera_at(path: Path) -> ModuleType:
+    """Load a camera.
+
+    Parameters
+    ----------
+    path : Path
+        Of its folder, or of its file.
+
+    Raises
+    ------
+    UsageError
+        When there is none, or it can't be one.
+    """
+    file = path / "__init__.py" if path.is_dir() else path
+    name = f"rsenf_foreign_camera_{zlib.crc32(bytes(file.resolve())):08x}"
+    spec = importlib.util.spec_from_file_location(name, file)
+    if spec is None or spec.loader is None or not file.is_file():
+        raise UsageError(
+            f"no foreign camera at {path}", "run it from a checkout, or name another camera"
+        )
+    camera = importlib.util.module_from_spec(spec)
+    sys.modules[name] = camera  # its own files are imported from it
+    try:
+        spec.loader.exec_module(camera)
+    except (Exception, SystemExit) as exc:  # whatever a stranger's file does
+        raise UsageError(f"{path}: can't be run: {type(exc).__name__}: {exc}") from exc
+    if lacks := [need for need in NEEDED if not hasattr(camera, need)]:
+        raise UsageError(f"{path} is no camera: it has no {', '.join(lacks)}")
+    return camera
+
+
+def left_out(camera: ModuleType) -> dict[str, str]:
+    """Return the effects that aren't hidden to be named, each with the reason."""
+    beside = [name for name, effect in camera.EFFECTS.items() if effect.needs == "reference"]
+    return {
+        **dict.fromkeys(camera.NEUTRAL, "a model of the rows takes it in: nothing lacks then"),
+        **dict.fromkeys(beside, "only a reference of the grid shows it"),
+    }
+
+
+def listed(camera: ModuleType) -> tuple[str, ...]:
+    """Return the effects that are hidden to be named."""
+    return tuple(name for name in camera.EFFECTS if name not in left_out(camera))
+
+
+@dataclass(frozen=True)
+class Case:
+    """What the camera is to film.
+
+    Attributes
+    ----------
+    kind : str
+        One of :data:`KINDS`.
+    hidden : tuple of str
+    seed : int
+    times : float
+        Strength, over the smallest that is listed.
+    duration_s : float
+    rows : int
+    """
+
+    kind: str
+    hidden: tuple[str, ...]
+    seed: int
+    times: float
+    duration_s: float
+    rows: int
+
+    @property
+    def key(self) -> str:
+        """Name that tells it from any other."""
+        size = f"×{self.times:g} {self.duration_s:g}s {self.rows} rows"
+        return f"foreign {self.kind} {'+'.join(self.hidden) or 'nothing'} {size} seed {self.seed}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """How many cases of each kind, from which seed on.
+
+    Parameters
+    ----------
+    first_seed : int
+        Seed of the first case.
+    each : int
+        Of each effect of the catalogue that rows can show.
+    none : int
+        With nothing hidden that a model lacks.
+    outside : int
+        With what is in no catalogue.
+    pairs : int
+        With two effects.
+    triples : int
+        Of a foreign camera with three effects.
+    times : float
+        Strength, over the weakest that is to be named.
+    duration_s : float
+        Of each recording.
+    rows : int
+        Of a foreign camera's pictures.
+    effects : tuple of str
+        Those to hide; all that rows can show.
+    """
+
+    first_seed: int = 0
+    each: int = 20
+    none: int = 100
+    outside: int = 60
+    pairs: int = 60
+    triples: int = 20
+    times: float = 3.0
+    duration_s: float = 60.0
+    rows: int = 720
+    effects: tuple[str, ...] = ()
+
+    def cases(self, camera: ModuleType) -> list[Case]:
+        """Return all cases, each with a seed of its own, mixed."""
+        effects = self.effects or listed(camera)
+        hidden: list[tuple[str, tuple[str, ...]]] = [
+            ("unknown" if name in camera.UNKNOWN else "one", (name,))
+            for name in effects
+            for _ in range(self.each)
+        ]
+        nothing = ((), (), (), *((name,) for name in camera.NEUTRAL))
+        hidden += [("none", nothing[n % len(nothing)]) for n in range(self.none)]
+        unknown = list(camera.UNKNOWN)
+        hidden += [("unknown", (unknown[n % len(unknown)],)) for n in range(self.outside)]
+        for kind, size, count in (("pair", 2, self.pairs), ("triple", 3, self.triples)):
+            together = [
+                some
+                for some in combinations(effects, size)
+                if all(camera.go_together(*two) for two in combinations(some, 2))
+            ]
+            rng, count = generator(self.first_seed, kind), count if together else 0
+            for n in rng.choice(max(len(together), 1), count, replace=count > len(together)):
+                hidden.append((kind, together[n]))
+        cases = [
+            Case(kind, names, self.first_seed + n, self.times, self.duration_s, self.rows)
+            for n, (kind, names) in enumerate(hidden)
+        ]
+        # A run that is stopped halfway has something of everything.
+        order = generator(self.first_seed, "order").permutation(len(cases))
+        return [cases[n] for n in order.tolist()]
+
+
+def tried(case: Case, path: Path) -> dict[str, Any]:
+    """Film a case, let the workflow work on it, and judge its answer.
+
+    Parameters
+    ----------
+    case : Case
+    path : Path
+        Of the camera.
+
+    Returns
+    -------
+    dict
+        The record: plain values.
+    """
+    # Not above: it would take the command as long again to show its help.
+    from rsenf.discrepancy.measured import measured_of
+    from rsenf.discrepancy.result import discovery_json, model_of
+    from rsenf.discrepancy.start import PLAIN
+    from rsenf.discrepancy.verdict import discover
+    from rsenf.messages import Header
+    from rsenf.rows.luminance import blocks_from_luminance
+
+    camera = camera_at(path)
+    filmed = camera.film(
+        camera.Case(
+            hidden=case.hidden, seed=case.seed, times=case.times,
+            duration_s=case.duration_s, rows=case.rows,
+        )
+    )  # fmt: skip
+    blocks = list(blocks_from_luminance(filmed.level, filmed.stamp_s, Header()))
+    truth, refused, idle = filmed.truth, "", None
+    begun = time.process_time()
+    try:
+        found = discover(PLAIN, measured_of(blocks))
+        told = discovery_json(found, "")
+        idle = model_of(found, "a case").shutter.idle_ratio
+    except RsenfError as exc:
+        told, refused = {"verdict": "refused", "effects": [], "gap": {}}, str(exc)
+    seconds = time.process_time() - begun
+    every = {**camera.EFFECTS, **camera.UNKNOWN}
+    like = {name: tuple(every[name].like) for name in case.hidden}
+    own = () if truth["lamp"] == "tone" else (OF_LAMPS,)
+    errors = parameter_errors(filmed.hidden, told, case.duration_s)
+    shares = closed(told, like, own)
+    # Of two fields each has half the frame's time.
+    true_idle = truth["idle_ratio"] * 2 - 1 if "interlace" in case.hidden else truth["idle_ratio"]
+    return {
+        "key": case.key,
+        "kind": case.kind,
+        "hidden": list(case.hidden),
+        "seed": case.seed,
+        "times": case.times,
+        "video": False,
+        **judged(case.kind, like, told, own),
+        "verdict": told["verdict"],
+        "refused": refused,
+        "named": [" or ".join(names) for names in said_of(told)],
+        "truth": filmed.hidden,
+        "told": [e["parameters"] for e in told["effects"]],
+        "relative_error": {name: error[0] for name, error in errors.items()},
+        "error_over_stderr": {name: error[1] for name, error in errors.items()},
+        "gap": told["gap"],
+        "closed": shares[0],
+        "closed_beside": shares[1],
+        "frame_rate": truth["frame_rate"],
+        "nominal_hz": truth["nominal_hz"],
+        "lines": case.rows,
+        "strips": filmed.level.shape[2],
+        "lamp": truth["lamp"],
+        "flicker_ratio": truth["flicker_ratio"],
+        "idle_ratio": true_idle,
+        "idle_error": None if idle is None else idle - true_idle,
+        "cpu_s": round(seconds, 2),
+    }
