@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.knobs import knobs_of, neutral, series_of
+from rsenf.discrepancy.knobs import knobs_of, neutral, series_of, within
 from rsenf.discrepancy.order import with_order
 from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.series import halves, power, response
@@ -91,12 +91,18 @@ def weighed(fit: Fit, effect: Effect) -> Candidate | None:
     own = [by_knob(theory, fit.rows, fit.data, knob) for knob in knobs]
     slopes = fit.slopes.plus(knobs, own)
     normal = slopes.training.normal(fit.residual).over(fit.noise_var)
-    shorter = with_order(effect, knobs, normal.worth([k.member for k in knobs]))
+    lists = any(knob.index >= 0 for knob in knobs)
+    worth = normal.worth([knob.member for knob in knobs]) if lists else {}
+    shorter = with_order(effect, knobs, worth)
     if shorter != effect:
         kept = knobs_of(shorter, neutral=True)
         own = [one for knob, one in zip(knobs, own, strict=True) if knob in kept]
         effect, knobs, slopes = shorter, kept, fit.slopes.plus(kept, own)
         normal = slopes.training.normal(fit.residual).over(fit.noise_var)
+    steps = normal.solve()[len(normal.vector) - len(knobs) :]
+    if any(within(effect, k.name, step) != step for k, step in zip(knobs, steps, strict=True)
+           if k.bounded(effect)):  # fmt: skip
+        return None  # it would have to be less than nothing
     left = float((fit.residual[fit.data.training] ** 2).sum(dtype=np.float64))
     told = normal.explained(len(own))
     return Candidate(effect, told * fit.noise_var / left, slopes)

@@ -58,14 +58,17 @@ def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> Floor:
     rng, data = np.random.default_rng(seed), fit.data
     about, others = fit.slopes, ~data.training
     prior = np.zeros(about.basis.shape[1])
+    knobs_from, course_from = (
+        system.matrix.over(fit.noise_var).with_prior(prior).solver()
+        for system in (about.training, about.course)
+    )
     gaps = []
     for _ in range(sets):
         left = _noise(fit, rng)
-        normal = about.training.normal(left).over(fit.noise_var).with_prior(prior)
-        step = normal.solve()[normal.course :]
+        step = knobs_from(about.training.normal(left).over(fit.noise_var).vector)[prior.size :]
         for size, direction in zip(step.astype(np.float32), about.own, strict=True):
             left -= size * direction
-        course = about.course.normal(left).over(fit.noise_var).with_prior(prior).solve()
+        course = course_from(about.course.normal(left).over(fit.noise_var).vector)
         left -= (about.basis @ course).astype(np.float32)[:, None, None] * about.turn
         for effect in fit.theory.model.effects:
             told = series_of(effect)

@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsenf.discrepancy.measured import Float32Array, Mask, Measured
 from rsenf.messages.schema import FloatArray
@@ -76,8 +77,12 @@ def by_block(values: FloatArray, data: Measured, frames: Mask) -> tuple[FloatArr
 
     Blocks that are less than half there are left out.
     """
-    block = data.block[frames]
+    return by_block_of(values[frames], data.block[frames])
+
+
+def by_block_of(values: FloatArray, block: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+    """Return the same of frames that all count, each in a block by its number."""
     count = np.bincount(block).astype(np.float64)
-    total = np.bincount(block, weights=values[frames])
+    total = np.bincount(block, weights=values)
     kept = count >= max(count.max() / 2.0, 1.0)
     return np.asarray(total[kept] / count[kept]), np.asarray(count[kept])

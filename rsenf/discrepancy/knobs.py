@@ -44,6 +44,11 @@ class Knob:
         """Name and place of its parameter: of both parts of an amplitude the same."""
         return self.name, self.index
 
+    def bounded(self, effect: Effect) -> bool:
+        """Whether an effect that does nothing yet can go but one way with it."""
+        low = next(f.metadata["low"] for f in dataclasses.fields(effect) if f.name == self.name)
+        return not self.turn and low == fittings(effect)[self.name].neutral == 0.0
+
     def value(self, model: CaptureModel) -> float:
         """Return the parameter in a model."""
         return self._of(_part(model, self.part), self.name)

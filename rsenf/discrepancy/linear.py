@@ -13,6 +13,7 @@ from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import lu_factor, lu_solve
 
 from rsenf.discrepancy.measured import Float32Array
 from rsenf.messages.schema import FloatArray
@@ -45,6 +46,12 @@ class Normal:
     def solve(self) -> FloatArray:
         """Return the step; directions that tell nothing stay where they are."""
         return np.asarray(np.linalg.solve(*_scaled(self.matrix, self.vector)) * _scale(self.matrix))
+
+    def solver(self) -> Callable[[FloatArray], FloatArray]:
+        """Return what solves for one vector after another; the matrix is factored once."""
+        factors = lu_factor(_scaled(self.matrix, self.vector)[0])
+        scale = _scale(self.matrix)
+        return lambda vector: np.asarray(lu_solve(factors, vector * scale) * scale)
 
     def covariance(self) -> FloatArray:
         """Return the covariance of the step."""
@@ -81,7 +88,6 @@ class Normal:
         told = vector[known:] - matrix[known:, :known] @ rest[:, -1]
         own.flat[:: extra + 1] += TINY * np.trace(own) + TINY
         return float(told @ np.linalg.solve(own, told))
-
 
     def worth(self, members: Sequence[Hashable]) -> dict[Hashable, float]:
         """By how much each group of the last directions reduces the square, were it the last.

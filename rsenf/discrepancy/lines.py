@@ -13,8 +13,13 @@ from numpy.typing import NDArray
 
 from rsenf.messages.schema import Float32Array
 
-ENOUGH = 240  # lines
+ENOUGH, FEWEST, FRAMES = 240, 120, 2000  # lines; and of how many frames there may be so many
 FIELD_FRAMES, FIELD_STDS, FIELD_RATIO = 200, 6.0, 1e-3
+
+
+def enough(frames: int) -> int:
+    """How many lines are enough, that a long recording takes no more memory than it needs."""
+    return min(max(ENOUGH * FRAMES // frames, FEWEST), ENOUGH)
 
 
 def group_of(rows: int, most: int) -> int:

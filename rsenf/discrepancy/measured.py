@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rsenf.discrepancy.apart import LINES, STRIPS, apart_of
 from rsenf.discrepancy.estimates import Estimates, estimate
-from rsenf.discrepancy.lines import ENOUGH, along_rows, averaged, group_of, has_fields
+from rsenf.discrepancy.lines import along_rows, averaged, enough, group_of, has_fields
 from rsenf.discrepancy.settings import BLOCK_S, FEWEST_LINES, SHORTEST_S
 from rsenf.errors import InputError, NoSignal
 from rsenf.messages import RowBlock
@@ -178,7 +178,7 @@ def measured_of(blocks: Sequence[RowBlock], nominal_hz: float | None = None) -> 
     # Stamps that jitter would move the phase: frames count.
     seen = estimate(level, slot / float(rate), axis, nominal_hz)
     apart = apart_of(level[:APART_FRAMES])
-    level = averaged(level, group_of(rows, ENOUGH)) if not has_fields(level) else level
+    level = averaged(level, group_of(rows, enough(len(level)))) if not has_fields(level) else level
     return Measured(level, stamp_s, slot, rate, seen, axis, apart, rows)
 
 

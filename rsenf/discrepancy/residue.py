@@ -13,6 +13,7 @@ from rsenf.model.effects.residue import Residue
 
 STANDS_OUT = 25.0  # power of a line over the median of the others
 ALIASES = 1  # to either side of the likeliest
+ALIKE_RAMPS = 3  # to either side of it what is left of a harmonic may seem to be
 PEAKS = 24  # that are looked at, until one isn't the mains'
 SKIRT = 4  # bins of half the resolution to either side of a peak that are its own
 BIN_S, ALIKE = 1.0, 0.3  # in which lines' gains are looked at; correlation of their pattern
@@ -65,10 +66,17 @@ def tones_hz(fit: Fit) -> tuple[float, ...]:
         likely = round((down_hz - alias_hz) / rate_hz)
         near = sorted(range(likely - ALIASES, likely + ALIASES + 1), key=lambda m: abs(m - likely))
         found = tuple(dict.fromkeys(abs(alias_hz + m * rate_hz) for m in near))
-        if not is_harmonic(fit, found[0]):
-            return tuple(hz for hz in found if not is_harmonic(fit, hz))
+        if not any(is_harmonic(fit, likely_hz) for likely_hz in _near(alias_hz, likely, rate_hz)):
+            return found
         power[np.arange(n - SKIRT, n + SKIRT + 1) % size[0]] = 0.0
     return ()
+
+
+def _near(alias_hz: float, likely: int, rate_hz: float) -> list[float]:
+    """Return the frequencies of an alias that run down the rows about as the likeliest does."""
+    return [
+        abs(alias_hz + m * rate_hz) for m in range(likely - ALIKE_RAMPS, likely + ALIKE_RAMPS + 1)
+    ]
 
 
 def row_course(fit: Fit) -> FloatArray:
@@ -102,11 +110,12 @@ def row_course(fit: Fit) -> FloatArray:
 
 
 def is_harmonic(fit: Fit, freq_hz: float) -> bool:
-    """Whether light at a frequency may follow the mains: a multiple of its frequency."""
-    grid_hz = fit.theory.course.grid().freq_hz
-    order = round(freq_hz / float(grid_hz.mean()))
-    near_hz = max(order, 1) * float(np.ptp(grid_hz)) + NEAR_BINS / float(fit.data.time_s[-1])
-    return abs(freq_hz - order * float(grid_hz.mean())) < near_hz
+    """Whether light at a frequency may follow the mains: a multiple of the flicker's, or a half."""
+    light_hz = 2.0 * fit.theory.course.grid().freq_hz
+    mean_hz, width_hz = float(light_hz.mean()), float(np.ptp(light_hz))
+    order = max(round(2.0 * freq_hz / mean_hz), 1) / 2.0
+    near_hz = order * width_hz / 2.0 + NEAR_BINS / float(fit.data.time_s[-1])
+    return abs(freq_hz - order * mean_hz) < near_hz
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> FloatArray:

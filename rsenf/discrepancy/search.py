@@ -20,6 +20,7 @@ import numpy as np
 from rsenf.discrepancy.candidates import Candidate, candidates, per_power
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.floor import Floor, floor_of
+from rsenf.discrepancy.knobs import series_of
 from rsenf.discrepancy.trial import Trial, judged, settled, tried
 from rsenf.discrepancy.usual import NOTHING, Usual
 from rsenf.errors import UsageError
@@ -32,6 +33,7 @@ CONFUSED = 0.02  # the same of an effect that is known to be confused with the b
 NEAR = 0.8  # of the best's gain, from which on another is fitted to the end as well
 WORST = -4.0  # standard errors by which a block of time, of rows or a strip may fare worse
 MOST_STEPS = 6
+TONE, LINE_BINS = 0.5, 6  # share of a course's power that a line has, and how wide it may be
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +91,24 @@ class Step:
             t.effect.name
             for t in (best, *self.trials)
             if t is best or (self.holds(t) and best.beyond - t.gain <= self.least)
-        ))  # fmt: skip
+        ) | dict.fromkeys(_by_course(best)))  # fmt: skip
+
+
+def _by_course(best: Trial) -> tuple[str, ...]:
+    """Names of effects that are known by a tone, where a course of any shape has one.
+
+    The gain of a frame and a swing of the light slower than that look the same.
+    """
+    told = series_of(best.effect)
+    if told is None or not told[1].wanders or told[1].each != "frame":
+        return ()
+    values = np.array(getattr(best.effect, told[0]))
+    power = np.abs(np.fft.rfft(values - values.mean())) ** 2
+    at = int(np.argmax(power))
+    line = power[max(at - LINE_BINS, 0) : at + LINE_BINS + 1].sum()
+    if at <= LINE_BINS or line < TONE * power.sum():
+        return ()
+    return tuple(n for n in best.effect.confused_with if n == "interharmonic")
 
 
 def search(first: Fit, usual: Usual) -> Iterator[Step]:
@@ -141,18 +160,24 @@ def next_step(before: Fit, usual: Usual = NOTHING) -> Step:
     found, scale = candidates(before), per_power(before)
     limit = math.log(max(len(found), 1) / FALSE_ALARMS)
     step = Step(before, (), len(found), limit, floor_of(before))
-    for candidate in _likeliest(found, HOPE * step.least, scale, usual):
+    likeliest = _likeliest(found, HOPE * step.least, scale, usual)
+    found = [dataclasses.replace(c, slopes=None) for c in found]
+    while likeliest:
+        candidate = likeliest.pop(0)  # its slopes are much: nobody else has them
         best = step.chosen
         if best is not None and candidate.explains * scale < RIVAL * best.gain:
             break  # it, and all after it, are far from as good
         step = _with_trial(step, candidate, usual)
+    likeliest.clear()
     for candidate in _confusable(found, step, scale):
         step = _with_trial(step, candidate, usual)
     if step.chosen is None:
         return step
     # What is nearly as good may be as good, once it rests.
     near = NEAR * step.chosen.gain
-    trials = [settled(before, t, usual) if t.gain > near else t for t in step.trials]
+    trials = [
+        settled(before, t, usual) if t.gain > near and step.holds(t) else t for t in step.trials
+    ]
     step = dataclasses.replace(step, trials=tuple(sorted(trials, key=lambda t: -t.beyond)))
     chosen = step.chosen
     kept = tuple(t if t is chosen else _released(t) for t in step.trials)
@@ -162,9 +187,10 @@ def next_step(before: Fit, usual: Usual = NOTHING) -> Step:
 def _with_trial(step: Step, candidate: Candidate, usual: Usual) -> Step:
     trial = tried(step.before, candidate, usual)
     trials = sorted((*step.trials, trial) if trial else step.trials, key=lambda t: -t.beyond)
-    best = trials[0].gain if trials else 0.0
-    kept = [t if t.gain > NEAR * best else _released(t) for t in trials]
-    return dataclasses.replace(step, trials=tuple(kept))
+    step = dataclasses.replace(step, trials=tuple(trials))
+    least = NEAR * step.chosen.gain if step.chosen else 0.0
+    kept = tuple(t if t.gain > least else _released(t) for t in trials)
+    return dataclasses.replace(step, trials=kept)
 
 
 def _released(trial: Trial) -> Trial:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from rsenf.discrepancy.candidates import Candidate
 from rsenf.discrepancy.fit import Fit, fit
-from rsenf.discrepancy.gap import by_block
+from rsenf.discrepancy.gap import by_block, by_block_of
 from rsenf.discrepancy.knobs import knobs_of, series_of
 from rsenf.discrepancy.measured import Float32Array, Part
 from rsenf.discrepancy.order import held_out_worth, with_more, with_order
@@ -27,6 +28,7 @@ from rsenf.model.parameters import Fitting
 STEPS = 5  # in which a candidate is fitted, at first
 TO_REST = 24  # in which the best is: where a series follows a knob, it goes step by step
 BANDS = 8  # of rows
+PIECES = 8  # of a block of time
 HOPELESS = 3.0  # of what is left without it, that an effect may leave before anything is fitted
 KEEPS = 0.999  # of what it told, that a fit with fewer parameters or nearer to rest must tell
 
@@ -82,15 +84,14 @@ def judged(before: Fit, after: Fit, name: str, usual: Usual) -> Trial:
     data, others = before.data, ~before.data.training
     less, moved = _less(before, after, data.second)
     paid, by = _less(before, after, data.first)
-    frames = (by_block(a.mean(axis=(1, 2), dtype=np.float64), data, others) for a in (less, moved))
-    (gain, count), (change, _) = frames
+    gain, count = by_block(less.mean(axis=(1, 2), dtype=np.float64), data, others)
     values = count * float(less[0].size)
     held_out = less[others], moved[others]
     worst = min(
-        float((gain / _noise(change, values, after)).min()),
+        *_by_time(*held_out, after),
         *(_worst(*held_out, axis, after) for axis in (1, 2)),
         # Nor may those pay for it that the course of the phase was found from.
-        _gain(paid[others], by[others], after),
+        _sure(paid[others], by[others], after),
     )
     power = float((before.flicker[others] ** 2).mean(dtype=np.float64))
     nats = float((gain * values).sum() / (2.0 * after.noise_var))
@@ -173,19 +174,42 @@ def _less(before: Fit, after: Fit, part: Part) -> tuple[Float32Array, Float32Arr
     return was**2 - now**2, (was - now) ** 2
 
 
+def _by_time(less: np.ndarray, moved: np.ndarray, after: Fit) -> Iterator[float]:
+    """Gain in each held-out block of time, in standard errors, as :func:`_sure` has them."""
+    block = after.data.block[~after.data.training]
+    gains = less.mean(axis=(1, 2), dtype=np.float64)
+    for number in np.unique(block):
+        own = block == number
+        pieces = [piece.mean() for piece in np.array_split(gains[own], PIECES) if piece.size]
+        change = moved[own].mean(dtype=np.float64)
+        white = _noise(change, less[own].size, after)
+        yield float(np.mean(pieces) / max(white, _stderr_of(pieces)))
+
+
 def _worst(less: np.ndarray, moved: np.ndarray, axis: int, after: Fit) -> float:
     """Gain in the band of rows, or the strip, that fares worst, in standard errors."""
     parts = min(BANDS, less.shape[axis])
     split = (np.array_split(a, parts, axis) for a in (less, moved))
-    return min(_gain(own, change, after) for own, change in zip(*split, strict=True))
+    return min(_sure(own, change, after) for own, change in zip(*split, strict=True))
 
 
-def _gain(less: np.ndarray, moved: np.ndarray, after: Fit) -> float:
-    """Mean gain, in standard errors."""
-    mean, square = (a.mean(dtype=np.float64) for a in (less, moved))
-    return float(mean / _noise(square, less.size, after))
+def _sure(less: np.ndarray, moved: np.ndarray, after: Fit) -> float:
+    """Mean gain of held-out frames, in standard errors.
+
+    By the noise of rows, or by how much the gains of blocks of time differ, if that is more: what
+    is left unexplained makes them differ, too (a cluster-robust standard error).
+    """
+    gains, change = less.mean(axis=(1, 2), dtype=np.float64), moved.mean(dtype=np.float64)
+    white = _noise(change, less.size, after)
+    blocks, _ = by_block_of(gains, after.data.block[~after.data.training])
+    return float(gains.mean() / max(white, _stderr_of(blocks)))
 
 
-def _noise(change: FloatArray, values: FloatArray | int, after: Fit) -> FloatArray:
+def _stderr_of(means: Sequence[float] | FloatArray) -> float:
+    """Return the standard error of the mean of several means."""
+    return float(np.std(means, ddof=1) / np.sqrt(len(means))) if len(means) > 1 else 0.0
+
+
+def _noise(change: float, values: int, after: Fit) -> float:
     """Standard error of a mean gain, by the mean square of what has changed."""
-    return np.asarray(2.0 * np.sqrt(after.noise_var * change / values) + 1e-30)
+    return float(2.0 * np.sqrt(after.noise_var * change / values) + 1e-30)

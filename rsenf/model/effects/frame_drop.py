@@ -14,6 +14,8 @@ from rsenf.model.effects.hiding import Hiding, Weakest
 from rsenf.model.effects.residue import Residue
 from rsenf.model.parameters import parameter
 
+MOST_AT_ONCE = 3
+
 
 @dataclass(frozen=True, kw_only=True)
 class FrameDrop(DeliveryEffect):
@@ -51,11 +53,15 @@ class FrameDrop(DeliveryEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try the frames before which the flicker leaps ahead by a frame period's turns."""
-        found = leaps(residue, residue.turns_per_frame)
-        # Each one lost before shifts the numbers of those that were captured.
-        lost = tuple(int(n) + k for k, n in enumerate(found))
-        return [{"at_frames": lost}] if lost else []
+        """Try the frames before which the flicker leaps ahead by one or a few periods' turns."""
+        lost: dict[int, int] = {}
+        for many in range(MOST_AT_ONCE, 0, -1):  # where several do, the fewest
+            lost |= dict.fromkeys(leaps(residue, many * residue.turns_per_frame).tolist(), many)
+        numbers: list[int] = []
+        for frame in sorted(lost):
+            # Each one lost before shifts the numbers of those that were captured.
+            numbers += [frame + len(numbers) + k for k in range(lost[frame])]
+        return [{"at_frames": tuple(numbers)}] if numbers else []
 
     @classmethod
     def hidden(cls, hiding: Hiding) -> dict[str, Any]:

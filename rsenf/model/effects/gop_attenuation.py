@@ -15,7 +15,6 @@ from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
 
-
 LONGEST, FOLDS = 300, 4  # frames of a group, and how many groups there must be
 STANDS_OUT, LONGER = 8.0, 1.1  # standard errors; and over those of a period that divides it
 

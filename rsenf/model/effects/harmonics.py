@@ -14,7 +14,6 @@ from rsenf.model.effects.hiding import Hiding, Weakest
 from rsenf.model.effects.residue import Residue
 from rsenf.model.parameters import Fitting, parameter
 
-
 HIGHEST = 8  # harmonic that a search looks for at first
 HALVES = 3  # ½, 1½ and 2½ times the illumination frequency
 MOST = 40

@@ -11,7 +11,6 @@ from rsenf.model.effects.residue import Residue
 from rsenf.model.parameters import Fitting, parameter
 from rsenf.model.readout import ReadOut
 
-
 EVERY_S = 2.0  # between nodes of a course
 
 

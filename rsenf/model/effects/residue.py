@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,4 +43,4 @@ class Residue:
     angle_rad: FloatArray
     size_ratio: FloatArray
     tones_hz: tuple[float, ...]
-    row_course: FloatArray
+    row_course: FloatArray = field(default_factory=lambda: np.empty(0))

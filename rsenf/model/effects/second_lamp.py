@@ -10,6 +10,7 @@ import numpy as np
 
 from rsenf.model.effects.base import LightEffect, Run
 from rsenf.model.effects.hiding import Hiding, Weakest
+from rsenf.model.effects.residue import Residue
 from rsenf.model.lamp import LAMPS
 from rsenf.model.light import Light
 from rsenf.model.line_light import LineLight
@@ -34,11 +35,12 @@ class SecondLamp(LightEffect):
 
     weight: float = parameter(
         0.1, "its mean share of the light", low=0, high=1,
-        fitting=Fitting(0.0, 0.02, turn="phase_rad"),
+        fitting=Fitting(0.0, 0.02),
     )  # fmt: skip
     phase_rad: float = parameter(
-        2 * math.pi / 3, "how far its first harmonic is ahead", low=-7, high=7
-    )
+        2 * math.pi / 3, "how far its first harmonic is ahead", low=-7, high=7,
+        fitting=Fitting(None, 0.02),
+    )  # fmt: skip
     lamp: str = parameter("same", "its kind", choices=("same", *LAMPS))
     tilt_ratio: float = parameter(
         1.0, "its share rises along a line by twice this, from 1 − tilt to 1 + tilt", low=-1, high=1
@@ -53,6 +55,12 @@ class SecondLamp(LightEffect):
         if self.tilt_ratio:
             slope = np.float32(2 * self.tilt_ratio) * change
             light.slope = slope if light.slope is None else light.slope + slope
+
+    @classmethod
+    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+        """Try phases all round, and it on either side: on its own phase it would change nothing."""
+        phases = (math.pi / 3, 2 * math.pi / 3, math.pi, -2 * math.pi / 3, -math.pi / 3)
+        return [{"phase_rad": p, "tilt_ratio": tilt} for tilt in (1.0, -1.0) for p in phases]
 
     @classmethod
     def hidden(cls, hiding: Hiding) -> dict[str, Any]:
