@@ -31,6 +31,8 @@ HOPE = 0.3  # of the least gain that counts, from which on a candidate is worth 
 RIVAL = 0.1  # of what the best explains, by a linear step, from which on another is its rival
 CONFUSED = 0.02  # the same of an effect that is known to be confused with the best
 NEAR = 0.8  # of the best's gain, from which on another is fitted to the end as well
+LIKENESS = 0.1  # of what remains unexplained, that an effect may gain by being like it in shape
+LOST = 0.05  # of what it gains, that an effect may make worse elsewhere
 WORST = -4.0  # standard errors by which a block of time, of rows or a strip may fare worse
 MOST_STEPS = 6
 TONE, LINE_BINS = 0.5, 6  # share of a course's power that a line has, and how wide it may be
@@ -71,7 +73,9 @@ class Step:
 
     def holds(self, trial: Trial) -> bool:
         """Whether held-out data support a trial."""
-        return trial.nats > self.limit and trial.beyond > self.least and trial.worst > WORST
+        least = max(self.least, LIKENESS * (trial.fit.gap.most - self.floor.median))
+        worse = trial.worst < WORST or trial.lost > LOST
+        return trial.nats > self.limit and trial.beyond > least and not worse
 
     def released(self) -> Step:
         """Return it without the arrays of its fits."""
@@ -100,7 +104,7 @@ def _by_course(best: Trial) -> tuple[str, ...]:
     The gain of a frame and a swing of the light slower than that look the same.
     """
     told = series_of(best.effect)
-    if told is None or not told[1].wanders or told[1].each != "frame":
+    if told is None or not told[1].free or told[1].each != "frame":
         return ()
     values = np.array(getattr(best.effect, told[0]))
     power = np.abs(np.fft.rfft(values - values.mean())) ** 2

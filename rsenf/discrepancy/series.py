@@ -145,29 +145,30 @@ def summed_up(
 def all_as_told(effects: Sequence[Effect], directions: int) -> bool:
     """Whether every series is of the kind that its effect says: a free one would explain anything.
 
-    Values must be white, no tone among them, none far out, unless the effect may take any course:
-    then it is known by what it does to lines, strips and levels alone. One value a line must not go
-    on down the frame, as what a tone curve or a codec makes of the wall does. ``directions`` is how
-    many the course of the phase has, which takes what is slow out of a series of frames: neighbours
-    are less alike than by chance then.
+    Kicks, what each value brings beyond what the one before lets expect, must be white: no tone
+    among them, none far out. One value a line must not go on down the frame, as what a tone curve
+    or a codec makes of the wall does. ``directions`` is how many the course of the phase has, which
+    takes what is slow out of a series of frames: neighbours are less alike than by chance then. One
+    that may take any course is known by what it does to lines and strips alone.
     """
     for effect in effects:
         told = series_of(effect)
-        if told is None or told[1].wanders:
+        if told is None or told[1].free:
             continue
         values = np.array(getattr(effect, told[0]))
         values = values - values.mean()
         stays = float(values[:-1] @ values[1:]) / max(float(values[:-1] @ values[:-1]), 1e-30)
         taken = directions / values.size if told[1].each == "frame" else 0.0
         chance = WHITE_STDS / np.sqrt(values.size)
-        if not -chance - taken < stays < chance:
+        if not told[1].wanders and not -chance - taken < stays < chance:
             return False
         if told[1].each == "line":
             continue
-        power = np.abs(np.fft.rfft(values)[1:]) ** 2
+        kicks = values[1:] - (stays * values[:-1] if told[1].wanders else 0.0)
+        power = np.abs(np.fft.rfft(kicks)[1:]) ** 2
         if power.max() > power.mean() * np.log(power.size / RARE):
             return False
-        if np.abs(values).max() > FAR_OUT * 1.4826 * float(np.median(np.abs(values))):
+        if np.abs(kicks).max() > FAR_OUT * 1.4826 * float(np.median(np.abs(kicks))):
             return False
     return True
 

@@ -28,6 +28,7 @@ from rsenf.model.parameters import Fitting
 STEPS = 5  # in which a candidate is fitted, at first
 TO_REST = 24  # in which the best is: where a series follows a knob, it goes step by step
 BANDS = 8  # of rows
+NOISE_STDS = 3.0  # from which on a part fares worse beyond its noise
 PIECES = 8  # of a block of time
 HOPELESS = 3.0  # of what is left without it, that an effect may leave before anything is fitted
 KEEPS = 0.999  # of what it told, that a fit with fewer parameters or nearer to rest must tell
@@ -48,6 +49,8 @@ class Trial:
         Logarithm of the likelihood ratio of those rows, with it and without.
     worst : float
         Gain in the block of time, band of rows or strip that fares worst, in standard errors.
+    lost : float
+        What all that fare worse lose, beyond the noise, over what the others gain.
     usual : float
         What a codec alone may have it gain.
     """
@@ -57,6 +60,7 @@ class Trial:
     gain: float
     nats: float
     worst: float
+    lost: float = 0.0
     usual: float = 0.0
 
     @property
@@ -97,7 +101,13 @@ def judged(before: Fit, after: Fit, name: str, usual: Usual) -> Trial:
     nats = float((gain * values).sum() / (2.0 * after.noise_var))
     mean = float((gain * values).sum() / values.sum())
     effect = next(e for e in after.theory.model.effects if e.name == name)
-    return Trial(effect, after, mean / power, nats, worst, usual.of(name))
+    block = data.block[others]
+    lost = max(_lost(parts, after) for parts in (
+        [(less[others][block == n], moved[others][block == n]) for n in np.unique(block)],
+        *(_parts(*held_out, axis) for axis in (1, 2)),
+        [held_out, (paid[others], by[others])],
+    ))  # fmt: skip
+    return Trial(effect, after, mean / power, nats, worst, lost, usual.of(name))
 
 
 def settled(before: Fit, trial: Trial, usual: Usual) -> Trial:
@@ -188,9 +198,21 @@ def _by_time(less: np.ndarray, moved: np.ndarray, after: Fit) -> Iterator[float]
 
 def _worst(less: np.ndarray, moved: np.ndarray, axis: int, after: Fit) -> float:
     """Gain in the band of rows, or the strip, that fares worst, in standard errors."""
+    return min(_sure(own, change, after) for own, change in _parts(less, moved, axis))
+
+
+def _parts(less: np.ndarray, moved: np.ndarray, axis: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Split gains and changes into bands of rows, or strips."""
     parts = min(BANDS, less.shape[axis])
-    split = (np.array_split(a, parts, axis) for a in (less, moved))
-    return min(_sure(own, change, after) for own, change in zip(*split, strict=True))
+    return list(zip(*(np.array_split(a, parts, axis) for a in (less, moved)), strict=True))
+
+
+def _lost(parts: Sequence[tuple[np.ndarray, np.ndarray]], after: Fit) -> float:
+    """What parts that fare worse beyond their noise lose, over what the others gain."""
+    gains = [float(less.sum(dtype=np.float64)) for less, _ in parts]
+    noise = [_noise(float(m.mean(dtype=np.float64)), m.size, after) * m.size for _, m in parts]
+    lost = sum(-g for g, n in zip(gains, noise, strict=True) if g < -NOISE_STDS * n)
+    return lost / max(sum(g for g in gains if g > 0.0), 1e-30)
 
 
 def _sure(less: np.ndarray, moved: np.ndarray, after: Fit) -> float:

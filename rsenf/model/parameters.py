@@ -51,7 +51,9 @@ class Fitting:
         ``frame`` or ``line`` for a tuple with one value for each of them, drawn at random while it
         is empty; empty for a single value.
     wanders : bool
-        Of a series: its course may be any; else its values are white.
+        Of a series: each value goes on from the one before; else they are white.
+    free : bool
+        Of a series: it may take any course, being known by what it does to lines and strips.
     every_s : float
         Of a series of frames: its course is straight between nodes so far apart; 0 for a value of
         its own for each frame.
@@ -67,6 +69,7 @@ class Fitting:
     turn: str = ""
     each: str = ""
     wanders: bool = False
+    free: bool = False
     every_s: float = 0.0
     most: int = 0
     rms: str = ""

@@ -108,10 +108,13 @@ CASES = {
     ),
     # Of no catalogue.
     "stamps that wander": Case(f'-vf "{_FINE},setpts=PTS+0.002*sin(T)/TB" {_STAMPED}', UNKNOWN),
-    "curves": _filter("curves=all='0/0 0.3/0.2 0.7/0.8 1/1'", UNKNOWN),
+    "curves": _filter(
+        "curves=all='0/0 0.3/0.2 0.7/0.8 1/1'", UNKNOWN, ("gamma", "harmonics")
+    ),
     "vibrance": _filter("vibrance=intensity=0.5", UNKNOWN),
-    "fade in": _filter("fade=t=in:st=0:d=5", UNKNOWN),
-    "fade out": _filter("fade=t=out:st=22:d=6", UNKNOWN),
+    # A gain of all the picture; what is black then is dithered, as no gain is.
+    "fade in": _filter("fade=t=in:st=0:d=5", UNKNOWN, ("auto_exposure",)),
+    "fade out": _filter("fade=t=out:st=22:d=6", UNKNOWN, ("auto_exposure",)),
     "fps 30 to 25": _filter("fps=25", UNKNOWN, rate=WHOLE),
     "fps 29.97 to 25": _filter("fps=25", UNKNOWN),
     # Encoders by themselves.

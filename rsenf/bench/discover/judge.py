@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from rsenf.bench.discover.outside import LIKE
 from rsenf.model import CATALOGUE
 
 RIGHT, REST, WRONG, MISSED = "right", "right, and a rest", "wrong", "missed"
@@ -33,6 +34,9 @@ def judged(kind: str, hidden: tuple[str, ...], told: dict[str, Any]) -> str:
     if kind == "none":
         return RIGHT if verdict == "no_discrepancy" else WRONG
     if kind == "outside":
+        like = {LIKE.get(name, "") for name in hidden}
+        if named and all(one & like for one in named):
+            return RIGHT
         return {"unexplained": RIGHT, "explained": WRONG}.get(verdict, MISSED)
     if any(not one & set(hidden) for one in named):
         return WRONG

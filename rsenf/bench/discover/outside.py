@@ -62,6 +62,10 @@ OUTSIDE: dict[str, Do] = {
 }
 
 
+# What the catalogue has under another name: a gain of any course is one.
+LIKE = {"brightened": "auto_exposure", "sawn": "auto_exposure"}
+
+
 def done_to(
     name: str, level: Float32Array, rate: Fraction, rng: np.random.Generator
 ) -> Float32Array:

@@ -33,7 +33,7 @@ class AutoExposure(SensorEffect):
     gains: tuple[float, ...] = parameter(
         (), "exactly these relative changes instead, one a frame", low=-0.9, high=9,
         fitting=Fitting(
-            0.0, 1e-3, each="frame", wanders=True, rms="gain_ratio", memory="time_constant_s"
+            0.0, 1e-3, each="frame", free=True, rms="gain_ratio", memory="time_constant_s"
         ),
     )  # fmt: skip
 

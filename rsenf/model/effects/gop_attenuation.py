@@ -15,6 +15,7 @@ from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
 
+EVEN = 0.97  # correlation with a sawtooth, from which on a course is one
 LONGEST, FOLDS = 300, 4  # frames of a group, and how many groups there must be
 STANDS_OUT, LONGER = 8.0, 1.1  # standard errors; and over those of a period that divides it
 
@@ -84,6 +85,13 @@ def _first_age(size: FloatArray, period: int) -> int:
     return int(np.argmin(ages @ folded))
 
 
+def _is_even(course: FloatArray) -> bool:
+    """Whether a size falls evenly from some frame to the next such frame, as a sawtooth does."""
+    saw = np.arange(course.size) - (course.size - 1) / 2.0
+    along = max(-float(np.roll(course, n) @ saw) for n in range(course.size))
+    return along > EVEN * float(np.linalg.norm(course) * np.linalg.norm(saw))
+
+
 def _own_course(size: FloatArray) -> list[dict[str, Any]]:
     """Guess the period and the course of a size by folding it: that which stands out most."""
     best, sure, chosen = 0.0, STANDS_OUT, np.empty(0)
@@ -95,7 +103,7 @@ def _own_course(size: FloatArray) -> list[dict[str, Any]]:
         above = (float((course**2).mean() / within) - 1.0) * math.sqrt(period / 2.0)
         if above > max(best * LONGER, sure):
             best, chosen = above, course
-    if not chosen.size:
+    if not chosen.size or _is_even(chosen):
         return []
     most = float(np.abs(chosen - chosen.max()).max())
     profile = (chosen.max() - chosen) / most

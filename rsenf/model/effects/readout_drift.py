@@ -37,7 +37,7 @@ class ReadoutDrift(ReadOutEffect):
     )
     stretch_ratios: tuple[float, ...] = parameter(
         (), "exactly these relative changes instead, one a frame", low=-0.2, high=0.2,
-        fitting=Fitting(0.0, 0.002, each="frame", wanders=True, every_s=EVERY_S, rms="drift_ratio"),
+        fitting=Fitting(0.0, 0.002, each="frame", free=True, every_s=EVERY_S, rms="drift_ratio"),
     )  # fmt: skip
     course: str = parameter("even", "over time: even, or any", choices=("even", "any"))
 

@@ -39,7 +39,7 @@ class RowBanding(SensorEffect):
     )  # fmt: skip
     gain_ratios: tuple[float, ...] = parameter(
         (), "of a course: the gain of each line, where the course is 1", low=-1, high=1,
-        fitting=Fitting(0.0, 1e-3, each="line", wanders=True, rms="banding_ratio"),
+        fitting=Fitting(0.0, 1e-3, each="line", free=True, rms="banding_ratio"),
     )  # fmt: skip
     course: tuple[float, ...] = parameter(
         (), "over time, of rms 1, one value a frame; none is a constant", low=-100, high=100
