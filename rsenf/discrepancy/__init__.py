@@ -3,6 +3,7 @@
 One idea a file, in the order of the work::
 
     measured     row means in blocks of time: some to fit to, the others to score on
+    lines        as many of them as a fit needs
     apart        along which axis of them neighbours' noise is their own
     estimates    what the estimators of rsenf see in them
     theory       a capture model and a course of the light's phase, simulated at will
@@ -17,6 +18,7 @@ One idea a file, in the order of the work::
     gap          the systematic part of what is left, and its error
     where        the gap taken apart: by time, row, level, strip, step and frequency
     residue      what is left, summed up for effects to guess from
+    order        of how many members a list of amplitudes is
     candidates   which effects might explain it
     trial        one of them fitted, and judged by held-out data
     search       what held-out data support
@@ -27,6 +29,7 @@ One idea a file, in the order of the work::
     hint         a guess of its kind
     would_tell   which further measurement would tell, for each kind
     verdict      all of it on one recording
+    course       of which form a course over time is
     result       as plain values, and as a model
 
 and on a stream, window by window::

@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.discrepancy.course import form_of
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.hint import hint_json, hint_of
 from rsenf.discrepancy.knobs import series_of
 from rsenf.discrepancy.lines import along_rows
 from rsenf.discrepancy.measured import Measured
 from rsenf.discrepancy.search import Step
+from rsenf.discrepancy.trial import Trial
 from rsenf.discrepancy.verdict import Discovery, stamps_gap
 from rsenf.model import CaptureModel, Effect
 from rsenf.model.sensor import QUANTISATION_VAR
@@ -143,7 +145,18 @@ def _step_json(step: Step) -> dict[str, Any]:
         "gain": best.gain,
         "evidence": best.nats,
         "tried": step.tried,
+        **_course_json(best),
     }
+
+
+def _course_json(best: Trial) -> dict[str, Any]:
+    """Return the form of an effect's course, where it may take any."""
+    effect, told = best.effect, series_of(best.effect)
+    if told is None or not told[1].free:
+        return {}
+    course = getattr(effect, told[0] if told[1].each == "frame" else "course")
+    rate_hz = float(best.fit.data.frame_rate)
+    return {"course": form_of(np.arange(len(course)) / rate_hz, np.array(course))}
 
 
 def _left(found: Discovery) -> dict[str, Any] | None:

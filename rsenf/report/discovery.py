@@ -38,6 +38,8 @@ def discovery_words(told: dict[str, Any]) -> str:
     for effect in told["effects"]:
         lines.append(f"  {'added':15} {_name(effect)}: gap {effect['gap_after']:.2e}")
         lines += [f"  {'':15}   {line}" for line in _parameters(effect)]
+        if effect.get("course"):
+            lines.append(f"  {'':15}   over time: {_course(effect['course'])}")
         if effect["class"]:
             lines.append(f"  {'what decides':15} {effect['told_apart_by']}")
     lines += _at_last(gap)
@@ -156,3 +158,11 @@ def _place(place: dict[str, Any]) -> str:
         f"{place['axis']} {place['low']:.4g} to {place['high']:.4g}: "
         f"{100.0 * place['share']:.0f} % of the gap"
     )
+
+
+def _course(course: dict[str, Any]) -> str:
+    """Say the form of a course, and its parameters."""
+    told = [f"{k} {v:.3g}" for k, v in course.items() if isinstance(v, float) and k != "leaves"]
+    if "at_s" in course:
+        told.append(f"at {', '.join(f'{t_s:.1f}' for t_s in course['at_s'])} s")
+    return f"{course['form']}: {', '.join(told)}"
