@@ -26,7 +26,7 @@ from rsenf.discrepancy.usual import NOTHING, Usual
 from rsenf.errors import UsageError
 
 FALSE_ALARMS = 0.01  # of a whole search, by chance
-TRIED = 3  # of the likeliest are fitted
+TRIED = 4  # of the likeliest are fitted
 HOPE = 0.3  # of the least gain that counts, from which on a candidate is worth a fit
 RIVAL = 0.1  # of what the best explains, by a linear step, from which on another is its rival
 CONFUSED = 0.02  # the same of an effect that is known to be confused with the best
@@ -69,7 +69,16 @@ class Step:
     @property
     def chosen(self) -> Trial | None:
         """The best trial that the held-out data support."""
-        return next(filter(self.holds, self.trials), None)
+        best = next(filter(self.holds, self.trials), None)
+        if best is None or series_of(best.effect) is None:
+            return best
+        simpler = (
+            trial
+            for trial in self.trials
+            if trial.effect.name == best.effect.name and series_of(trial.effect) is None
+            and self.holds(trial) and best.beyond - trial.gain <= self.least
+        )  # fmt: skip
+        return next(simpler, best)  # few parameters do as well as a course of any shape
 
     def holds(self, trial: Trial) -> bool:
         """Whether held-out data support a trial."""
@@ -223,10 +232,10 @@ def _likeliest(
     residual would be.
     """
     certain = [c for c in found if math.isinf(c.explains)]
-    best: dict[str, Candidate] = {}
+    best: dict[tuple[str, bool], Candidate] = {}  # of a course by itself, too
     for c in found:
         if math.isinf(c.explains):
             continue
         if c.explains * scale > least + usual.of(c.effect.name):
-            best.setdefault(c.effect.name, c)
+            best.setdefault((c.effect.name, series_of(c.effect) is None), c)
     return [*certain, *list(best.values())[:TRIED]]
