@@ -48,7 +48,8 @@ class Candidate:
 def candidates(fit: Fit) -> list[Candidate]:
     """Return every effect of the catalogue that isn't in a fit's model yet, the likeliest first."""
     residue = residue_of(fit)
-    there = {effect.name for effect in fit.theory.model.effects}
+    effects = fit.theory.model.effects
+    there = {name for effect in effects for name in (effect.name, *effect.masks)}
     out: list[Candidate] = []
     for name, kind in CATALOGUE.usable().items():
         if name in there:

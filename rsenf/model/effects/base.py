@@ -122,6 +122,8 @@ class Effect(ABC):
         Why it can't.
     never_with : tuple of str
         Effects that can't be had at the same time, or that the data can't tell from it.
+    masks : tuple of str
+        Effects that aren't looked for beside it: where it is known but nearly, it looks like them.
     """
 
     name: ClassVar[str]
@@ -132,6 +134,7 @@ class Effect(ABC):
     weakest: ClassVar[Weakest | None] = None
     not_hidden: ClassVar[str] = "it doesn't say how weak it may be"
     never_with: ClassVar[tuple[str, ...]] = ()
+    masks: ClassVar[tuple[str, ...]] = ()
 
     def check(self, shutter: Shutter) -> None:  # noqa: B027 # most effects fit every shutter
         """Check what no single range can.

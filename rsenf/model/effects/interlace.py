@@ -29,6 +29,7 @@ class Interlace(ReadOutEffect):
     source = "PAL, NTSC and 1080i cameras; FFmpeg's interlace filter"
     confused_with = ("row_banding", "readout_drift")
     told_apart_by = "lines taken apart by parity; the comb turns with the flicker"
+    masks = ("readout_drift",)  # fields a little later or further apart than they are taken for
     weakest = Weakest()
     never_with = ("reverse_readout",)
 
