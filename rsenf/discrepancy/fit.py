@@ -214,4 +214,4 @@ def _stderr(slopes: Slopes, variance: float) -> FloatArray:
     normal = system.plus(may).matrix.over(variance)
     normal = normal.with_prior(np.zeros(normal.course))
     covariance = normal.considering(len(may), USUAL) if may else normal.covariance()
-    return np.asarray(np.sqrt(np.diag(covariance))[normal.course :])
+    return np.asarray(np.sqrt(np.maximum(np.diag(covariance), 0.0))[normal.course :])
