@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.lines import ENOUGH, averaged, group_of
+from rsenf.discrepancy.lines import averaged, group_of
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.messages.schema import FloatArray
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
+
+MOST_LINES = 240  # of a frame, that the estimators are given
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,5 +69,5 @@ def enf_of(
 
 
 def _blocks(level: np.ndarray, time_s: FloatArray, axis: str) -> Iterator[RowBlock]:
-    lines = averaged(level, group_of(level.shape[1], ENOUGH))
+    lines = averaged(level, group_of(level.shape[1], MOST_LINES))
     return blocks_from_luminance(lines, time_s, Header(), read_out_axis=axis)

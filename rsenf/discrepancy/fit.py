@@ -65,14 +65,21 @@ class Fit:
         """What was fitted, besides the course and the wall."""
         return self.slopes.knobs
 
-    def released(self, *, to_show: bool = False) -> Fit:
-        """Return what is known of it, without the arrays; or with those that pictures show."""
+    def released(self, *, rows: bool = False) -> Fit:
+        """Return what is known of it, without the arrays; or with the rows it says and leaves."""
         out = dataclasses.replace(self, slopes=self.slopes.released())
-        if not to_show:
+        if not rows:
             none = np.empty((0, 0, 0), np.float32)
             out = dataclasses.replace(out, rows=none, residual=none)
         out.__dict__.update(gap=self.gap, misfit=self.misfit, noise_var=self.noise_var)
         return out
+
+    def with_slopes(self) -> Fit:
+        """Return it with its slopes, if they were let go."""
+        if self.slopes.lit.size:
+            return self
+        slopes = slopes_of(self.theory, self.rows, self.data, self.knobs)
+        return dataclasses.replace(self, slopes=slopes)
 
     def stderr_of(self, part: str) -> dict[str, float | list[float]]:
         """Standard errors of a part's parameters, by name; of a list those of its members."""

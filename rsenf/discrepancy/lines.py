@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from rsenf.messages.schema import Float32Array
 
-ENOUGH, FEWEST, FRAMES = 240, 120, 2000  # lines; and of how many frames there may be so many
-FIELD_FRAMES, FIELD_STDS, FIELD_RATIO = 200, 6.0, 1e-3
+ENOUGH, FEWEST, FRAMES = 120, 60, 8000  # lines; and of how many frames there may be so many
+DARK = 0.25  # of a line's level: darker rows count as if they had it
+FIELD_FRAMES, FIELD_STDS, FIELD_RATIO, FIELD_ALIKE = 200, 6.0, 1e-3, 0.25
 
 
 def enough(frames: int) -> int:
@@ -32,33 +33,60 @@ def group_of(rows: int, most: int) -> int:
     return next((n for n in range(group, 2 * group) if rows % n == 0), group)
 
 
-def averaged(level: Float32Array, group: int) -> Float32Array:
-    """Average so many neighbouring rows, (frames, rows, strips), into each line."""
+def averaged(level: Float32Array, group: int, fields: int = 1) -> Float32Array:
+    """Average so many neighbouring rows, (frames, rows, strips), into each line.
+
+    Of two fields that are woven into one picture, the lines are woven in the same way.
+    """
     if group == 1:
         return level
-    lines = level.shape[1] // group
-    out = level[:, 0 : lines * group : group].copy()
-    for n in range(1, group):
-        out += level[:, n : lines * group : group]
+    span = group * fields
+    end = level.shape[1] // span * span
+    out = np.empty((level.shape[0], end // group, level.shape[2]), np.float32)
+    for field in range(fields):
+        mean = out[:, field::fields]
+        mean[:] = level[:, field:end:span]
+        for row in range(field + fields, span, fields):
+            mean += level[:, row:end:span]
     out *= np.float32(1.0 / group)
     return out
 
 
-def along_rows(array: NDArray[Any], group: int, rows: int, axis: int = 1) -> NDArray[Any]:
+def along_rows(
+    array: NDArray[Any], group: int, rows: int, *, fields: int = 1, axis: int = 1
+) -> NDArray[Any]:
     """Repeat the values of lines for the rows that were averaged, the last for what is left."""
-    line = np.minimum(np.arange(rows) // group, array.shape[axis] - 1)
+    row, last = np.arange(rows), array.shape[axis] // fields - 1
+    line = np.minimum(row // fields // group, last) * fields + row % fields
     return np.asarray(np.take(array, line, axis=axis))
 
 
-def has_fields(level: Float32Array) -> bool:
-    """Whether every second row is of another time, as fields woven into one picture are.
+def texture_of(row_level: Float32Array, group: int, fields: int = 1) -> Float32Array:
+    """Return the level of each row (rows, strips) over the mean of those that are averaged."""
+    line = averaged(row_level[None], group, fields)[0]
+    mean = along_rows(line, group, len(row_level), fields=fields, axis=0)
+    return np.asarray(np.maximum(row_level, DARK * mean) / np.maximum(mean, 1e-6), np.float32)
 
-    Then what a row has beyond the mean of its neighbours comes again four rows further down, all
-    over the picture. Texture doesn't, noise doesn't, and what is smooth has next to none.
+
+def fields_of(level: Float32Array) -> int:
+    """Return 2 where every second row is of another time, as fields woven into one picture are.
+
+    What a row has beyond the mean of its neighbours then goes up and down from row to row, all over
+    the picture. Texture doesn't change, noise has nothing to do with rows further on, what is
+    smooth has next to none, and a fast tone has another period.
     """
     seen = level[:: max(len(level) // FIELD_FRAMES, 1)]
     beyond = seen[:, 1:-1] - 0.5 * (seen[:, :-2] + seen[:, 2:])
     beyond -= beyond.mean(axis=0)
-    alike = (beyond[:, 4:] * beyond[:, :-4]).mean(axis=(0, 2), dtype=np.float64)
-    sure = alike.mean() / (alike.std() * np.sqrt(5.0 / alike.size) + 1e-30)
-    return bool(sure > FIELD_STDS and alike.mean() > FIELD_RATIO * seen.var(axis=0).mean())
+    odd, even, next_odd = (
+        (-1.0) ** lag * (beyond[:, lag:] * beyond[:, :-lag]).mean(axis=(0, 2), dtype=np.float64)
+        for lag in (3, 4, 5)
+    )
+    sure = even.mean() / (even.std() * np.sqrt(5.0 / even.size) + 1e-30)
+    beside = FIELD_ALIKE * even.mean()
+    woven = (
+        sure > FIELD_STDS
+        and even.mean() > FIELD_RATIO * seen.var(axis=0).mean()
+        and min(odd.mean(), next_odd.mean()) > beside
+    )
+    return 2 if woven else 1

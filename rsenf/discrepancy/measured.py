@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 
 from rsenf.discrepancy.apart import LINES, STRIPS, apart_of
 from rsenf.discrepancy.estimates import Estimates, estimate
-from rsenf.discrepancy.lines import along_rows, averaged, enough, group_of, has_fields
+from rsenf.discrepancy.lines import (
+    along_rows,
+    averaged,
+    enough,
+    fields_of,
+    group_of,
+    texture_of,
+)
 from rsenf.discrepancy.settings import BLOCK_S, FEWEST_LINES, SHORTEST_S
 from rsenf.errors import InputError, NoSignal
 from rsenf.messages import RowBlock
@@ -56,8 +63,11 @@ class Measured:
     apart : int
         Axis along which neighbours have nothing to do with each other but what is systematic:
         ``LINES``, as a sensor's noise is, or ``STRIPS``, as a codec leaves it.
-    rows : int
-        How many a frame of the recording has, where they are more than there are lines here.
+    texture : ndarray of float32 (rows, strips)
+        Mean level of each of the recording's rows over that of its line. Rows are divided by it
+        before they are averaged, or bright ones would count for more, and lines be of their time.
+    fields : int
+        How many are woven into each frame: then its lines are, too.
     """
 
     level: Float32Array
@@ -67,12 +77,18 @@ class Measured:
     estimates: Estimates
     axis: str = "rows"
     apart: int = LINES
-    rows: int = 0
+    texture: Float32Array = field(default_factory=lambda: np.empty((0, 0), np.float32))
+    fields: int = 1
+
+    @property
+    def rows(self) -> int:
+        """How many a frame of the recording has."""
+        return max(len(self.texture), self.lines)
 
     @property
     def group(self) -> int:
         """How many neighbouring rows of the recording are averaged into a line."""
-        return max(self.rows // self.lines, 1)
+        return self.rows // self.lines
 
     @property
     def nominal_hz(self) -> float:
@@ -132,11 +148,11 @@ class Measured:
 
     def as_recorded(self, level: Float32Array) -> Float32Array:
         """Give every row of the recording the level of its line, (frames, rows, strips)."""
-        return along_rows(level, self.group, self.rows or self.lines)
+        return along_rows(level, self.group, self.rows, fields=self.fields) * self.texture
 
     def as_lines(self, level: Float32Array) -> Float32Array:
         """Average rows of the recording into lines, (frames, lines, strips)."""
-        return averaged(level, self.group)
+        return averaged(level / self.texture, self.group, self.fields)
 
     def every(self, axis: int) -> int:
         """How many lines or strips it takes to the next pair."""
@@ -159,7 +175,6 @@ def measured_of(blocks: Sequence[RowBlock], nominal_hz: float | None = None) -> 
         When they are too short, have too few lines, or hold nothing that changes.
     """
     level, stamp_s = joined_rows(blocks)
-    rows = level.shape[1]
     if blocks[0].read_out_axis == "frame":
         problem = "one mean for the whole frame: it is rows that are compared"
         raise InputError(problem, "give the video, an .npz with 'rows', or a --reference")
@@ -178,8 +193,11 @@ def measured_of(blocks: Sequence[RowBlock], nominal_hz: float | None = None) -> 
     # Stamps that jitter would move the phase: frames count.
     seen = estimate(level, slot / float(rate), axis, nominal_hz)
     apart = apart_of(level[:APART_FRAMES])
-    level = averaged(level, group_of(rows, enough(len(level)))) if not has_fields(level) else level
-    return Measured(level, stamp_s, slot, rate, seen, axis, apart, rows)
+    fields = fields_of(level)
+    group = group_of(level.shape[1] // fields, enough(len(level)) // fields)
+    texture = texture_of(level.mean(axis=0), group, fields)
+    level = averaged(level / texture, group, fields)
+    return Measured(level, stamp_s, slot, rate, seen, axis, apart, texture, fields)
 
 
 def joined_rows(blocks: Sequence[RowBlock]) -> tuple[Float32Array, FloatArray]:

@@ -17,6 +17,7 @@ ALIKE_RAMPS = 3  # to either side of it what is left of a harmonic may seem to b
 PEAKS = 24  # that are looked at, until one isn't the mains'
 SKIRT = 4  # bins of half the resolution to either side of a peak that are its own
 BIN_S, ALIKE = 1.0, 0.3  # in which lines' gains are looked at; correlation of their pattern
+ALONE = 0.8  # share of what lines' gains have in common that is of one pattern
 NEAR_BINS = 2.0  # by which a line may be off a multiple, over one in the length of the recording
 
 
@@ -43,7 +44,8 @@ def tones_hz(fit: Fit) -> tuple[float, ...]:
     """Frequencies whose light would leave the line that stands out most of the residual.
 
     Lines are looked for frame by frame and row by row at once: the one transform tells the alias,
-    the other, by how fast the phase runs down the rows, which of its aliases it is. What stands out
+    the other, by how fast the phase runs down the rows, which of its aliases it is. Of one that is
+    too fast for every second row the product of both kinds of rows is below zero. What stands out
     less is for the next round, and what is the mains' own harmonic is no tone.
     """
     data, every = fit.data, fit.data.every(LINES)
@@ -55,6 +57,8 @@ def tones_hz(fit: Fit) -> tuple[float, ...]:
     if every > 1:  # the odd rows, moved up by one
         moved *= np.exp(-2j * np.pi * down / every).astype(np.complex64)
     power = (fft.rfft2(first, s=size) * moved.conj()).real
+    folded = power < 0.0 if every > 1 else np.zeros(power.shape, bool)
+    power[folded] *= -1.0
     limit = STANDS_OUT * float(np.median(np.abs(power)))
     rate_hz, shutter = float(data.frame_rate), fit.theory.model.shutter
     for _ in range(PEAKS):
@@ -62,7 +66,10 @@ def tones_hz(fit: Fit) -> tuple[float, ...]:
         if power[n, i] < limit:
             break
         alias_hz = _between(power[:, i], int(n)) * rate_hz / size[0]
-        down_hz = down[i] * data.lines / every / shutter.read_out_time_s
+        turns = float(down[i])
+        if folded[n, i]:
+            alias_hz, turns = -alias_hz, 1.0 - turns
+        down_hz = turns * data.lines / every / shutter.read_out_time_s
         likely = round((down_hz - alias_hz) / rate_hz)
         near = sorted(range(likely - ALIASES, likely + ALIASES + 1), key=lambda m: abs(m - likely))
         found = tuple(dict.fromkeys(abs(alias_hz + m * rate_hz) for m in near))
@@ -83,12 +90,12 @@ def row_course(fit: Fit) -> FloatArray:
     """Course over time that the gains of the lines have in common, beside that of all of them.
 
     The first principal component of the lines' gains by seconds, if what one frame in two tells of
-    its pattern the others tell, too. One value for each captured frame, of rms 1; or empty.
+    its pattern the others tell, too, and there is little beside it: a pattern that moves is none
+    that grows. One value for each captured frame, of rms 1; or empty.
     """
     data, lit = fit.data, fit.slopes.lit
     second = (data.time_s // BIN_S).astype(np.intp)
-    own, left = lit[data.first], fit.residual[data.first]
-    gains = (own * left).sum(axis=2) / np.maximum((own * own).sum(axis=2), 1e-12)
+    gains = (lit * fit.residual).sum(axis=2) / np.maximum((lit * lit).sum(axis=2), 1e-12)
     maps = []
     for part in (0, 1):
         frames = np.arange(part, data.frames, 2)
@@ -99,10 +106,11 @@ def row_course(fit: Fit) -> FloatArray:
         binned = np.add.reduceat(gains[frames], starts, axis=0) / count[:, None]
         binned -= binned.mean(axis=1, keepdims=True)
         maps.append(binned - binned.mean(axis=0))
-    course = np.linalg.svd(maps[0] + maps[1], full_matrices=False)[0][:, 0]
+    found = slice(0, None, data.every(LINES))  # the other lines judge
+    course = np.linalg.svd((maps[0] + maps[1])[:, found], full_matrices=False)[0][:, 0]
     one, other = (course @ binned for binned in maps)
-    alike = float(one @ other) / float(np.linalg.norm(one) * np.linalg.norm(other) + 1e-30)
-    if alike < ALIKE:
+    shared, size = float(one @ other), float(np.linalg.norm(one) * np.linalg.norm(other))
+    if shared < max(ALIKE * size, ALONE * float((maps[0] * maps[1]).sum())):
         return np.empty(0)
     captured_s = plan(fit.theory.model, data).start_s
     told = np.interp(captured_s, (np.arange(course.size) + 0.5) * BIN_S, course)

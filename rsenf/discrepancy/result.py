@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -14,10 +15,11 @@ from rsenf.discrepancy.knobs import series_of
 from rsenf.discrepancy.lines import along_rows
 from rsenf.discrepancy.measured import Measured
 from rsenf.discrepancy.search import Step
+from rsenf.discrepancy.theory import exposures_s
 from rsenf.discrepancy.trial import Trial
 from rsenf.discrepancy.verdict import Discovery, stamps_gap
 from rsenf.model import CaptureModel, Effect
-from rsenf.model.sensor import QUANTISATION_VAR
+from rsenf.model.sensor import QUANTISATION_VAR, WHITE
 
 MOST_EVENTS = 100  # that are listed
 FEWEST_PIXELS, MOST_PIXELS = 16, 8192  # of a line
@@ -82,16 +84,29 @@ def _of_rows(model: CaptureModel, data: Measured) -> CaptureModel:
         rows=data.rows,
         idle_ratio=max(1.0 - (1.0 - model.shutter.idle_ratio) * taken, 0.0),
     )
-    profile = along_rows(np.array(model.scene.profile), data.group, data.rows, axis=0)
+
+    def of_rows(values: Any) -> np.ndarray:
+        return along_rows(np.array(values), data.group, data.rows, fields=data.fields, axis=0)
+
+    profile = of_rows(model.scene.profile)
+    profile *= np.repeat(data.texture, profile.shape[1] // data.strips, axis=1)
+    profile = np.minimum(profile, WHITE)
     scene = dataclasses.replace(model.scene, profile=tuple(map(tuple, profile.tolist())))
+    # A line is of the time of its middle row, and its exposure is longer than a row's.
+    row_s, (own_s, line_s) = shutter.read_out_time_s / data.rows, exposures_s(model, data.group)
+    ahead_s = (data.group - 1) / 2.0 * row_s - (line_s - own_s) / 2.0
+    phase_rad = (model.light.phase_rad or 0.0) - 4.0 * math.pi * data.nominal_hz * ahead_s
+    light = dataclasses.replace(model.light, phase_rad=math.remainder(phase_rad, 2.0 * math.pi))
     effects = []
     for effect in model.effects:
         told = series_of(effect)
         if told and told[1].each == "line":
-            values = along_rows(np.array(getattr(effect, told[0])), data.group, data.rows, axis=0)
+            values = of_rows(getattr(effect, told[0]))
             effect = dataclasses.replace(effect, **{told[0]: tuple(values.tolist())})
         effects.append(effect)
-    return dataclasses.replace(model, shutter=shutter, scene=scene, effects=tuple(effects))
+    return dataclasses.replace(
+        model, shutter=shutter, scene=scene, light=light, effects=tuple(effects)
+    )
 
 
 def _columns(last: Fit) -> int:

@@ -32,6 +32,7 @@ RIVAL = 0.1  # of what the best explains, by a linear step, from which on anothe
 CONFUSED = 0.02  # the same of an effect that is known to be confused with the best
 NEAR = 0.8  # of the best's gain, from which on another is fitted to the end as well
 LIKENESS = 0.1  # of what remains unexplained, that an effect may gain by being like it in shape
+ANY_LIKENESS = 0.5  # the same of an effect whose course may be of any shape
 LOST = 0.05  # of what it gains, that an effect may make worse elsewhere
 WORST = -4.0  # standard errors by which a block of time, of rows or a strip may fare worse
 MOST_STEPS = 6
@@ -82,7 +83,9 @@ class Step:
 
     def holds(self, trial: Trial) -> bool:
         """Whether held-out data support a trial."""
-        least = max(self.least, LIKENESS * (trial.fit.gap.most - self.floor.median))
+        told = series_of(trial.effect)
+        like = ANY_LIKENESS if told and (told[1].free or told[1].each == "line") else LIKENESS
+        least = max(self.least, like * (trial.fit.gap.most - self.floor.median))
         worse = trial.worst < WORST or trial.lost > LOST
         return trial.nats > self.limit and trial.beyond > least and not worse
 
@@ -201,13 +204,14 @@ def _with_trial(step: Step, candidate: Candidate, usual: Usual) -> Step:
     trial = tried(step.before, candidate, usual)
     trials = sorted((*step.trials, trial) if trial else step.trials, key=lambda t: -t.beyond)
     step = dataclasses.replace(step, trials=tuple(trials))
-    least = NEAR * step.chosen.gain if step.chosen else 0.0
-    kept = tuple(t if t.gain > least else _released(t) for t in trials)
+    best = step.chosen
+    least = NEAR * best.gain if best else 0.0
+    kept = tuple(t if t is best else _released(t, rows=t.gain > least) for t in trials)
     return dataclasses.replace(step, trials=kept)
 
 
-def _released(trial: Trial) -> Trial:
-    return dataclasses.replace(trial, fit=trial.fit.released())
+def _released(trial: Trial, *, rows: bool = False) -> Trial:
+    return dataclasses.replace(trial, fit=trial.fit.released(rows=rows))
 
 
 def _confusable(found: Sequence[Candidate], step: Step, scale: float) -> list[Candidate]:

@@ -165,16 +165,22 @@ class Theory:
 
 
 def _averaged(model: CaptureModel, group: int) -> CaptureModel:
-    """Expose each line for as long as it takes to read the rows that are averaged in it.
-
-    They are instants, so many line times apart: a box of the same variance.
-    """
+    """Expose each line for as long as it takes to read the rows that are averaged in it."""
     if group == 1:
         return model
+    _, exposure_s = exposures_s(model, group)
+    return model.with_effect(Exposure.name, exposure_s=exposure_s)
+
+
+def exposures_s(model: CaptureModel, group: int) -> tuple[float, float]:
+    """Exposure of a row, and of a line in which so many rows are averaged.
+
+    They are instants, so many row times apart: a box of the same variance.
+    """
     own = next((e for e in model.effects if isinstance(e, Exposure)), Exposure(exposure_s=0.0))
-    line_s = model.shutter.read_out_time_s / (model.shutter.lines * group)
-    exposure_s = math.hypot(own.exposure_s, line_s * math.sqrt(group * group - 1.0))
-    return model.with_effect(own.name, exposure_s=min(exposure_s, 1.0 / model.shutter.frame_rate))
+    row_s = model.shutter.read_out_time_s / (model.shutter.lines * group)
+    exposure_s = math.hypot(own.exposure_s, row_s * math.sqrt(group * group - 1.0))
+    return own.exposure_s, min(exposure_s, 1.0 / model.shutter.frame_rate)
 
 
 def plan(model: CaptureModel, data: Measured) -> Clip:

@@ -120,7 +120,7 @@ def discover(
             break
         # What a fit has of arrays is much, and its successor's are enough.
         steps = [*(step.released() for step in steps), step]
-        first, last = first.released(to_show=True), step.chosen.fit
+        first, last = first.released(rows=True), step.chosen.fit
         del step
         progress(f"added {' or '.join(steps[-1].kin)}, looking for what else is missing")
     last, steps = needed(last, steps, usual)

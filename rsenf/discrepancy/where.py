@@ -52,7 +52,7 @@ def where(fit: Fit) -> list[Share]:
     product = (first * second).astype(np.float64)  # (frames, lines, strips), one axis in pairs
     wall = data.halves(fit.theory.wall[None])[0][0]
     lines, strips = np.arange(product.shape[1]), np.arange(product.shape[2])
-    by_line, by_strip = data.every(LINES), data.every(STRIPS)
+    by_line, by_strip = data.every(LINES) * data.group, data.every(STRIPS)
     out = [
         *_by_time(fit, product, held),
         *_parts("row", product, 1, np.array_split(lines, BANDS), by_line),

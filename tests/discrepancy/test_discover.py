@@ -98,7 +98,8 @@ def test_the_model_that_is_written_explains_the_data_it_was_fitted_to() -> None:
     )
     left = case.made.level - made.level
     assert made.level.shape[1] == LINES
-    assert float(left.std()) == pytest.approx(found.last.noise_var**0.5, rel=0.05)
+    row_var = found.last.noise_var * case.data.group
+    assert float(left.std()) == pytest.approx(row_var**0.5, rel=0.05)
 
 
 def test_something_else_is_not_explained_away() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.discrepancy.lines import has_fields
+from rsenf.discrepancy.lines import along_rows, averaged, fields_of
 from rsenf.discrepancy.measured import measured_of
 from rsenf.discrepancy.result import discovery_json
 from rsenf.discrepancy.start import PLAIN
@@ -87,18 +87,26 @@ def test_what_no_catalogue_has_stays_unexplained(name: str) -> None:
 def test_rows_are_averaged_and_the_model_has_all_of_them() -> None:
     made = filmed("pwm_tone", seed=64, rows=720)
     data = measured_of(list(blocks_from_luminance(made.level, made.stamp_s, Header())))
-    assert (data.lines, data.group, data.rows) == (240, 3, 720)
+    assert (data.lines, data.group, data.rows) == (120, 6, 720)
     told = discovery_json(discover(PLAIN, data), "")
     true = made.hidden["pwm_tone"]
     found = by_name(told)["pwm_tone"]["parameters"]
     assert found["tone_hz"] == pytest.approx(true["tone_hz"], abs=0.01)
-    # What averaging three rows takes of a tone is known, and isn't missing in its depth.
+    # What averaging six rows takes of a tone is known, and isn't missing in its depth.
     mean = np.mean(true["strip_ratio"]) * true["depth_ratio"]
     assert found["depth_ratio"] == pytest.approx(mean, rel=0.05)
 
 
-def test_rows_of_two_fields_are_not_averaged() -> None:
-    assert has_fields(filmed("interlace", seed=65).level)
-    assert not has_fields(filmed("row_banding", seed=65).level)
-    assert not has_fields(filmed(seed=65).level)
+def test_rows_of_two_fields_are_averaged_within_each() -> None:
+    assert fields_of(filmed("interlace", seed=65, rows=720).level) == 2
+    assert fields_of(filmed("row_banding", seed=65, rows=720).level) == 1
+    assert fields_of(filmed("pwm_tone", seed=65, rows=720).level) == 1
+    assert fields_of(filmed(seed=65, rows=720).level) == 1
+    level = np.arange(16, dtype=np.float32)[None, :, None]
+    lines = averaged(level, 3, 2)[0, :, 0]
+    np.testing.assert_array_equal(lines, [2, 3, 8, 9])
+    rows = along_rows(lines, 3, 16, fields=2, axis=0)
+    np.testing.assert_array_equal(rows, [2, 3] * 3 + [8, 9] * 5)
+    made = filmed("interlace", seed=66, rows=720)
+    assert set(by_name(discovered(made))) == {"harmonics", "interlace"}
     assert math.isfinite(discovered(filmed(seed=65))["gap"]["after"])
