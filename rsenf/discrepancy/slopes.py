@@ -60,7 +60,8 @@ class Slopes:
     @cached_property
     def course(self) -> System:
         """What one half of every frame tells of the course."""
-        return System(self.lit, self.turn, self.basis, lambda a: a[self.data.first])
+        first = self.data.first  # not self: nothing would let go of its arrays then
+        return System(self.lit, self.turn, self.basis, lambda a: a[first])
 
     def plus(self, knobs: Sequence[Knob], own: Sequence[Float32Array]) -> Slopes:
         """Return them with those of more knobs."""
