@@ -74,12 +74,14 @@ class Fit:
         out.__dict__.update(gap=self.gap, misfit=self.misfit, noise_var=self.noise_var)
         return out
 
-    def with_slopes(self) -> Fit:
-        """Return it with its slopes, if they were let go."""
+    def restored(self) -> Fit:
+        """Return it with all of its arrays, if they were let go."""
         if self.slopes.lit.size:
             return self
-        slopes = slopes_of(self.theory, self.rows, self.data, self.knobs)
-        return dataclasses.replace(self, slopes=slopes)
+        rows = self.rows if self.rows.size else self.theory.rows(self.data)
+        slopes = slopes_of(self.theory, rows, self.data, self.knobs)
+        left = self.data.level - rows
+        return dataclasses.replace(self, rows=rows, residual=left, slopes=slopes)
 
     def stderr_of(self, part: str) -> dict[str, float | list[float]]:
         """Standard errors of a part's parameters, by name; of a list those of its members."""

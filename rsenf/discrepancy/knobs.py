@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -110,16 +110,20 @@ def series_of(effect: type[Effect] | Effect) -> tuple[str, Fitting] | None:
 
 def neutral(effect: Effect) -> Effect:
     """Return an effect that does nothing yet; what is not fitted stays as it is."""
-    values: dict[str, Any] = {}
+    values: dict[str, float] = {}
     for name, fitting in fittings(effect).items():
         if fitting.neutral is not None and not fitting.each:
-            told = getattr(effect, name)
-            values |= {
-                parameter: (value,) * len(told) if isinstance(told, tuple) else value
-                for parameter, value in ((name, fitting.neutral), (fitting.turn, 0.0))
-                if parameter
-            }
-    return dataclasses.replace(effect, **values)
+            values |= {name: fitting.neutral} | ({fitting.turn: 0.0} if fitting.turn else {})
+    return filled(effect, values)
+
+
+def filled(effect: Effect, values: Mapping[str, float]) -> Effect:
+    """Return an effect with such parameters; every member of a list has the same."""
+    told = {name: getattr(effect, name) for name in values}
+    return dataclasses.replace(effect, **{
+        name: (value,) * len(told[name]) if isinstance(told[name], tuple) else value
+        for name, value in values.items()
+    })  # fmt: skip
 
 
 def turned(model: CaptureModel, knobs: Sequence[Knob], by: Sequence[float]) -> CaptureModel:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rsenf.messages.schema import Float32Array
 
-ENOUGH, FEWEST, FRAMES = 120, 60, 8000  # lines; and of how many frames there may be so many
+ENOUGH, FEWEST, FRAMES = 120, 60, 2400  # lines; and of how many frames there may be so many
 DARK = 0.25  # of a line's level: darker rows count as if they had it
 FIELD_FRAMES, FIELD_STDS, FIELD_RATIO, FIELD_ALIKE = 200, 6.0, 1e-3, 0.25
 

@@ -20,7 +20,7 @@ from rsenf.discrepancy.lines import (
     group_of,
     texture_of,
 )
-from rsenf.discrepancy.settings import BLOCK_S, FEWEST_LINES, SHORTEST_S
+from rsenf.discrepancy.settings import BLOCK_S, FEWEST_BLOCKS, FEWEST_LINES, SHORTEST_S
 from rsenf.errors import InputError, NoSignal
 from rsenf.messages import RowBlock
 from rsenf.messages.schema import FloatArray
@@ -117,8 +117,9 @@ class Measured:
 
     @property
     def block(self) -> NDArray[np.int64]:
-        """Number of each frame's block of time, (frames,)."""
-        return np.asarray(self.time_s // BLOCK_S, np.int64)
+        """Number of each frame's block of time, (frames,): eight blocks at least."""
+        block_s = min(BLOCK_S, float(self.time_s[-1] + self.time_s[1]) / FEWEST_BLOCKS)
+        return np.asarray(self.time_s // block_s, np.int64)
 
     @property
     def training(self) -> Mask:

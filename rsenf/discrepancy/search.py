@@ -196,7 +196,10 @@ def next_step(before: Fit, usual: Usual = NOTHING) -> Step:
     ]
     step = dataclasses.replace(step, trials=tuple(sorted(trials, key=lambda t: -t.beyond)))
     chosen = step.chosen
-    kept = tuple(t if t is chosen else _released(t) for t in step.trials)
+    kept = tuple(
+        dataclasses.replace(t, fit=t.fit.restored()) if t is chosen else _released(t)
+        for t in step.trials
+    )
     return dataclasses.replace(step, trials=kept)
 
 

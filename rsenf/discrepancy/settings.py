@@ -9,7 +9,9 @@ from rsenf.errors import UsageError
 
 # Long enough for the grid to move within one, short enough for twenty of them in a minute.
 BLOCK_S = 3.0
-SHORTEST_S = 8 * BLOCK_S
+FEWEST_BLOCKS = 8  # of a shorter recording the blocks are shorter
+SHORTEST_S = 10.0
+SHORTEST_WINDOW_S = FEWEST_BLOCKS * BLOCK_S + 1.0  # its last frame begins before its end
 FEWEST_LINES = 16
 
 
@@ -42,9 +44,8 @@ class WatchSettings:
     def __post_init__(self) -> None:
         if self.nominal_hz not in (None, 50.0, 60.0):
             raise UsageError(f"nominal frequency {self.nominal_hz} Hz: 50 or 60")
-        # The last frame of a window begins before its end.
-        if not self.window_s >= SHORTEST_S + 1.0:
-            raise UsageError(f"a window of {self.window_s} s: {SHORTEST_S + 1.0:g} is the least")
+        if not self.window_s >= SHORTEST_WINDOW_S:
+            raise UsageError(f"a window of {self.window_s} s: {SHORTEST_WINDOW_S:g} is the least")
         if not self.every_s >= BLOCK_S:
             raise UsageError(f"a verdict every {self.every_s} s: {BLOCK_S:g} is the least")
         if self.lines < FEWEST_LINES:

@@ -114,7 +114,7 @@ def settled(before: Fit, trial: Trial, usual: Usual) -> Trial:
     """Fit a trial on until it rests, unless that makes it worse, and sum its series up."""
     best, name = trial, trial.effect.name
     try:
-        begun = trial.fit.with_slopes()
+        begun = trial.fit.restored()
         on = fit(begun.theory, begun.data, most=TO_REST, slopes=begun.slopes)
         del begun  # its arrays are much
         on = _with_its_order(on, name)
@@ -122,7 +122,7 @@ def settled(before: Fit, trial: Trial, usual: Usual) -> Trial:
         best = again if again.nats >= KEEPS * trial.nats else trial
     except (UsageError, np.linalg.LinAlgError):
         pass  # as far as it was is as far as it goes
-    after, told = best.fit.with_slopes(), []
+    after, told = best.fit.restored(), []
     for effect in after.theory.model.effects:
         series = series_of(effect)
         told.append(_in_numbers(after, effect, *series) if series else effect)

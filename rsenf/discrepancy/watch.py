@@ -12,12 +12,12 @@ from collections.abc import Callable
 import numpy as np
 import yaml
 
-from rsenf.discrepancy.knobs import series_of
+from rsenf.discrepancy.knobs import filled, series_of
 from rsenf.discrepancy.news import changes
 from rsenf.discrepancy.result import model_of
 from rsenf.discrepancy.rolling import Rolling, part_of
 from rsenf.discrepancy.seen import Seen, rest_of, seen_in
-from rsenf.discrepancy.settings import SHORTEST_S, WatchSettings
+from rsenf.discrepancy.settings import SHORTEST_WINDOW_S, WatchSettings
 from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.window import Look, look, missing_in
 from rsenf.errors import InputError
@@ -31,7 +31,7 @@ from rsenf.timebase import NS_PER_S
 WORTH_NS = 3 * NS_PER_S  # of new rows, for which the end of a stream is judged once more
 # Effects on certain frames: they count from the first of a window.
 OF_ONE_WINDOW = (DeliveryEffect, GopAttenuation)
-SHORTEST_NS = round((SHORTEST_S + 1.0) * NS_PER_S)
+SHORTEST_NS = round(SHORTEST_WINDOW_S * NS_PER_S)
 
 
 class WatchStage:
@@ -182,9 +182,8 @@ def lasting(model: CaptureModel) -> CaptureModel:
 
 
 def _without_phase(effect: Effect) -> Effect:
-    turned = {name: f for name, f in fittings(effect).items() if f.turn}
-    still = dict.fromkeys(turned, 0.0) | {f.turn: 0.0 for f in turned.values()}
-    return dataclasses.replace(effect, **still)
+    turned = {name: f.turn for name, f in fittings(effect).items() if f.turn}
+    return filled(effect, dict.fromkeys([*turned, *turned.values()], 0.0))
 
 
 def _as_yaml(model: CaptureModel) -> str:

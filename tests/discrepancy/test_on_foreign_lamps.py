@@ -20,9 +20,11 @@ from tests.discrepancy.foreign_camera import UNKNOWN, Case, Filmed, film
 SECONDS, ROWS, RATE = 30.0, 240, "30000/1001"
 
 
-def filmed(*hidden: str, seed: int, lamp: str = "led", rows: int = ROWS) -> Filmed:
+def filmed(
+    *hidden: str, seed: int, lamp: str = "led", rows: int = ROWS, seconds: float = SECONDS
+) -> Filmed:
     case = Case(
-        hidden=hidden, seed=seed, lamp=lamp, duration_s=SECONDS, rows=rows, rate=RATE,
+        hidden=hidden, seed=seed, lamp=lamp, duration_s=seconds, rows=rows, rate=RATE,
         nominal_hz=50.0,
     )  # fmt: skip
     return film(case)
@@ -110,3 +112,10 @@ def test_rows_of_two_fields_are_averaged_within_each() -> None:
     made = filmed("interlace", seed=66, rows=720)
     assert set(by_name(discovered(made))) == {"harmonics", "interlace"}
     assert math.isfinite(discovered(filmed(seed=65))["gap"]["after"])
+
+
+@pytest.mark.parametrize("name", ["interharmonic", "auto_exposure", "readout_drift"])
+def test_a_quarter_of_a_minute_is_enough(name: str) -> None:
+    told = discovered(filmed(name, seed=67, seconds=15.0))
+    assert name in by_name(told)
+    assert set(by_name(told)) <= {"harmonics", name, "interharmonic", "auto_exposure"}

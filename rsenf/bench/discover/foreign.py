@@ -36,6 +36,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from rsenf.bench.discover import plan
 from rsenf.bench.discover.foreign_judge import closed, judged, parameter_errors, said_of
 from rsenf.errors import RsenfError, UsageError
 from rsenf.model.seeds import generator
@@ -81,7 +82,9 @@ def camera_at(path: Path) -> ModuleType:
 def left_out(camera: ModuleType) -> dict[str, str]:
     """Return the effects that aren't hidden to be named, each with the reason."""
     beside = [name for name, effect in camera.EFFECTS.items() if effect.needs == "reference"]
+    never = {name: why for name, why in plan.left_out().items() if name in camera.EFFECTS}
     return {
+        **never,
         **dict.fromkeys(camera.NEUTRAL, "a model of the rows takes it in: nothing lacks then"),
         **dict.fromkeys(beside, "only a reference of the grid shows it"),
     }
