@@ -107,7 +107,7 @@ class Step:
             t.effect.name
             for t in (best, *self.trials)
             if t is best or (self.holds(t) and best.beyond - t.gain <= self.least)
-        ) | dict.fromkeys(_by_course(best)))  # fmt: skip
+        ) | dict.fromkeys([*_by_course(best), *best.effect.same_as]))  # fmt: skip
 
 
 def _by_course(best: Trial) -> tuple[str, ...]:

@@ -119,3 +119,12 @@ def test_a_quarter_of_a_minute_is_enough(name: str) -> None:
     told = discovered(filmed(name, seed=67, seconds=15.0))
     assert name in by_name(told)
     assert set(by_name(told)) <= {"harmonics", name, "interharmonic", "auto_exposure"}
+
+
+def test_a_dimmer_that_switches_the_flicker_too_is_named_with_what_does_the_same() -> None:
+    made = filmed("pwm_tone", seed=50053, lamp="magnetic")
+    told = discovered(made)
+    (step,) = [e for e in told["effects"] if "pwm_tone" in (e["class"] or [e["name"]])]
+    true_hz = made.hidden["pwm_tone"]["tone_hz"]
+    found_hz = step["parameters"].get("tone_hz") or step["parameters"]["flicker_hz"]
+    assert found_hz == pytest.approx(true_hz, abs=1e-3)

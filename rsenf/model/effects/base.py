@@ -136,6 +136,11 @@ class Effect(ABC):
     never_with: ClassVar[tuple[str, ...]] = ()
     masks: ClassVar[tuple[str, ...]] = ()
 
+    @property
+    def same_as(self) -> tuple[str, ...]:
+        """Names of effects that, with parameters such as these, do the same to all data."""
+        return ()
+
     def check(self, shutter: Shutter) -> None:  # noqa: B027 # most effects fit every shutter
         """Check what no single range can.
 

@@ -14,6 +14,8 @@ from rsenf.model.effects.residue import Residue
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
 
+SLOWEST_DIMMER_HZ = 200.0  # IEEE Std 1789-2015
+
 
 @dataclass(frozen=True, kw_only=True)
 class Interharmonic(LightEffect):
@@ -43,6 +45,11 @@ class Interharmonic(LightEffect):
     phase_rad: float | None = parameter(
         None, "at the first frame's start; None draws it", low=-7, high=7
     )
+
+    @property
+    def same_as(self) -> tuple[str, ...]:
+        """A dimmer that switches all of the light, its flicker included."""
+        return ("pwm_tone",) if self.flicker_hz >= SLOWEST_DIMMER_HZ else ()
 
     def apply(self, light: LineLight, run: Run) -> None:
         """Multiply by the swing; its phase at the start is drawn."""
