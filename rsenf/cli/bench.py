@@ -430,8 +430,6 @@ def _foreign(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.cli.options import settings_of
     from rsenf.errors import UsageError
 
-    if args.video:
-        raise UsageError("--video with --foreign", "a foreign camera is tried by its rows")
     camera, hidden = camera_at(args.foreign.absolute()), args.hide
     can = (*listed(camera), *camera.UNKNOWN)
     if unknown := set(hidden or ()) - set(can):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -135,8 +137,8 @@ def test_every_truth_is_plain_values() -> None:
 
 def test_cases_are_tried_and_counted() -> None:
     cases = [
-        Case("one", ("frame_drop",), 8, 3.0, 27.0, 120),
-        Case("unknown", ("burst_lines",), 9, 3.0, 27.0, 120),
+        Case("one", ("frame_drop",), 8, 3.0, 27.0, 120, video=False),
+        Case("unknown", ("burst_lines",), 9, 3.0, 27.0, 120, video=False),
     ]
     records = json.loads(json.dumps([tried(case, PATH) for case in cases]))
     drop, burst = records
@@ -149,6 +151,16 @@ def test_cases_are_tried_and_counted() -> None:
     written = text(document)
     assert all(word in written for word in ("all single effects", "in no catalogue", "≥ 95 %"))
     assert "| mark |" in text(document, on_page=True)
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs the ffmpeg command")
+def test_a_film_is_tried_as_its_rows_are() -> None:
+    record = tried(Case("one", ("frame_drop",), 8, 3.0, 27.0, 160, video=True), PATH)
+    assert (record["video"], record["wrong_names"]) == (True, [])
+    assert "frame_drop" in record["named"]
+    plan = Plan(effects=("frame_drop", "timestamp_jitter"), each=1, none=0, outside=0, pairs=0)
+    films = dataclasses.replace(plan, triples=0, video=True).cases(camera_at(PATH))
+    assert [case.hidden for case in films] == [("frame_drop",)]  # stamps of a film are regular
 
 
 def test_a_camera_that_is_none_is_one_clear_line(tmp_path: Path) -> None:

@@ -12,12 +12,15 @@ knows nothing of rsenf, and has
     it. `foreign_judge.SIZES` has what is compared.
 ``EFFECTS``, ``UNKNOWN``
     What can be hidden, by name: effects of rsenf's catalogue, and what is in no catalogue. Each has
-    ``needs`` (``"reference"`` where rows alone can't show it) and ``like`` (names that may fairly
-    be given instead, since they do nearly the same).
+    ``needs`` (``"reference"`` where rows alone can't show it, ``"stamps"`` where films whose frames
+    come at a constant rate can't) and ``like`` (names that may fairly be given instead, since they
+    do nearly the same).
 ``NEUTRAL``
     Names in ``EFFECTS`` that a model of the rows takes in by itself: nothing lacks then.
 ``go_together(one, other)``
     Whether both can be hidden at once.
+``video_case(case)``, ``as_video(case, path)``
+    For ``--video``: the case as it is filmed into a file, and the filming.
 
 The workflow gets levels and stamps, and begins at a lamp that is a pure tone. A real lamp has
 harmonics, so ``harmonics`` may be named of any case whose lamp isn't such a tone.
@@ -28,6 +31,7 @@ from __future__ import annotations
 import functools
 import importlib.util
 import sys
+import tempfile
 import time
 import zlib
 from dataclasses import dataclass
@@ -109,6 +113,8 @@ class Case:
         Strength, over the smallest that is listed.
     duration_s : float
     rows : int
+    video : bool
+        Whether it is filmed into a file, rather than given as rows.
     """
 
     kind: str
@@ -117,11 +123,13 @@ class Case:
     times: float
     duration_s: float
     rows: int
+    video: bool
 
     @property
     def key(self) -> str:
         """Name that tells it from any other."""
-        size = f"×{self.times:g} {self.duration_s:g}s {self.rows} rows"
+        film = " film" if self.video else ""
+        size = f"×{self.times:g} {self.duration_s:g}s {self.rows} rows{film}"
         return f"foreign {self.kind} {'+'.join(self.hidden) or 'nothing'} {size} seed {self.seed}"
 
 
@@ -149,6 +157,8 @@ class Plan:
         Of each recording.
     rows : int
         Of a foreign camera's pictures.
+    video : bool
+        Whether they are films, encoded without loss.
     effects : tuple of str
         Those to hide; all that rows can show.
     """
@@ -162,11 +172,14 @@ class Plan:
     times: float = 3.0
     duration_s: float = 60.0
     rows: int = 720
+    video: bool = False
     effects: tuple[str, ...] = ()
 
     def cases(self, camera: ModuleType) -> list[Case]:
         """Return all cases, each with a seed of its own, mixed."""
         effects = self.effects or listed(camera)
+        if self.video:
+            effects = tuple(name for name in effects if _of(camera, name).needs != "stamps")
         hidden: list[tuple[str, tuple[str, ...]]] = [
             ("unknown" if name in camera.UNKNOWN else "one", (name,))
             for name in effects
@@ -186,7 +199,9 @@ class Plan:
             for n in rng.choice(max(len(together), 1), count, replace=count > len(together)):
                 hidden.append((kind, together[n]))
         cases = [
-            Case(kind, names, self.first_seed + n, self.times, self.duration_s, self.rows)
+            Case(
+                kind, names, self.first_seed + n, self.times, self.duration_s, self.rows, self.video
+            )
             for n, (kind, names) in enumerate(hidden)
         ]
         # A run that is stopped halfway has something of everything.
@@ -209,32 +224,26 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
         The record: plain values.
     """
     # Not above: it would take the command as long again to show its help.
-    from rsenf.discrepancy.measured import measured_of
     from rsenf.discrepancy.result import discovery_json, model_of
     from rsenf.discrepancy.start import PLAIN
     from rsenf.discrepancy.verdict import discover
-    from rsenf.messages import Header
-    from rsenf.rows.luminance import blocks_from_luminance
 
     camera = camera_at(path)
-    filmed = camera.film(
-        camera.Case(
-            hidden=case.hidden, seed=case.seed, times=case.times,
-            duration_s=case.duration_s, rows=case.rows,
-        )
+    asked = camera.Case(
+        hidden=case.hidden, seed=case.seed, times=case.times,
+        duration_s=case.duration_s, rows=case.rows,
     )  # fmt: skip
-    blocks = list(blocks_from_luminance(filmed.level, filmed.stamp_s, Header()))
+    filmed = camera.film(camera.video_case(asked) if case.video else asked)
     truth, refused, idle = filmed.truth, "", None
     begun = time.process_time()
     try:
-        found = discover(PLAIN, measured_of(blocks))
+        found = discover(PLAIN, _measured(camera, asked, filmed, video=case.video))
         told = discovery_json(found, "")
         idle = model_of(found, "a case").shutter.idle_ratio
     except RsenfError as exc:
         told, refused = {"verdict": "refused", "effects": [], "gap": {}}, str(exc)
     seconds = time.process_time() - begun
-    every = {**camera.EFFECTS, **camera.UNKNOWN}
-    like = {name: tuple(every[name].like) for name in case.hidden}
+    like = {name: tuple(_of(camera, name).like) for name in case.hidden}
     own = () if truth["lamp"] == "tone" else (OF_LAMPS,)
     errors = parameter_errors(filmed.hidden, told, case.duration_s)
     shares = closed(told, like, own)
@@ -246,7 +255,7 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
         "hidden": list(case.hidden),
         "seed": case.seed,
         "times": case.times,
-        "video": False,
+        "video": case.video,
         **judged(case.kind, like, told, own),
         "verdict": told["verdict"],
         "refused": refused,
@@ -268,3 +277,22 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
         "idle_error": None if idle is None else idle - true_idle,
         "cpu_s": round(seconds, 2),
     }
+
+
+def _of(camera: ModuleType, name: str) -> Any:
+    return {**camera.EFFECTS, **camera.UNKNOWN}[name]
+
+
+def _measured(camera: ModuleType, asked: Any, filmed: Any, *, video: bool) -> Any:
+    """Return what the workflow is given: rows as they are, or those of a film."""
+    from rsenf.bench.discover.filmed import sampled
+    from rsenf.discrepancy.measured import measured_of
+    from rsenf.messages import Header
+    from rsenf.rows.luminance import blocks_from_luminance
+
+    if not video:
+        return measured_of(list(blocks_from_luminance(filmed.level, filmed.stamp_s, Header())))
+    with tempfile.TemporaryDirectory() as folder:
+        film = Path(folder) / "film.mkv"
+        camera.as_video(asked, film)
+        return sampled(film)[0]

@@ -30,7 +30,8 @@ class Effect:
         Size at which it does nothing.
     needs : str
         What an analyst needs besides row luminance and stamps, if anything: ``"strips"``
-        (two or more) or ``"reference"`` (the grid's true frequency).
+        (two or more) or ``"reference"`` (the grid's true frequency); ``"stamps"`` if it is in
+        those alone.
     like : tuple of str
         Names of the catalogue that an analyst may fairly give instead, since they do nearly
         the same.
@@ -138,7 +139,10 @@ EFFECTS: dict[str, Effect] = {
         listed=1.0, help="frames repeated a minute", hide=in_time.frame_duplicate
     ),
     "timestamp_jitter": Effect(
-        listed=20e-6, help="stamps are wrong, seconds rms", hide=in_time.timestamp_jitter
+        listed=20e-6,
+        help="stamps are wrong, seconds rms",
+        hide=in_time.timestamp_jitter,
+        needs="stamps",
     ),
 }
 NEUTRAL: tuple[str, ...] = ("exposure", "rows_cropped")
