@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 STEP_S, SETTLE_S, BEFORE_S, AFTER_S = 0.1, 1500.0, 2.0, 4.0
-PERIOD_SAMPLES, HARMONICS = 512, 12
+PERIOD_SAMPLES, HARMONICS, QUICK_S = 512, 12, 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +41,10 @@ def draw_grid(
 ) -> Grid:
     """Draw a course: an Ornstein-Uhlenbeck process of minutes, behind the inertia of machines.
 
-    The spread is 15 to 25 mHz and the rate of change about 1 mHz in a second. A rougher grid, of
-    less inertia, has quick changes beside, so that the second difference of its means over seconds
-    is `rough_hz` rms; continental Europe's is 1.1 mHz.
+    The spread is 15 to 25 mHz and the rate of change about 1 mHz in a second. A rougher grid has
+    quick changes beside, behind an inertia of 2 s twice over, so that the second difference of its
+    means over seconds is `rough_hz` rms. A measured day of continental Europe (17 September 2022)
+    has 1.06 mHz, and that spectrum between 0.3 and 0.5 Hz.
     """
     count = int((SETTLE_S + BEFORE_S + duration_s + AFTER_S) / STEP_S) + 1
     spread_hz, slow_s = rng.uniform(0.015, 0.025), rng.uniform(120.0, 400.0)
@@ -54,7 +55,7 @@ def draw_grid(
         away_hz = lfilter([gain], [1.0, -keep], away_hz)
     away_hz = away_hz[int(SETTLE_S / STEP_S) :]
     if rough_hz:
-        keep = np.exp(-STEP_S / 0.7)
+        keep = np.exp(-STEP_S / QUICK_S)
         quick_hz = rng.standard_normal(len(away_hz))
         for _ in range(2):
             quick_hz = lfilter([1.0 - keep], [1.0, -keep], quick_hz)

@@ -37,6 +37,11 @@ class Kind:
         """Whether there is an ENF to find."""
         return "no_lamp" not in self.hidden
 
+    @property
+    def filmable(self) -> bool:
+        """Whether it can be a file, whose frames have regular stamps."""
+        return not {"stamp_jitter", "true_variable_rate"} & set(self.hidden)
+
 
 KINDS: dict[str, Kind] = {
     **{lamp: Kind(lamp=lamp) for lamp in COMMON},
