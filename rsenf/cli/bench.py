@@ -479,7 +479,9 @@ def _estimators(args: argparse.Namespace, folder: Path) -> Made:
     cases = settings_of(args, EstimatorPlan, **usual).cases(camera_at(path, NEEDED))
     tasks = tasks_of(cases, args.methods)
     work = partial(tried, path=path)
-    document = tabulated(_measured(args, tasks, work, folder / "estimators.jsonl", "cases"))
+    records = _measured(args, tasks, work, folder / "estimators.jsonl", "cases")
+    methods = {task.method for task in tasks}
+    document = tabulated([record for record in records if record["method"] in methods])
     _drawn(args, draw, document)
     return document, lambda told, on_page: text(told, on_page=on_page)
 

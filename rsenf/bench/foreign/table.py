@@ -11,10 +11,10 @@ from rsenf.batch.journal import Record
 from rsenf.bench.groups import median, relative_errors, rms
 from rsenf.bench.text import Table, titled
 
-CELL = ("coding", "kind", "frame_rate", "nominal_hz", "grid")
-KIND = ("coding", "kind")
 WHOLE = ("coding", "mains")
-PLACE = ("coding", "mains", "frame_rate", "nominal_hz", "grid")
+CELL = (*WHOLE, "kind", "frame_rate", "nominal_hz", "grid")
+KIND = ("coding", "kind")
+PLACE = (*WHOLE, "frame_rate", "nominal_hz", "grid")
 # What is asked of every cell.
 MOST_Z, MOST_Z_CODED, FAR_STDS = 2.0, 2.5, 10.0
 SHOWN = 60  # cells beyond that in the text; all of them are in the JSON
@@ -24,15 +24,22 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
     """Return the rates of each method as a whole, by kind, by frame rate and grid, and by cell."""
     known = [r | {"coding": "coded" if r["coding"] != "raw" else "raw"} for r in records]
     rows = _rows(known, CELL)
+    beyond = sorted((row for row in rows if _beyond(row)), key=_badness, reverse=True)
+    methods = _rows(known, WHOLE)
+    for method in methods:
+        for name, cells in (("cells", rows), ("cells_beyond", beyond)):
+            own = (*WHOLE, "of", "method")
+            method[name] = sum(all(cell[f] == method[f] for f in own) for cell in cells)
     return {
         "records": len(records),
         "seeds": sorted({r["seed"] for r in records}),
         "versions": sorted({r["versions"]["source"] for r in records}),
-        "methods": _rows(known, WHOLE),
+        "methods": methods,
         "kinds": _rows(known, KIND),
+        "codings": _rows([r for r in records if r["coding"] != "raw"], ("coding",)),
         "places": _rows(known, PLACE),
         "rows": rows,
-        "beyond": sorted((r for r in rows if _beyond(r)), key=_badness, reverse=True),
+        "beyond": beyond,
     }
 
 
@@ -123,12 +130,17 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Write the tables for a terminal, or in Markdown for a page."""
     head = [title for title, _ in _COLUMNS]
     whole = [
-        [" ".join(_words(row, WHOLE)), *(write(row) for _, write in _COLUMNS)]
+        [
+            " ".join(_words(row, WHOLE)),
+            f"{row['cells_beyond']} of {row['cells']}",
+            *(write(row) for _, write in _COLUMNS),
+        ]
         for row in document["methods"]
     ]
-    tables: list[Table] = [("methods", ("cases", *head), whole)]
+    tables: list[Table] = [("methods", ("cases", "cells beyond", *head), whole)]
     for of in ("enf", "idle"):
         tables.append(_matrix(f"{of} by kind", _of(document["kinds"], of), KIND))
+        tables.append(_matrix(f"{of} by coding", _of(document["codings"], of), ("coding",)))
         tables.append(_matrix(f"{of} by frame rate and grid", _of(document["places"], of), PLACE))
     beyond = document["beyond"]
     cells = [
@@ -146,9 +158,11 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
 
 _NOTE = f"""\
 median, rms: of errors, mHz over the usable seconds, or points of the frame period; z: rms of errors
-over stated standard errors, 1 where they are honest; far: more than {FAR_STDS:g} of these off; within
-95 %: of the intervals; turned: read-out direction wrong; false: a usable second, or an idle period,
-where there is no mains light. By kind, and by frame rate and grid: rms, z, share usable."""
+over stated standard errors, 1 where they are honest; far: more than {FAR_STDS:g} of them off;
+within 95 %: of the intervals; turned: read-out direction wrong; false: a usable second, or an idle
+period, where there is no mains light. By kind, and by frame rate and grid: rms, z, share usable.
+A cell of one kind, frame rate and grid is beyond the marks where z is over {MOST_Z:g} (coded
+{MOST_Z_CODED:g}), or something is far off or false."""
 
 
 def _matrix(title: str, rows: Sequence[dict[str, Any]], by: Sequence[str]) -> Table:
