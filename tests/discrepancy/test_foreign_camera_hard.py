@@ -191,8 +191,12 @@ def test_a_conversion_shows_the_nearest_frames(seed: int, rate: str) -> None:
     filmed, told = _shot("converted", seed=seed, rate=rate)
     assert filmed.truth["file_rate"] == told["file_rate"] != pytest.approx(float(Fraction(rate)))
     for index in (0, 7, 50, len(filmed.level) - 1):
-        nearest = np.argmin(np.abs(before.stamp_s - filmed.stamp_s[index] - 1e-9))
-        np.testing.assert_array_equal(filmed.level[index], before.level[nearest])
+        if told["form"] == "nearest":
+            shown = np.argmin(np.abs(before.stamp_s - filmed.stamp_s[index] - 1e-9))
+        else:
+            rounded = np.floor(before.stamp_s * told["file_rate"] + 0.5 + 1e-6)
+            shown = np.flatnonzero(rounded <= index)[-1]
+        np.testing.assert_array_equal(filmed.level[index], before.level[shown])
     mixed, told = _shot("blended", seed=seed, rate=rate)
     for index in (3, 11, 70):
         at = mixed.stamp_s[index] * float(Fraction(rate))
@@ -271,15 +275,19 @@ def test_trials_are_drawn_at_every_rate(kind: str) -> None:
     assert trial(kind, 3, rate="25", nominal_hz=60.0, grid="rough").rough_hz == GRIDS["rough"]
 
 
+def _luma(path: Path, rows: int, columns: int) -> NDArray[np.uint8]:
+    decode = ["ffmpeg", "-loglevel", "error", "-i", str(path), "-f", "rawvideo"]
+    decode += ["-pix_fmt", "gray", "-"]
+    raw = subprocess.run(decode, capture_output=True, check=True).stdout
+    return np.frombuffer(raw, np.uint8).reshape(-1, rows, columns)
+
+
 @pytest.mark.external
 @pytest.mark.parametrize("coding", ["lossless", "50k"])
 def test_a_converted_film_is_a_file(tmp_path: Path, coding: str) -> None:
     case = Case(hidden=("converted",), seed=3, duration_s=4.0, rows=200, rate="24", strips=2)
     as_video(case, tmp_path / "film.mkv", coding=coding, columns=160)
-    decode = ["ffmpeg", "-loglevel", "error", "-i", str(tmp_path / "film.mkv")]
-    decode += ["-f", "rawvideo", "-pix_fmt", "gray", "-"]
-    raw = subprocess.run(decode, capture_output=True, check=True).stdout
-    luma = np.frombuffer(raw, np.uint8).reshape(-1, 200, 160)
+    luma = _luma(tmp_path / "film.mkv", 200, 160)
     clean = shoot(case, noisy=False).level
     assert coding in CODINGS
     assert len(luma) == len(clean)
@@ -289,3 +297,20 @@ def test_a_converted_film_is_a_file(tmp_path: Path, coding: str) -> None:
     doubled = (clean[1:] == clean[:-1]).all(axis=(1, 2))
     if coding == "lossless":
         np.testing.assert_array_equal(same, doubled)
+
+
+@pytest.mark.external
+@pytest.mark.parametrize(("name", "seed"), [("converted", 0), ("converted", 3), ("blended", 5)])
+def test_ffmpeg_converts_as_the_camera_does(tmp_path: Path, name: str, seed: int) -> None:
+    case = Case(hidden=(name,), seed=seed, duration_s=4.0, rows=160, rate="30000/1001", strips=1)
+    made = shoot(case, noisy=False)
+    assert made.hidden[name].get("form") in ("last", None)
+    rate = Fraction(made.truth["file_rate"]).limit_denominator(1001)
+    chain = f"fps={rate}" if name == "converted" else f"minterpolate=fps={rate}:mi_mode=blend"
+    as_video(case, tmp_path / "ours.mp4", columns=64)
+    plain = replace(case, hidden=())
+    as_video(plain, tmp_path / "theirs.mp4", columns=64, filters=chain)
+    ours, theirs = (_luma(tmp_path / f"{who}.mp4", 160, 64) for who in ("ours", "theirs"))
+    count = min(len(ours), len(theirs))
+    assert count > 3.8 * rate
+    assert np.abs(ours[:count].astype(int) - theirs[:count]).max() <= 1

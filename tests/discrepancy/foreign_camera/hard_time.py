@@ -10,15 +10,27 @@ import numpy as np
 from .courses import wander
 from .plan import Plan
 
+EXACT = 1e-6  # frames
 FILE_RATES = ("24000/1001", "24", "25", "30000/1001", "30")
 
 
 def converted(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, Any]:
-    """Drop or double frames, so that the file has another rate: each shows the nearest in time."""
+    """Drop or double frames, so that the file has another rate.
+
+    Each shows the nearest in time, or the last whose time rounds to it, as FFmpeg does it.
+    """
     at = _at(plan, rng)
-    index = np.minimum(np.floor(at + 0.5).astype(int), len(plan.arrive) - 1)
+    form = str(rng.choice(["nearest", "last"]))
+    if form == "nearest":
+        index = np.floor(at + 0.5).astype(int)
+    else:
+        index = (
+            np.ceil(at + plan.sensor.frame_rate / plan.file_rate / 2 - 2 * EXACT).astype(int) - 1
+        )
+    index = np.minimum(index, len(plan.arrive) - 1)
     plan.arrive = plan.arrive[index]
-    return {"file_rate": plan.file_rate, "doubled": int((np.diff(index) == 0).sum())}
+    doubled = int((np.diff(index) == 0).sum())
+    return {"file_rate": plan.file_rate, "doubled": doubled, "form": form}
 
 
 def blended(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, Any]:
@@ -32,12 +44,12 @@ def blended(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, Any]
 
 def _at(plan: Plan, rng: np.random.Generator) -> np.ndarray:
     """Draw the file's rate; return where its frames stand between the sensor's."""
-    rate, exact = plan.sensor.frame_rate, 1e-6
+    rate = plan.sensor.frame_rate
     others = [other for name in FILE_RATES if abs((other := float(Fraction(name))) - rate) > 1e-3]
     plan.file_rate = float(rng.choice(others))
-    count = int(len(plan.arrive) / rate * plan.file_rate + exact)
+    count = int(len(plan.arrive) / rate * plan.file_rate + EXACT)
     plan.stamp_s = np.arange(count) / plan.file_rate
-    return np.asarray(plan.stamp_s * rate + exact)
+    return np.asarray(plan.stamp_s * rate + EXACT)
 
 
 def stamp_jitter(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, Any]:

@@ -57,7 +57,7 @@ def as_video(
     coding : str
         Name in `CODINGS`; without loss unless asked.
     filters : str
-        Chain of FFmpeg's filters before that, such as ``fps=25``.
+        Chain of FFmpeg's filters before that, such as ``fps=25``; of that the truth knows nothing.
     """
     case = video_case(case)
     plan, _ = plan_of(case)
