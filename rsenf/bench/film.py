@@ -81,12 +81,13 @@ def film(setting: Setting, grid: GridPath, duration_s: float, codings: Sequence[
         filmed.cpu_s["film"] = time.process_time() - begin_s
         begin_s, blocks = time.process_time(), blocks + rows.flush()
         for coding, codec in codecs.items():
-            filmed.blocks[coding] = _decoded(files[coding]) if codec else blocks
+            filmed.blocks[coding] = decoded(files[coding]) if codec else blocks
         filmed.cpu_s["decode"] = time.process_time() - begin_s
     return filmed
 
 
-def _decoded(path: Path) -> list[RowBlock]:
+def decoded(path: Path) -> list[RowBlock]:
+    """Decode a film and sample its rows, as rsenf does."""
     rows, blocks = Rows(), []
     # One thread: clips are measured side by side.
     spec = SourceSpec(url=str(path), kind="file", threads=1)

@@ -7,21 +7,29 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from rsenf.idle import METHODS as IDLE_METHODS
-from rsenf.idle import IdleSettings
+from rsenf.idle import IdleSettings, make_idle
 from rsenf.idle.seen import Finding, Seen
 from rsenf.idle.stage import IdleStage
 from rsenf.messages import EnfEstimate, IdleEstimate, RowBlock
-from rsenf.model import GridPath
+from rsenf.messages.schema import FloatArray
 from rsenf.stage import Stage
 from rsenf.track import METHODS as ENF_METHODS
 from rsenf.track import TrackSettings, make_tracker
 
 MEAN_S = 1.0  # an ENF estimate is held against the mean over so long, centred on it
+
+
+class Grid(Protocol):
+    """What the frequency was."""
+
+    def mean_hz(self, begin_s: FloatArray, end_s: FloatArray) -> FloatArray:
+        """Mean from times to others, seconds from the first frame."""
+        ...
 
 
 class _Method:
@@ -52,16 +60,21 @@ def judge_idle(blocks: Sequence[RowBlock], true_ratio: float) -> dict[str, dict[
     return found
 
 
-def judge_enf(blocks: Sequence[RowBlock], grid: GridPath) -> dict[str, dict[str, Any]]:
+def judge_enf(blocks: Sequence[RowBlock], grid: Grid) -> dict[str, dict[str, Any]]:
     """Run every ENF method; return the usable values of each with their errors, by name."""
-    return {
-        name: tried(partial(_enf_values, name, blocks), partial(_enf, grid)) for name in ENF_METHODS
-    }
+    return {name: enf_by(name, blocks, grid) for name in ENF_METHODS}
 
 
-def _enf_values(method: str, blocks: Sequence[RowBlock]) -> list[Any]:
+def enf_by(method: str, blocks: Sequence[RowBlock], grid: Grid) -> dict[str, Any]:
+    """Run an ENF method; return its usable values with their errors."""
     stage = make_tracker(TrackSettings(method=method))
-    return _feed(stage, blocks) + stage.flush()
+    return tried(lambda: _feed(stage, blocks) + stage.flush(), partial(_enf, grid))
+
+
+def idle_by(method: str, blocks: Sequence[RowBlock], true_ratio: float) -> dict[str, Any]:
+    """Run an idle method by itself; return what it says."""
+    stage = make_idle(IdleSettings(method=method, every_s=math.inf))
+    return tried(lambda: _feed(stage, blocks) + stage.flush(), partial(_idle, true_ratio))
 
 
 def _feed(stage: Stage, blocks: Sequence[RowBlock]) -> list[Any]:
@@ -93,13 +106,14 @@ def _idle(true_ratio: float, out: list[Any]) -> dict[str, Any]:
         "idle_percent": number(100 * last.idle_ratio),
         "error_percent": number(100 * (last.idle_ratio - true_ratio)),
         "std_percent": number(100 * root(last.idle_ratio_var)),
+        "interval_percent": [number(100 * last.idle_ratio_low), number(100 * last.idle_ratio_high)],
         "direction": last.direction,
         "nominal_hz": number(last.nominal_hz),
         "warnings": list(last.warnings),
     }
 
 
-def _enf(grid: GridPath, out: list[Any]) -> dict[str, Any]:
+def _enf(grid: Grid, out: list[Any]) -> dict[str, Any]:
     """Errors in mHz of the values that the method stands behind, with their times."""
     said = [m for m in out if isinstance(m, EnfEstimate) and m.rank == 0]
     good = [m for m in said if m.usable]

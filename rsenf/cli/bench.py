@@ -49,6 +49,10 @@ TABLES = {
         "effects hidden in recordings: found and named rightly, wrongly or not at all; false "
         "alarms; by how much the gap shrinks"
     ),
+    "foreign": (
+        "every estimator on a camera that shares nothing with rsenf's own model: errors, whether "
+        "the stated ones hold, and claims where there is no mains light"
+    ),
     "live": (
         "honest feeds and looped, spliced, delayed or exchanged ones: how soon the live verdict "
         "tells, and how often falsely, beside a sliding correlation"
@@ -65,6 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from rsenf.bench.discover.foreign import CAMERA
     from rsenf.bench.discover.foreign import Plan as ForeignPlan
     from rsenf.bench.discover.plan import Plan as DiscoverPlan
+    from rsenf.bench.foreign.plan import EstimatorPlan
     from rsenf.bench.live.plan import LivePlan
     from rsenf.bench.plan import Plan
     from rsenf.bench.recording_time.plan import RecordingPlan
@@ -77,6 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     plans = dict.fromkeys(("idle", "enf", "claims"), Plan) | {
         "recording-time": RecordingPlan,
         "discover": DiscoverPlan,
+        "foreign": EstimatorPlan,
         "live": LivePlan,
     }
     own: dict[str, dict[str, dict[str, Any]]] = {
@@ -94,6 +100,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "foreign": {"type": Path, "nargs": "?", "const": CAMERA, "metavar": "FILE",
                         "help": "hidden by a camera that is none of rsenf's: its folder or file "
                                 f"({CAMERA}); 60 outside and 60 pairs then"},
+        },
+        "foreign": {
+            "camera": {"type": Path, "default": CAMERA, "metavar": "FILE",
+                       "help": f"its folder or file ({CAMERA})"},
+            "methods": words | {"default": (), "help": "of ENF and idle period (all)"},
         },
     }  # fmt: skip
     tables = parser.add_subparsers(dest="table", metavar="TABLE", required=True)
@@ -118,7 +129,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             table.add_argument(
                 "--fit", type=Path, metavar="FILE.json", help="make a new one, into a file"
             )
-        if name in ("calibration", "discover", "live"):
+        if name in ("calibration", "discover", "foreign", "live"):
             table.add_argument("--picture", type=Path, metavar="FILE.png", help="draw it")
         if name in ("match", "pipeline", "tracker"):
             table.add_argument("--repeat", **number, help="times each (5)")
@@ -452,6 +463,27 @@ def _foreign(args: argparse.Namespace, folder: Path) -> Made:
     return document, lambda told, on_page: text(told, on_page=on_page)
 
 
+def _estimators(args: argparse.Namespace, folder: Path) -> Made:
+    from rsenf.bench.discover.foreign import camera_at
+    from rsenf.bench.foreign.picture import draw
+    from rsenf.bench.foreign.plan import NEEDED, EstimatorPlan, tasks_of, tried
+    from rsenf.bench.foreign.table import tabulated, text
+    from rsenf.cli.options import settings_of
+
+    usual: dict[str, Any] = {}
+    if args.quick:
+        usual = {"raw": 2, "coded": 0, "nothing": 1, "duration_s": 24.0}
+    path = args.camera.absolute()
+    cases = settings_of(args, EstimatorPlan, **usual).cases(camera_at(path, NEEDED))
+    tasks = tasks_of(cases, args.methods)
+    work = partial(tried, path=path)
+    records = _measured(args, tasks, work, folder / "estimators.jsonl", "cases")
+    methods = {task.method for task in tasks}
+    document = tabulated([record for record in records if record["method"] in methods])
+    _drawn(args, draw, document)
+    return document, lambda told, on_page: text(told, on_page=on_page)
+
+
 def _live(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.calibration.grids import FIT, TEST
     from rsenf.bench.live.fit import limits_file
@@ -482,5 +514,6 @@ _MAKE: dict[str, Callable[[argparse.Namespace, Path], Made | None]] = {
     "feeds": _feeds,
     "tracker": _tracker,
     "discover": _discover,
+    "foreign": _estimators,
     "live": _live,
 }

@@ -52,13 +52,15 @@ OF_LAMPS = "harmonics"
 
 
 @functools.cache
-def camera_at(path: Path) -> ModuleType:
+def camera_at(path: Path, needed: tuple[str, ...] = NEEDED) -> ModuleType:
     """Load a camera.
 
     Parameters
     ----------
     path : Path
         Of its folder, or of its file.
+    needed : tuple of str
+        What it must have.
 
     Raises
     ------
@@ -78,7 +80,7 @@ def camera_at(path: Path) -> ModuleType:
         spec.loader.exec_module(camera)
     except (Exception, SystemExit) as exc:  # whatever a stranger's file does
         raise UsageError(f"{path}: can't be run: {type(exc).__name__}: {exc}") from exc
-    if lacks := [need for need in NEEDED if not hasattr(camera, need)]:
+    if lacks := [need for need in needed if not hasattr(camera, need)]:
         raise UsageError(f"{path} is no camera: it has no {', '.join(lacks)}")
     return camera
 

@@ -29,6 +29,10 @@ def take(plan: Plan, rng: np.random.Generator, *, noisy: bool = True) -> NDArray
         for change in plan.on_picture:
             part = change(moment, part)
         level[first : first + len(part)] = part
+    if plan.mix is not None:
+        other, share = plan.mix
+        share = share.astype(np.float32)[:, None, None]
+        return np.asarray((1 - share) * level[plan.arrive] + share * level[other])
     if np.array_equal(plan.arrive, np.arange(plan.frames)):
         return level
     return level[plan.arrive]
@@ -59,7 +63,7 @@ def light(plan: Plan, moment: Moment) -> Array:
     """
     turn = np.exp(2j * np.pi * mains(plan, moment))
     exposure_s, mains_hz = plan.sensor.exposure_s, plan.mains_hz
-    total: Array = np.ones((1, 1, 1))
+    total: Array = np.ones((len(moment.frame), 1, 1))
     for shining in plan.lamps:
         part = shining.lamp.exposed(mains_hz, exposure_s).flicker(turn).real
         if shining.course is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .camera import take
-from .effects import EFFECTS, NEUTRAL, UNKNOWN, Effect, go_together
+from .effects import EFFECTS, HARD, NEUTRAL, UNKNOWN, Effect, go_together
 from .light import LAMPS, Array, draw_grid, draw_lamp
 from .plan import Plan, Sensor, Shining
 from .rest import leave_rest
@@ -52,6 +53,8 @@ class Case:
         Of the mains; 0 draws 50 or 60.
     rest : float
         Strength of a small rest that has no name: at 1, each part of it is about 1e-4.
+    rough_hz : float
+        Second difference of the grid's means over seconds, rms; 0 leaves it as it is drawn.
     """
 
     hidden: tuple[str, ...] = ()
@@ -64,6 +67,7 @@ class Case:
     rate: str = ""
     nominal_hz: float = 0.0
     rest: float = 0.0
+    rough_hz: float = 0.0
 
     def __post_init__(self) -> None:
         if unknown := set(self.hidden) - set(HIDEABLE):
@@ -84,19 +88,25 @@ class Filmed:
     truth : dict
         Plain values, units in their names. What is about light and rows is as rows show it, after
         exposure: ``flicker_ratio`` of the first harmonic, ``harmonics`` (its multiples from the
-        first on) and ``half_wave`` (odd halves of it) relative to that. ``grid_hz`` are means over
-        the seconds from ``grid_s`` on, which count from the first frame.
+        first on) and ``half_wave`` (odd halves of it) relative to that; all of the first lamp.
+        ``grid_hz`` are means over the seconds from ``grid_s`` on, which count from the first frame
+        on the file's clock. ``mains``: whether light of the mains falls on the scene at all.
+        ``idle_ratios``: that of the sensor's frames first, then what may fairly be said instead,
+        of the file's frames or of a field.
     hidden : dict of dict
         Parameters of each effect hidden, as rows show them.
+    mean_hz : callable
+        Mean frequency of the grid from times to others, on the file's clock.
     """
 
     level: NDArray[np.float32]
     stamp_s: Array
     truth: dict[str, Any]
     hidden: dict[str, dict[str, Any]]
+    mean_hz: Callable[[Array, Array], Array]
 
 
-HIDEABLE: dict[str, Effect] = {**EFFECTS, **UNKNOWN}
+HIDEABLE: dict[str, Effect] = {**EFFECTS, **UNKNOWN, **HARD}
 
 
 def film(case: Case) -> Filmed:
@@ -108,7 +118,7 @@ def shoot(case: Case, *, noisy: bool) -> Filmed:
     """Film a case, or what it would be without any noise or rounding."""
     plan, hidden = plan_of(case)
     level = take(plan, drawn_for(case, "noise"), noisy=noisy)
-    return Filmed(level, plan.stamp_s, _truth(case, plan), hidden)
+    return Filmed(level, plan.stamp_s, _truth(case, plan), hidden, plan.mean_hz)
 
 
 def drawn_for(case: Case, purpose: str) -> np.random.Generator:
@@ -122,10 +132,13 @@ def plan_of(case: Case) -> tuple[Plan, dict[str, dict[str, Any]]]:
     sensor = _sensor(case, float(rate), drawn_for(case, "camera"))
     start_s = START_S + np.arange(round(case.duration_s * float(rate))) / float(rate)
     plan = Plan(
-        grid=draw_grid(drawn_for(case, "grid"), nominal_hz, START_S + case.duration_s),
+        grid=draw_grid(
+            drawn_for(case, "grid"), nominal_hz, START_S + case.duration_s, case.rough_hz
+        ),
         sensor=sensor,
         lamps=[Shining(lamp=draw_lamp(drawn_for(case, "lamp"), case.lamp), share=np.ones(1))],
         wall=draw_wall(drawn_for(case, "scene"), case.rows, case.strips),
+        begin_s=START_S,
         start_s=start_s,
         stamp_s=start_s - START_S,
         readout_s=np.full(len(start_s), sensor.readout_s),
@@ -198,29 +211,44 @@ def _sensor(case: Case, rate: float, rng: np.random.Generator) -> Sensor:
 
 
 def _truth(case: Case, plan: Plan) -> dict[str, Any]:
-    seen, sensor = plan.seen, plan.sensor
-    at_s = np.arange(0.0, case.duration_s)
-    turns = plan.grid.turns(START_S + np.append(at_s, at_s[-1] + 1.0))
+    sensor = plan.sensor
+    at_s = np.arange(0.0, np.ceil(plan.stamp_s[-1]))
     readout_s = float(abs(plan.line[-1] - plan.line[0]) * case.rows / (case.rows - 1))
     readout_s *= float(plan.readout_s.mean())
-    parts = dict(zip(seen.order.tolist(), np.abs(seen.size / seen.first).tolist(), strict=True))
+    file_rate = plan.file_rate or sensor.frame_rate
+    fields = 2 if "interlace" in case.hidden else 1
+    rates = sensor.frame_rate, file_rate, fields * file_rate
     return {
         "frame_rate": sensor.frame_rate,
+        "file_rate": file_rate,
         "nominal_hz": plan.grid.nominal_hz,
+        "mains": bool(plan.lamps),
         "idle_ratio": 1.0 - readout_s * sensor.frame_rate,
+        "idle_ratios": [1.0 - readout_s * rate for rate in dict.fromkeys(rates)],
         "readout_s": readout_s,
+        "direction": "forward" if plan.line[-1] > plan.line[0] else "reverse",
         "exposure_s": sensor.exposure_s,
-        "lamp": seen.kind,
-        "flicker_ratio": abs(seen.first),
-        "harmonics": [size for order, size in parts.items() if order % 2 == 0],
-        "half_wave": [size for order, size in parts.items() if order % 2 == 1],
+        **_light(plan),
         "f0_mean_hz": 2 * plan.mains_hz,
         "alias_hz": plan.alias_hz(2 * plan.mains_hz),
         "grid_s": at_s.tolist(),
-        "grid_hz": np.diff(turns).tolist(),
+        "grid_hz": plan.mean_hz(at_s, at_s + 1.0).tolist(),
         "pixels": sensor.pixels,
         "well_electrons": sensor.well_electrons,
         "read_electrons": sensor.read_electrons,
         "row_noise_level": sensor.row_noise_level,
         "rest": case.rest,
+    }
+
+
+def _light(plan: Plan) -> dict[str, Any]:
+    if not plan.lamps:
+        return {"lamp": "none", "flicker_ratio": 0.0, "harmonics": [], "half_wave": []}
+    seen = plan.seen
+    parts = dict(zip(seen.order.tolist(), np.abs(seen.size / seen.first).tolist(), strict=True))
+    return {
+        "lamp": seen.kind,
+        "flicker_ratio": abs(seen.first),
+        "harmonics": [size for order, size in parts.items() if order % 2 == 0],
+        "half_wave": [size for order, size in parts.items() if order % 2 == 1],
     }

@@ -1,4 +1,7 @@
-"""What can be hidden: effects of the catalogue, things in no catalogue, and what goes together."""
+"""What can be hidden: effects of the catalogue, things in no catalogue, and what goes together.
+
+Beside them stands what is hard on estimators, of a size that nobody overlooks.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from . import in_level, in_light, in_picture, in_time, odd_camera, odd_light
+from . import (
+    hard_light,
+    hard_scene,
+    hard_time,
+    in_level,
+    in_light,
+    in_picture,
+    in_time,
+    odd_camera,
+    odd_light,
+)
 from .plan import Plan
 
 Hide = Callable[[Plan, float, np.random.Generator], dict[str, Any]]
@@ -169,6 +182,32 @@ UNKNOWN: dict[str, Effect] = {
         (odd_camera.column_drift, ("image_wobble", "moving_object", "row_banding")),
         (odd_camera.frame_blend, ("gop_attenuation",)),
         (odd_camera.temporal_smoothing, ("codec_lowpass",)),
+    )
+}
+
+# In the order in which they are put into a plan, after all others. The lamp goes last: sizes are
+# relative to its flicker.
+HARD: dict[str, Effect] = {
+    hide.__name__: Effect(
+        listed=size / 3, help=(hide.__doc__ or "").split("\n")[0], hide=hide, like=()
+    )
+    for hide, size in (
+        (hard_light.second_harmonic, 1.5),
+        (hard_light.half_wave_part, 2.0),
+        (hard_light.several_sources, 1.0),
+        (hard_light.pwm, 0.15),
+        (hard_light.monitor, 2.0),
+        (hard_scene.stripes, 0.3),
+        (hard_scene.vibration, 0.3),
+        (hard_scene.hand_tilt, 25.0),
+        (hard_scene.clouds, 0.05),
+        (hard_scene.gain_steps, 0.4),
+        (hard_scene.key_dimming, 0.02),
+        (hard_time.true_variable_rate, 0.2),
+        (hard_time.converted, 1.0),
+        (hard_time.blended, 1.0),
+        (hard_time.stamp_jitter, 4e-3),
+        (hard_light.no_lamp, 1.0),
     )
 }
 

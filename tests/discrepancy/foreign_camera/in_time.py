@@ -73,7 +73,7 @@ def frame_drop(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, A
     many = np.ones(len(at), dtype=int) if form == "single" else rng.integers(1, 4, len(at))
     lost = np.concatenate([begin + np.arange(count) for begin, count in zip(at, many, strict=True)])
     plan.arrive = plan.arrive[~np.isin(plan.arrive, lost)]
-    plan.stamp_s = plan.stamp_s[: len(plan.arrive)]
+    plan.close_up()
     before = np.cumsum(many) - many
     return {"at_frames": (at - before).tolist(), "frames_lost": many.tolist(), "form": form}
 
@@ -86,7 +86,7 @@ def frame_duplicate(plan: Plan, size: float, rng: np.random.Generator) -> dict[s
         plan.arrive[at] = plan.arrive[at - 1]
     else:
         plan.arrive = np.insert(plan.arrive, at, plan.arrive[at - 1])
-        plan.stamp_s = np.arange(len(plan.arrive)) / plan.sensor.frame_rate
+        plan.close_up()
         at = at + np.arange(len(at))
     return {"at_frames": at.tolist(), "form": form}
 

@@ -21,7 +21,7 @@ def pulsating_part(plan: Plan, size: float, rng: np.random.Generator) -> dict[st
     shots = np.cumsum(rng.uniform(0.4, 5.0, plan.frames))
     bright = rng.uniform(-1.0, 1.0, len(shots) + 1)
     shown = stroll(rng, plan.start_s, 0.5, smooth_s=0.1)
-    window = _window(plan, rng)
+    window = lit_window(plan, rng)
 
     def share(moment: Moment) -> Array:
         shot = bright[np.searchsorted(shots, moment.start_s)]
@@ -38,7 +38,7 @@ def rolling_bar(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, 
     rates_hz = np.array([56.25, 59.94, 60.0, 66.0, 70.07, 72.0, 74.98, 85.01, 90.0, 119.88, 143.98])
     clear = [min(abs(plan.alias_hz(hz) - alias) for alias in mains_hz) > 0.3 for hz in rates_hz]
     hz = float(rng.choice(rates_hz[clear] if any(clear) else rates_hz + 0.7))
-    window, scans = _window(plan, rng), rng.uniform(0.6, 1.4)
+    window, scans = lit_window(plan, rng), rng.uniform(0.6, 1.4)
     parts = rng.uniform(0.2, 1.0, 3) * np.exp(2j * np.pi * rng.uniform(size=3))
     parts = parts * np.sinc(hz * np.arange(1, 4) * plan.sensor.exposure_s)
 
@@ -136,7 +136,7 @@ def thermal_harmonics(plan: Plan, size: float, rng: np.random.Generator) -> dict
     return {"flicker_share": size}
 
 
-def _window(plan: Plan, rng: np.random.Generator) -> Array:
+def lit_window(plan: Plan, rng: np.random.Generator) -> Array:
     """Part of the picture, in one or two strips and a third of the rows, its edges soft."""
     row, strip = np.linspace(0, 1, plan.rows)[:, None], np.arange(plan.strips)
     at, height = rng.uniform(0.25, 0.75), rng.uniform(0.12, 0.25)

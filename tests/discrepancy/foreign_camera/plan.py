@@ -124,6 +124,8 @@ class Plan:
     grid, sensor, lamps, tones
     wall : ndarray (rows, strips)
         Levels in steady light.
+    begin_s : float
+        True time at which the file's clock stands at zero.
     start_s, stamp_s, readout_s : ndarray (frames,)
         When frames begin, what their stamps say, and how long each is read.
     line : ndarray (rows,)
@@ -139,12 +141,19 @@ class Plan:
         By how many rows the picture stands lower.
     arrive : ndarray of int
         Which of the frames filmed end up in the file, in order.
+    mix : tuple, optional
+        Another frame for each of those in the file, and its share of the picture.
+    file_rate : float
+        Of the file, hertz; 0 is the sensor's.
+    knots_s : tuple, optional
+        What the file's clock says at some true times, and those; it runs right otherwise.
     """
 
     grid: Grid
     sensor: Sensor
     lamps: list[Shining]
     wall: Array
+    begin_s: float
     start_s: Array
     stamp_s: Array
     readout_s: Array
@@ -156,6 +165,9 @@ class Plan:
     on_picture: list[Change] = field(default_factory=list)
     curves: list[Callable[[Array], Array]] = field(default_factory=list)
     shift_rows: Callable[[Moment], Array] | None = None
+    mix: tuple[Frames, Array] | None = None
+    file_rate: float = 0.0
+    knots_s: tuple[Array, Array] | None = None
 
     @property
     def frames(self) -> int:
@@ -171,6 +183,26 @@ class Plan:
     def strips(self) -> int:
         """Of columns."""
         return int(self.wall.shape[1])
+
+    def close_up(self) -> None:
+        """Give the frames of the file regular stamps, whichever they are."""
+        self.stamp_s = np.arange(len(self.arrive)) / self.sensor.frame_rate
+        self.knots_s = self.stamp_s, self.start_s[self.arrive]
+
+    def mean_hz(self, begin_s: Array, end_s: Array) -> Array:
+        """Mean frequency of the mains between times on the file's clock.
+
+        Where the clock jumps, since frames are missing, it is the mean over the time that passed.
+        """
+        begin, end = self._true_s(begin_s), self._true_s(end_s)
+        return np.asarray((self.grid.turns(end) - self.grid.turns(begin)) / (end - begin))
+
+    def _true_s(self, file_s: Array) -> Array:
+        if self.knots_s is None:
+            return np.asarray(file_s) + self.begin_s
+        said, true = self.knots_s
+        outside = np.minimum(file_s - said[0], 0.0) + np.maximum(file_s - said[-1], 0.0)
+        return np.asarray(np.interp(file_s, said, true) + outside)
 
     @property
     def mains_hz(self) -> float:

@@ -14,18 +14,16 @@ from .camera import FULL, take
 from .cases import Case, drawn_for, plan_of
 
 LEAST_ROWS, MOST_ROWS, COLUMNS, CHUNK = 160, 240, 128, 64
-ENCODE = (
-    "-c:v",
-    "libx264",
-    "-preset",
-    "ultrafast",
-    "-qp",
-    "0",
-    "-pix_fmt",
-    "yuv420p",
-    "-color_range",
-    "pc",
-)
+# How a film is coded, in FFmpeg's words, at sizes of some 100 000 pixels.
+CODINGS = {
+    "lossless": "-c:v libx264 -preset ultrafast -qp 0",
+    "camera": "-c:v libx264 -preset fast -b:v 1500k",
+    "150k": "-c:v libx264 -preset medium -b:v 150k",
+    "50k": "-c:v libx264 -preset medium -b:v 50k",
+    "hevc-150k": "-c:v libx265 -preset fast -b:v 150k -x265-params log-level=error",
+    "vp9-150k": "-c:v libvpx-vp9 -deadline realtime -cpu-used 5 -b:v 150k",
+    "mpeg4-400k": "-c:v mpeg4 -b:v 400k",
+}
 
 
 def video_case(case: Case) -> Case:
@@ -37,47 +35,79 @@ def video_case(case: Case) -> Case:
     return replace(case, rows=rows - rows % 2)
 
 
-def as_video(case: Case, path: Path | str) -> None:
-    """Film a case into a file, 128 columns wide, as 8-bit luma that is coded without loss.
+def as_video(
+    case: Case,
+    path: Path | str,
+    *,
+    columns: int = COLUMNS,
+    coding: str = "lossless",
+    filters: str = "",
+) -> None:
+    """Film a case into a file, as 8-bit luma.
 
     Each strip has a texture over its columns, and each pixel its own noise. Frames get stamps at
     a constant rate: a case whose stamps are something else can't be a file.
+
+    Parameters
+    ----------
+    case : Case
+    path : Path
+    columns : int
+        Of the picture, even.
+    coding : str
+        Name in `CODINGS`; without loss unless asked.
+    filters : str
+        Chain of FFmpeg's filters before that, such as ``fps=25``; of that the truth knows nothing.
     """
     case = video_case(case)
     plan, _ = plan_of(case)
-    regular_s = np.arange(len(plan.stamp_s)) / plan.sensor.frame_rate
+    file_rate = plan.file_rate or plan.sensor.frame_rate
+    regular_s = np.arange(len(plan.stamp_s)) / file_rate
     if np.abs(plan.stamp_s - regular_s).max() > 1e-9:
         raise ValueError("a file's frames have stamps at a constant rate, which these don't")
+    arrive, mix = plan.arrive, plan.mix
+    plan.arrive, plan.mix = np.arange(plan.frames), None
     level = take(plan, drawn_for(case, "noise"), noisy=False)
     rng = drawn_for(case, "pixels")
-    texture = _texture(rng, plan.rows, plan.strips)
-    strip = np.arange(COLUMNS) * plan.strips // COLUMNS
+    texture = _texture(rng, plan.rows, plan.strips, columns)
+    strip = np.arange(columns) * plan.strips // columns
     per_electron = FULL / plan.sensor.well_electrons
     read_level = plan.sensor.read_electrons * per_electron
-    chroma = np.full(plan.rows * COLUMNS // 2, 128, dtype=np.uint8)
-    rate = Fraction(plan.sensor.frame_rate).limit_denominator(1001)
+    noise_seed = int(rng.integers(2**32))
+
+    def picture(frame: int) -> np.ndarray:
+        """As the sensor has it: a frame that comes twice has the same noise twice."""
+        part = level[frame][:, strip] * texture
+        pixel = np.sqrt(np.clip(part, 0, None) * per_electron + read_level**2)
+        noise = np.random.default_rng([noise_seed, frame])
+        part = part + pixel * noise.standard_normal(part.shape, dtype=np.float32)
+        return np.asarray(np.clip(np.rint(part), 0, FULL))
+
+    chroma = np.full(plan.rows * columns // 2, 128, dtype=np.uint8)
+    rate = Fraction(file_rate).limit_denominator(1001)
     command = ["ffmpeg", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "yuv420p"]
-    command += ["-color_range", "pc", "-s", f"{COLUMNS}x{plan.rows}", "-r", str(rate), "-i", "-"]
-    command += [*ENCODE, str(path)]
+    command += ["-color_range", "pc", "-s", f"{columns}x{plan.rows}", "-r", str(rate), "-i", "-"]
+    command += ["-vf", filters] if filters else []
+    command += [*CODINGS[coding].split(), "-pix_fmt", "yuv420p", "-color_range", "pc", str(path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as encoder:
         assert encoder.stdin is not None
-        for first in range(0, len(level), CHUNK):
-            part = level[first : first + CHUNK, :, strip] * texture
-            pixel = np.sqrt(np.clip(part, 0, None) * per_electron + read_level**2)
-            part = part + pixel * rng.standard_normal(part.shape, dtype=np.float32)
-            for luma in np.clip(np.rint(part), 0, FULL).astype(np.uint8):
-                encoder.stdin.write(luma.tobytes() + chroma.tobytes())
+        for index, frame in enumerate(arrive.tolist()):
+            shown = picture(frame)
+            if mix is not None:
+                share = mix[1][index]
+                shown = np.rint((1 - share) * shown + share * picture(int(mix[0][index])))
+            encoder.stdin.write(shown.astype(np.uint8).tobytes() + chroma.tobytes())
         _, told = encoder.communicate()
     if encoder.returncode:
         raise RuntimeError(f"ffmpeg: {told.decode(errors='replace').strip()}")
 
 
-def _texture(rng: np.random.Generator, rows: int, strips: int) -> np.ndarray:
+def _texture(rng: np.random.Generator, rows: int, strips: int, columns: int) -> np.ndarray:
     """Factor of each pixel, whose mean over a strip's columns is one in each row."""
-    grain = gaussian_filter1d(rng.standard_normal((rows, COLUMNS)), 1.5, axis=1)
-    smooth = gaussian_filter1d(rng.standard_normal((rows, COLUMNS)), 12.0, axis=1)
+    grain = gaussian_filter1d(rng.standard_normal((rows, columns)), 1.5, axis=1)
+    smooth = gaussian_filter1d(rng.standard_normal((rows, columns)), 12.0, axis=1)
     texture = np.exp(0.04 * grain + 0.2 * gaussian_filter1d(smooth, 6.0, axis=0))
-    strip = np.arange(COLUMNS) * strips // COLUMNS
+    strip = np.arange(columns) * strips // columns
     for index in range(strips):
         within = texture[:, strip == index]
         texture[:, strip == index] = within / within.mean(axis=1, keepdims=True)

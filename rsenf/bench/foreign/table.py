@@ -1,0 +1,230 @@
+"""Records of a foreign camera to rates: of every cell, by kind, and by frame rate and grid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from rsenf.batch.journal import Record
+from rsenf.bench.groups import median, relative_errors, rms
+from rsenf.bench.text import Table, titled
+
+WHOLE = ("coding", "mains")
+CELL = (*WHOLE, "kind", "frame_rate", "nominal_hz", "grid")
+KIND = ("coding", "kind")
+PLACE = (*WHOLE, "frame_rate", "nominal_hz", "grid")
+# What is asked of every cell.
+MOST_Z, MOST_Z_CODED, FAR_STDS = 2.0, 2.5, 10.0
+SHOWN = 60  # cells beyond that in the text; all of them are in the JSON
+
+
+def tabulated(records: Sequence[Record]) -> dict[str, Any]:
+    """Return the rates of each method as a whole, by kind, by frame rate and grid, and by cell."""
+    known = [r | {"coding": "coded" if r["coding"] != "raw" else "raw"} for r in records]
+    rows = _rows(known, CELL)
+    beyond = sorted((row for row in rows if _beyond(row)), key=_badness, reverse=True)
+    methods = _rows(known, WHOLE)
+    for method in methods:
+        for name, cells in (("cells", rows), ("cells_beyond", beyond)):
+            own = (*WHOLE, "of", "method")
+            method[name] = sum(all(cell[f] == method[f] for f in own) for cell in cells)
+    return {
+        "records": len(records),
+        "seeds": sorted({r["seed"] for r in records}),
+        "versions": sorted({r["versions"]["source"] for r in records}),
+        "methods": methods,
+        "kinds": _rows(known, KIND),
+        "codings": _rows([r for r in records if r["coding"] != "raw"], ("coding",)),
+        "places": _rows(known, PLACE),
+        "rows": rows,
+        "beyond": beyond,
+    }
+
+
+def _rows(records: Iterable[Record], by: Sequence[str]) -> list[dict[str, Any]]:
+    """One for each group of records and method, in order."""
+    groups: dict[tuple[Any, ...], list[Record]] = {}
+    for record in records:
+        group = (*(record[field] for field in by), record["of"], record["method"])
+        groups.setdefault(group, []).append(record)
+    return [
+        {
+            **dict(zip((*by, "of", "method"), group, strict=True)),
+            **(_enf if group[-2] == "enf" else _idle)(found),
+        }
+        for group, found in groups.items()
+    ]
+
+
+def _enf(records: Sequence[Record]) -> dict[str, Any]:
+    """Rates of an ENF method: errors over the usable seconds of cases with a mains light."""
+    lit, common = _common(records)
+    errors = [e for f in lit for e in f.get("error_mhz", ()) if e is not None]
+    relative = [e for f in lit if "error_mhz" in f for e in relative_errors(f).tolist()]
+    seconds = sum(r["duration_s"] for r in records if r["mains"])
+    return {
+        **common,
+        "usable_ratio": len(errors) / seconds if seconds else None,
+        "median": median(np.abs(errors).tolist()),
+        "rms": rms(errors),
+        "z": rms(relative),
+        "far": sum(abs(z) > FAR_STDS for z in relative),
+        "inside_ratio": _share([abs(z) <= 1.96 for z in relative]),
+        "turned": 0,
+        "false_claims": sum(not r["mains"] and bool(r["found"].get("t_s")) for r in records),
+        "false_seconds": sum(len(r["found"].get("t_s", ())) for r in records if not r["mains"]),
+    }
+
+
+def _idle(records: Sequence[Record]) -> dict[str, Any]:
+    """Rates of an idle method: errors of the cases with a mains light that are estimated."""
+    lit, common = _common(records)
+    said = [f for f in lit if f.get("verdict") == "estimated" and f["error_percent"] is not None]
+    relative = [z for f in said for z in _relative(f)]
+    false = sum(not r["mains"] and r["found"].get("verdict") == "estimated" for r in records)
+    return {
+        **common,
+        "usable_ratio": len(said) / len(lit) if lit else None,
+        "median": median([abs(f["error_percent"]) for f in said]),
+        "rms": rms([f["error_percent"] for f in said]),
+        "z": rms(relative),
+        "far": sum(abs(z) > FAR_STDS for z in relative),
+        "inside_ratio": _share([f["inside"] for f in said if f["inside"] is not None]),
+        "turned": sum(f["turned"] for f in said),
+        "false_claims": false,
+        "false_seconds": 0,
+    }
+
+
+def _common(records: Sequence[Record]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    found = [r["found"] for r in records]
+    cpu = [f["cpu_s"] for f in found if "cpu_s" in f]
+    return [r["found"] for r in records if r["mains"]], {
+        "cases": len(records),
+        "broke": sum("broke" in f for f in found),
+        "cpu_s": float(np.mean(cpu)) if cpu else None,
+    }
+
+
+def _relative(found: dict[str, Any]) -> list[float]:
+    return [found["error_percent"] / found["std_percent"]] if found["std_percent"] else []
+
+
+def _share(flags: Sequence[bool]) -> float | None:
+    return sum(flags) / len(flags) if flags else None
+
+
+def _beyond(row: dict[str, Any]) -> bool:
+    """Whether a cell breaks what is asked."""
+    most = MOST_Z if row["coding"] == "raw" else MOST_Z_CODED
+    return bool((row["z"] or 0.0) > most or row["far"] or row["false_claims"])
+
+
+def _badness(row: dict[str, Any]) -> tuple[float, float]:
+    return row["false_claims"], row["z"] or 0.0
+
+
+def text(document: dict[str, Any], *, on_page: bool = False) -> str:
+    """Write the tables for a terminal, or in Markdown for a page."""
+    head = [title for title, _ in _COLUMNS]
+    whole = [
+        [
+            " ".join(_words(row, WHOLE)),
+            f"{row['cells_beyond']} of {row['cells']}",
+            *(write(row) for _, write in _COLUMNS),
+        ]
+        for row in document["methods"]
+    ]
+    tables: list[Table] = [("methods", ("cases", "cells beyond", *head), whole)]
+    for of in ("enf", "idle"):
+        tables.append(_matrix(f"{of} by kind", _of(document["kinds"], of), KIND))
+        tables.append(_matrix(f"{of} by coding", _of(document["codings"], of), ("coding",)))
+        tables.append(_matrix(f"{of} by frame rate and grid", _of(document["places"], of), PLACE))
+    beyond = document["beyond"]
+    cells = [
+        [" ".join(_words(row, CELL)), *(write(row) for _, write in _COLUMNS)]
+        for row in beyond[:SHOWN]
+    ]
+    title = f"beyond the marks: {len(beyond)} of {len(document['rows'])} cells"
+    tables.append((title, ("cell", *head), cells))
+    seeds = document["seeds"]
+    told = f"seeds {seeds[0]} to {seeds[-1]}" if seeds else "nothing measured"
+    made = len(document["versions"])
+    told += f"; made by {made} versions of the program" if made > 1 else ""
+    return titled(tables, [f"{_NOTE}\n{told}"], on_page=on_page)
+
+
+_NOTE = f"""\
+median, rms: of errors, mHz over the usable seconds, or points of the frame period; z: rms of errors
+over stated standard errors, 1 where they are honest; far: more than {FAR_STDS:g} of them off;
+within 95 %: of the intervals; turned: read-out direction wrong; false: a usable second, or an idle
+period, where there is no mains light. By kind, and by frame rate and grid: rms, z, share usable.
+A cell of one kind, frame rate and grid is beyond the marks where z is over {MOST_Z:g} (coded
+{MOST_Z_CODED:g}), or something is far off or false."""
+
+
+def _matrix(title: str, rows: Sequence[dict[str, Any]], by: Sequence[str]) -> Table:
+    """A line for each group, a column for each method."""
+    methods = list(dict.fromkeys(row["method"] for row in rows))
+    lines: dict[tuple[Any, ...], dict[str, str]] = {}
+    for row in rows:
+        words = tuple(_words(row, by))
+        lines.setdefault(words, {})[row["method"]] = _brief(row)
+    body = [[" ".join(words), *(of.get(m, "") for m in methods)] for words, of in lines.items()]
+    return title, ("cases", *methods), sorted(body)
+
+
+def _words(row: dict[str, Any], by: Sequence[str]) -> list[str]:
+    told = []
+    for field in by:
+        value = row[field]
+        if field == "mains":
+            told.append("" if value else "no lamp")
+        elif field == "nominal_hz":
+            told.append(f"{value:g} Hz")
+        elif field == "frame_rate":
+            told.append(f"{value} fps")
+        else:
+            told.append(str(value))
+    return [word for word in told if word]
+
+
+def _brief(row: dict[str, Any]) -> str:
+    if row["usable_ratio"] is None:
+        return f"{row['false_claims']} false of {row['cases']}"
+    if not row["usable_ratio"]:
+        return "–"
+    far = f", {row['far']} far" if row["far"] else ""
+    return f"{_number(row['rms'])}, z {_number(row['z'])}, {_percent(row['usable_ratio'])}{far}"
+
+
+def _of(rows: Sequence[dict[str, Any]], of: str) -> list[dict[str, Any]]:
+    return [row for row in rows if row["of"] == of]
+
+
+_COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
+    ("of", lambda r: str(r["of"])),
+    ("method", lambda r: str(r["method"])),
+    ("cases", lambda r: str(r["cases"])),
+    ("usable", lambda r: _percent(r["usable_ratio"])),
+    ("median", lambda r: _number(r["median"])),
+    ("rms", lambda r: _number(r["rms"])),
+    ("z", lambda r: _number(r["z"])),
+    ("far", lambda r: str(r["far"] or "")),
+    ("within 95 %", lambda r: _percent(r["inside_ratio"])),
+    ("turned", lambda r: str(r["turned"] or "")),
+    ("false", lambda r: str(r["false_claims"] or "")),
+    ("seconds", lambda r: str(r["false_seconds"] or "")),
+    ("broke", lambda r: str(r["broke"] or "")),
+    ("CPU", lambda r: "" if r["cpu_s"] is None else f"{r['cpu_s']:.2f} s"),
+)
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3g}"
+
+
+def _percent(ratio: float | None) -> str:
+    return "–" if ratio is None else f"{100 * ratio:.0f} %"
