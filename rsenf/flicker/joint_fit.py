@@ -42,7 +42,8 @@ from rsenf.flicker.profile import ProfileBasis
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-STEPS = 3
+# Steps taken at most, and the least that is worth another.
+STEPS, REST_RAD = 4, 1e-3
 # Amplitudes' relative deviation from the ramp's: at first, at least and at most; and that of any
 # order relative to the loudest.
 SPREAD, LEAST_SPREAD, MOST_SPREAD, FAINTEST = 0.02, 0.002, 0.5, 2e-4
@@ -138,7 +139,7 @@ class JointFit:
         """Go from a start to the end."""
         turns, directions = state.turns, state.coefficient.size
         lamp: Complex | None = None
-        for _ in range(STEPS):
+        for taken in range(1, STEPS + 1):
             phase = self._frames.phase_rad(self._prior.basis @ state.coefficient)
             told = self._frames.told(self._frames.waves(phase, self._orders)).weighted(state.trust)
             left = told.left(state.found)
@@ -150,7 +151,8 @@ class JointFit:
             covariance: Float = np.asarray(np.linalg.inv(step.normal), np.float64)
             move = covariance @ step.pull
             way = self._prior.basis[:, 1:] @ move[1:directions]
-            share = min(1.0, FARTHEST_RAD / max(float(np.abs(way).max()), 1e-12))
+            far = float(np.abs(way).max())
+            share = min(1.0, FARTHEST_RAD / max(far, 1e-12))
             move *= share
             change = (share * step.own - step.theirs @ move).T
             state = State(
@@ -162,6 +164,8 @@ class JointFit:
             )
             lamp = ramp.lamp + move[directions:-1:2] + 1j * move[directions + 1 : -1 : 2]
             apart = state.found - ramp.mean - (ramp.slope @ move[directions:]).T
+            if taken > 1 and far < REST_RAD:
+                break
             self._learn_spread(ramp, apart, step.own_var)
             self._learn_roughness(state.coefficient, covariance.diagonal()[:directions])
         return Joint(state, noise.variance, step.information, covariance[:directions, :directions])

@@ -112,11 +112,12 @@ def fit_phase(
         First guess of the first harmonic's turns down the rows.
     """
     gathered = Gathered(frames, psi_rad.size)
-    settled = _settle(gathered, psi_rad)
+    to_rest = basis is None  # else the joint fit goes on from what is near
+    settled = _settle(gathered, psi_rad, to_rest=to_rest)
     if settled.loudest != 1:
         # What is taken for an overtone is louder than the flicker itself: it is the flicker.
         nearer = _as_first(gathered, settled.prior.basis @ settled.coefficient, settled.loudest)
-        other = settled if nearer is None else _settle(gathered, nearer)
+        other = settled if nearer is None else _settle(gathered, nearer, to_rest=to_rest)
         settled = other if other.loudest == 1 else settled
     if basis is None or not settled.amplitude.harmonic[0].any():
         return _alone(frames, gathered, settled)
@@ -212,7 +213,7 @@ def _as_first(frames: Gathered, psi_rad: Float, order: int) -> Float | None:
     return None
 
 
-def _settle(gathered: Gathered, psi_rad: Float) -> _Settled:
+def _settle(gathered: Gathered, psi_rad: Float, *, to_rest: bool) -> _Settled:
     """Most probable phase near a first guess, and amplitudes by turns."""
     prior = phase_prior(psi_rad.size)
     coefficient = prior.nearest(psi_rad)
@@ -234,12 +235,14 @@ def _settle(gathered: Gathered, psi_rad: Float) -> _Settled:
         coefficient = coefficient + step * min(1.0, 1.0 / max(farthest, 1e-12))
         near = far < (REST if settled else NEARLY)
         near = near or farthest < (REST_RAD if settled else NEARLY_RAD)
-        if settled and near:
+        if settled and (near or not to_rest):
             break
         if not settled and (near or done == LOOK_AFTER):
             settled = True
             more = _nuisances(gathered, phase, waves, amplitude)
             orders += more
+            if not (more or to_rest):
+                break
             if any(order % 1 for order in more):
                 trust = np.ones(psi_rad.size)  # nodes were doubted for what is known now
     return _Settled(
