@@ -95,7 +95,8 @@ class Lock:
         if t_s.size > (end - start) / 2:
             carrier = 4.0 * np.pi * self.nominal_hz * t_s
             frames = Frames(t_s - start, carrier, columns)
-            fit = self._aligned(fit_phase(frames, self._path.between(start, end)))
+            before = self._path.between(start, end)
+            fit = self._aligned(fit_phase(frames, before, self._basis, self.turns))
             self._path.set(start, fit.psi_rad)
         self._fit = (start, end), fit
         return fit

@@ -16,12 +16,26 @@ from rsenf.medians import median_of_few
 
 Float = NDArray[np.float64]
 
+# Bands around a tone that noise is told from. What is in quadrature to the phase can be taken from
+# close by; along it, the phase has followed whatever is slow.
+COLUMNS_HZ, ALONG_HZ, ACROSS_HZ = (0.3, 1.6), (0.2, 0.8), (0.05, 0.5)
+# Slower than that, a path follows what the columns agree upon.
+SLOW_HZ = (0.02, 0.2)
+# The flicker's size is taken over so many nodes, and held to the window's by so much of its weight.
+GAIN_WINDOW, STEADY = np.hanning(26)[1:-1], 0.1
+
 
 def noise_of(series: Float, band_hz: tuple[float, float]) -> Float:
     """Noise of several real series, shape (nodes, …), each as one number, shape (…)."""
     real, imag = _transforms(series, band_hz)
     # Both sides of a real series have the same powers, and so the same median as one of them.
     return np.asarray(median_of_few(real**2 + imag**2) / np.log(2.0))
+
+
+def power_of(series: Float, band_hz: tuple[float, float]) -> Float:
+    """Mean power of several real series, shape (nodes, …), in a band, shape (…)."""
+    real, imag = _transforms(series, band_hz)
+    return np.asarray(np.mean(real**2 + imag**2, axis=-1))
 
 
 def noise_of_turning(real: Float, imag: Float, band_hz: tuple[float, float]) -> Float:
@@ -56,3 +70,26 @@ def _waves(nodes: int, band_hz: tuple[float, float]) -> Float:
     among = np.flatnonzero((freq_hz >= band_hz[0]) & (freq_hz <= band_hz[1]))
     angle = 2.0 * np.pi * np.outer(np.arange(nodes), among) / nodes
     return np.hstack([np.cos(angle), -np.sin(angle)])
+
+
+def gain_around(across: Float, expected: Float) -> Float:
+    """Size of the flicker around each node relative to the window's, at most one and a half.
+
+    Parameters
+    ----------
+    across : ndarray, shape (nodes, …)
+        What is left along the flicker's size, weighted as the flicker is.
+    expected : ndarray, shape (nodes, …)
+        The flicker itself, weighted so.
+    """
+    around = _around(across.shape[0])
+    beyond, share = around @ across, around @ expected
+    steady = STEADY * share.max(axis=0)
+    gain = 1.0 + beyond / np.maximum(share + steady, 1e-30)
+    return np.asarray(np.minimum(np.maximum(gain, 0.0), 1.5))
+
+
+@functools.cache
+def _around(nodes: int) -> Float:
+    """Matrix that sums over the nodes around each, by :data:`GAIN_WINDOW`."""
+    return np.array([np.convolve(one, GAIN_WINDOW, "same") for one in np.eye(nodes)]).T

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.grid_prior import NODE_S
+from rsenf.flicker.turning import turning
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -58,6 +59,19 @@ class Told:
     columns: Float
     waves: Float
 
+    def weighted(self, trust: Float) -> Told:
+        """Return what nodes tell by how far each is trusted."""
+        by_node = trust[:, None, None]
+        return Told(by_node * self.columns, by_node * self.waves)
+
+    def left(self, found: Float) -> Float:
+        """Sums of waves times what is left of the columns, shape (nodes, waves, columns).
+
+        ``found`` is each wave's share of the columns, shape (waves, columns).
+        """
+        modelled = self.waves.reshape(-1, len(found)) @ found
+        return self.columns - modelled.reshape(self.columns.shape)
+
 
 class Gathered:
     """Frames by their nearest nodes.
@@ -73,6 +87,8 @@ class Gathered:
         Where there is a frame.
     columns : ndarray, shape (nodes, places, columns)
     carrier_rad : ndarray, shape (nodes, places)
+    carrier_hz, rate_hz : float
+        Frequency of the carrier, and frames a second.
     """
 
     def __init__(self, frames: Frames, nodes: int) -> None:
@@ -84,6 +100,10 @@ class Gathered:
         self.columns[nearest, place] = frames.columns
         self.carrier_rad, t_s = np.zeros(self.there.shape), np.zeros(self.there.shape)
         self.carrier_rad[nearest, place], t_s[nearest, place] = frames.carrier_rad, frames.t_s
+        lasted_s = max(float(frames.t_s[-1] - frames.t_s[0]), 1e-9)
+        turned_rad = float(frames.carrier_rad[-1] - frames.carrier_rad[0])
+        self.carrier_hz = turned_rad / (2.0 * np.pi * lasted_s)
+        self.rate_hz = 1.0 / max(float(np.median(np.diff(frames.t_s))), 1e-9)
         self._left, self._beyond = _between(t_s, nodes)
         self._place = nearest, place
 
@@ -100,19 +120,23 @@ class Gathered:
         """What is known at every place, of the frames alone, in the order of time."""
         return np.asarray(values[self._place])
 
-    def waves(self, turn: Complex, orders: tuple[int, ...]) -> Float:
-        """A constant, and cosine and sine of some harmonics, shape (nodes, waves, places).
+    def waves(self, phase_rad: Float, orders: tuple[float, ...]) -> Float:
+        """A constant, and cosine and sine of some orders of a phase, shape (nodes, waves, places).
 
-        ``turn`` is ``exp(j·φ)`` at every place, and none where there is no frame.
+        All are 0 where there is no frame.
         """
         out = np.empty((self.there.shape[0], 1 + 2 * len(orders), self.there.shape[1]))
         out[:, 0] = self.there
-        power, order = turn, 1
-        for i, wanted in enumerate(orders):
-            for _ in range(wanted - order):
-                power = power * turn
-            order = wanted
-            out[:, 1 + 2 * i], out[:, 2 + 2 * i] = power.real, power.imag
+        half = turning(0.5 * phase_rad) if any(order % 1 for order in orders) else None
+        first = turning(phase_rad) if half is None else half * half
+        powers = [self.there * 1.0, self.there * first]
+        for i, order in enumerate(orders):
+            while len(powers) <= order:
+                powers.append(powers[-1] * first)
+            wave = powers[int(order)]
+            if half is not None and order % 1:
+                wave = wave * half
+            out[:, 1 + 2 * i], out[:, 2 + 2 * i] = wave.real, wave.imag
         return out
 
     def told(self, waves: Float) -> Told:

@@ -14,39 +14,46 @@ from what the model leaves there: after a codec it is far from white.
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.grid_prior import NODE_S, NODES_PER_S, phase_prior
-from rsenf.flicker.node_noise import noise_of, noise_of_turning
+from rsenf.flicker.grid_prior import NODE_S, NODES_PER_S, PhasePrior, phase_prior
+from rsenf.flicker.joint_fit import JointFit, State
+from rsenf.flicker.node_noise import (
+    ACROSS_HZ,
+    ALONG_HZ,
+    COLUMNS_HZ,
+    gain_around,
+    noise_of,
+    noise_of_turning,
+)
 from rsenf.flicker.node_sums import Frames, Gathered, Told
+from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.turning import turning
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 HARMONICS = 3
-# Further ones tell no phase, but a codec makes them, and they lie near the first.
+# Further ones hardly tell the phase, but they lie near the first: a codec makes overtones, and
+# half waves that differ, in ageing lamps and half-wave rectifiers, make odd halves.
 NUISANCES = 7
+HALVES = (0.5, 1.5, 2.5, 3.5)
 # Relative size that harmonics may have a priori: where two of them share an alias (one mirrored),
 # the first is believed first.
-HARMONIC_SIZE = (3.0, 0.3, 0.1, 0.1, 0.1, 0.1, 0.1)
+HARMONIC_SIZE = {1.0: 3.0, 2.0: 0.3}
+FURTHER_SIZE = 0.1
 RIDGE = 1e-4
 # Power over noise at which they are taken in.
 STANDS_OUT = 20.0
-# The flicker's size is taken over so many nodes, and held to the window's by so much of its weight.
-GAIN_WINDOW, STEADY = np.hanning(26)[1:-1], 0.1
 # Degrees of freedom of Student's distribution: key frames and cuts are rare and far out.
 TAILS = 4.0
-MAX_STEPS = 16
+# Of all steps, and those after which further orders are looked for at the latest.
+MAX_STEPS, LOOK_AFTER = 16, 4
 REST, NEARLY = 1e-2, 1.0
 REST_RAD, NEARLY_RAD = 2e-4, 2e-3
-# Noise is told from bands around the tone. What is in quadrature to the phase can be taken from
-# close by; along it, the phase has followed whatever is slow.
-COLUMNS_HZ, ALONG_HZ, ACROSS_HZ = (0.3, 1.6), (0.2, 0.8), (0.05, 0.5)
 # What turns slower than a hertz keeps so much of its length in a node's mean.
 SLOW = float(np.sinc(NODE_S))
 # A column's amplitude counts as far as it is beyond this many of its variances.
@@ -87,7 +94,9 @@ class PhaseFit:
     deviation: Complex
 
 
-def fit_phase(frames: Frames, psi_rad: Float) -> PhaseFit:
+def fit_phase(
+    frames: Frames, psi_rad: Float, basis: ProfileBasis | None = None, turns: float = 0.0
+) -> PhaseFit:
     """Find the most probable phase near a first guess.
 
     Parameters
@@ -95,17 +104,94 @@ def fit_phase(frames: Frames, psi_rad: Float) -> PhaseFit:
     frames : Frames
     psi_rad : ndarray, shape (nodes,)
         First guess of the phase at nodes ``NODE_S`` apart, relative to the nominal frequency's.
+    basis : ProfileBasis, optional
+        What the columns are made of: where it is known, phase, amplitudes and ramp are fitted
+        together at the end (:mod:`rsenf.flicker.joint_fit`). Without it the variance takes the
+        amplitudes for known.
+    turns : float
+        First guess of the first harmonic's turns down the rows.
     """
     gathered = Gathered(frames, psi_rad.size)
-    fit, loudest = _settled(frames, gathered, psi_rad)
-    if loudest == 1:
-        return fit
-    # What is taken for an overtone is louder than the flicker itself: it is the flicker.
-    nearer = _as_first(gathered, fit.psi_rad, loudest)
-    if nearer is None:
-        return fit
-    other, loudest = _settled(frames, gathered, nearer)
-    return other if loudest == 1 else fit
+    to_rest = basis is None  # else the joint fit goes on from what is near
+    settled = _settle(gathered, psi_rad, to_rest=to_rest)
+    if settled.loudest != 1:
+        # What is taken for an overtone is louder than the flicker itself: it is the flicker.
+        nearer = _as_first(gathered, settled.prior.basis @ settled.coefficient, settled.loudest)
+        other = settled if nearer is None else _settle(gathered, nearer, to_rest=to_rest)
+        settled = other if other.loudest == 1 else settled
+    if basis is None or not settled.amplitude.harmonic[0].any():
+        return _alone(frames, gathered, settled)
+    return _together(frames, gathered, settled, basis, turns)
+
+
+@dataclass(frozen=True, eq=False)
+class _Settled:
+    """A phase at rest, and what follows from it; ``covariance`` is the coefficients'."""
+
+    prior: PhasePrior
+    coefficient: Float
+    covariance: Float
+    orders: tuple[float, ...]
+    amplitude: Amplitudes
+    trust: Float
+    information: Float
+    gain: Float
+
+    @property
+    def loudest(self) -> int:
+        """Which of the first harmonics is the loudest."""
+        return 1 + int(np.argmax(np.sum(np.abs(self.amplitude.harmonic) ** 2, axis=1)))
+
+
+def _alone(frames: Frames, gathered: Gathered, settled: _Settled) -> PhaseFit:
+    """Return what has settled, with its amplitudes taken for known."""
+    amplitude = settled.amplitude
+    psi_rad = settled.prior.basis @ settled.coefficient
+    return PhaseFit(
+        psi_rad=psi_rad,
+        second_var_hz2=_second_var_hz2(settled.prior, settled.covariance),
+        template=amplitude.harmonic[0],
+        weights=amplitude.weights[0],
+        information=settled.information,
+        gain=settled.gain,
+        t_s=frames.t_s,
+        deviation=_deviation(
+            gathered,
+            psi_rad,
+            settled.orders,
+            amplitude.found,
+            amplitude.harmonic[0],
+            amplitude.weights[0],
+        ),
+    )
+
+
+def _together(
+    frames: Frames, gathered: Gathered, settled: _Settled, basis: ProfileBasis, turns: float
+) -> PhaseFit:
+    """Return the joint fit from where the phase has settled."""
+    start = State(settled.coefficient, settled.amplitude.found, settled.trust, settled.gain, turns)
+    joint = JointFit(gathered, settled.prior, basis, settled.orders).run(start)
+    psi_rad = settled.prior.basis @ joint.state.coefficient
+    first = settled.orders.index(1)
+    template, weights = joint.state.amplitude[first], np.asarray(1.0 / joint.noise[first])
+    return PhaseFit(
+        psi_rad=psi_rad,
+        second_var_hz2=_second_var_hz2(settled.prior, joint.covariance),
+        template=template,
+        weights=weights,
+        information=joint.information,
+        gain=settled.gain,
+        t_s=frames.t_s,
+        deviation=_deviation(
+            gathered, psi_rad, settled.orders, joint.state.found, template, weights
+        ),
+    )
+
+
+def _second_var_hz2(prior: PhasePrior, covariance: Float) -> Float:
+    over_second = (prior.basis[NODES_PER_S:] - prior.basis[:-NODES_PER_S]) / (2.0 * np.pi)
+    return np.asarray(np.sum((over_second @ covariance) * over_second, axis=1))
 
 
 def _as_first(frames: Gathered, psi_rad: Float, order: int) -> Float | None:
@@ -127,16 +213,16 @@ def _as_first(frames: Gathered, psi_rad: Float, order: int) -> Float | None:
     return None
 
 
-def _settled(frames: Frames, gathered: Gathered, psi_rad: Float) -> tuple[PhaseFit, int]:
-    """Most probable phase near a first guess, and which harmonic is the loudest."""
+def _settle(gathered: Gathered, psi_rad: Float, *, to_rest: bool) -> _Settled:
+    """Most probable phase near a first guess, and amplitudes by turns."""
     prior = phase_prior(psi_rad.size)
     coefficient = prior.nearest(psi_rad)
     trust = np.ones(psi_rad.size)
-    orders = tuple(range(1, HARMONICS + 1))
+    orders: tuple[float, ...] = tuple(range(1, HARMONICS + 1))
     settled = False
-    for _ in range(MAX_STEPS):
-        turn = gathered.there * turning(gathered.phase_rad(prior.basis @ coefficient))
-        waves = gathered.waves(turn, orders)
+    for done in range(MAX_STEPS):
+        phase = gathered.phase_rad(prior.basis @ coefficient)
+        waves = gathered.waves(phase, orders)
         amplitude = _amplitudes(gathered.told(waves), trust, orders)
         gradient, information, trust, gain = _likelihood(amplitude, trust)
         precision = prior.basis.T @ (information[:, None] * prior.basis)
@@ -147,24 +233,28 @@ def _settled(frames: Frames, gathered: Gathered, psi_rad: Float) -> tuple[PhaseF
         # How far the step goes, in standard errors all told, and in rad.
         far, farthest = float(shape @ (information * shape)), float(np.abs(shape).max())
         coefficient = coefficient + step * min(1.0, 1.0 / max(farthest, 1e-12))
-        if far < (REST if settled else NEARLY) or farthest < (REST_RAD if settled else NEARLY_RAD):
-            if settled:
-                break
+        near = far < (REST if settled else NEARLY)
+        near = near or farthest < (REST_RAD if settled else NEARLY_RAD)
+        if settled and (near or not to_rest):
+            break
+        if not settled and (near or done == LOOK_AFTER):
             settled = True
-            orders += _nuisances(gathered, turn, waves, amplitude)
-    over_second = (prior.basis[NODES_PER_S:] - prior.basis[:-NODES_PER_S]) / (2.0 * np.pi)
-    solved = np.linalg.solve(precision, over_second.T)
-    fit = PhaseFit(
-        psi_rad=prior.basis @ coefficient,
-        second_var_hz2=np.einsum("ij,ji->i", over_second, solved),
-        template=amplitude.harmonic[0],
-        weights=amplitude.weights[0],
+            more = _nuisances(gathered, phase, waves, amplitude)
+            orders += more
+            if not (more or to_rest):
+                break
+            if any(order % 1 for order in more):
+                trust = np.ones(psi_rad.size)  # nodes were doubted for what is known now
+    return _Settled(
+        prior=prior,
+        coefficient=coefficient,
+        covariance=np.asarray(np.linalg.inv(precision), np.float64),
+        orders=orders,
+        amplitude=amplitude,
+        trust=trust,
         information=information,
         gain=gain,
-        t_s=frames.t_s,
-        deviation=_deviation(gathered, turn, waves, amplitude),
     )
-    return fit, 1 + int(np.argmax(np.sum(np.abs(amplitude.harmonic) ** 2, axis=1)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,10 +282,10 @@ class Amplitudes:
     left: Complex
 
 
-def _amplitudes(told: Told, trust: Float, orders: tuple[int, ...]) -> Amplitudes:
+def _amplitudes(told: Told, trust: Float, orders: tuple[float, ...]) -> Amplitudes:
     gram = _weighted(trust, told.waves)
     seen, weight = float(told.waves[:, 0, 0].sum()), float(gram[0, 0])
-    ridge = np.repeat([RIDGE * seen / HARMONIC_SIZE[k - 1] ** 2 for k in orders], 2)
+    ridge = np.repeat([RIDGE * seen / HARMONIC_SIZE.get(k, FURTHER_SIZE) ** 2 for k in orders], 2)
     gram.flat[:: len(gram) + 1] += np.concatenate([[0.0], ridge])
     found = np.asarray(np.linalg.solve(gram, _weighted(trust, told.columns)))
     real, imag = _left(told, found)
@@ -225,41 +315,36 @@ def _left(told: Told, found: Float) -> tuple[Float, Float]:
 
 
 def _nuisances(
-    frames: Gathered, turn: Complex, waves: Float, amplitude: Amplitudes
-) -> tuple[int, ...]:
-    """Further harmonics that stand out of what the first ones leave of some column."""
-    further = tuple(range(HARMONICS + 1, NUISANCES + 1))
+    frames: Gathered, phase_rad: Float, waves: Float, amplitude: Amplitudes
+) -> tuple[float, ...]:
+    """Further orders that stand out of what the first ones leave of some column."""
+    further = tuple(range(HARMONICS + 1, NUISANCES + 1)) + HALVES
     left = frames.columns - waves.transpose(0, 2, 1) @ amplitude.found
-    told = frames.waves(turn, further)[:, 1:] @ left
+    told = frames.waves(phase_rad, further)[:, 1:] @ left
     real, imag = told[:, 0::2], told[:, 1::2]
     power = real.sum(axis=0) ** 2 + imag.sum(axis=0) ** 2
     stands_out = np.any(power > STANDS_OUT * noise_of_turning(real, imag, COLUMNS_HZ), axis=1)
     return tuple(k for k, there in zip(further, stands_out, strict=True) if there)
 
 
-def _deviation(frames: Gathered, turn: Complex, waves: Float, amplitude: Amplitudes) -> Complex:
-    weighted = amplitude.weights[0] * amplitude.harmonic[0].conj()
-    power = float(np.sum(weighted * amplitude.harmonic[0]).real)
+def _deviation(
+    frames: Gathered,
+    psi_rad: Float,
+    orders: tuple[float, ...],
+    found: Float,
+    template: Complex,
+    weights: Float,
+) -> Complex:
+    """What frames say beyond a model, relative to the first harmonic."""
+    weighted = weights * template.conj()
+    power = float(np.sum(weighted * template).real)
     if power <= 0.0:
         return np.zeros(frames.frames, np.complex128)
-    model = np.einsum("nwp,w->np", waves, amplitude.found @ weighted)
+    phase_rad = frames.phase_rad(psi_rad)
+    waves = frames.waves(phase_rad, orders)
+    model = np.einsum("nwp,w->np", waves, found @ weighted)
     left = frames.columns @ weighted - model
-    return frames.in_order(2.0 * left * turn.conj() / power)
-
-
-@functools.cache
-def _around(nodes: int) -> Float:
-    """Matrix that sums over the nodes around each, by :data:`GAIN_WINDOW`."""
-    return np.array([np.convolve(one, GAIN_WINDOW, "same") for one in np.eye(nodes)]).T
-
-
-def _gain(across: Float, expected: Float) -> Float:
-    """Size of the flicker around each node relative to the window's, at most one and a half."""
-    around = _around(across.shape[0])
-    beyond, share = around @ across, around @ expected
-    steady = STEADY * share.max(axis=0)
-    gain = 1.0 + beyond / np.maximum(share + steady, 1e-30)
-    return np.asarray(np.minimum(np.maximum(gain, 0.0), 1.5))
+    return frames.in_order(2.0 * left * turning(-phase_rad) / power)
 
 
 def _likelihood(amplitude: Amplitudes, trust: Float) -> tuple[Float, Float, Float, Float]:
@@ -282,7 +367,7 @@ def _likelihood(amplitude: Amplitudes, trust: Float) -> tuple[Float, Float, Floa
     # The columns' noise may go together: what is left of their sum says how much.
     noise = np.maximum(noise_of(own * told, ALONG_HZ), noise_of(own * across, ACROSS_HZ))
     excess = np.maximum(noise / total, 1e-3)
-    gain = _gain(own * across, own * expected)
+    gain = gain_around(own * across, own * expected)
     gradient = np.where(hears, gain * own * told / excess, 0.0).sum(axis=1)
     information = np.where(hears, gain**2 * own * expected / excess, 0.0).sum(axis=1)
     if not hears[0]:

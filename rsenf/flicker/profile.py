@@ -64,6 +64,20 @@ class ProfileBasis:
             (self._waves.T @ np.cos(angle) + 1j * (self._waves.T @ np.sin(angle))) / self.rows
         )
 
+    def lit(self, texture: Float, turns: Float) -> tuple[Complex, Complex]:
+        """Columns of ramps on a texture, given by its columns, and their derivatives by the turns.
+
+        Both of shape (ramps, columns).
+        """
+        place = (np.arange(self.rows) + 0.5) / self.rows
+        scene = self._waves @ texture / self.rows
+        angle = 2.0 * np.pi * np.outer(turns, place)
+        cosine, sine = np.cos(angle) * scene, np.sin(angle) * scene
+        later = 2.0 * np.pi * place
+        parts = np.concatenate([cosine, sine, -later * sine, later * cosine]) @ self._waves
+        real, imag, real_by, imag_by = np.split(parts, 4)
+        return real + 1j * imag, real_by + 1j * imag_by
+
     def turns_of(self, template: Complex) -> float:
         """Turns of the ramp that is most like a template, shape (columns,)."""
         power = np.abs(template.conj() @ self._grid) ** 2 / self._grid_power

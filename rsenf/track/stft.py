@@ -37,6 +37,10 @@ ZERO_CELLS = 1.5
 # Where 0 Hz lies in the search band, drifts of brightness make tones of their own: flicker must
 # stand out so many times more there, and be stronger than its mirror image by this much.
 MIN_ONE_SIDED = 10.0
+TOO_NEAR = "alias too near 0 Hz, where the picture's texture hides it"
+OVERTONE = (
+    "near 0 Hz, and another line shows more at another frequency: an overtone or a mirror image"
+)
 DRIFT_MARGIN = 10.0
 
 
@@ -55,7 +59,8 @@ class StftTracker(SlidingTracker):
         super().__init__(settings)
         s = self.settings
         self._finder = ToneFinder(s.window_s, 2.0 * s.search_hz * s.harmonic)
-        self._lines: tuple[Line, ...] = ()
+        self._followed: tuple[Line, ...] = ()
+        self._lines: tuple[Line, ...] = ()  # those, and what they are held against near 0 Hz
         self._ramps: NDArray[np.complex128] = np.empty((0, 0), np.complex128)
         self._chosen: Line | None = None
 
@@ -67,14 +72,21 @@ class StftTracker(SlidingTracker):
     def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
         s = self.settings
         nominals = (s.nominal_hz,) if s.nominal_hz else (50.0, 60.0)
-        self._lines = tuple(
+        self._followed = tuple(
             line for n in nominals for line in self._candidates(n, frame_rate_hz, first.rows)
         )
-        if not self._lines:
+        if not self._followed:
             raise UsageError(
                 f"no line {s.line_m} at {frame_rate_hz:.2f} frames/s and harmonic {s.harmonic}",
                 "leave it out to follow the strongest",
             )
+        beside = (
+            line
+            for n in nominals
+            for line in candidate_lines(n, s.harmonic, frame_rate_hz, first.rows)
+            if self._near_zero(line, frame_rate_hz)
+        )
+        self._lines = tuple(dict.fromkeys((*self._followed, *beside)))
         self._ramps = templates(self._lines, frame_rate_hz, first.rows, self._finder.search_hz)
         return len(self._lines)
 
@@ -83,13 +95,19 @@ class StftTracker(SlidingTracker):
 
     def _judge(self, window: Window, blank: EnfEstimate) -> EnfEstimate:
         rate_hz = window.frame_rate_hz
-        lines = (self._chosen,) if self._chosen else self._lines
+        among = (self._chosen,) if self._chosen else self._followed
+        near_zero = any(self._near_zero(line, rate_hz) for line in among)
+        lines = self._lines if near_zero else among
         columns = {line: self._lines.index(line) for line in lines}
         found = fit_lines(
             self._finder, window.buffer, columns, window.start_s, window.end_s, rate_hz
         )
-        best = max(found, key=lambda fit: self._rank(fit, rate_hz))
-        reason = self._why_unusable(best, rate_hz)
+        judged = [
+            (self._why_unusable(fit, rate_hz) or self._why_another(fit, found, rate_hz), fit)
+            for fit in found
+            if fit.line in among
+        ]
+        reason, best = max(judged, key=lambda x: (not x[0], self._rank(x[1], rate_hz)))
         if reason:
             return dataclasses.replace(blank, snr_db=decibels(best.tone.snr), reason=reason)
         self._chosen = best.line
@@ -119,15 +137,35 @@ class StftTracker(SlidingTracker):
             return AT_EDGE
         if self._rows == 1 and near_zero and not self.settings.nominal_hz:
             return "alias near 0 Hz, where brightness drifts: give the nominal frequency"
-        alias_hz = fit.line.alias_hz(rate_hz)
-        if min(abs(alias_hz), abs(alias_hz + tone.offset_hz)) < ZERO_CELLS / self.settings.window_s:
-            return "alias too near 0 Hz, where the picture's texture hides it"
+        if self._too_near_zero(fit, rate_hz):
+            return TOO_NEAR
         if self._rows > 1 and near_zero and fit.one_sided < MIN_ONE_SIDED:
             return "a slow change of brightness near 0 Hz, not to be told from flicker there"
         limit_hz = self.settings.max_std_hz * 2.0 * self.settings.harmonic
         if tone.offset_var_hz2 > limit_hz**2:
             return "too uncertain"
         return ""
+
+    def _why_another(self, best: LineFit, found: list[LineFit], rate_hz: float) -> str:
+        """Say why a tone near 0 Hz isn't the flicker's first: all its lines have one alias.
+
+        Overtones and mirror images are in the band searched there, and on some ramps down the rows
+        they are stronger than the harmonic itself, but not on all of them.
+        """
+        if self._rows == 1 or not self._near_zero(best.line, rate_hz):
+            return ""
+        own = [x for x in found if x.line.nominal_hz == best.line.nominal_hz]
+        loudest = max(own, key=lambda fit: fit.tone.amplitude)
+        if self._too_near_zero(loudest, rate_hz):
+            return TOO_NEAR
+        apart_hz = abs(loudest.tone.offset_hz - best.tone.offset_hz)
+        return OVERTONE if apart_hz > 1.0 / self.settings.window_s else ""
+
+    def _too_near_zero(self, fit: LineFit, rate_hz: float) -> bool:
+        """Whether the tone, or the nominal frequency's own alias, is hidden by the texture."""
+        alias_hz = fit.line.alias_hz(rate_hz)
+        nearest_hz = min(abs(alias_hz), abs(alias_hz + fit.tone.offset_hz))
+        return nearest_hz < ZERO_CELLS / self.settings.window_s
 
     def _fill(self, blank: EnfEstimate, best: LineFit, window: Window) -> EnfEstimate:
         line, tone = best.line, best.tone

@@ -29,14 +29,6 @@ MOST_Z = 2.0
 MOST_RMS_HZ = 5e-3  # who states more than that is of no use, however honest
 # Where every method has what it needs, and may not refuse.
 CLEAR = (CELLS[0], CELLS[1], FOREIGN)
-# Known to be too sure of themselves there; to be mended, and struck out here.
-# Cells in which a method is known to be too sure, and how sure at most: it may not become worse.
-FAILING = {
-    ("stft", "23.976", 60.0, 0.38): (30.0, 0.05, "the alias, near 0 Hz, is mirrored"),
-    ("stft", "29.97", 60.0, 0.2): (8.0, 0.012, "the alias, near 0 Hz, is mirrored"),
-    ("projection", "30", 50.0, 0.38): (2.5, 1e-4, "harmonics are mirrored"),
-    ("projection", "60", 50.0, 0.38): (3.5, 1e-4, "harmonics are mirrored"),
-}
 SPLIT_HZ = 1e-9  # sums over blocks of another length are rounded otherwise
 
 
@@ -128,12 +120,7 @@ def test_it_declares_what_it_is(method: str) -> None:
 
 @pytest.mark.parametrize("cell", CELLS, ids=str)
 @pytest.mark.parametrize("method", METHODS)
-def test_it_is_within_its_own_errors(
-    method: str, cell: Cell, request: pytest.FixtureRequest
-) -> None:
-    if known := FAILING.get((method, *cell)):
-        check_accuracy(method, cell, *known[:2])
-        request.applymarker(pytest.mark.xfail(reason=known[2], raises=AssertionError, strict=True))
+def test_it_is_within_its_own_errors(method: str, cell: Cell) -> None:
     check_accuracy(method, cell)
 
 

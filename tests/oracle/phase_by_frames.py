@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.grid_prior import NODE_S, NODES_PER_S, phase_prior
+from rsenf.flicker.node_noise import ACROSS_HZ, ALONG_HZ, COLUMNS_HZ, GAIN_WINDOW, STEADY
 from rsenf.flicker.node_sums import Frames
 from rsenf.flicker.phase_fit import (
-    ACROSS_HZ,
-    ALONG_HZ,
-    COLUMNS_HZ,
-    GAIN_WINDOW,
+    FURTHER_SIZE,
+    HALVES,
     HARMONIC_SIZE,
     HARMONICS,
+    LOOK_AFTER,
     MAX_STEPS,
     NEARLY,
     NEARLY_RAD,
@@ -26,7 +25,6 @@ from rsenf.flicker.phase_fit import (
     RIDGE,
     SIGNIFICANT,
     STANDS_OUT,
-    STEADY,
     TAILS,
     PhaseFit,
 )
@@ -41,9 +39,9 @@ def fit_by_frames(frames: Frames, psi_rad: Float) -> PhaseFit:
     place = _Place(frames.t_s, psi_rad.size)
     coefficient = np.linalg.lstsq(prior, psi_rad, rcond=1e-9)[0]
     trust = np.ones(psi_rad.size)
-    orders = tuple(range(1, HARMONICS + 1))
+    orders: tuple[float, ...] = tuple(range(1, HARMONICS + 1))
     settled = False
-    for _ in range(MAX_STEPS):
+    for done in range(MAX_STEPS):
         psi = prior @ coefficient
         amplitude = _amplitudes(frames, place, psi, trust, orders)
         gradient, information, trust, gain = _likelihood(place, amplitude, trust)
@@ -56,11 +54,16 @@ def fit_by_frames(frames: Frames, psi_rad: Float) -> PhaseFit:
         coefficient = coefficient + step * min(1.0, 1.0 / max(largest, 1e-12))
         # How far the step goes, in standard errors all told, and in rad.
         far, farthest = float(shape @ (information * shape)), float(np.max(np.abs(shape)))
-        if far < (REST if settled else NEARLY) or farthest < (REST_RAD if settled else NEARLY_RAD):
-            if settled:
-                break
+        limits = (REST, REST_RAD) if settled else (NEARLY, NEARLY_RAD)
+        near = far < limits[0] or farthest < limits[1]
+        if settled and near:
+            break
+        if not settled and (near or done == LOOK_AFTER):
             settled = True
-            orders += _nuisances(place, amplitude)
+            more = _nuisances(place, amplitude)
+            orders += more
+            if set(more) & set(HALVES):
+                trust = np.ones(psi_rad.size)
     psi = prior @ coefficient
     over_second = (prior[NODES_PER_S:] - prior[:-NODES_PER_S]) / (2.0 * np.pi)
     solved = np.linalg.solve(precision, over_second.T)
@@ -72,7 +75,7 @@ def fit_by_frames(frames: Frames, psi_rad: Float) -> PhaseFit:
         information=information,
         gain=gain,
         t_s=frames.t_s,
-        deviation=_deviation(amplitude),
+        deviation=_deviation(frames, place, psi, amplitude),
     )
 
 
@@ -109,22 +112,22 @@ class _Amplitudes:
     weights: list[Float]
     turns: list[Complex]  # exp(j·k·φ) at the frames
     residual: Float  # (frames, columns)
+    phase: Float  # at the frames
+    orders: tuple[float, ...]
+    found: Float
 
 
 def _amplitudes(
-    frames: Frames, place: _Place, psi: Float, trust: Float, orders: tuple[int, ...]
+    frames: Frames, place: _Place, psi: Float, trust: Float, orders: tuple[float, ...]
 ) -> _Amplitudes:
-    first = np.exp(1j * (frames.carrier_rad + place.at_frames(psi)))
-    powers = list(accumulate([first] * max(orders), np.multiply))
-    turns = [powers[k - 1] for k in orders]
+    phase = frames.carrier_rad + place.at_frames(psi)
+    turns = [np.exp(1j * k * phase) for k in orders]
     weight = place.of_nodes(trust)
-    design = np.column_stack(
-        [np.ones(first.size)] + [part for turn in turns for part in (turn.real, turn.imag)]
-    )
+    design = _design(turns)
     weighted = design * weight[:, None]
     gram = weighted.T @ design
     ridge = np.repeat(
-        [RIDGE * first.size / size**2 for size in [HARMONIC_SIZE[k - 1] for k in orders]], 2
+        [RIDGE * phase.size / HARMONIC_SIZE.get(k, FURTHER_SIZE) ** 2 for k in orders], 2
     )
     gram.flat[:: len(gram) + 1] += np.concatenate([[0.0], ridge])
     found = np.linalg.solve(gram, weighted.T @ frames.columns)
@@ -134,18 +137,18 @@ def _amplitudes(
         raw = found[1 + 2 * k] - 1j * found[2 + 2 * k]
         noise = _noise(place.sums(residual * (weight * turn.conj())[:, None])) / weight.sum()
         noise = np.maximum(noise, 1e-6 * noise.max() + 1e-12)
-        doubt = SIGNIFICANT * 4.0 * noise / first.size
+        doubt = SIGNIFICANT * 4.0 * noise / phase.size
         shrink = np.maximum(0.0, 1.0 - doubt / np.maximum(np.abs(raw) ** 2, 1e-30))
         harmonic.append(raw * shrink)
         weights.append(1.0 / noise)
-    return _Amplitudes(harmonic, weights, turns, residual)
+    return _Amplitudes(harmonic, weights, turns, residual, phase, orders, found)
 
 
-def _nuisances(place: _Place, amplitude: _Amplitudes) -> tuple[int, ...]:
+def _nuisances(place: _Place, amplitude: _Amplitudes) -> tuple[float, ...]:
     """Further harmonics that stand out in some column."""
-    first, out = amplitude.turns[0], []
-    for k in range(HARMONICS + 1, NUISANCES + 1):
-        turn = first.conj()[:, None] ** k
+    out = []
+    for k in (*range(HARMONICS + 1, NUISANCES + 1), *HALVES):
+        turn = np.exp(-1j * k * amplitude.phase)[:, None]
         demodulated = amplitude.residual * turn
         power = np.abs(demodulated.sum(axis=0)) ** 2
         if np.any(power > STANDS_OUT * _noise(place.sums(demodulated))):
@@ -161,12 +164,24 @@ def _noise(series: Float | Complex, band_hz: tuple[float, float] = COLUMNS_HZ) -
     return np.asarray(np.median(power, axis=0) / np.log(2.0))
 
 
-def _deviation(amplitude: _Amplitudes) -> Complex:
+def _deviation(frames: Frames, place: _Place, psi: Float, amplitude: _Amplitudes) -> Complex:
+    """What the model leaves of the frames at the last phase, relative to the first harmonic."""
     weighted = amplitude.weights[0] * amplitude.harmonic[0].conj()
     power = float(np.sum(weighted * amplitude.harmonic[0]).real)
+    phase = frames.carrier_rad + place.at_frames(psi)
     if power <= 0.0:
-        return np.zeros(amplitude.residual.shape[0], np.complex128)
-    return np.asarray(2.0 * (amplitude.residual @ weighted) * amplitude.turns[0].conj() / power)
+        return np.zeros(phase.size, np.complex128)
+    left = (
+        frames.columns
+        - _design([np.exp(1j * k * phase) for k in amplitude.orders]) @ amplitude.found
+    )
+    return np.asarray(2.0 * (left @ weighted) * np.exp(-1j * phase) / power)
+
+
+def _design(turns: list[Complex]) -> Float:
+    """Waves at the frames: a constant, then cosine and sine of each order."""
+    parts = [part for turn in turns for part in (turn.real, turn.imag)]
+    return np.column_stack([np.ones(turns[0].size), *parts])
 
 
 def _gain(across: Float, expected: Float) -> Float:
