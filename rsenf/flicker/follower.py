@@ -125,12 +125,11 @@ class FlickerFollower:
     def _advance(self, *, final: bool) -> list[FlickerSecond]:
         """Look at every second that is full, then, at the end, at what is left."""
         out: list[FlickerSecond] = []
-        last_s = self._buffer.last_t_s
-        while self._reached + 1 <= last_s:
+        while self._reached + 1 <= self._buffer.last_t_s:
             self._reached += 1
             out += self._at(self._reached, final=False)
         if final:
-            out += self._at(int(last_s + 1.5 / self._rate_hz), final=True)
+            out += self._at(int(self._buffer.last_t_s + 1.5 / self._rate_hz), final=True)
         return out
 
     def _at(self, end: int, *, final: bool) -> list[FlickerSecond]:
@@ -178,6 +177,7 @@ class FlickerFollower:
             frame_number=self._buffer.numbers(part),
         )
         if self._lock is not None:
+            self._lock.settled_s = self._next
             second = self._lock.second(self._buffer, blank, end)
             if self._lock.failed >= GIVE_UP_S:
                 self._lock, self._why = None, second.reason
@@ -200,6 +200,7 @@ class FlickerFollower:
             self._why = found
             return
         lock = Lock(found, start, self._basis, self._rate_hz, self._min_snr, self._ramp)
+        lock.settled_s = self._next
         self._nominals, self._ramp, self._lock = (found.nominal_hz,), lock.ramp, lock
         lock.extend(self._buffer, start, end)
         first = int(self._buffer.first_t_s)

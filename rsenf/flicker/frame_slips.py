@@ -1,0 +1,141 @@
+"""Frames that were lost or shown twice without their time stamps telling.
+
+``s`` frames lost between two others turn the light's phase by ``s`` frame periods' worth from
+there on, and frames that are shown again turn it back: by hundreds of times a frame's own phase
+noise at most frame rates. So at every frame the phase of a few frames before is compared with
+that of a few after, by a generalised likelihood ratio (A. S. Willsky and H. L. Jones, "A
+generalized likelihood ratio approach to the detection and estimation of jumps in linear systems",
+IEEE Trans. Automatic Control 21, 1976) of the leap by ``s`` periods against none. Where a period
+holds a whole number of the flicker's, nothing leaps, and nothing is lost but the count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Frames before and after a place that are compared: few are enough where the flicker is strong.
+HALVES = (4, 16)
+MOST = 3  # frames lost or shown again at one place
+# Natural logarithm of the likelihood ratio that a slip takes. Noise reaches it with a chance of
+# e⁻³⁰ at each of a hundred thousand frames, slips and lengths an hour: 1e-8 an hour if Gaussian.
+LEAST_LOG_RATIO = 30.0
+# A leap by less than this is no more than the light's own shape may make of a lost frame (rad).
+LEAST_LEAP_RAD = 0.3
+# By which a leap may be off a whole number of periods: standard errors, and rad.
+OFF_STDS, OFF_RAD = 4.0, 0.1
+MOST_AT_ONCE = 20  # places in one stretch: more is no accident
+# What is left of a frame's distance from its neighbours, once it is taken for a copy of the last.
+STALE_RATIO = 0.25
+MIN_SIZE = 0.5  # of the flicker on both sides, relative to the window's
+# Two frames are equal where they differ by so little of the mean square by which others do.
+EQUAL_RATIO = 0.05
+LEAST_VAR = 1e-6  # of a frame's phasor: rounding, and what no model of the light says
+
+
+@dataclass(frozen=True)
+class FrameSlip:
+    """Frames lost, or shown again, at one place.
+
+    Attributes
+    ----------
+    frame_number : int
+        The first frame after the place, or the first that is shown again.
+    frames : int
+        How many are lost; negative for those shown again. Where ``k`` periods of the frames hold
+        nearly a whole number of the flicker's, it is known up to whole multiples of ``k`` only:
+        then frames that equal the one before were shown again, and the fewest are counted.
+    """
+
+    frame_number: int
+    frames: int
+
+
+def find_slips(
+    light: Complex, step_rad: float, equal: NDArray[np.bool_], first: int = 0
+) -> list[tuple[int, int]]:
+    """Find all places where frames slip, the likeliest first.
+
+    Parameters
+    ----------
+    light : ndarray of complex, shape (frames,)
+        Each frame's flicker relative to a smooth course of its phase, of size 1.
+    step_rad : float
+        By how much the light's phase turns in a frame period.
+    equal : ndarray of bool, shape (frames,)
+        Whether a frame is equal to the one before, as far as noise lets one tell.
+    first : int
+        First frame at which to look.
+
+    Returns
+    -------
+    list of tuple of int
+        The frame, and how many are lost before it; negative for those shown again.
+    """
+    slips = np.array([s for s in range(-MOST, MOST + 1) if s])
+    leap = np.angle(np.exp(1j * slips * step_rad))
+    told = np.abs(leap) > LEAST_LEAP_RAD
+    slips, leap = slips[told], leap[told]
+    if not slips.size or np.abs(np.diff(light)).max(initial=0.0) < LEAST_LEAP_RAD / 2.0:
+        return []
+    found: list[tuple[int, int]] = []
+    light = light.copy()
+    while len(found) < MOST_AT_ONCE:
+        one = _likeliest(light, slips, leap, equal, first)
+        if one is None:
+            break
+        found.append(one)
+        light[one[0] :] *= np.exp(-1j * one[1] * step_rad)
+    # A frame that is shown again in the place of the next: that one's light, where its own were.
+    again = light * np.exp(1j * step_rad)
+    beside = 0.5 * (light[2:] + light[:-2])
+    stale = np.abs(again[1:-1] - beside) < STALE_RATIO * np.abs(light[1:-1] - beside)
+    leaps = abs(np.exp(1j * step_rad) - 1.0) > LEAST_LEAP_RAD
+    in_place = 1 + np.flatnonzero(stale & equal[1:-1]) if leaps else np.empty(0, np.int64)
+    if in_place.size <= MOST_AT_ONCE:
+        for at in in_place[in_place >= first].tolist():
+            found += [(at, -1), (at + 1, 1)]
+    return found
+
+
+def _likeliest(
+    light: Complex, slips: NDArray[np.int64], leap: Float, equal: NDArray[np.bool_], first: int
+) -> tuple[int, int] | None:
+    """Find the likeliest slip, if any is likely enough."""
+    total = np.concatenate([[0.0], np.cumsum(light)])
+    own_var = float(np.median(np.abs(np.diff(light)) ** 2)) / (4.0 * np.log(2.0))
+    best, at, frames = LEAST_LOG_RATIO, -1, 0
+    for half in HALVES:
+        place = np.arange(half, light.size - half + 1)
+        if place.size == 0:
+            continue
+        before = (total[place] - total[place - half]) / half
+        after = (total[place + half] - total[place]) / half
+        apart = np.abs(after - before) ** 2
+        var = max(own_var, half * float(np.median(apart)) / (4.0 * np.log(2.0)), LEAST_VAR)
+        looked = (place >= first) & (np.minimum(np.abs(before), np.abs(after)) > MIN_SIZE)
+        before, after, place = before[looked], after[looked], place[looked]
+        if place.size == 0:
+            continue
+        off = np.abs(np.angle((after * before.conj())[:, None] * np.exp(-1j * leap)))
+        slack = OFF_RAD + OFF_STDS * np.sqrt(2.0 * var / half)
+        ahead = np.abs(before[:, None] + after[:, None] * np.exp(-1j * leap))
+        gain = np.where(off <= slack, ahead - np.abs(before + after)[:, None], 0.0) * half / var
+        i, j = np.unravel_index(int(gain.argmax()), gain.shape)
+        if gain[i, j] > best:
+            best, at = float(gain[i, j]), int(place[i])
+            nearly = slips[off[i] <= off[i].min() + slack].tolist()
+            frames = min(nearly, key=lambda s: ((s < 0) != bool(equal[at]), abs(s)))
+    return (at, frames) if frames else None
+
+
+def are_equal(columns: Float) -> NDArray[np.bool_]:
+    """Whether each frame's profile is equal to the last frame's, shape (frames,)."""
+    apart = np.sum(np.diff(columns, axis=0) ** 2, axis=1)
+    usual = float(np.median(apart)) if apart.size else 0.0
+    return np.concatenate([[False], apart < EQUAL_RATIO * usual])
