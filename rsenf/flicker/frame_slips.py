@@ -28,13 +28,13 @@ LEAST_LOG_RATIO = 30.0
 # A leap by less than this is no more than the light's own shape may make of a lost frame (rad).
 LEAST_LEAP_RAD = 0.3
 # By which a leap may be off a whole number of periods: standard errors, and rad.
-OFF_STDS, OFF_RAD = 4.0, 0.1
+OFF_STDS, OFF_RAD = 4.0, 0.2
 MOST_AT_ONCE = 20  # places in one stretch: more is no accident
 # What is left of a frame's distance from its neighbours, once it is taken for a copy of the last.
-STALE_RATIO = 0.25
+STALE_RATIO = 0.6
 MIN_SIZE = 0.5  # of the flicker on both sides, relative to the window's
-# Two frames are equal where they differ by so little of the mean square by which others do.
-EQUAL_RATIO = 0.05
+# Two frames are equal where they differ by so little of the mean square that noise accounts for.
+EQUAL_RATIO = 0.2
 LEAST_VAR = 1e-6  # of a frame's phasor: rounding, and what no model of the light says
 
 
@@ -57,9 +57,9 @@ class FrameSlip:
 
 
 def find_slips(
-    light: Complex, step_rad: float, equal: NDArray[np.bool_], first: int = 0
+    light: Complex, step_rad: float, equal: NDArray[np.bool_], first: int = 0, apart: int = 1
 ) -> list[tuple[int, int]]:
-    """Find all places where frames slip, the likeliest first.
+    """Find all places where frames slip, in order.
 
     Parameters
     ----------
@@ -68,9 +68,11 @@ def find_slips(
     step_rad : float
         By how much the light's phase turns in a frame period.
     equal : ndarray of bool, shape (frames,)
-        Whether a frame is equal to the one before, as far as noise lets one tell.
+        Whether a frame is equal to the one before, noise and all.
     first : int
         First frame at which to look.
+    apart : int
+        Least number of frames from one place to another.
 
     Returns
     -------
@@ -84,27 +86,31 @@ def find_slips(
     if not slips.size or np.abs(np.diff(light)).max(initial=0.0) < LEAST_LEAP_RAD / 2.0:
         return []
     found: list[tuple[int, int]] = []
-    light = light.copy()
+    light, free = light.copy(), np.arange(light.size) >= first
     while len(found) < MOST_AT_ONCE:
-        one = _likeliest(light, slips, leap, equal, first)
+        one = _likeliest(light, slips, leap, equal, free)
         if one is None:
             break
         found.append(one)
         light[one[0] :] *= np.exp(-1j * one[1] * step_rad)
-    # A frame that is shown again in the place of the next: that one's light, where its own were.
-    again = light * np.exp(1j * step_rad)
-    beside = 0.5 * (light[2:] + light[:-2])
-    stale = np.abs(again[1:-1] - beside) < STALE_RATIO * np.abs(light[1:-1] - beside)
-    leaps = abs(np.exp(1j * step_rad) - 1.0) > LEAST_LEAP_RAD
-    in_place = 1 + np.flatnonzero(stale & equal[1:-1]) if leaps else np.empty(0, np.int64)
-    if in_place.size <= MOST_AT_ONCE:
-        for at in in_place[in_place >= first].tolist():
+        free[max(one[0] + 1 - apart, 0) : one[0] + apart] = False
+    if np.abs(leap[slips == 1]).size:
+        for at in _in_place(light, step_rad, equal & free):
             found += [(at, -1), (at + 1, 1)]
-    return found
+    return sorted(found)
+
+
+def _in_place(light: Complex, step_rad: float, equal: NDArray[np.bool_]) -> list[int]:
+    """Find frames that are shown again in the place of the next: they show the last one's light."""
+    beside = 0.5 * (light[2:] + light[:-2])
+    own, again = light[1:-1] - beside, light[1:-1] * np.exp(1j * step_rad) - beside
+    found = 1 + np.flatnonzero(equal[1:-1] & (np.abs(again) < STALE_RATIO * np.abs(own)))
+    return found.tolist() if found.size <= MOST_AT_ONCE else []
 
 
 def _likeliest(
-    light: Complex, slips: NDArray[np.int64], leap: Float, equal: NDArray[np.bool_], first: int
+    light: Complex, slips: NDArray[np.int64], leap: Float, equal: NDArray[np.bool_],
+    free: NDArray[np.bool_],
 ) -> tuple[int, int] | None:
     """Find the likeliest slip, if any is likely enough."""
     total = np.concatenate([[0.0], np.cumsum(light)])
@@ -118,7 +124,7 @@ def _likeliest(
         after = (total[place + half] - total[place]) / half
         apart = np.abs(after - before) ** 2
         var = max(own_var, half * float(np.median(apart)) / (4.0 * np.log(2.0)), LEAST_VAR)
-        looked = (place >= first) & (np.minimum(np.abs(before), np.abs(after)) > MIN_SIZE)
+        looked = np.append(free, False)[place] & (np.minimum(np.abs(before), np.abs(after)) > MIN_SIZE)
         before, after, place = before[looked], after[looked], place[looked]
         if place.size == 0:
             continue
@@ -128,14 +134,42 @@ def _likeliest(
         gain = np.where(off <= slack, ahead - np.abs(before + after)[:, None], 0.0) * half / var
         i, j = np.unravel_index(int(gain.argmax()), gain.shape)
         if gain[i, j] > best:
-            best, at = float(gain[i, j]), int(place[i])
+            best, at = float(gain[i, j]), _placed(total, int(place[i]), float(leap[j]))
             nearly = slips[off[i] <= off[i].min() + slack].tolist()
             frames = min(nearly, key=lambda s: ((s < 0) != bool(equal[at]), abs(s)))
     return (at, frames) if frames else None
 
 
-def are_equal(columns: Float) -> NDArray[np.bool_]:
-    """Whether each frame's profile is equal to the last frame's, shape (frames,)."""
+def _placed(total: Complex, at: int, leap: float) -> int:
+    """Return where a leap near a place is, by the few frames around."""
+    half, reach = HALVES[0], HALVES[-1]
+    place = np.arange(max(at - reach, half), min(at + reach, total.size - 1 - half) + 1)
+    before, after = total[place] - total[place - half], total[place + half] - total[place]
+    gain = np.abs(before + after * np.exp(-1j * leap)) - np.abs(before + after)
+    return int(place[gain.argmax()])
+
+
+def are_equal(columns: Float, noise_var: Float) -> NDArray[np.bool_]:
+    """Whether each frame is equal to the one before, noise and all, shape (frames,).
+
+    Parameters
+    ----------
+    columns : ndarray, shape (frames, columns)
+        Reduced profiles.
+    noise_var : ndarray, shape (columns,)
+        Of a frame's noise in each.
+    """
     apart = np.sum(np.diff(columns, axis=0) ** 2, axis=1)
-    usual = float(np.median(apart)) if apart.size else 0.0
-    return np.concatenate([[False], apart < EQUAL_RATIO * usual])
+    return np.concatenate([[False], apart < EQUAL_RATIO * 2.0 * np.sum(noise_var)])
+
+
+def late_s(slips: list[tuple[int, int]], frames: int, period_s: float) -> Float:
+    """By how much frames are later than time stamps say, shape (frames,).
+
+    Frames that are shown again are each as old as the one before them.
+    """
+    late = np.zeros(frames)
+    for at, lost in slips:
+        for k in range(abs(lost)):
+            late[at + (k if lost < 0 else 0) :] += period_s if lost > 0 else -period_s
+    return late

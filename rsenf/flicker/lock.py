@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found, stands_out, strongest
-from rsenf.flicker.frame_slips import FrameSlip, are_equal, find_slips
+from rsenf.flicker.frame_slips import FrameSlip, are_equal, find_slips, late_s
 from rsenf.flicker.grid_prior import NODES_PER_S
 from rsenf.flicker.node_sums import Frames, at_frames
 from rsenf.flicker.phase_fit import PhaseFit, fit_phase
@@ -50,7 +50,8 @@ UNSETTLED, MIN_GAIN = 4.0, 0.6
 # unless it is small (Hz).
 LEAST_SURE, SURE_STD_HZ = 3.0, 1e-3
 END_S = 5
-MOST_ROUNDS = 3  # of undoing what frames slipped, and fitting again
+# Least frames between places where frames slip: first the phase is bent where one does.
+APART = (32, 1, 1, 1)
 
 
 class Lock:
@@ -102,27 +103,32 @@ class Lock:
         return fit
 
     def _fitted(self, buffer: SlowTime, start: int, end: int, guess_rad: Float) -> PhaseFit | None:
-        """Fit the phase near a guess, and undo what frames slipped, until none do."""
-        for _ in range(MOST_ROUNDS):
-            t_s, columns = frames_of(buffer, start, end)
-            if t_s.size <= (end - start) / 2:
-                return None
-            carrier = 4.0 * np.pi * self.nominal_hz * t_s
-            fit = fit_phase(Frames(t_s - start, carrier, columns), guess_rad)
-            part = buffer.between(start, end)
-            period_s, usable = buffer.period_s(part), buffer.usable(part)
+        """Fit the phase near a guess; find the frames that slip, until both go together."""
+        t_s, columns = frames_of(buffer, start, end)
+        if t_s.size <= (end - start) / 2:
+            return None
+        part = buffer.between(start, end)
+        period_s, first = buffer.period_s(part), int(t_s.searchsorted(self.settled_s))
+        slips: list[tuple[int, int]] = []
+        nearer_rad = guess_rad  # it may bend; what light is compared with must not
+        for apart in APART:
+            late = late_s(slips, t_s.size, period_s)
+            carrier = 4.0 * np.pi * self.nominal_hz * (t_s + late)
+            fit = fit_phase(Frames(t_s + late - start, carrier, columns), nearer_rad)
             ahead = at_frames(fit.t_s, fit.psi_rad) - at_frames(fit.t_s, guess_rad)
             light = (1.0 + fit.deviation) * turning(ahead)
-            step_rad = 2.0 * np.pi * _mean_f0_hz(self.nominal_hz, fit) * period_s
-            first = int(t_s.searchsorted(self.settled_s))
-            slips = find_slips(light, step_rad, are_equal(columns), first)
-            if not slips:
-                return fit
-            numbers = buffer.numbers(part)[usable]
-            for at, frames in slips:
-                buffer.slip(FrameSlip(int(numbers[at]), frames), period_s)
-                light[at:] *= np.exp(-1j * frames * step_rad)
-            guess_rad = guess_rad + _at_nodes(fit.t_s, light, guess_rad.size)
+            turn_rad_s = 2.0 * np.pi * _mean_f0_hz(self.nominal_hz, fit)
+            seen = light * turning(turn_rad_s * late)
+            equal = are_equal(columns, 1.0 / fit.weights)
+            found = find_slips(seen, turn_rad_s * period_s, equal, first, apart)
+            if found == slips:
+                break
+            slips = found
+            light = seen * turning(-turn_rad_s * late_s(slips, t_s.size, period_s))
+            nearer_rad = guess_rad + _at_nodes(t_s - start, light, guess_rad.size)
+        numbers = buffer.numbers(part)[buffer.usable(part)]
+        for at, frames in slips:
+            buffer.slip(FrameSlip(int(numbers[at]), frames), period_s)
         return fit
 
     def second(self, buffer: SlowTime, blank: FlickerSecond, end: int) -> FlickerSecond:
