@@ -11,6 +11,7 @@ holds a whole number of the flicker's, nothing leaps, and nothing is lost but th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,12 +30,15 @@ LEAST_LOG_RATIO = 30.0
 LEAST_LEAP_RAD = 0.3
 # By which a leap may be off a whole number of periods: standard errors, and rad.
 OFF_STDS, OFF_RAD = 4.0, 0.2
-MOST_AT_ONCE = 20  # places in one stretch: more is no accident
+MOST_AT_ONCE = 8  # places in one stretch: more is no accident
 # What is left of a frame's distance from its neighbours, once it is taken for a copy of the last.
 STALE_RATIO = 0.6
-MIN_SIZE = 0.5  # of the flicker on both sides, relative to the window's
+# Size of the flicker on both sides, relative to the stretch's, and share of the stretch in which it
+# has to be so: where light comes and goes, its phase is anything.
+SIZES, STEADY_RATIO = (0.5, 1.6), 0.8
 # Two frames are equal where they differ by so little of the mean square that noise accounts for.
 EQUAL_RATIO = 0.2
+NAMED = 12  # places that are named in words
 LEAST_VAR = 1e-6  # of a frame's phasor: rounding, and what no model of the light says
 
 
@@ -85,6 +89,10 @@ def find_slips(
     slips, leap = slips[told], leap[told]
     if not slips.size or np.abs(np.diff(light)).max(initial=0.0) < LEAST_LEAP_RAD / 2.0:
         return []
+    half = HALVES[-1]
+    sizes = np.abs(light[: light.size // half * half].reshape(-1, half).mean(axis=1))
+    if not np.mean(_is_usual(sizes)) >= STEADY_RATIO:
+        return []
     found: list[tuple[int, int]] = []
     light, free = light.copy(), np.arange(light.size) >= first
     while len(found) < MOST_AT_ONCE:
@@ -94,22 +102,29 @@ def find_slips(
         found.append(one)
         light[one[0] :] *= np.exp(-1j * one[1] * step_rad)
         free[max(one[0] + 1 - apart, 0) : one[0] + apart] = False
-    if np.abs(leap[slips == 1]).size:
-        for at in _in_place(light, step_rad, equal & free):
-            found += [(at, -1), (at + 1, 1)]
-    return sorted(found)
+    in_place = _in_place(light, step_rad, equal & free) if 1 in slips else []
+    if len(found) + len(in_place) > MOST_AT_ONCE:
+        return []
+    return sorted([*found, *((at + k, (-1, 1)[k]) for at in in_place for k in (0, 1))])
+
+
+def _is_usual(size: Float) -> NDArray[np.bool_]:
+    return (size > SIZES[0]) & (size < SIZES[1])
 
 
 def _in_place(light: Complex, step_rad: float, equal: NDArray[np.bool_]) -> list[int]:
     """Find frames that are shown again in the place of the next: they show the last one's light."""
     beside = 0.5 * (light[2:] + light[:-2])
     own, again = light[1:-1] - beside, light[1:-1] * np.exp(1j * step_rad) - beside
-    found = 1 + np.flatnonzero(equal[1:-1] & (np.abs(again) < STALE_RATIO * np.abs(own)))
-    return found.tolist() if found.size <= MOST_AT_ONCE else []
+    stale = (np.abs(again) < STALE_RATIO * np.abs(own)) & _is_usual(np.abs(beside))
+    return list((1 + np.flatnonzero(equal[1:-1] & stale)).tolist())
 
 
 def _likeliest(
-    light: Complex, slips: NDArray[np.int64], leap: Float, equal: NDArray[np.bool_],
+    light: Complex,
+    slips: NDArray[np.int64],
+    leap: Float,
+    equal: NDArray[np.bool_],
     free: NDArray[np.bool_],
 ) -> tuple[int, int] | None:
     """Find the likeliest slip, if any is likely enough."""
@@ -124,7 +139,9 @@ def _likeliest(
         after = (total[place + half] - total[place]) / half
         apart = np.abs(after - before) ** 2
         var = max(own_var, half * float(np.median(apart)) / (4.0 * np.log(2.0)), LEAST_VAR)
-        looked = np.append(free, False)[place] & (np.minimum(np.abs(before), np.abs(after)) > MIN_SIZE)
+        looked = (
+            np.append(free, False)[place] & _is_usual(np.abs(before)) & _is_usual(np.abs(after))
+        )
         before, after, place = before[looked], after[looked], place[looked]
         if place.size == 0:
             continue
@@ -173,3 +190,34 @@ def late_s(slips: list[tuple[int, int]], frames: int, period_s: float) -> Float:
         for k in range(abs(lost)):
             late[at + (k if lost < 0 else 0) :] += period_s if lost > 0 else -period_s
     return late
+
+
+def slip_words(slips: Sequence[FrameSlip], camera_hz: float | None = None) -> list[str]:
+    """Say to a reader what was undone.
+
+    Parameters
+    ----------
+    slips : sequence of FrameSlip
+    camera_hz : float, optional
+        Rate from which the recording was converted, if it was.
+    """
+    out = []
+    if camera_hz:
+        out.append(
+            f"frames were dropped or doubled to convert the rate from {camera_hz:.6g} frames/s: "
+            "what is said is of the original"
+        )
+    for sign, what in ((1, "lost before"), (-1, "shown again at")):
+        own = sorted((s for s in slips if s.frames * sign > 0), key=lambda s: s.frame_number)
+        if own:
+            places = [
+                f"{s.frame_number}" + (f" ({abs(s.frames)})" if abs(s.frames) > 1 else "")
+                for s in own[:NAMED]
+            ]
+            more = ", …" if len(own) > NAMED else ""
+            count = sum(abs(s.frames) for s in own)
+            out.append(
+                f"frames {what} frame {', '.join(places)}{more}, {count} in all, though the time "
+                "stamps are silent: by the light's phase; bridged"
+            )
+    return out

@@ -110,6 +110,7 @@ class Lock:
         part = buffer.between(start, end)
         period_s, first = buffer.period_s(part), int(t_s.searchsorted(self.settled_s))
         slips: list[tuple[int, int]] = []
+        unlike: PhaseFit | None = None  # as if nothing slipped
         nearer_rad = guess_rad  # it may bend; what light is compared with must not
         for apart in APART:
             late = late_s(slips, t_s.size, period_s)
@@ -123,21 +124,30 @@ class Lock:
             found = find_slips(seen, turn_rad_s * period_s, equal, first, apart)
             if found == slips:
                 break
-            slips = found
+            slips, unlike = found, unlike or fit
             light = seen * turning(-turn_rad_s * late_s(slips, t_s.size, period_s))
             nearer_rad = guess_rad + _at_nodes(t_s - start, light, guess_rad.size)
+        else:
+            return unlike
         numbers = buffer.numbers(part)[buffer.usable(part)]
         for at, frames in slips:
             buffer.slip(FrameSlip(int(numbers[at]), frames), period_s)
         return fit
 
-    def second(self, buffer: SlowTime, blank: FlickerSecond, end: int) -> FlickerSecond:
-        """Fill in one second, by the window around it, of the frames before second ``end``."""
-        index, first = blank.index, int(buffer.first_t_s)
-        start = max(min(index + 1 + AHEAD_S, end) - WINDOW_S, first)
+    def around(self, buffer: SlowTime, index: int, end: int) -> tuple[int, int, PhaseFit | None]:
+        """Fit the window around one second, of the frames before second ``end``.
+
+        Its start and stop, and the fit. What frames slip in it is undone.
+        """
+        start = max(min(index + 1 + AHEAD_S, end) - WINDOW_S, int(buffer.first_t_s))
         stop = min(start + WINDOW_S, end)
         # After a long gap, what is left of the buffer may begin where the window ends, or later.
-        fit = self.extend(buffer, start, stop) if stop - start >= SHORT_S else None
+        return start, stop, self.extend(buffer, start, stop) if stop - start >= SHORT_S else None
+
+    def second(self, buffer: SlowTime, blank: FlickerSecond, end: int) -> FlickerSecond:
+        """Fill in one second, by the window around it, of the frames before second ``end``."""
+        index = blank.index
+        start, stop, fit = self.around(buffer, index, end)
         blank = dataclasses.replace(blank, nominal_hz=self.nominal_hz, turns=self.turns)
         if fit is None:
             return dataclasses.replace(blank, reason=TOO_FEW)

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from numpy.typing import NDArray
 
 from rsenf.flicker.frame_slips import FrameSlip
+from rsenf.flicker.rate_conversion import Conversion
 from rsenf.messages import RowBlock
 from rsenf.timebase import NS_PER_S
 
@@ -31,12 +32,15 @@ class SlowTime:
     ----------
     slips : list of FrameSlip
         Frames lost or shown again that time stamps didn't tell of, in the order of their finding.
+    conversion : Conversion, optional
+        How the stream was converted from another frame rate.
     """
 
     def __init__(self, lines: int, origin_ns: int, dtype: npt.DTypeLike = np.complex128) -> None:
         self.origin_ns = origin_ns
         self._start, self._stop = 0, 0
         self.slips: list[FrameSlip] = []
+        self.conversion: Conversion | None = None
         self._slipped_s = 0.0  # by all of them
         self._t_s, self._stamp_s, self._late_s = np.empty((3, 1024))
         self._number = np.empty(1024, np.int64)
@@ -54,6 +58,8 @@ class SlowTime:
         self._usable[new] = block.usable
         self._value[new] = value
         self._stop = new.stop
+        if self.conversion is not None:
+            self._undo(self.conversion, new)
 
     def _make_room(self, frames: int) -> None:
         if self._stop + frames <= self._t_s.size:
@@ -120,8 +126,23 @@ class SlowTime:
         """Share of the frames whose rows are usable."""
         return float(np.mean(self._usable[part])) if part.stop > part.start else 0.0
 
+    def convert(self, conversion: Conversion) -> None:
+        """Go by the times at which frames were taken from now on, and use each of them once."""
+        self.conversion = conversion
+        self._undo(conversion, slice(self._start, self._stop))
+
+    def _undo(self, conversion: Conversion, part: slice) -> None:
+        stamp_s = self._stamp_s[part]
+        frame = np.floor(conversion.source_frames(stamp_s))
+        before = conversion.source_frames(stamp_s - 1.0 / conversion.shown_hz)
+        self._usable[part] &= (frame > np.floor(before)) & ~conversion.unsure(stamp_s)
+        self._stamp_s[part] = frame / conversion.source_hz
+        self._t_s[part] = self._stamp_s[part] + self._late_s[part]
+
     def period_s(self, part: slice) -> float:
         """Time from frame to frame by time stamps; frames that never came count as well."""
+        if self.conversion is not None:
+            return 1.0 / self.conversion.source_hz
         t, n = self._stamp_s[part], self._number[part]
         return float((t[-1] - t[0]) / (n[-1] - n[0]))
 
