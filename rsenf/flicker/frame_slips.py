@@ -30,6 +30,8 @@ LEAST_LOG_RATIO = 30.0
 LEAST_LEAP_RAD = 0.3
 # By which a leap may be off a whole number of periods: standard errors, and rad.
 OFF_STDS, OFF_RAD = 4.0, 0.2
+# Variance beyond which a single frame says nothing: coding weakly repeats what it likes.
+CLEAR_VAR = 0.01
 MOST_AT_ONCE = 8  # places in one stretch: more is no accident
 # What is left of a frame's distance from its neighbours, once it is taken for a copy of the last.
 STALE_RATIO = 0.6
@@ -114,6 +116,8 @@ def _is_usual(size: Float) -> NDArray[np.bool_]:
 
 def _in_place(light: Complex, step_rad: float, equal: NDArray[np.bool_]) -> list[int]:
     """Find frames that are shown again in the place of the next: they show the last one's light."""
+    if _own_var(light) > CLEAR_VAR:
+        return []
     beside = 0.5 * (light[2:] + light[:-2])
     own, again = light[1:-1] - beside, light[1:-1] * np.exp(1j * step_rad) - beside
     stale = (np.abs(again) < STALE_RATIO * np.abs(own)) & _is_usual(np.abs(beside))
@@ -129,7 +133,7 @@ def _likeliest(
 ) -> tuple[int, int] | None:
     """Find the likeliest slip, if any is likely enough."""
     total = np.concatenate([[0.0], np.cumsum(light)])
-    own_var = float(np.median(np.abs(np.diff(light)) ** 2)) / (4.0 * np.log(2.0))
+    own_var = _own_var(light)
     best, at, frames = LEAST_LOG_RATIO, -1, 0
     for half in HALVES:
         place = np.arange(half, light.size - half + 1)
@@ -155,6 +159,11 @@ def _likeliest(
             nearly = slips[off[i] <= off[i].min() + slack].tolist()
             frames = min(nearly, key=lambda s: ((s < 0) != bool(equal[at]), abs(s)))
     return (at, frames) if frames else None
+
+
+def _own_var(light: Complex) -> float:
+    """Variance of a frame's real part, or imaginary part, by how it differs from the next."""
+    return float(np.median(np.abs(np.diff(light)) ** 2)) / (4.0 * np.log(2.0))
 
 
 def _placed(total: Complex, at: int, leap: float) -> int:
