@@ -93,6 +93,10 @@ class IdleResult(Result):
         Share of each frame in which nothing is read, its standard error and 95 % interval.
     read_out_time_s, read_out_time_std_s : float or None
     direction : {'forward', 'reverse'} or None
+    converted : bool
+        Whether frames were dropped or doubled to give another rate than ``frame_rate_hz``.
+    slips : int
+        Places where frames are lost or shown again while the time stamps are silent.
     reason : str or None
         Why no value is given.
     warnings : list of str
@@ -110,6 +114,8 @@ class IdleResult(Result):
     direction: str | None
     frame_rate_hz: float | None
     nominal_hz: float | None
+    converted: bool
+    slips: int
     reason: str | None
     warnings: list[str]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import Counter
 from dataclasses import dataclass
@@ -21,6 +22,8 @@ from rsenf.api.shared import (
     table,
     track_settings,
 )
+from rsenf.flicker.frame_slips import FrameSlip, slip_words
+from rsenf.messages import EnfEstimate
 from rsenf.report.verdict import number
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import Analysis, analyse
@@ -112,6 +115,11 @@ class TrackResult(Result):
         Why a value isn't usable; '' where it is.
     epoch : ndarray of int
         Stretch of a source that restarted.
+    slips : list of FrameSlip
+        Frames lost or shown again while the time stamps are silent; the ENF takes account of them,
+        and seconds are of the time that has passed.
+    camera_hz : float or None
+        Rate from which the recording was converted by dropping or doubling frames, if it was.
     warnings : list of str
     """
 
@@ -122,11 +130,14 @@ class TrackResult(Result):
     usable: NDArray[np.bool_]
     reason: NDArray[np.str_]
     epoch: NDArray[np.int64]
+    slips: list[FrameSlip]
+    camera_hz: float | None
     warnings: list[str]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return ``estimates``, the lines of ``rsenf track --json``, and ``warnings``."""
+        """Return ``estimates``, the lines of ``rsenf track --json``, and what is said of all."""
         columns = (getattr(self, name).tolist() for name in COLUMNS)
+        slips = (_slips(estimate) for estimate in self.analysis.estimates)
         return {
             "estimates": [
                 {
@@ -137,9 +148,14 @@ class TrackResult(Result):
                     "usable": usable,
                     "reason": reason,
                     "epoch": epoch,
+                    "slips": [dataclasses.asdict(slip) for slip in own],
                 }
-                for t_s, enf_hz, std_hz, snr_db, usable, reason, epoch in zip(*columns, strict=True)
+                for t_s, enf_hz, std_hz, snr_db, usable, reason, epoch, own in zip(
+                    *columns, slips, strict=True
+                )
             ],
+            "slips": [dataclasses.asdict(slip) for slip in self.slips],
+            "camera_hz": self.camera_hz,
             "warnings": self.warnings,
         }
 
@@ -184,6 +200,8 @@ class TrackResult(Result):
 def track_result(name: str, analysis: Analysis) -> TrackResult:
     """Return the estimates of an analysis as arrays."""
     estimates = analysis.estimates
+    slips = [slip for estimate in estimates for slip in _slips(estimate)]
+    camera_hz = next((e.frame_rate_hz for e in estimates if e.converted), None)
 
     def column(values: list[Any], dtype: Any = np.float64) -> NDArray[Any]:
         return read_only(np.array(values, dtype))
@@ -200,5 +218,12 @@ def track_result(name: str, analysis: Analysis) -> TrackResult:
         usable=column([e.usable for e in estimates], np.bool_),
         reason=column([e.reason for e in estimates], np.str_),
         epoch=column([e.header.epoch for e in estimates], np.int64),
-        warnings=list(analysis.warnings),
+        slips=slips,
+        camera_hz=camera_hz,
+        warnings=[*analysis.warnings, *slip_words(slips, camera_hz)],
     )
+
+
+def _slips(estimate: EnfEstimate) -> list[FrameSlip]:
+    pairs = zip(estimate.slip_frame.tolist(), estimate.slip_frames.tolist(), strict=True)
+    return [FrameSlip(number, frames) for number, frames in pairs]

@@ -25,6 +25,7 @@ from rsenf.api.shared import (
 )
 from rsenf.api.track import TrackResult, track_result
 from rsenf.errors import InputError, UsageError
+from rsenf.flicker.frame_slips import slip_words
 from rsenf.idle import IdleSettings
 from rsenf.match.against import Against, match_against
 from rsenf.match.jumps import without_jumps
@@ -204,7 +205,9 @@ def _warnings(analysis: Analysis, references: Sequence[Opened]) -> list[str]:
     notes = [
         f"{r.grid}: {line}" if len(references) > 1 else line for r in references for line in r.notes
     ]
-    return [*analysis.result.warnings, *analysis.warnings, *notes]
+    enf = track_result("", analysis)
+    slipped = slip_words(enf.slips, enf.camera_hz)
+    return [*analysis.result.warnings, *analysis.warnings, *slipped, *notes]
 
 
 def _check_lengths(source: Input, clip_s: float, references: Sequence[Opened]) -> None:

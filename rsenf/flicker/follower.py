@@ -11,7 +11,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, acquire
+from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, Found, acquire
 from rsenf.flicker.lock import (
     AHEAD_S,
     SHORT_S,
@@ -22,11 +22,14 @@ from rsenf.flicker.lock import (
     frames_of,
 )
 from rsenf.flicker.profile import ProfileBasis
+from rsenf.flicker.rate_conversion import find_conversion
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.flicker.still import EVERY_S, SHORTEST_S, SPAN_S, StillFlicker, may_stand_still
 from rsenf.messages import RowBlock
 from rsenf.timebase import nanoseconds
+
+Float = NDArray[np.float64]
 
 NOMINALS_HZ = (50.0, 60.0)
 HARMONICS = 3
@@ -66,6 +69,7 @@ class FlickerFollower:
         self._still_until = 0  # second up to which its phase is known
         self._ramp: NDArray[np.complex128] | None = None
         self._why = NO_FLICKER
+        self._try_again = 0  # second from which on a converted frame rate is looked for again
 
     def update(self, block: RowBlock) -> list[FlickerSecond]:
         """Take a block of rows; return the seconds that it completes."""
@@ -125,12 +129,11 @@ class FlickerFollower:
     def _advance(self, *, final: bool) -> list[FlickerSecond]:
         """Look at every second that is full, then, at the end, at what is left."""
         out: list[FlickerSecond] = []
-        last_s = self._buffer.last_t_s
-        while self._reached + 1 <= last_s:
+        while self._reached + 1 <= self._buffer.last_t_s:
             self._reached += 1
             out += self._at(self._reached, final=False)
         if final:
-            out += self._at(int(last_s + 1.5 / self._rate_hz), final=True)
+            out += self._at(int(self._buffer.last_t_s + 1.5 / self._rate_hz), final=True)
         return out
 
     def _at(self, end: int, *, final: bool) -> list[FlickerSecond]:
@@ -168,43 +171,78 @@ class FlickerFollower:
                 self._why = self._still.why
 
     def _second(self, index: int, end: int) -> FlickerSecond:
+        if self._lock is not None:
+            self._lock.settled_s = self._next
+            self._lock.around(self._buffer, index, end)  # which frames are this second's
+            second = self._lock.second(self._buffer, self._blank(index), end)
+            if self._lock.failed >= GIVE_UP_S:
+                self._lock, self._why = None, second.reason
+            return second
+        blank, part = self._blank(index), self._buffer.between(index, index + 1)
+        if self._still is not None and index < self._still_until:
+            return self._still.second(blank, self._buffer.times(part))
+        return blank
+
+    def _blank(self, index: int) -> FlickerSecond:
         part = self._buffer.between(index, index + 1)
-        blank = FlickerSecond(
+        numbers = self._buffer.numbers(part)
+        own = set(numbers.tolist())
+        return FlickerSecond(
             index=index,
             start_s=float(index),
             end_s=index + 1.0,
             reason=self._why,
             frame_rate_hz=self._rate_hz,
-            frame_number=self._buffer.numbers(part),
+            converted=self._buffer.conversion is not None,
+            slips=tuple(slip for slip in self._buffer.slips if slip.frame_number in own),
+            frame_number=numbers,
         )
-        if self._lock is not None:
-            second = self._lock.second(self._buffer, blank, end)
-            if self._lock.failed >= GIVE_UP_S:
-                self._lock, self._why = None, second.reason
-            return second
-        if self._still is not None and index < self._still_until:
-            return self._still.second(blank, self._buffer.times(part))
-        return blank
 
     def _look(self, start: int, end: int) -> None:
         """Look for flicker, and go back along it to the first second that isn't out yet."""
         assert self._basis is not None
         t_s, columns = frames_of(self._buffer, start, end)
-        if t_s.size < MIN_FILL_RATIO * self._rate_hz * (end - start):
+        if t_s.size < MIN_FILL_RATIO * self._shown_hz * (end - start):
             self._why = TOO_FEW
             return
-        found = acquire(
+        found = self._converted(t_s, columns, start, end) or acquire(
             self._nominals, self._basis, t_s, columns, self._rate_hz, (start, end), self._min_snr
         )
         if isinstance(found, str):
             self._why = found
             return
-        lock = Lock(found, start, self._basis, self._rate_hz, self._min_snr, self._ramp)
+        lock = Lock(found, start, self._basis, self._shown_hz, self._min_snr, self._ramp)
+        lock.settled_s = self._next
         self._nominals, self._ramp, self._lock = (found.nominal_hz,), lock.ramp, lock
         lock.extend(self._buffer, start, end)
         first = int(self._buffer.first_t_s)
         for before in range(start - 1, first - 1, -1):
             lock.extend(self._buffer, before, before + LOOK_S)
+
+    @property
+    def _shown_hz(self) -> float:
+        """Rate at which frames come of which each is a new one."""
+        conversion = self._buffer.conversion
+        return min(conversion.source_hz, conversion.shown_hz) if conversion else self._rate_hz
+
+    def _converted(self, t_s: Float, columns: Float, start: int, end: int) -> Found | None:
+        """Look for flicker in frames that were dropped or doubled to give another frame rate."""
+        assert self._basis is not None
+        if self._buffer.conversion is not None or end < self._try_again:
+            return None
+        self._try_again = end + LOOK_S
+        conversion = find_conversion(self._nominals, t_s, columns, self._rate_hz)
+        if conversion is None:
+            return None
+        taken_s, source_hz = conversion.taken_s(t_s), conversion.source_hz
+        found = acquire(
+            self._nominals, self._basis, taken_s, columns, source_hz, (start, end), self._min_snr
+        )
+        if isinstance(found, str):
+            return None
+        self._buffer.convert(conversion)
+        self._rate_hz, self._still = source_hz, None
+        return found
 
 
 def _fits(end: int) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found, stands_out, strongest
+from rsenf.flicker.frame_slips import FrameSlip, are_equal, find_slips, late_s
 from rsenf.flicker.grid_prior import NODES_PER_S
 from rsenf.flicker.node_sums import Frames, at_frames
 from rsenf.flicker.phase_fit import PhaseFit, fit_phase
@@ -22,6 +23,7 @@ from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.flicker.tone import AT_EDGE, Tone, ToneFinder
+from rsenf.flicker.turning import turning
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -48,6 +50,8 @@ UNSETTLED, MIN_GAIN = 4.0, 0.6
 # unless it is small (Hz).
 LEAST_SURE, SURE_STD_HZ = 3.0, 1e-3
 END_S = 5
+# Least frames between places where frames slip: first the phase is bent where one does.
+APART = (32, 1, 1, 1)
 
 
 class Lock:
@@ -85,29 +89,66 @@ class Lock:
         self._fit: tuple[tuple[int, int], PhaseFit | None] = (0, 0), None
         self._checked: tuple[tuple[int, int], tuple[Tone, str]] = (0, 0), (_NO_TONE, TOO_FEW)
         self.failed = 0  # seconds in a row in which the tone didn't stand out
+        self.settled_s = 0  # nothing slips any more before this second
 
     def extend(self, buffer: SlowTime, start: int, end: int) -> PhaseFit | None:
         """Fit the phase over some seconds, from what is known of it; None without frames."""
         if self._fit[0] == (start, end):
             return self._fit[1]
-        t_s, columns = frames_of(buffer, start, end)
-        fit = None
-        if t_s.size > (end - start) / 2:
-            carrier = 4.0 * np.pi * self.nominal_hz * t_s
-            frames = Frames(t_s - start, carrier, columns)
-            before = self._path.between(start, end)
-            fit = self._aligned(fit_phase(frames, before, self._basis, self.turns))
+        fit = self._fitted(buffer, start, end, self._path.between(start, end))
+        if fit is not None:
+            fit = self._aligned(fit)
             self._path.set(start, fit.psi_rad)
         self._fit = (start, end), fit
         return fit
 
-    def second(self, buffer: SlowTime, blank: FlickerSecond, end: int) -> FlickerSecond:
-        """Fill in one second, by the window around it, of the frames before second ``end``."""
-        index, first = blank.index, int(buffer.first_t_s)
-        start = max(min(index + 1 + AHEAD_S, end) - WINDOW_S, first)
+    def _fitted(self, buffer: SlowTime, start: int, end: int, guess_rad: Float) -> PhaseFit | None:
+        """Fit the phase near a guess; find the frames that slip, until both go together."""
+        t_s, columns = frames_of(buffer, start, end)
+        if t_s.size <= (end - start) / 2:
+            return None
+        part = buffer.between(start, end)
+        period_s, first = buffer.period_s(part), int(t_s.searchsorted(self.settled_s))
+        slips: list[tuple[int, int]] = []
+        unlike: PhaseFit | None = None  # as if nothing slipped
+        nearer_rad = guess_rad  # it may bend; what light is compared with must not
+        for apart in APART:
+            late = late_s(slips, t_s.size, period_s)
+            carrier = 4.0 * np.pi * self.nominal_hz * (t_s + late)
+            frames = Frames(t_s + late - start, carrier, columns)
+            fit = fit_phase(frames, nearer_rad, self._basis, self.turns)
+            ahead = at_frames(fit.t_s, fit.psi_rad) - at_frames(fit.t_s, guess_rad)
+            light = (1.0 + fit.deviation) * turning(ahead)
+            turn_rad_s = 2.0 * np.pi * _mean_f0_hz(self.nominal_hz, fit)
+            seen = light * turning(turn_rad_s * late)
+            equal = are_equal(columns, 1.0 / fit.weights)
+            found = find_slips(seen, turn_rad_s * period_s, equal, first, apart)
+            if found == slips:
+                break
+            slips, unlike = found, unlike or fit
+            light = seen * turning(-turn_rad_s * late_s(slips, t_s.size, period_s))
+            nearer_rad = guess_rad + _at_nodes(t_s - start, light, guess_rad.size)
+        else:
+            return unlike
+        numbers = buffer.numbers(part)[buffer.usable(part)]
+        for at, frames in slips:
+            buffer.slip(FrameSlip(int(numbers[at]), frames), period_s)
+        return fit
+
+    def around(self, buffer: SlowTime, index: int, end: int) -> tuple[int, int, PhaseFit | None]:
+        """Fit the window around one second, of the frames before second ``end``.
+
+        Its start and stop, and the fit. What frames slip in it is undone.
+        """
+        start = max(min(index + 1 + AHEAD_S, end) - WINDOW_S, int(buffer.first_t_s))
         stop = min(start + WINDOW_S, end)
         # After a long gap, what is left of the buffer may begin where the window ends, or later.
-        fit = self.extend(buffer, start, stop) if stop - start >= SHORT_S else None
+        return start, stop, self.extend(buffer, start, stop) if stop - start >= SHORT_S else None
+
+    def second(self, buffer: SlowTime, blank: FlickerSecond, end: int) -> FlickerSecond:
+        """Fill in one second, by the window around it, of the frames before second ``end``."""
+        index = blank.index
+        start, stop, fit = self.around(buffer, index, end)
         blank = dataclasses.replace(blank, nominal_hz=self.nominal_hz, turns=self.turns)
         if fit is None:
             return dataclasses.replace(blank, reason=TOO_FEW)
@@ -212,6 +253,21 @@ class Lock:
 
 
 _NO_TONE = Tone(0.0, np.inf, 0.0, 0.0, at_edge=False)
+
+
+def _mean_f0_hz(nominal_hz: float, fit: PhaseFit) -> float:
+    """Mean illumination frequency over a fit's window."""
+    turned = float(fit.psi_rad[-1] - fit.psi_rad[0]) / (2.0 * np.pi)
+    return 2.0 * nominal_hz + turned * NODES_PER_S / (fit.psi_rad.size - 1)
+
+
+def _at_nodes(t_s: Float, light: Complex, nodes: int) -> Float:
+    """Phase at the nodes of what frames show, without leaps."""
+    nearest = np.clip(np.rint(t_s * NODES_PER_S).astype(np.intp), 0, nodes - 1)
+    real, imag = (np.bincount(nearest, part, nodes) for part in (light.real, light.imag))
+    seen = np.flatnonzero(np.bincount(nearest, minlength=nodes))
+    phase = np.unwrap(np.angle(real[seen] + 1j * imag[seen]))
+    return np.asarray(np.interp(np.arange(nodes), seen, phase))
 
 
 def _middle(index: int) -> int:

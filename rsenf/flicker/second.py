@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.flicker.frame_slips import FrameSlip
+
 NAN = float("nan")
 
 
@@ -27,7 +29,13 @@ class FlickerSecond:
     nominal_hz : float
         Nominal grid frequency, 50 or 60; NaN while it isn't known.
     frame_rate_hz : float
-        Measured around this second.
+        Measured around this second; of a converted stream the camera's own.
+    converted : bool
+        Whether the stream was converted to the rate by its stamps from ``frame_rate_hz``, by
+        frames dropped or doubled, which is undone.
+    slips : tuple of FrameSlip
+        Frames of this second before which some were lost, or which are shown again, although the
+        time stamps don't say so; that is undone from there on.
     f0_hz : float
         Mean illumination frequency (twice the ENF) over the second.
     f0_var_hz2 : float
@@ -57,6 +65,8 @@ class FlickerSecond:
     reason: str = ""
     nominal_hz: float = NAN
     frame_rate_hz: float = NAN
+    converted: bool = False
+    slips: tuple[FrameSlip, ...] = ()
     f0_hz: float = NAN
     f0_var_hz2: float = NAN
     turns: float = NAN

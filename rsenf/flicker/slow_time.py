@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
+from rsenf.flicker.frame_slips import FrameSlip
+from rsenf.flicker.rate_conversion import Conversion
 from rsenf.messages import RowBlock
 from rsenf.timebase import NS_PER_S
 
@@ -25,12 +27,22 @@ class SlowTime:
         Stream clock at the first frame.
     dtype : data type
         Of the values: complex, or real where nothing else comes.
+
+    Attributes
+    ----------
+    slips : list of FrameSlip
+        Frames lost or shown again that time stamps didn't tell of, in the order of their finding.
+    conversion : Conversion, optional
+        How the stream was converted from another frame rate.
     """
 
     def __init__(self, lines: int, origin_ns: int, dtype: npt.DTypeLike = np.complex128) -> None:
         self.origin_ns = origin_ns
         self._start, self._stop = 0, 0
-        self._t_s = np.empty(1024)
+        self.slips: list[FrameSlip] = []
+        self.conversion: Conversion | None = None
+        self._slipped_s = 0.0  # by all of them
+        self._t_s, self._stamp_s, self._late_s = np.empty((3, 1024))
         self._number = np.empty(1024, np.int64)
         self._usable = np.empty(1024, bool)
         self._value = np.empty((1024, lines), dtype)
@@ -39,18 +51,22 @@ class SlowTime:
         """Add one value per frame and line, shape (frames, lines)."""
         self._make_room(block.frames)
         new = slice(self._stop, self._stop + block.frames)
-        self._t_s[new] = (block.frame_pts_ns - self.origin_ns) / NS_PER_S
+        self._stamp_s[new] = (block.frame_pts_ns - self.origin_ns) / NS_PER_S
+        self._late_s[new] = self._slipped_s
+        self._t_s[new] = self._stamp_s[new] + self._slipped_s
         self._number[new] = block.frame_number
         self._usable[new] = block.usable
         self._value[new] = value
         self._stop = new.stop
+        if self.conversion is not None:
+            self._undo(self.conversion, new)
 
     def _make_room(self, frames: int) -> None:
         if self._stop + frames <= self._t_s.size:
             return
         kept = self._stop - self._start
         size = max(self._t_s.size, 2 * (kept + frames))
-        for name in ("_t_s", "_number", "_usable", "_value"):
+        for name in ("_t_s", "_stamp_s", "_late_s", "_number", "_usable", "_value"):
             old = getattr(self, name)
             new = np.empty((size, *old.shape[1:]), old.dtype)
             new[:kept] = old[self._start : self._stop]
@@ -77,8 +93,21 @@ class SlowTime:
         """Drop the frames before a time."""
         self._start = self.between(-np.inf, t_s).stop
 
+    def slip(self, slip: FrameSlip, period_s: float) -> None:
+        """Undo the leap of time by frames lost, or shown again, before or at one of the frames."""
+        self.slips.append(slip)
+        step_s = period_s if slip.frames > 0 else -period_s
+        for k in range(abs(slip.frames)):
+            # Frames that are shown again are each as old as the one before.
+            first = slip.frame_number + (k if slip.frames < 0 else 0)
+            own = slice(self._start, self._stop)
+            later = slice(self._start + int(self._number[own].searchsorted(first)), self._stop)
+            self._slipped_s += step_s
+            self._late_s[later] += step_s
+            self._t_s[later] = self._stamp_s[later] + self._late_s[later]
+
     def times(self, part: slice) -> NDArray[np.float64]:
-        """Seconds since the first frame."""
+        """Seconds since the first frame, by time stamps and whatever slips were found."""
         return self._t_s[part]
 
     def values(self, part: slice) -> NDArray[Any]:
@@ -96,6 +125,26 @@ class SlowTime:
     def usable_ratio(self, part: slice) -> float:
         """Share of the frames whose rows are usable."""
         return float(np.mean(self._usable[part])) if part.stop > part.start else 0.0
+
+    def convert(self, conversion: Conversion) -> None:
+        """Go by the times at which frames were taken from now on, and use each of them once."""
+        self.conversion = conversion
+        self._undo(conversion, slice(self._start, self._stop))
+
+    def _undo(self, conversion: Conversion, part: slice) -> None:
+        stamp_s = self._stamp_s[part]
+        frame = np.floor(conversion.source_frames(stamp_s))
+        before = conversion.source_frames(stamp_s - 1.0 / conversion.shown_hz)
+        self._usable[part] &= (frame > np.floor(before)) & ~conversion.unsure(stamp_s)
+        self._stamp_s[part] = frame / conversion.source_hz
+        self._t_s[part] = self._stamp_s[part] + self._late_s[part]
+
+    def period_s(self, part: slice) -> float:
+        """Time from frame to frame by time stamps; frames that never came count as well."""
+        if self.conversion is not None:
+            return 1.0 / self.conversion.source_hz
+        t, n = self._stamp_s[part], self._number[part]
+        return float((t[-1] - t[0]) / (n[-1] - n[0]))
 
     def frame_numbers(self, part: slice) -> tuple[int, int]:
         """First and last frame, inclusive; -1 for none."""

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.follower import FlickerFollower
+from rsenf.flicker.frame_slips import FrameSlip
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.shared import Follower
 from rsenf.messages import RowBlock
@@ -45,6 +46,10 @@ class Pairing:
         How many the follower has spoken of, and how many of them it stands behind.
     reasons : Counter of str
         Why it didn't stand behind the others.
+    camera_hz : float
+        Rate from which the stream was converted; NaN where it wasn't.
+    slips : list of FrameSlip
+        Frames lost or shown again though time stamps are silent, which the phase takes account of.
     """
 
     def __init__(self, nominal_hz: float | None, follower: Follower | None = None) -> None:
@@ -56,6 +61,8 @@ class Pairing:
         self.nominal_hz = float("nan")
         self.seconds, self.usable = 0, 0
         self.reasons: Counter[str] = Counter()
+        self.camera_hz = float("nan")
+        self.slips: list[FrameSlip] = []
 
     @property
     def f0_hz(self) -> float:
@@ -83,6 +90,9 @@ class Pairing:
 
     def _hear(self, second: FlickerSecond) -> None:
         self.seconds += 1
+        self.slips += second.slips
+        if second.converted:
+            self.camera_hz = second.frame_rate_hz
         if second.frame_number.size:
             self._reached = int(second.frame_number[-1])
         if not second.usable:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.flicker.frame_slips import slip_words
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.shared import Follower
 from rsenf.idle.frame_clock import FrameClock
@@ -123,9 +124,20 @@ class IdleStage:
         """Whether it may for all that the follower has told, which first takes it some seconds."""
         if not self._pairing.seconds:
             return True
-        known, rate_hz = self._pairing.nominal_hz, self._clock.frame_rate_hz
+        known, rate_hz = self._pairing.nominal_hz, self._rate_hz
         nominals_hz = (known,) if np.isfinite(known) else self._tried_hz
         return any(abs(alias_hz(2.0 * hz, rate_hz)) < MAY_STAND_HZ for hz in nominals_hz)
+
+    @property
+    def _camera_hz(self) -> float | None:
+        """Rate from which the stream was converted, if it was."""
+        known = self._pairing.camera_hz
+        return known if np.isfinite(known) else None
+
+    @property
+    def _rate_hz(self) -> float:
+        """Rate at which the camera took its frames."""
+        return self._camera_hz or self._clock.frame_rate_hz
 
     def _take(self, phased: list[PhasedBlock]) -> None:
         """Add the frames whose phase is known now."""
@@ -190,7 +202,7 @@ class IdleStage:
     def _publish(self) -> IdleEstimate:
         assert self._first is not None
         assert self._newest is not None
-        rate_hz = self._clock.frame_rate_hz
+        rate_hz, slips = self._rate_hz, self._pairing.slips
         finding = self._finding(rate_hz)
         first, last = self._first.header, self._newest.header
         header = dataclasses.replace(
@@ -210,7 +222,13 @@ class IdleStage:
             direction=finding.direction,
             frame_rate_hz=rate_hz,
             nominal_hz=self._nominal_hz(rate_hz) if claims else self._pairing.nominal_hz,
-            warnings=(*finding.warnings, CROP) if claims else finding.warnings,
+            warnings=(
+                *finding.warnings,
+                *slip_words(slips, self._camera_hz),
+                *((CROP,) if claims else ()),
+            ),
+            converted=self._camera_hz is not None,
+            slips=len(slips),
         )
         return _with_numbers(blank, finding) if claims else blank
 

@@ -56,6 +56,16 @@ class EnfEstimate:
     amplitude_cov: FloatArray = field(
         25, "covariance of the two, levels²", wire="double", shape=("points",)
     )
+    converted: bool = field(
+        26, "whether frames were dropped or doubled to give another rate than frame_rate_hz", False
+    )
+    slips: int = field(27, "places where frames are lost or shown again, the stamps silent", 0)
+    slip_frame: Int64Array = field(
+        28, "number of the first frame after each", wire="sfixed64", shape=("slips",)
+    )
+    slip_frames: Int64Array = field(
+        29, "frames lost; negative for shown again", wire="sfixed64", shape=("slips",)
+    )
 
     @property
     def t_s(self) -> float:

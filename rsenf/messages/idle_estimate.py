@@ -30,6 +30,10 @@ class IdleEstimate:
     frame_rate_hz: float = field(12, "measured", NAN)
     nominal_hz: float = field(13, "50 or 60", NAN)
     warnings: tuple[str, ...] = field(14, "what a reader should know", ())
+    converted: bool = field(
+        15, "whether frames were dropped or doubled to give another rate than frame_rate_hz", False
+    )
+    slips: int = field(16, "places where frames are lost or shown again, the stamps silent", 0)
 
     @property
     def idle_ratio_std(self) -> float:

@@ -50,6 +50,8 @@ def idle_json(estimate: IdleEstimate, warnings: list[str]) -> dict[str, Any]:
         "direction": estimate.direction or None,
         "frame_rate_hz": number(estimate.frame_rate_hz),
         "nominal_hz": number(estimate.nominal_hz),
+        "converted": estimate.converted,
+        "slips": estimate.slips,
         "reason": estimate.reason or None,
         "warnings": warnings,
     }

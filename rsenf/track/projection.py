@@ -103,6 +103,10 @@ class ProjectionTracker(EnfMethod):
             frame_rate_hz=second.frame_rate_hz,
             snr_db=second.snr_db,
             reason=second.reason,
+            converted=second.converted,
+            slips=len(second.slips),
+            slip_frame=np.array([slip.frame_number for slip in second.slips], np.int64),
+            slip_frames=np.array([slip.frames for slip in second.slips], np.int64),
         )
 
 

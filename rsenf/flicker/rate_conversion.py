@@ -1,0 +1,210 @@
+"""Clips converted to another frame rate by dropping or doubling frames.
+
+A converter shows, at each of its own times, the newest frame that the camera had taken by then: of
+``F`` frames a second that are shown at a rate ``R``, picture ``m`` is number ``⌊m·F/R + a⌋``. What
+its time stamp says is late by up to a frame period of the camera's, at a regular beat, and light
+that is one tone by the frames' own times is several by the stamps. So the light is looked for by
+the times that each usual camera's rate would give, and by the stamps as they are: whichever leaves
+much less of the pictures' change unexplained is right (a likelihood ratio with the noise unknown).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+RATES_HZ = (24e3 / 1001, 24.0, 25.0, 30e3 / 1001, 30.0, 48.0, 50.0, 60e3 / 1001, 60.0)
+SAME_RATIO = 3e-3  # rates that differ by less drift apart too slowly for a window
+PARTS = 4  # of the pictures' change, the strongest, in which light is looked for
+OFFSETS_HZ = 0.4  # of the illumination's frequency from its nominal
+HARMONICS = 3
+PLACES, FINE = 16, 33  # of the beat that are tried, and around the best
+PADDED = 4  # length of a spectrum over that of the stretch
+ORDERS = (1.0, 2.0, 3.0, 0.5, 1.5)  # harmonics; half-wave lamps have halves of the first
+STILL_HZ = 1.0  # light whose alias is nearer to 0 Hz stands nearly still
+ROUNDS, BLOCKS = 3, 12  # of following how the phase strays, and parts of the stretch for that
+# By the stamps light may leave so much unexplained: overtones, and what moves. The strongest of
+# the tones that a usual conversion makes holds the more part.
+CLEAN_RATIO, MIN_BY_STAMPS = 0.015, 0.4
+# What a conversion has to explain: so much of all that is no noise, by the first harmonic and by
+# all, and of what the stamps leave.
+MIN_FIRST, MIN_EXPLAINED, MIN_OF_REST = 0.5, 0.7, 0.5
+SAME_POWER = 1e-9
+EDGE = 4e-3  # of a frame: so near to the next one it isn't sure which is shown
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """How a clip was converted.
+
+    Attributes
+    ----------
+    source_hz : float
+        Rate at which the camera took its frames.
+    shown_hz : float
+        Rate at which they are shown.
+    place : float
+        The beat's: ``a``, 0 to 1.
+    """
+
+    source_hz: float
+    shown_hz: float
+    place: float
+
+    def source_frames(self, stamp_s: Float) -> Float:
+        """Frames of the camera since the first one shown, not yet rounded down."""
+        shown = np.rint(stamp_s * self.shown_hz)
+        return np.asarray(shown * (self.source_hz / self.shown_hz) + self.place)
+
+    def taken_s(self, stamp_s: Float) -> Float:
+        """When frames were taken, since the first one, by their time stamps since the first."""
+        return np.asarray(np.floor(self.source_frames(stamp_s)) / self.source_hz)
+
+    def unsure(self, stamp_s: Float) -> NDArray[np.bool_]:
+        """Whether it is uncertain which frame is shown."""
+        beyond = self.source_frames(stamp_s) % 1.0
+        return np.asarray((beyond < EDGE) | (beyond > 1.0 - EDGE))
+
+
+def find_conversion(
+    nominals_hz: tuple[float, ...], t_s: Float, columns: Float, shown_hz: float
+) -> Conversion | None:
+    """Find how a stretch was converted, if it was.
+
+    Parameters
+    ----------
+    nominals_hz : tuple of float
+        Grids whose light is looked for.
+    t_s : ndarray, shape (frames,)
+        Time stamps since the stream's first frame.
+    columns : ndarray, shape (frames, columns)
+        Reduced profiles.
+    shown_hz : float
+        Frame rate by the stamps.
+    """
+    parts, noise = _parts(columns)
+    seen = float(np.sum(parts**2)) - noise
+    shown = round_rate(shown_hz)
+    place = np.rint((t_s - t_s[0]) * shown).astype(np.int64)
+    plain_rad = _strongest_tone(parts, t_s, place, shown)
+    by_stamps = max(
+        _explained(parts, plain_rad, ORDERS, place % 2), _nearly_still(parts, place, shown)
+    )
+    left = seen - by_stamps
+    if not MIN_BY_STAMPS * seen < by_stamps < (1.0 - CLEAN_RATIO) * seen:
+        return None
+    best, found = max(MIN_EXPLAINED * seen, by_stamps + MIN_OF_REST * left), None
+    for source_hz in RATES_HZ:
+        ratio = source_hz / shown
+        if abs(ratio - max(round(ratio), 1)) < SAME_RATIO:
+            continue  # every frame, or every so manieth: no beat
+        for nominal_hz in nominals_hz:
+            beat = np.arange(PLACES) / PLACES
+            tried, power, _ = _tried(parts, t_s, place, source_hz, shown, beat, nominal_hz)
+            if power.max() < MIN_FIRST * seen:
+                continue
+            beat = tried[int(power.argmax())].place + np.linspace(-1.0, 1.0, FINE) / PLACES
+            tried, power, hz = _tried(parts, t_s, place, source_hz, shown, beat, nominal_hz)
+            # Where the beat is short, places between two of its steps are the same.
+            same = np.flatnonzero(power > (1.0 - SAME_POWER) * power.max())
+            top = int(same[same.size // 2])
+            light_rad = 2.0 * np.pi * hz[top] * tried[top].taken_s(t_s)
+            explained = _explained(parts, light_rad, ORDERS)
+            if explained > best:
+                best, found = explained, tried[top]
+    return found
+
+
+def round_rate(rate_hz: float) -> float:
+    """Return the usual rate that a measured one is, or that as it is."""
+    nearest = min(RATES_HZ, key=lambda usual: abs(usual - rate_hz))
+    return nearest if abs(nearest - rate_hz) < 3e-4 * rate_hz else rate_hz
+
+
+def _parts(columns: Float) -> tuple[Float, float]:
+    """Strongest parts of the pictures' change over time, and how much of their power is noise."""
+    change = columns - columns.mean(axis=0)
+    power, shape = np.linalg.eigh(change.T @ change)
+    kept = min(PARTS, power.size)
+    parts = change @ shape[:, -kept:]
+    noise = float(np.median(power)) * kept if power.size > 2 * kept else 0.0
+    return parts, noise
+
+
+def _strongest_tone(parts: Float, t_s: Float, place: NDArray[np.int64], shown_hz: float) -> Float:
+    """Phase of the strongest tone by the stamps, of any frequency, shape (frames,)."""
+    size = PADDED * (int(place[-1]) + 1)
+    held = np.zeros((parts.shape[1], int(place[-1]) + 1))
+    held[:, place] = parts.T
+    power = np.sum(np.abs(np.fft.rfft(held, size)) ** 2, axis=0)
+    return np.asarray(2.0 * np.pi * power.argmax() * shown_hz / size * t_s)
+
+
+def _nearly_still(parts: Float, place: NDArray[np.int64], shown_hz: float) -> float:
+    """Power of what stands nearly still by the stamps, from picture to picture or every other."""
+    held = np.zeros((parts.shape[1], int(place[-1]) + 1))
+    held[:, place] = parts.T
+    power = np.abs(np.fft.fft(held)) ** 2
+    hz = np.abs(np.fft.fftfreq(held.shape[1], 1.0 / shown_hz))
+    near = (hz < STILL_HZ) | (hz > shown_hz / 2.0 - STILL_HZ)
+    return float(power[:, near].sum() / held.shape[1])
+
+
+def _tried(
+    parts: Float, t_s: Float, place: NDArray[np.int64], source_hz: float, shown_hz: float,
+    beat: Float, nominal_hz: float,
+) -> tuple[list[Conversion], Float, Float]:  # fmt: skip
+    """Conversions with some places of the beat, and the light's first harmonic by each.
+
+    Its power and its frequency (Hz), shapes (places,).
+    """
+    tried = [Conversion(source_hz, shown_hz, float(a)) for a in beat % 1.0]
+    size = PADDED * (int(place[-1]) + 1)
+    turn = np.exp(-4j * np.pi * nominal_hz * np.array([c.taken_s(t_s) for c in tried]))
+    power: Float = np.zeros((len(tried), size))
+    for part in parts.T:
+        held = np.zeros((len(tried), int(place[-1]) + 1), np.complex128)
+        held[:, place] = turn * part
+        power += np.abs(np.fft.fft(held, size)) ** 2
+    reach = max(int(OFFSETS_HZ * size / shown_hz), 1)
+    near = np.concatenate([power[:, -reach:], power[:, : reach + 1]], axis=1)
+    top = near.argmax(axis=1)
+    offset_hz = (top - reach) * shown_hz / size
+    return tried, 2.0 * near[np.arange(top.size), top] / t_s.size, 2.0 * nominal_hz + offset_hz
+
+
+def _explained(
+    parts: Float, light_rad: Float, orders: tuple[float, ...], odd: NDArray[np.int64] | None = None
+) -> float:
+    """Power that light explains, whose phase is nearly known.
+
+    Parameters
+    ----------
+    parts : ndarray, shape (frames, parts)
+    light_rad : ndarray, shape (frames,)
+    orders : tuple of float
+        Harmonics, halves of one among them.
+    odd : ndarray of int, shape (frames,), optional
+        1 for every other picture: an alias' half is known up to half the rate only.
+    """
+    x = np.linspace(-1.0, 1.0, light_rad.size)
+    explained = 0.0
+    for _ in range(ROUNDS):
+        angles = [order * light_rad for order in orders]
+        if odd is not None:
+            angles += [order * light_rad + np.pi * odd for order in orders if order % 1.0]
+        waves = np.column_stack([f(angle) for angle in angles for f in (np.cos, np.sin)])
+        share = np.linalg.lstsq(waves, parts, rcond=1e-6)[0]
+        explained = float(np.sum(parts**2) - np.sum((parts - waves @ share) ** 2))
+        # How the first harmonic's phase strays: the grid drifts.
+        own = parts - waves[:, 2:] @ share[2:]
+        light = (own @ (share[0] + 1j * share[1])) * np.exp(-1j * light_rad)
+        blocks = np.array_split(np.arange(x.size), BLOCKS)
+        phase = np.unwrap([float(np.angle(light[block].sum())) for block in blocks])
+        light_rad = light_rad + np.polyval(np.polyfit([x[b].mean() for b in blocks], phase, 3), x)
+    return explained
