@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found, stands_out, strongest
-from rsenf.flicker.grid_prior import NODES_PER_S
+from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
+from rsenf.flicker.mains import Wander, light_of, tells_cells, wander_of, why_not
 from rsenf.flicker.node_sums import Frames, at_frames
 from rsenf.flicker.phase_fit import PhaseFit, fit_phase
 from rsenf.flicker.phase_path import PhasePath
@@ -61,6 +62,8 @@ class Lock:
         Second at which its window begins.
     basis : ProfileBasis
     frame_rate_hz, min_snr : float
+    cells : SlowTime
+        What :func:`rsenf.flicker.mains.cell_means` tells of the same frames.
     ramp : ndarray of complex, shape (columns,), optional
         What the phase is measured against: that of an earlier lock on the same light.
     """
@@ -72,13 +75,14 @@ class Lock:
         basis: ProfileBasis,
         frame_rate_hz: float,
         min_snr: float,
+        cells: SlowTime,
         ramp: Complex | None = None,
     ) -> None:
         self.nominal_hz, self.turns = found.nominal_hz, found.turns
         own = basis.ramps(np.array([found.turns]))[:, 0]
         self.ramp: Complex = own if ramp is None else ramp
         self._rate_hz, self._min_snr = frame_rate_hz, min_snr
-        self._basis = basis
+        self._basis, self._cells = basis, cells
         self._seen: Complex = np.zeros_like(own)  # sum of the templates of good seconds, in phase
         self._template: Complex = own / np.linalg.norm(own)
         self._path = PhasePath(found.psi_rad, start)
@@ -187,7 +191,28 @@ class Lock:
             return tone, AT_EDGE
         if abs(tone.offset_hz - slope_hz) * (end - start) > MAX_OFF_CELLS:
             return tone, "the phase was lost"
-        return tone, ""
+        return tone, self.why_not_mains(start, end)
+
+    def why_not_mains(self, start: int, end: int) -> str:
+        """Say why what is followed in a window isn't mains light; '' where it may be."""
+        psi = self._path.between(start, end)
+        f0_hz = 2.0 * self.nominal_hz + float(psi[-1] - psi[0]) / (2.0 * np.pi * (end - start))
+        light = None
+        if self._basis.rows > 1 and tells_cells(f0_hz, self._rate_hz):
+            t_s, seen = frames_of(self._cells, start, end)
+            phase = 4.0 * np.pi * self.nominal_hz * t_s + at_frames(t_s - start, psi)
+            light = light_of(seen, t_s, phase, self._basis.rows, f0_hz / self._rate_hz)
+        return why_not(f0_hz, self.nominal_hz, self._rate_hz, self._wander(), light)
+
+    def _wander(self) -> Wander:
+        """How the phase of the last fit moves."""
+        fit = self._fit[1]
+        if fit is None:
+            return Wander()
+        prior = phase_prior(fit.psi_rad.size)
+        precision = prior.basis.T @ (fit.information[:, None] * prior.basis)
+        precision.flat[:: len(precision) + 1] += 1.0
+        return wander_of(prior.nearest(fit.psi_rad), precision, prior.nodes)
 
     def _aligned(self, fit: PhaseFit) -> PhaseFit:
         """Return a fit whose template is in phase with the ramp: what no fit can know by itself."""

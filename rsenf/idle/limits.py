@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rsenf.flicker import mains
 from rsenf.idle.seen import Finding, Seen
 
 # Flicker that is still to so great a part has turned by less than about a radian: at a span of
@@ -20,8 +21,6 @@ MAX_STD_RATIO = 0.035  # standard error of the idle ratio
 SLACK_RATIO = 0.02
 # Of the rows' tones, the least share that adds up along the ramp.
 MIN_COHERENCE = 0.6
-# Deviations of the illumination's frequency that a large grid hardly ever has.
-UNUSUAL_HZ = 0.15
 # Two grids whose light shows alike from frame to frame, within so many Hz.
 ALIKE_HZ = 1.0
 
@@ -53,7 +52,7 @@ GLOBAL = refused(
     "rows downwards"
 )
 NO_RAMP = refused("the rows' phases don't lie on one ramp")
-SECOND = refused("what was followed is likelier the second harmonic of the light than the first")
+SECOND = refused(mains.SECOND)
 TOO_LONG = refused("by the rows' phases a frame would take longer to read than it lasts")
 
 
@@ -61,7 +60,9 @@ def checked(seen: Seen, finding: Finding) -> Finding:
     """Return the finding, or why it must not be claimed."""
     if finding.verdict != "estimated":
         return finding
-    if not seen.stands_still and is_second_harmonic(seen):
+    if not seen.stands_still and mains.is_second_harmonic(
+        seen.f0_hz, seen.nominal_hz, seen.frame_rate_hz
+    ):
         return SECOND
     std_ratio = finding.read_out_std_s * seen.frame_rate_hz
     if not std_ratio <= MAX_STD_RATIO:
@@ -81,22 +82,6 @@ def checked(seen: Seen, finding: Finding) -> Finding:
 def hardly_turned(seen: Seen) -> bool:
     """Whether the followed flicker hardly turned from frame to frame, so that texture hides it."""
     return seen.moments.still_ratio() > MAX_STILL_RATIO
-
-
-def is_second_harmonic(seen: Seen) -> bool:
-    """Whether the tone that was followed is likelier the second harmonic of usual light.
-
-    Where ``2·f_0`` shows at, or mirrored to, where ``f_0`` of another deviation would, a lamp whose
-    second harmonic survives a codec better than its first looks like light at that deviation.
-    """
-    carrier_hz, rate_hz = 2.0 * seen.nominal_hz, seen.frame_rate_hz
-    off_hz = abs(seen.f0_hz - carrier_hz)
-    for sign in (1.0, -1.0):
-        turns = round((2.0 * carrier_hz - sign * seen.f0_hz) / rate_hz)
-        first_hz = (turns * rate_hz + sign * seen.f0_hz) / 2.0
-        if off_hz > UNUSUAL_HZ and abs(first_hz - carrier_hz) < off_hz / 2.0:
-            return True
-    return False
 
 
 def look_alike(frame_rate_hz: float) -> Finding:
