@@ -218,7 +218,7 @@ def course_of(
     noise = found.phase_cov + 1e-12 * np.eye(t_s.size)
     heard = np.linalg.solve(noise, np.column_stack([seen, told - told.mean()]))
     precision = seen.T @ heard[:, :-1] + np.eye(prior.shape[1])
-    coefficient: Float = np.linalg.solve(precision, seen.T @ heard[:, -1])
+    coefficient = np.asarray(np.linalg.solve(precision, seen.T @ heard[:, -1]), np.float64)
     mean_hz, moves = coefficient[1] * MEAN_STD_HZ, coefficient[FREE:] ** 2
     if moves[:10].mean() > MAX_WANDER or moves[:40].mean() > MAX_FAST:
         return NO_GRID

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from rsenf.flicker import mains
+from rsenf.flicker.faint import is_faint
 from rsenf.idle.seen import Finding, Seen
 
 # Flicker that is still to so great a part has turned by less than about a radian: at a span of
 # ``s`` radians the mean of ``exp(jψ)`` is ``sinc(s/2)``.
 MAX_STILL_RATIO = 0.96
-# The weakest lamps on the market flicker by half a per cent; what an exposure of a whole number of
-# periods leaves is less than a thousandth, and grows with the grid's deviation.
-MIN_FLICKER_RATIO = 1e-3
 # Below this many turns every row sees the same light: half a millisecond of read-out.
 MIN_TURNS = 0.05
 # Few turns want proof: an encoder that copies rows downwards leaves just such a ramp, and scatters
@@ -77,6 +75,11 @@ def checked(seen: Seen, finding: Finding) -> Finding:
     if finding.read_out_s * seen.frame_rate_hz - 1.0 > max(SLACK_RATIO, 3.0 * std_ratio):
         return TOO_LONG
     return finding
+
+
+def is_weak(seen: Seen, flicker_ratio: float) -> bool:
+    """Whether an exposure of a whole number of periods may have left it of a strong lamp's."""
+    return is_faint(flicker_ratio, seen.f0_hz, seen.nominal_hz)
 
 
 def hardly_turned(seen: Seen) -> bool:

@@ -12,10 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from rsenf.flicker.faint import MIN_FLICKER_RATIO
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.still import SPAN_S, course_of
 from rsenf.flicker.zero_alias import ZeroAlias
-from rsenf.idle.limits import MIN_FLICKER_RATIO, NO_FLICKER, STILL, TOO_SHORT, WEAK, refused
+from rsenf.idle.limits import NO_FLICKER, STILL, TOO_SHORT, WEAK, refused
 from rsenf.idle.seen import Finding, Seen
 
 # Deviations of the illumination's frequency from its nominal: a large one, as a standard deviation.

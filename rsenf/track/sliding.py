@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.faint import MIN_FLICKER_RATIO
+from rsenf.flicker.faint import is_faint
+from rsenf.flicker.lines import Line
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
@@ -66,8 +67,7 @@ class SlidingTracker(EnfMethod):
         self._header: Header | None = None
         self._hops = 0
         self._rows = 0
-        # Of a tone ``a·exp(jφ)``, half of the flicker's own amplitude.
-        self._least_level = MIN_AMPLITUDE_LEVEL
+        self._level = 0.0  # 0 for frame means
 
     @abstractmethod
     def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
@@ -110,8 +110,8 @@ class SlidingTracker(EnfMethod):
         rate_hz = frames * 1e9 / int(last.frame_pts_ns[-1] - first.frame_pts_ns[0])
         self._rows = first.rows
         if first.rows > 1:
-            level = float(np.mean([block.level.mean(dtype=np.float64) for block in self._waiting]))
-            self._least_level = max(MIN_AMPLITUDE_LEVEL, MIN_FLICKER_RATIO * level / 2.0)
+            means = [block.level.mean(dtype=np.float64) for block in self._waiting]
+            self._level = float(np.mean(means))
         self._buffer = SlowTime(self._prepare(first, rate_hz), int(first.frame_pts_ns[0]))
         for block in self._waiting:
             self._take(self._buffer, block)
@@ -144,6 +144,13 @@ class SlidingTracker(EnfMethod):
         blank, reason = self._blank(window), self._what_lacks(window)
         found = dataclasses.replace(blank, reason=reason) if reason else self._judge(window, blank)
         return [found]
+
+    def _is_faint(self, amplitude: float, line: Line, offset_hz: float) -> bool:
+        """Whether a tone ``a·exp(jφ)``, half of the flicker's own amplitude, is too weak."""
+        if not self._level > 0.0:
+            return False
+        f0_hz = 2.0 * line.nominal_hz + offset_hz / line.harmonic
+        return is_faint(2.0 * amplitude / self._level, f0_hz, line.nominal_hz)
 
     def _what_lacks(self, window: Window) -> str:
         """Say why a window can't be judged; empty when it can."""

@@ -148,7 +148,7 @@ class SuperpixelTracker(SlidingTracker):
         s = self.settings
         if peak.level < MIN_AMPLITUDE_LEVEL or peak.rarity < s.min_snr:
             return NO_FLICKER
-        if peak.level < self._least_level:
+        if self._is_faint(peak.level, peak.line, peak.offset_hz):
             return FAINT
         if peak.at_edge:
             return AT_EDGE
