@@ -89,6 +89,7 @@ class Lock:
         self._fit: tuple[tuple[int, int], PhaseFit | None] = (0, 0), None
         self._checked: tuple[tuple[int, int], tuple[Tone, str]] = (0, 0), (_NO_TONE, TOO_FEW)
         self.failed = 0  # seconds in a row in which the tone didn't stand out
+        self._apart_turns = 0.0
 
     def extend(self, buffer: SlowTime, start: int, end: int) -> PhaseFit | None:
         """Fit the phase over some seconds, from what is known of it; None without frames."""
@@ -121,7 +122,11 @@ class Lock:
         if not reason:
             self._learn(fit)
         blank = dataclasses.replace(
-            blank, turns=self.turns, snr_db=_decibels(tone.snr), reason=reason
+            blank,
+            turns=self.turns,
+            apart_turns=self._apart_turns,
+            snr_db=_decibels(tone.snr),
+            reason=reason,
         )
         return blank if reason else self._filled(buffer, blank, fit, start)
 
@@ -202,6 +207,7 @@ class Lock:
             t_s, seen = frames_of(self._cells, start, end)
             phase = 4.0 * np.pi * self.nominal_hz * t_s + at_frames(t_s - start, psi)
             light = light_of(seen, t_s, phase, self._basis.rows, f0_hz / self._rate_hz)
+            self._apart_turns = light.apart_turns
         return why_not(f0_hz, self.nominal_hz, self._rate_hz, self._wander(), light)
 
     def _wander(self) -> Wander:

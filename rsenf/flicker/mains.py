@@ -33,6 +33,7 @@ ORDER = 2  # of the polynomials, in place, by which a light's share varies over 
 # Turns beside the phase, over the window, at which the noise is looked up.
 BESIDE = np.array([m for m in range(-8, 9) if abs(m) >= 3])
 TURNS_STEP = 0.05
+GROUP, LINES = 4, 3  # bands that share a phase, and rounds in which its line is found
 # Farther than this from 0 Hz, and from half the frame rate, a tone is told from its mirror image.
 APART_HZ = 0.5
 
@@ -86,6 +87,9 @@ class Light:
         The same of a pattern that is added to the picture: without the texture.
     snr : float
         Power of that light over what noise has of it.
+    apart_turns : float
+        By how much its phase strays from one ramp that all strips share, rms: where the light of
+        several lamps in several phases mixes differently.
     """
 
     turns: float
@@ -93,6 +97,7 @@ class Light:
     explained_std: float
     added: float
     snr: float
+    apart_turns: float
 
     @property
     def is_added(self) -> bool:
@@ -290,6 +295,7 @@ def _light(level: Float, tone: Complex, beside: Complex, rows: int, most_turns: 
         power, noises = (_power(of @ axes.conj()) for of in (tone, beside))
         return float(power - noises.mean()) / own, float(power / max(noises.mean(), 1e-9))
 
+    straight = level * ramp.conj()
     by_light, snr = explained(shares * (ramp * level))
     return Light(
         turns=turns,
@@ -297,7 +303,28 @@ def _light(level: Float, tone: Complex, beside: Complex, rows: int, most_turns: 
         explained_std=float(_power(beside).std()) / own,
         added=explained(shares * ramp)[0],
         snr=snr,
+        apart_turns=_apart_turns(
+            tone.reshape(shape) * straight, beside.reshape(-1, *shape) * straight, place
+        ),
     )
+
+
+def _apart_turns(light: Complex, noise: Complex, place: Float) -> float:
+    """Stray of a light's phase, (bands, strips), from a line down the rows, rms, without noise's.
+
+    Noise has the shape (beside, bands, strips).
+    """
+    starts = np.arange(0, place.size, GROUP)
+    light, noise = (np.add.reduceat(x, starts, axis=-2) for x in (light, noise))
+    weight = np.abs(light) ** 2
+    middle = np.add.reduceat(place, starts) / np.diff(np.append(starts, place.size))
+    down = np.broadcast_to((middle - middle.mean())[:, None], light.shape)
+    for _ in range(LINES):
+        light = light / np.exp(1j * np.angle(light.sum()))
+        slope = np.sum(weight * down * np.angle(light)) / np.sum(weight * down**2)
+        light = light * np.exp(-1j * slope * down)
+    var_rad2 = np.sum(weight * np.angle(light) ** 2) - np.sum(np.abs(noise) ** 2) / len(noise) / 2.0
+    return float(np.sqrt(max(var_rad2 / np.sum(weight), 0.0))) / (2.0 * np.pi)
 
 
 def _tones(seen: Float, t_s: Float, phase_rad: Float) -> tuple[Float, Complex, Complex]:

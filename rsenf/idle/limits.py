@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from rsenf.flicker import mains
 from rsenf.flicker.faint import is_faint
 from rsenf.idle.seen import Finding, Seen
@@ -15,6 +17,10 @@ MIN_TURNS = 0.05
 # the rows' phases by far more than noise does. Below so many turns the error has to be so small.
 FEW_TURNS, FEW_STD_RATIO = 0.5, 1e-3
 MAX_STD_RATIO = 0.035  # standard error of the idle ratio
+# Where lamps of several phases mix, their mixture turns down the rows as well: by some three times
+# as much, at worst, as the phase strays from one ramp across the picture. One lamp's strays by less
+# than a hundredth of a turn; a still one is known less well.
+MIXED, ONE_TURNS, ONE_STILL_TURNS = 3.0, 0.01, 0.03
 # Of the frame period: a read-out can't take longer, an estimate may by its error.
 SLACK_RATIO = 0.02
 # Of the rows' tones, the least share that adds up along the ramp.
@@ -22,6 +28,7 @@ MIN_COHERENCE = 0.6
 # Two grids whose light shows alike from frame to frame, within so many Hz.
 ALIKE_HZ = 1.0
 
+SEVERAL = "light of several phases: its mixture's change down the rows can't be told from read-out"
 CROP = "a crop, as by electronic image stabilisation, counts as idle"
 
 
@@ -62,6 +69,10 @@ def checked(seen: Seen, finding: Finding) -> Finding:
         seen.f0_hz, seen.nominal_hz, seen.frame_rate_hz
     ):
         return SECOND
+    apart_turns = _apart_turns(seen)
+    if apart_turns > 0.0:
+        turns_var = finding.turns_var + (MIXED * apart_turns) ** 2
+        finding = replace(finding, turns_var=turns_var, warnings=(*finding.warnings, SEVERAL))
     std_ratio = finding.read_out_std_s * seen.frame_rate_hz
     if not std_ratio <= MAX_STD_RATIO:
         return refused(
@@ -75,6 +86,14 @@ def checked(seen: Seen, finding: Finding) -> Finding:
     if finding.read_out_s * seen.frame_rate_hz - 1.0 > max(SLACK_RATIO, 3.0 * std_ratio):
         return TOO_LONG
     return finding
+
+
+def _apart_turns(seen: Seen) -> float:
+    """Stray of the light's phase from one ramp, where it is more than one lamp's."""
+    light = seen.still_rows.light
+    if seen.stands_still:
+        return light.apart_turns if light and light.apart_turns > ONE_STILL_TURNS else 0.0
+    return seen.apart_turns if seen.apart_turns > ONE_TURNS else 0.0
 
 
 def is_weak(seen: Seen, flicker_ratio: float) -> bool:
