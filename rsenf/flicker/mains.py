@@ -40,9 +40,11 @@ APART_HZ = 0.5
 # Share of a true light that smooth shares explain: 0.87 to 1 in 60 films of two lamps, daylight
 # from one side and sharp shadows; 0 to 0.6 in stripes, shakes and fans but for upright ones.
 LEAST_EXPLAINED, USUALLY_EXPLAINED = 0.7, 0.93
-LEAST_SNR, MOST_STD = 10.0, 0.3
-# A pattern that is added leaves so much less unexplained without the texture, and no light does.
-ADDED = 2.0
+LEAST_SNR, MOST_STD = 10.0, 0.15
+# A pattern that is added leaves so much less unexplained without the texture, and no light does;
+# light that shows on bright and dark leaves so much less with it. Below a share neither counts.
+ADDED, MULTIPLIED = 1.5, 2.0
+LEAST_ADDED, LEAST_MULTIPLIED = 0.04, 0.02
 BEYOND_FRAME, TURNS_STD = 1.05, 0.1  # read-out over a frame's time; of turns
 CREEPS_HZ = 1.0  # alias of a nominal, about which all that moves slowly is
 AT_ONCE = 0.15  # turns, below which all rows show the same
@@ -53,12 +55,13 @@ FARTHEST_HZ, UNUSUAL_HZ = 0.3, 0.15
 # of mean 1: chi-squared is less than that in 3e-4 of all grids, and more, by far, in none.
 DIRECTIONS = 4
 STEADY = {3: 0.01, 4: 0.05}
+MOVES = 0.05  # on average: what is seen to move
 MAX_WANDER = 10.0  # on average
 KNOWN_VAR = 0.05  # variance of a direction that is known
 # What quartz makes: monitors, dimmers. Hz, and their tolerance.
 QUARTZ_HZ = (60 / 1.001, 60.0, 72.0, 75.0, 120 / 1.001, 120.0, 144.0, 200.0, 240.0, 250.0, 300.0,
              400.0, 480.0, 500.0, 1000.0)  # fmt: skip
-QUARTZ_RATIO, QUARTZ_OFF_HZ = 5e-5, 0.012
+QUARTZ_RATIO, QUARTZ_OFF_HZ = 1e-4, 0.02
 KEY_FRAMES = (8, 10, 12, 15, 16, 20, 24, 25, 30, 48, 50, 60)  # usual numbers from one to the next
 KEY_FRAMES_HZ = 3e-3
 
@@ -70,6 +73,7 @@ NO_GRID = (
 )
 SECOND = "what was followed is likelier the second harmonic of the light than the first"
 TOO_STEADY = "its frequency never moves, as a grid's does: a pattern, a monitor, or a dimmed lamp"
+CREEPS = "it hardly moves from frame to frame, and nothing shows that it is light: a slow pattern?"
 KEYED = "all rows brighten at once, every so many frames: key frames, or a global shutter"
 
 
@@ -102,9 +106,15 @@ class Light:
     @property
     def is_added(self) -> bool:
         """Whether it is likelier added to the picture than its light."""
-        return 1.0 - self.explained > max(
-            ADDED * (1.0 - self.added), 0.02, 3.0 * self.explained_std
-        )
+        left = 1.0 - self.explained
+        least = max(LEAST_ADDED, 3.0 * self.explained_std)
+        return left > max(ADDED * (1.0 - self.added), least)
+
+    @property
+    def is_multiplied(self) -> bool:
+        """Whether it is shown to multiply bright and dark, not only let pass."""
+        least = max(LEAST_MULTIPLIED, 3.0 * self.explained_std)
+        return 1.0 - self.added > max(MULTIPLIED * (1.0 - self.explained), least)
 
     def why_not(self, most_turns: float, *, is_steady: bool) -> str:
         """Say why it can't be mains light; '' where it can.
@@ -119,7 +129,7 @@ class Light:
         if self.snr < LEAST_SNR or self.explained_std > MOST_STD:
             return NOT_ONE
         least = USUALLY_EXPLAINED if is_steady else LEAST_EXPLAINED
-        if self.explained + self.explained_std < least or (is_steady and self.is_added):
+        if self.explained + self.explained_std < least or self.is_added:
             return PATTERN
         if abs(self.turns) > BEYOND_FRAME * most_turns + TURNS_STD:
             return TOO_LONG
@@ -147,6 +157,11 @@ class Wander:
         return self.known in STEADY and self.squares < STEADY[self.known]
 
     @property
+    def is_seen(self) -> bool:
+        """Whether it is seen to move."""
+        return self.known > 0 and self.squares > MOVES * self.known
+
+    @property
     def is_restless(self) -> bool:
         """Whether it strays as no grid does."""
         return self.squares > MAX_WANDER * max(self.known, 1)
@@ -171,11 +186,14 @@ def why_not(
         return SECOND
     if abs(f0_hz - 2.0 * nominal_hz) > FARTHEST_HZ or wander.is_restless:
         return NO_GRID
-    creeps = abs(alias_hz(2.0 * nominal_hz, frame_rate_hz)) < CREEPS_HZ
-    if wander.is_steady and (creeps or _is_quartz(f0_hz, frame_rate_hz)):
+    is_unusual = abs(f0_hz - 2.0 * nominal_hz) > UNUSUAL_HZ
+    if wander.is_steady and (is_unusual or _is_quartz(f0_hz, frame_rate_hz)):
         return TOO_STEADY
     if light is None:
         return ""
+    creeps = abs(alias_hz(2.0 * nominal_hz, frame_rate_hz)) < CREEPS_HZ
+    if creeps and not (light.is_multiplied or wander.is_seen):
+        return CREEPS
     if abs(light.turns) < AT_ONCE and _is_keyed(f0_hz, frame_rate_hz, wander):
         return KEYED
     return light.why_not(f0_hz / frame_rate_hz, is_steady=wander.is_steady)

@@ -110,7 +110,7 @@ class StillFlicker:
         level = float(np.mean(found.texture(rows, frames)))
         light = still_light_of(
             told[:, rows.shape[1] : -3] / frames[:, None], t_s, found.phase_rad, self._rows,
-            found.turns + 1.0,
+            abs(found.turns) + 1.0,
         )  # fmt: skip
         course = course_of(found, self.nominal_hz, rate_hz, start, end, light)
         if isinstance(course, str):

@@ -68,7 +68,7 @@ class StillRows:
             self._found, self._looked = separate(level, t_s, frames), True
             self.light = None
             if self._found is not None:
-                turns, phase_rad = self._found.turns + 1.0, self._found.phase_rad
+                turns, phase_rad = abs(self._found.turns) + 1.0, self._found.phase_rad
                 rows = level.shape[1]
                 self.light = still_light_of(cell_means(level), t_s, phase_rad, rows, turns)
         if self._full:
