@@ -21,7 +21,7 @@ from rsenf.flicker.lock import (
     Lock,
     frames_of,
 )
-from rsenf.flicker.mains import cell_means, cells
+from rsenf.flicker.mains import bands_of, cell_means
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slow_time import SlowTime
@@ -110,7 +110,7 @@ class FlickerFollower:
         self._basis = ProfileBasis(self._waiting[0].rows, most_turns)
         first = self._waiting[0]
         self._buffer = SlowTime(self._basis.columns, int(pts[0]), np.float64)
-        self._cells = SlowTime(cells(first.rows, first.strips), int(pts[0]), np.float32)
+        self._cells = SlowTime(bands_of(first.rows) * first.strips, int(pts[0]), np.float32)
         for nominal_hz in self._nominals:
             if may_stand_still(nominal_hz, self._rate_hz, self._basis.rows):
                 self._still = StillFlicker(nominal_hz)
@@ -122,7 +122,7 @@ class FlickerFollower:
 
     def _append(self, basis: ProfileBasis, block: RowBlock) -> None:
         self._buffer.append(block, basis.reduce(block))
-        self._cells.append(block, cell_means(block.level))
+        self._cells.append(block, cell_means(block.level).reshape(block.frames, -1))
         if self._still is not None:
             self._still.add(block, self._buffer.origin_ns)
 

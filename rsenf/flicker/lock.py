@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found, stands_out, strongest
 from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
-from rsenf.flicker.mains import Wander, light_of, tells_cells, wander_of, why_not
+from rsenf.flicker.mains import Wander, bands_of, light_of, tells_cells, wander_of, why_not
 from rsenf.flicker.node_sums import Frames, at_frames
 from rsenf.flicker.phase_fit import PhaseFit, fit_phase
 from rsenf.flicker.phase_path import PhasePath
@@ -206,7 +206,7 @@ class Lock:
         if self._basis.rows > 1 and tells_cells(f0_hz, self._rate_hz):
             t_s, seen = frames_of(self._cells, start, end)
             phase = 4.0 * np.pi * self.nominal_hz * t_s + at_frames(t_s - start, psi)
-            light = light_of(seen, t_s, phase, self._basis.rows, f0_hz / self._rate_hz)
+            light = light_of(seen, t_s, phase, bands_of(self._basis.rows), f0_hz / self._rate_hz)
             self._apart_turns = light.apart_turns
         return why_not(f0_hz, self.nominal_hz, self._rate_hz, self._wander(), light)
 

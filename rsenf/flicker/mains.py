@@ -33,7 +33,7 @@ ORDER = 2  # of the polynomials, in place, by which a light's share varies over 
 # Turns beside the phase, over the window, at which the noise is looked up.
 BESIDE = np.array([m for m in range(-8, 9) if abs(m) >= 3])
 TURNS_STEP = 0.05
-GROUP, LINES = 4, 3  # bands that share a phase, and rounds in which its line is found
+GROUP, LINES = 4, 3  # bands that share a phase; and how many phases, and rounds, make a line
 # Farther than this from 0 Hz, and from half the frame rate, a tone is told from its mirror image.
 APART_HZ = 0.5
 
@@ -182,7 +182,7 @@ def why_not(
     light : Light, optional
         What the cells show; none where they can't be told apart.
     """
-    if is_second_harmonic(f0_hz, nominal_hz, frame_rate_hz):
+    if light and is_second_harmonic(f0_hz, nominal_hz, frame_rate_hz, light.turns):
         return SECOND
     if abs(f0_hz - 2.0 * nominal_hz) > FARTHEST_HZ or wander.is_restless:
         return NO_GRID
@@ -199,17 +199,18 @@ def why_not(
     return light.why_not(f0_hz / frame_rate_hz, is_steady=wander.is_steady)
 
 
-def is_second_harmonic(f0_hz: float, nominal_hz: float, frame_rate_hz: float) -> bool:
+def is_second_harmonic(f0_hz: float, nominal_hz: float, frame_rate_hz: float, turns: float) -> bool:
     """Whether the tone that was followed is likelier the second harmonic of usual light.
 
     Where ``2·f_0`` shows at, or mirrored to, where ``f_0`` of another deviation would, a lamp whose
-    second harmonic survives a codec better than its first looks like light at that deviation.
+    second harmonic survives a codec better than its first looks like light at that deviation. A
+    mirror image runs up the rows: ``turns`` of the phase down them are negative.
     """
     carrier_hz = 2.0 * nominal_hz
     off_hz = abs(f0_hz - carrier_hz)
-    for sign in (1.0, -1.0):
-        turns = round((2.0 * carrier_hz - sign * f0_hz) / frame_rate_hz)
-        first_hz = (turns * frame_rate_hz + sign * f0_hz) / 2.0
+    for sign in (1.0, -1.0) if turns < 0.0 else (1.0,):
+        times = round((2.0 * carrier_hz - sign * f0_hz) / frame_rate_hz)
+        first_hz = (times * frame_rate_hz + sign * f0_hz) / 2.0
         if off_hz > UNUSUAL_HZ and abs(first_hz - carrier_hz) < off_hz / 2.0:
             return True
     return False
@@ -238,46 +239,45 @@ def tells_cells(f0_hz: float, frame_rate_hz: float) -> bool:
     return APART_HZ <= seen_hz <= frame_rate_hz / 2.0 - APART_HZ
 
 
+def bands_of(rows: int) -> int:
+    """How many bands there are of so many rows."""
+    return min(rows, BANDS)
+
+
 def edges_of(rows: int) -> NDArray[np.intp]:
     """First rows of the bands, and the number of rows."""
-    return np.unique(np.linspace(0, rows, min(rows, BANDS) + 1).astype(np.intp))
-
-
-def cells(rows: int, strips: int) -> int:
-    """How many cells there are."""
-    return (edges_of(rows).size - 1) * strips
+    return np.linspace(0, rows, bands_of(rows) + 1).astype(np.intp)
 
 
 def cell_means(level: NDArray[Any]) -> NDArray[Any]:
-    """Mean level of each cell, (…, bands · strips), of rows, (…, rows, strips)."""
+    """Mean level of each cell, (frames, bands, strips), of rows, (frames, rows, strips)."""
     edges = edges_of(level.shape[1])
     means = np.add.reduceat(level, edges[:-1], axis=1)
     means /= np.diff(edges)[:, None]
-    return means.reshape(len(level), -1)
+    return means
 
 
 def light_of(
-    seen: NDArray[np.floating], t_s: Float, phase_rad: Float, rows: int, most_turns: float
+    seen: NDArray[np.floating], t_s: Float, phase_rad: Float, bands: int, most_turns: float
 ) -> Light:
     """Look at what turns with a phase.
 
     Parameters
     ----------
     seen : ndarray, shape (frames, bands · strips)
-        As :func:`cell_means` has them.
+        Cells, as :func:`cell_means` has them.
     t_s, phase_rad : ndarray, shape (frames,)
         Times, and the phase of the harmonic that is followed.
-    rows : int
-        Of a frame.
+    bands : int
     most_turns : float
         Of that harmonic, for a read-out that takes all of a frame.
     """
     level, tone, beside = _tones(seen.astype(np.float64), t_s, phase_rad)
-    return _light(level, tone, beside, rows, most_turns)
+    return _light(level, tone, beside, bands, most_turns)
 
 
 def still_light_of(
-    seen: Float, t_s: Float, phase_rad: Float, rows: int, most_turns: float
+    seen: Float, t_s: Float, phase_rad: Float, bands: int, most_turns: float
 ) -> Light:
     """Look at what turns with a phase that hardly turns: with the texture, and not beside it.
 
@@ -286,25 +286,29 @@ def still_light_of(
     seen : ndarray, shape (bins, bands · strips)
         Means of cells over bins of time.
     t_s, phase_rad : ndarray, shape (bins,)
-    rows : int
+    bands : int
     most_turns : float
     """
     waves = np.column_stack([np.ones_like(t_s), np.cos(phase_rad), np.sin(phase_rad)])
     (level, cosine, sine), *_ = np.linalg.lstsq(waves, seen, rcond=None)
     left = seen - waves @ np.array([level, cosine, sine])
-    return _light(level, cosine - 1j * sine, _tones(left, t_s, phase_rad)[2], rows, most_turns)
+    return _light(level, cosine - 1j * sine, _tones(left, t_s, phase_rad)[2], bands, most_turns)
 
 
-def _light(level: Float, tone: Complex, beside: Complex, rows: int, most_turns: float) -> Light:
-    """Judge the tones of cells: (cells,), (cells,), (beside, cells)."""
-    edges = edges_of(rows)
-    place = (edges[:-1] + edges[1:]) / (2.0 * rows)
-    shape = place.size, level.size // place.size
-    noise = float(np.sqrt(np.mean(np.abs(beside) ** 2))) + 1e-9
-    tone, beside, level = tone / noise, beside / noise, level.reshape(shape)
-    turns = _turns(tone.reshape(shape) * level, place, 1.5 * most_turns + 1.0)
+def _light(level: Float, tone: Complex, beside: Complex, bands: int, most_turns: float) -> Light:
+    """Judge the tones of cells: (cells,), (cells,), (beside, cells).
+
+    Each cell counts by how little noise it has, up to what is usual.
+    """
+    place, shape = (np.arange(bands) + 0.5) / bands, (bands, level.size // bands)
+    var = np.mean(np.abs(beside) ** 2, axis=0)
+    trust = 1.0 / np.sqrt(var + np.median(var) + 1e-12)
+    tone, beside, level = tone * trust, beside * trust, (level * trust).reshape(shape)
+    most = min(1.5 * most_turns + 1.0, (bands - 1) / 2.0)
+    turns = _turns(tone.reshape(shape) * level, place, most)
     ramp = np.exp(2j * np.pi * turns * place)[:, None]
     shares = _shares(place, shape[1])
+    evenly = ramp * trust.reshape(shape)
     own = max(float(_power(tone) - _power(beside).mean()), 1e-9)
 
     def explained(basis: Complex) -> tuple[float, float]:
@@ -315,11 +319,12 @@ def _light(level: Float, tone: Complex, beside: Complex, rows: int, most_turns: 
 
     straight = level * ramp.conj()
     by_light, snr = explained(shares * (ramp * level))
+    # One strip's texture may be anybody's: it doesn't say what is added.
     return Light(
         turns=turns,
         explained=by_light,
         explained_std=float(_power(beside).std()) / own,
-        added=explained(shares * ramp)[0],
+        added=explained(shares * evenly)[0] if shape[1] > 1 else by_light,
         snr=snr,
         apart_turns=_apart_turns(
             tone.reshape(shape) * straight, beside.reshape(-1, *shape) * straight, place
@@ -335,6 +340,8 @@ def _apart_turns(light: Complex, noise: Complex, place: Float) -> float:
     starts = np.arange(0, place.size, GROUP)
     light, noise = (np.add.reduceat(x, starts, axis=-2) for x in (light, noise))
     weight = np.abs(light) ** 2
+    if len(starts) < LINES or not np.abs(light.sum()) > 0.0:
+        return 0.0
     middle = np.add.reduceat(place, starts) / np.diff(np.append(starts, place.size))
     down = np.broadcast_to((middle - middle.mean())[:, None], light.shape)
     for _ in range(LINES):

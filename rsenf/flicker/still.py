@@ -64,7 +64,7 @@ class StillFlicker:
     def __init__(self, nominal_hz: float) -> None:
         self.nominal_hz = nominal_hz
         self._sum: dict[int, Float] = {}  # by bin: rows, cells, then time, frame number and frames
-        self._rows = self._bands = 0
+        self._fine = self._bands = 0  # of the rows and of the cells
         self._path: _Path | None = None
         self.why = NOT_FLICKER
 
@@ -76,8 +76,9 @@ class StillFlicker:
         edges = np.unique(np.linspace(0, block.rows, min(block.rows, BANDS) + 1).astype(int))
         profile = block.profiles()
         bands = np.add.reduceat(profile, edges[:-1], axis=1) / np.diff(edges)
-        self._rows, self._bands = block.rows, edges.size - 1
-        told_by = np.hstack([bands, cell_means(block.level)])
+        self._fine, cells = edges.size - 1, cell_means(block.level)
+        self._bands = cells.shape[1]
+        told_by = np.hstack([bands, cells.reshape(block.frames, -1)])
         for t, number, rows in zip(t_s.tolist(), block.frame_number.tolist(), told_by, strict=True):
             k = int(t * BINS_PER_S)
             told = np.concatenate([rows, [t, number, 1.0]])
@@ -98,7 +99,7 @@ class StillFlicker:
         told = np.array([self._sum[k] for k in keys])
         frames = told[:, -1]
         t_s, numbers = told[:, -3] / frames, told[:, -2] / frames
-        rows = told[:, : self._bands] / frames[:, None]
+        rows = told[:, : self._fine] / frames[:, None]
         found = separate(rows, t_s, frames)
         if found is None or not found.is_flicker:
             self.why = NOT_FLICKER
@@ -108,10 +109,8 @@ class StillFlicker:
             return False
         rate_hz = frame_rate(t_s, numbers)
         level = float(np.mean(found.texture(rows, frames)))
-        light = still_light_of(
-            told[:, rows.shape[1] : -3] / frames[:, None], t_s, found.phase_rad, self._rows,
-            abs(found.turns) + 1.0,
-        )  # fmt: skip
+        cells, turns = told[:, self._fine : -3] / frames[:, None], abs(found.turns) + 1.0
+        light = still_light_of(cells, t_s, found.phase_rad, self._bands, turns)
         course = course_of(found, self.nominal_hz, rate_hz, start, end, light)
         if isinstance(course, str):
             self.why = course

@@ -66,7 +66,7 @@ def checked(seen: Seen, finding: Finding) -> Finding:
     if finding.verdict != "estimated":
         return finding
     if not seen.stands_still and mains.is_second_harmonic(
-        seen.f0_hz, seen.nominal_hz, seen.frame_rate_hz
+        seen.f0_hz, seen.nominal_hz, seen.frame_rate_hz, finding.turns
     ):
         return SECOND
     apart_turns = _apart_turns(seen)

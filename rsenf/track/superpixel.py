@@ -95,6 +95,9 @@ class SuperpixelTracker(SlidingTracker):
     def _reduce(self, block: RowBlock) -> NDArray[np.complex128]:
         return _regions(block).reshape(block.frames, -1).astype(np.complex128)
 
+    def _cells_of(self, block: RowBlock) -> Float:
+        return _regions(block)
+
     def _judge(self, window: Window, blank: EnfEstimate) -> EnfEstimate:
         rate_hz, search_hz = window.frame_rate_hz, self._finder.search_hz
         peaks = [
