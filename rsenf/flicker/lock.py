@@ -31,6 +31,7 @@ WINDOW_S = 31  # that a second's phase is fitted in
 AHEAD_S = 15  # of it, after the first second that it is fitted for
 TOGETHER_S = 4  # seconds that share a window
 SHORT_S = 8  # the shortest that anything is fitted in
+JUDGED_S = 12  # windows that begin within so many share a look at whether it is mains light
 CHECK_S = 20  # window in which the tone has to stand out
 MIN_FILL_RATIO = 0.5
 TOO_FEW = "too few frames are usable"
@@ -90,6 +91,7 @@ class Lock:
         self._checked: tuple[tuple[int, int], tuple[Tone, str]] = (0, 0), (_NO_TONE, TOO_FEW)
         self.failed = 0  # seconds in a row in which the tone didn't stand out
         self._apart_turns = 0.0
+        self._judged: tuple[int, str] = -JUDGED_S, ""  # when it was last asked whether it is mains
 
     def extend(self, buffer: SlowTime, start: int, end: int) -> PhaseFit | None:
         """Fit the phase over some seconds, from what is known of it; None without frames."""
@@ -196,7 +198,9 @@ class Lock:
             return tone, AT_EDGE
         if abs(tone.offset_hz - slope_hz) * (end - start) > MAX_OFF_CELLS:
             return tone, "the phase was lost"
-        return tone, self.why_not_mains(start, end)
+        if not self._judged[0] <= start < self._judged[0] + JUDGED_S:
+            self._judged = start, self.why_not_mains(start, end)
+        return tone, self._judged[1]
 
     def why_not_mains(self, start: int, end: int) -> str:
         """Say why what is followed in a window isn't mains light; '' where it may be."""

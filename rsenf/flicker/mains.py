@@ -244,16 +244,18 @@ def bands_of(rows: int) -> int:
     return min(rows, BANDS)
 
 
-def edges_of(rows: int) -> NDArray[np.intp]:
-    """First rows of the bands, and the number of rows."""
-    return np.linspace(0, rows, bands_of(rows) + 1).astype(np.intp)
+@functools.lru_cache(maxsize=8)
+def _bands(rows: int) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+    """First row of each band, and one over how many it has."""
+    edges = np.linspace(0, rows, bands_of(rows) + 1).astype(np.intp)
+    return edges[:-1], (1.0 / np.diff(edges)[:, None]).astype(np.float32)
 
 
 def cell_means(level: NDArray[Any]) -> NDArray[Any]:
     """Mean level of each cell, (frames, bands, strips), of rows, (frames, rows, strips)."""
-    edges = edges_of(level.shape[1])
-    means = np.add.reduceat(level, edges[:-1], axis=1)
-    means /= np.diff(edges)[:, None]
+    starts, share = _bands(level.shape[1])
+    means = np.add.reduceat(level, starts, axis=1)
+    means *= share
     return means
 
 
