@@ -21,6 +21,7 @@ from rsenf.flicker.lock import (
     Lock,
     frames_of,
 )
+from rsenf.flicker.mains import bands_of, cell_means
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.rate_conversion import find_conversion
 from rsenf.flicker.second import FlickerSecond
@@ -59,7 +60,7 @@ class FlickerFollower:
         self._min_snr = min_snr
         self._waiting: list[RowBlock] = []
         self._basis: ProfileBasis | None = None
-        self._buffer = SlowTime(1, 0)
+        self._buffer = self._cells = SlowTime(1, 0)
         self._rate_hz = float("nan")
         self._reached = 0  # whole seconds that have been looked at
         self._next = 0  # second to be looked at next
@@ -111,7 +112,9 @@ class FlickerFollower:
         self._rate_hz = float(frames * 1e9 / lasted_ns)
         most_turns = HARMONICS * 2.0 * max(self._nominals) / self._rate_hz
         self._basis = ProfileBasis(self._waiting[0].rows, most_turns)
+        first = self._waiting[0]
         self._buffer = SlowTime(self._basis.columns, int(pts[0]), np.float64)
+        self._cells = SlowTime(bands_of(first.rows) * first.strips, int(pts[0]), np.float32)
         for nominal_hz in self._nominals:
             if may_stand_still(nominal_hz, self._rate_hz, self._basis.rows):
                 self._still = StillFlicker(nominal_hz)
@@ -123,6 +126,7 @@ class FlickerFollower:
 
     def _append(self, basis: ProfileBasis, block: RowBlock) -> None:
         self._buffer.append(block, basis.reduce(block))
+        self._cells.append(block, cell_means(block.level).reshape(block.frames, -1))
         if self._still is not None:
             self._still.add(block, self._buffer.origin_ns)
 
@@ -155,7 +159,8 @@ class FlickerFollower:
         while self._ready and self._ready[0].index < due:
             out.append(self._ready.popleft())
         kept_s = WINDOW_S if self._lock else 0
-        self._buffer.forget_before(min(self._next, end - LOOK_S) - kept_s)
+        for buffer in (self._buffer, self._cells):
+            buffer.forget_before(min(self._next, end - LOOK_S) - kept_s)
         return out
 
     def _look_still(self, end: int, *, final: bool) -> None:
@@ -211,8 +216,14 @@ class FlickerFollower:
         if isinstance(found, str):
             self._why = found
             return
-        lock = Lock(found, start, self._basis, self._shown_hz, self._min_snr, self._ramp)
+        lock = Lock(
+            found, start, self._basis, self._rate_hz, self._shown_hz, self._min_snr,
+            self._cells, self._ramp,
+        )  # fmt: skip
         lock.settled_s = self._next
+        self._why = lock.why_not_mains(start, end)
+        if self._why:
+            return
         self._nominals, self._ramp, self._lock = (found.nominal_hz,), lock.ramp, lock
         lock.extend(self._buffer, start, end)
         first = int(self._buffer.first_t_s)
@@ -240,7 +251,8 @@ class FlickerFollower:
         )
         if isinstance(found, str):
             return None
-        self._buffer.convert(conversion)
+        for values in (self._buffer, self._cells):
+            values.convert(conversion)
         self._rate_hz, self._still = source_hz, None
         return found
 

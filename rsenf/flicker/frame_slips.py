@@ -163,7 +163,7 @@ def _likeliest(
 
 def _own_var(light: Complex) -> float:
     """Variance of a frame's real part, or imaginary part, by how it differs from the next."""
-    return float(np.median(np.abs(np.diff(light)) ** 2)) / (4.0 * np.log(2.0))
+    return float(np.median(np.abs(np.diff(light)) ** 2) / (4.0 * np.log(2.0)))
 
 
 def _placed(total: Complex, at: int, leap: float) -> int:

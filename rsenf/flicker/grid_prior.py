@@ -23,6 +23,7 @@ NODES_PER_S = round(1.0 / NODE_S)
 WALKS = ((0.0175, 370.0), (0.0076, 15.0))
 INERTIA_S = 1.12
 # Free: mean deviation of the illumination's frequency, and the phase.
+FREE = 2
 MEAN_STD_HZ = 0.5
 PHASE_STD_RAD = 10.0
 # Directions in which the phase moves less than this are left out (rad).

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found, stands_out, strongest
 from rsenf.flicker.frame_slips import FrameSlip, are_equal, find_slips, late_s
-from rsenf.flicker.grid_prior import NODES_PER_S
+from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
+from rsenf.flicker.mains import Wander, bands_of, light_of, tells_cells, wander_of, why_not
 from rsenf.flicker.node_sums import Frames, at_frames
 from rsenf.flicker.phase_fit import PhaseFit, fit_phase
 from rsenf.flicker.phase_path import PhasePath
@@ -32,6 +33,7 @@ WINDOW_S = 31  # that a second's phase is fitted in
 AHEAD_S = 15  # of it, after the first second that it is fitted for
 TOGETHER_S = 4  # seconds that share a window
 SHORT_S = 8  # the shortest that anything is fitted in
+JUDGED_S = 12  # windows that begin within so many share a look at whether it is mains light
 CHECK_S = 20  # window in which the tone has to stand out
 MIN_FILL_RATIO = 0.5
 TOO_FEW = "too few frames are usable"
@@ -64,7 +66,13 @@ class Lock:
     start : int
         Second at which its window begins.
     basis : ProfileBasis
-    frame_rate_hz, min_snr : float
+    frame_rate_hz : float
+        Of the camera.
+    shown_hz : float
+        Rate at which frames come of which each is a new one.
+    min_snr : float
+    cells : SlowTime
+        What :func:`rsenf.flicker.mains.cell_means` tells of the same frames.
     ramp : ndarray of complex, shape (columns,), optional
         What the phase is measured against: that of an earlier lock on the same light.
     """
@@ -75,14 +83,16 @@ class Lock:
         start: int,
         basis: ProfileBasis,
         frame_rate_hz: float,
+        shown_hz: float,
         min_snr: float,
+        cells: SlowTime,
         ramp: Complex | None = None,
     ) -> None:
         self.nominal_hz, self.turns = found.nominal_hz, found.turns
         own = basis.ramps(np.array([found.turns]))[:, 0]
         self.ramp: Complex = own if ramp is None else ramp
-        self._rate_hz, self._min_snr = frame_rate_hz, min_snr
-        self._basis = basis
+        self._rate_hz, self._shown_hz, self._min_snr = frame_rate_hz, shown_hz, min_snr
+        self._basis, self._cells = basis, cells
         self._seen: Complex = np.zeros_like(own)  # sum of the templates of good seconds, in phase
         self._template: Complex = own / np.linalg.norm(own)
         self._path = PhasePath(found.psi_rad, start)
@@ -90,6 +100,8 @@ class Lock:
         self._checked: tuple[tuple[int, int], tuple[Tone, str]] = (0, 0), (_NO_TONE, TOO_FEW)
         self.failed = 0  # seconds in a row in which the tone didn't stand out
         self.settled_s = 0  # nothing slips any more before this second
+        self._apart_turns = 0.0
+        self._judged: tuple[int, str] = -JUDGED_S, ""  # when it was last asked whether it is mains
 
     def extend(self, buffer: SlowTime, start: int, end: int) -> PhaseFit | None:
         """Fit the phase over some seconds, from what is known of it; None without frames."""
@@ -131,8 +143,9 @@ class Lock:
         else:
             return unlike
         numbers = buffer.numbers(part)[buffer.usable(part)]
-        for at, frames in slips:
-            buffer.slip(FrameSlip(int(numbers[at]), frames), period_s)
+        for at, late_frames in slips:
+            for values in (buffer, self._cells):
+                values.slip(FrameSlip(int(numbers[at]), late_frames), period_s)
         return fit
 
     def around(self, buffer: SlowTime, index: int, end: int) -> tuple[int, int, PhaseFit | None]:
@@ -159,7 +172,11 @@ class Lock:
         if not reason:
             self._learn(fit)
         blank = dataclasses.replace(
-            blank, turns=self.turns, snr_db=_decibels(tone.snr), reason=reason
+            blank,
+            turns=self.turns,
+            apart_turns=self._apart_turns,
+            snr_db=_decibels(tone.snr),
+            reason=reason,
         )
         return blank if reason else self._filled(buffer, blank, fit, start)
 
@@ -214,7 +231,7 @@ class Lock:
 
     def _checked_anew(self, buffer: SlowTime, start: int, end: int) -> tuple[Tone, str]:
         t_s, columns = frames_of(buffer, start, end)
-        if t_s.size < MIN_FILL_RATIO * self._rate_hz * (end - start):
+        if t_s.size < MIN_FILL_RATIO * self._shown_hz * (end - start):
             return _NO_TONE, TOO_FEW
         finder, t_mid = ToneFinder(float(end - start), SEARCH_HZ), t_s - (start + end) / 2.0
         carrier = np.exp(-4j * np.pi * self.nominal_hz * t_s)
@@ -229,7 +246,31 @@ class Lock:
             return tone, AT_EDGE
         if abs(tone.offset_hz - slope_hz) * (end - start) > MAX_OFF_CELLS:
             return tone, "the phase was lost"
-        return tone, ""
+        if not self._judged[0] <= start < self._judged[0] + JUDGED_S:
+            self._judged = start, self.why_not_mains(start, end)
+        return tone, self._judged[1]
+
+    def why_not_mains(self, start: int, end: int) -> str:
+        """Say why what is followed in a window isn't mains light; '' where it may be."""
+        psi = self._path.between(start, end)
+        f0_hz = 2.0 * self.nominal_hz + float(psi[-1] - psi[0]) / (2.0 * np.pi * (end - start))
+        light = None
+        if self._basis.rows > 1 and tells_cells(f0_hz, self._rate_hz):
+            t_s, seen = frames_of(self._cells, start, end)
+            phase = 4.0 * np.pi * self.nominal_hz * t_s + at_frames(t_s - start, psi)
+            light = light_of(seen, t_s, phase, bands_of(self._basis.rows), f0_hz / self._rate_hz)
+            self._apart_turns = light.apart_turns
+        return why_not(f0_hz, self.nominal_hz, self._rate_hz, self._wander(), light)
+
+    def _wander(self) -> Wander:
+        """How the phase of the last fit moves."""
+        fit = self._fit[1]
+        if fit is None:
+            return Wander()
+        prior = phase_prior(fit.psi_rad.size)
+        precision = prior.basis.T @ (fit.information[:, None] * prior.basis)
+        precision.flat[:: len(precision) + 1] += 1.0
+        return wander_of(prior.nearest(fit.psi_rad), precision, prior.nodes)
 
     def _aligned(self, fit: PhaseFit) -> PhaseFit:
         """Return a fit whose template is in phase with the ramp: what no fit can know by itself."""

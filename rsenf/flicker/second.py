@@ -43,6 +43,8 @@ class FlickerSecond:
     turns : float
         Turns of the first harmonic's phase down the rows of one frame, as known by then:
         ``f_0·T_ro``; negative where the read-out runs from the last row to the first.
+    apart_turns : float
+        By how much the light's phase strays from one ramp that all strips share, rms.
     snr_db : float
         Power of the tone over the noise in a resolution cell of the window.
     frame_number : ndarray of int64, shape (frames,)
@@ -70,6 +72,7 @@ class FlickerSecond:
     f0_hz: float = NAN
     f0_var_hz2: float = NAN
     turns: float = NAN
+    apart_turns: float = 0.0
     snr_db: float = NAN
     frame_number: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     phase_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))

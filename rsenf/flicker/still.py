@@ -14,8 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import SEARCH_HZ
-from rsenf.flicker.grid_prior import MEAN_STD_HZ, NODES_PER_S, phase_prior
+from rsenf.flicker.grid_prior import FREE, MEAN_STD_HZ, NODES_PER_S, phase_prior
 from rsenf.flicker.lines import alias_hz
+from rsenf.flicker.mains import (
+    NO_GRID,
+    Light,
+    cell_means,
+    still_light_of,
+    wander_of,
+    why_not,
+)
 from rsenf.flicker.node_sums import at_frames
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.zero_alias import MIN_ROWS, ZeroAlias, separate
@@ -29,17 +37,14 @@ EVERY_S = 15
 BINS_PER_S = 4
 BANDS = 120
 TOO_STILL = "alias at 0 Hz, and the flicker's phase has turned too little to tell it from texture"
-NO_GRID = (
-    "what turns moves as no grid's phase does: another light, another speed, or wrong frame times?"
-)
 NOT_FLICKER = "no mains flicker stands out"
 # Deviations (of the illumination) at which the other direction of read-out becomes more plausible.
 LIKELY_HZ, UNLIKELY_HZ = 0.1, 0.15
 MODEL_STD_HZ = 4e-5
 HOLE_FRAMES = 0.5  # by which time and numbers part from bin to bin where some are missing
 # Mean squares of the prior's ten and forty largest directions, beside the free ones, are 1 for a
-# grid; and a grid whose illumination is farther from its nominal frequency has broken down.
-FREE, MAX_WANDER, MAX_FAST, FARTHEST_HZ = 2, 10.0, 5.0, 0.3
+# grid.
+MAX_WANDER, MAX_FAST = 10.0, 5.0
 
 
 def may_stand_still(nominal_hz: float, frame_rate_hz: float, rows: int) -> bool:
@@ -58,7 +63,8 @@ class StillFlicker:
 
     def __init__(self, nominal_hz: float) -> None:
         self.nominal_hz = nominal_hz
-        self._sum: dict[int, Float] = {}  # by bin: rows, then time, frame number and frames
+        self._sum: dict[int, Float] = {}  # by bin: rows, cells, then time, frame number and frames
+        self._fine = self._bands = 0  # of the rows and of the cells
         self._path: _Path | None = None
         self.why = NOT_FLICKER
 
@@ -70,7 +76,10 @@ class StillFlicker:
         edges = np.unique(np.linspace(0, block.rows, min(block.rows, BANDS) + 1).astype(int))
         profile = block.profiles()
         bands = np.add.reduceat(profile, edges[:-1], axis=1) / np.diff(edges)
-        for t, number, rows in zip(t_s.tolist(), block.frame_number.tolist(), bands, strict=True):
+        self._fine, cells = edges.size - 1, cell_means(block.level)
+        self._bands = cells.shape[1]
+        told_by = np.hstack([bands, cells.reshape(block.frames, -1)])
+        for t, number, rows in zip(t_s.tolist(), block.frame_number.tolist(), told_by, strict=True):
             k = int(t * BINS_PER_S)
             told = np.concatenate([rows, [t, number, 1.0]])
             self._sum[k] = self._sum[k] + told if k in self._sum else told
@@ -90,7 +99,7 @@ class StillFlicker:
         told = np.array([self._sum[k] for k in keys])
         frames = told[:, -1]
         t_s, numbers = told[:, -3] / frames, told[:, -2] / frames
-        rows = told[:, :-3] / frames[:, None]
+        rows = told[:, : self._fine] / frames[:, None]
         found = separate(rows, t_s, frames)
         if found is None or not found.is_flicker:
             self.why = NOT_FLICKER
@@ -100,11 +109,13 @@ class StillFlicker:
             return False
         rate_hz = frame_rate(t_s, numbers)
         level = float(np.mean(found.texture(rows, frames)))
-        path = _path(found, self.nominal_hz, rate_hz, start, end, level, self._path)
-        if path is None:
-            self.why = NO_GRID
+        cells, turns = told[:, self._fine : -3] / frames[:, None], abs(found.turns) + 1.0
+        light = still_light_of(cells, t_s, found.phase_rad, self._bands, turns)
+        course = course_of(found, self.nominal_hz, rate_hz, start, end, light)
+        if isinstance(course, str):
+            self.why = course
             return False
-        self._path = path
+        self._path = _path(found, course, start, level, self._path)
         return True
 
     def second(self, blank: FlickerSecond, frame_t_s: Float) -> FlickerSecond:
@@ -162,11 +173,41 @@ class _Path:
     told_var: Float
 
 
-def _path(
-    found: ZeroAlias, nominal_hz: float, rate_hz: float, start: int, end: int, level: float,
-    before: _Path | None,
-) -> _Path | None:  # fmt: skip
-    """Phase of the light in a span, smoothed as grids are smooth; None where no grid is so."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class Course:
+    """Phase of the light over a span, smoothed as grids are smooth.
+
+    Attributes
+    ----------
+    sign : int
+        1 for a read-out from the first row to the last, −1 for the other way round.
+    told_rad : ndarray, shape (bins,)
+        What the bins say by themselves, relative to the nominal frequency's.
+    psi_rad : ndarray, shape (nodes,)
+    second_var_hz2 : ndarray, shape (nodes − 4,)
+        Variance of the mean frequency over the second that begins at each node.
+    """
+
+    sign: int
+    told_rad: Float
+    psi_rad: Float
+    second_var_hz2: Float
+
+
+def course_of(
+    found: ZeroAlias, nominal_hz: float, rate_hz: float, start: int, end: int, light: Light | None
+) -> Course | str:
+    """Follow a grid through a span of seconds; say why what was found is no grid's light.
+
+    Parameters
+    ----------
+    found : ZeroAlias
+    nominal_hz, rate_hz : float
+    start, end : int
+        Seconds, that the bins' times lie within.
+    light : Light, optional
+        What the cells show, if they are known.
+    """
     t_s = found.t_s
     stands_hz = rate_hz * round(2.0 * nominal_hz / rate_hz)  # whose alias is exactly 0 Hz
     sign = _direction(found, stands_hz - 2.0 * nominal_hz)
@@ -176,26 +217,36 @@ def _path(
     noise = found.phase_cov + 1e-12 * np.eye(t_s.size)
     heard = np.linalg.solve(noise, np.column_stack([seen, told - told.mean()]))
     precision = seen.T @ heard[:, :-1] + np.eye(prior.shape[1])
-    coefficient = np.linalg.solve(precision, seen.T @ heard[:, -1])
+    coefficient = np.asarray(np.linalg.solve(precision, seen.T @ heard[:, -1]), np.float64)
     mean_hz, moves = coefficient[1] * MEAN_STD_HZ, coefficient[FREE:] ** 2
-    if abs(mean_hz) > FARTHEST_HZ or moves[:10].mean() > MAX_WANDER or moves[:40].mean() > MAX_FAST:
-        return None
-    psi = prior @ coefficient + told.mean()
+    if moves[:10].mean() > MAX_WANDER or moves[:40].mean() > MAX_FAST:
+        return NO_GRID
+    wander = wander_of(coefficient, precision, len(prior))
+    why = why_not(2.0 * nominal_hz + mean_hz, nominal_hz, rate_hz, wander, light)
+    if why:
+        return why
     over_second = (prior[NODES_PER_S:] - prior[:-NODES_PER_S]) / (2.0 * np.pi)
     variance = np.einsum("ij,ji->i", over_second, np.linalg.solve(precision, over_second.T))
-    turn = 0.0
+    return Course(sign, told, prior @ coefficient + told.mean(), variance)
+
+
+def _path(
+    found: ZeroAlias, course: Course, start: int, level: float, before: _Path | None
+) -> _Path:
+    """Phase of the light in a span, which goes on where that of an earlier one ends."""
+    turn, psi = 0.0, course.psi_rad
     if before is not None:
         turn = 2.0 * np.pi * round(_apart(before, psi, start) / (2.0 * np.pi))
     snr = (found.amplitude / found.amplitude_std) ** 2 / 2.0
     return _Path(
         start=start,
-        turns=sign * found.turns,
+        turns=course.sign * found.turns,
         snr_db=float(10.0 * np.log10(snr)),
         size=found.amplitude * level,
         psi_rad=psi + turn,
-        second_var_hz2=variance,
-        t_s=t_s,
-        told_rad=told + turn,
+        second_var_hz2=course.second_var_hz2,
+        t_s=found.t_s,
+        told_rad=course.told_rad + turn,
         told_var=np.diag(found.phase_cov),
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rsenf.idle.limits import MIN_COHERENCE, MIN_FLICKER_RATIO, NO_RAMP, STILL, WEAK, hardly_turned
+from rsenf.idle.limits import MIN_COHERENCE, NO_RAMP, STILL, WEAK, hardly_turned, is_weak
 from rsenf.idle.moments import HARMONICS
 from rsenf.idle.ramp import Profile, find_ramp
 from rsenf.idle.row_tones import coherence, row_tones
@@ -20,7 +20,7 @@ def conclude(seen: Seen) -> Finding:
     if hardly_turned(seen):
         return STILL
     ramp = find_ramp(seen.moments, BEYOND * seen.most_turns)
-    if ramp.flicker_ratio < MIN_FLICKER_RATIO:
+    if is_weak(seen, ramp.flicker_ratio):
         return WEAK
     tone, level = row_tones(seen.moments)
     if coherence(tone, level, ramp.turns) < MIN_COHERENCE:

@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from rsenf.flicker import mains
+from rsenf.flicker.faint import is_faint
 from rsenf.idle.seen import Finding, Seen
 
 # Flicker that is still to so great a part has turned by less than about a radian: at a span of
 # ``s`` radians the mean of ``exp(jψ)`` is ``sinc(s/2)``.
 MAX_STILL_RATIO = 0.96
-# The weakest lamps on the market flicker by half a per cent; what an exposure of a whole number of
-# periods leaves is less than a thousandth, and grows with the grid's deviation.
-MIN_FLICKER_RATIO = 1e-3
 # Below this many turns every row sees the same light: half a millisecond of read-out.
 MIN_TURNS = 0.05
 # Few turns want proof: an encoder that copies rows downwards leaves just such a ramp, and scatters
 # the rows' phases by far more than noise does. Below so many turns the error has to be so small.
 FEW_TURNS, FEW_STD_RATIO = 0.5, 1e-3
 MAX_STD_RATIO = 0.035  # standard error of the idle ratio
+# Where lamps of several phases mix, their mixture turns down the rows as well: by some three times
+# as much, at worst, as the phase strays from one ramp across the picture. One lamp's strays by less
+# than a hundredth of a turn; a still one is known less well.
+MIXED, ONE_TURNS, ONE_STILL_TURNS = 3.0, 0.01, 0.03
 # Of the frame period: a read-out can't take longer, an estimate may by its error.
 SLACK_RATIO = 0.02
 # Of the rows' tones, the least share that adds up along the ramp.
 MIN_COHERENCE = 0.6
-# Deviations of the illumination's frequency that a large grid hardly ever has.
-UNUSUAL_HZ = 0.15
 # Two grids whose light shows alike from frame to frame, within so many Hz.
 ALIKE_HZ = 1.0
 
+SEVERAL = "light of several phases: its mixture's change down the rows can't be told from read-out"
 CROP = "a crop, as by electronic image stabilisation, counts as idle"
 
 
@@ -53,7 +57,7 @@ GLOBAL = refused(
     "rows downwards"
 )
 NO_RAMP = refused("the rows' phases don't lie on one ramp")
-SECOND = refused("what was followed is likelier the second harmonic of the light than the first")
+SECOND = refused(mains.SECOND)
 TOO_LONG = refused("by the rows' phases a frame would take longer to read than it lasts")
 
 
@@ -61,8 +65,14 @@ def checked(seen: Seen, finding: Finding) -> Finding:
     """Return the finding, or why it must not be claimed."""
     if finding.verdict != "estimated":
         return finding
-    if not seen.stands_still and is_second_harmonic(seen):
+    if not seen.stands_still and mains.is_second_harmonic(
+        seen.f0_hz, seen.nominal_hz, seen.frame_rate_hz, finding.turns
+    ):
         return SECOND
+    apart_turns = _apart_turns(seen)
+    if apart_turns > 0.0:
+        turns_var = finding.turns_var + (MIXED * apart_turns) ** 2
+        finding = replace(finding, turns_var=turns_var, warnings=(*finding.warnings, SEVERAL))
     std_ratio = finding.read_out_std_s * seen.frame_rate_hz
     if not std_ratio <= MAX_STD_RATIO:
         return refused(
@@ -78,25 +88,22 @@ def checked(seen: Seen, finding: Finding) -> Finding:
     return finding
 
 
+def _apart_turns(seen: Seen) -> float:
+    """Stray of the light's phase from one ramp, where it is more than one lamp's."""
+    light = seen.still_rows.light
+    if seen.stands_still:
+        return light.apart_turns if light and light.apart_turns > ONE_STILL_TURNS else 0.0
+    return seen.apart_turns if seen.apart_turns > ONE_TURNS else 0.0
+
+
+def is_weak(seen: Seen, flicker_ratio: float) -> bool:
+    """Whether an exposure of a whole number of periods may have left it of a strong lamp's."""
+    return is_faint(flicker_ratio, seen.f0_hz, seen.nominal_hz)
+
+
 def hardly_turned(seen: Seen) -> bool:
     """Whether the followed flicker hardly turned from frame to frame, so that texture hides it."""
     return seen.moments.still_ratio() > MAX_STILL_RATIO
-
-
-def is_second_harmonic(seen: Seen) -> bool:
-    """Whether the tone that was followed is likelier the second harmonic of usual light.
-
-    Where ``2·f_0`` shows at, or mirrored to, where ``f_0`` of another deviation would, a lamp whose
-    second harmonic survives a codec better than its first looks like light at that deviation.
-    """
-    carrier_hz, rate_hz = 2.0 * seen.nominal_hz, seen.frame_rate_hz
-    off_hz = abs(seen.f0_hz - carrier_hz)
-    for sign in (1.0, -1.0):
-        turns = round((2.0 * carrier_hz - sign * seen.f0_hz) / rate_hz)
-        first_hz = (turns * rate_hz + sign * seen.f0_hz) / 2.0
-        if off_hz > UNUSUAL_HZ and abs(first_hz - carrier_hz) < off_hz / 2.0:
-            return True
-    return False
 
 
 def look_alike(frame_rate_hz: float) -> Finding:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.lines import Line, templates
-from rsenf.idle.limits import MIN_COHERENCE, MIN_FLICKER_RATIO, STILL, WEAK, hardly_turned, refused
+from rsenf.idle.limits import MIN_COHERENCE, STILL, WEAK, hardly_turned, is_weak, refused
 from rsenf.idle.row_tones import coherence, row_tones
 from rsenf.idle.seen import Finding, Seen
 
@@ -95,7 +95,7 @@ def _two_lines(seen: Seen) -> TwoLines | Finding:
     if hardly_turned(seen):
         return STILL
     tone, level = row_tones(seen.moments)
-    if 2.0 * np.abs(tone).mean() < MIN_FLICKER_RATIO * level.mean():
+    if is_weak(seen, 2.0 * float(np.abs(tone).mean() / level.mean())):
         return WEAK
     number = np.arange(-1, math.ceil(2.0 * seen.most_turns) + 2)
     lines = tuple(Line(seen.f0_hz / 2.0, 1, -int(m)) for m in number)

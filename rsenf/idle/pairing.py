@@ -57,7 +57,7 @@ class Pairing:
         self._waiting: deque[RowBlock] = deque()
         self._phase: dict[int, float] = {}
         self._reached = -1
-        self._f0_sum_hz = 0.0
+        self._f0_sum_hz = self._apart_sum = 0.0
         self.nominal_hz = float("nan")
         self.seconds, self.usable = 0, 0
         self.reasons: Counter[str] = Counter()
@@ -68,6 +68,11 @@ class Pairing:
     def f0_hz(self) -> float:
         """Mean illumination frequency of the usable seconds; NaN without any."""
         return self._f0_sum_hz / self.usable if self.usable else float("nan")
+
+    @property
+    def apart_turns(self) -> float:
+        """Mean stray of the light's phase from one ramp."""
+        return self._apart_sum / self.usable if self.usable else 0.0
 
     def update(self, block: RowBlock) -> list[PhasedBlock]:
         """Take a block; return those whose phase is known now."""
@@ -100,6 +105,7 @@ class Pairing:
             return
         self.usable += 1
         self._f0_sum_hz += second.f0_hz
+        self._apart_sum += second.apart_turns
         self.nominal_hz = second.nominal_hz
         self._phase.update(
             zip(second.frame_number.tolist(), second.phase_rad.tolist(), strict=True)

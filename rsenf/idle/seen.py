@@ -35,6 +35,8 @@ class Seen:
     f0_hz : float
         Mean illumination frequency, as far as it was followed.
     frame_rate_hz : float
+    apart_turns : float
+        By how much the light's phase strays from one ramp that all strips share, rms.
     """
 
     moments: Moments
@@ -42,6 +44,7 @@ class Seen:
     nominal_hz: float
     f0_hz: float
     frame_rate_hz: float
+    apart_turns: float = 0.0
 
     @property
     def stands_still(self) -> bool:

@@ -169,6 +169,7 @@ class IdleStage:
             nominal_hz=self._nominal_hz(rate_hz),
             f0_hz=self._pairing.f0_hz,
             frame_rate_hz=rate_hz,
+            apart_turns=self._pairing.apart_turns,
         )
         nothing_usable = self._unusable.total() == self._frames
         if nothing_usable or not (seen.followed or seen.stands_still):

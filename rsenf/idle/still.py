@@ -8,17 +8,22 @@ and the deviation with the other sign.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from rsenf.flicker.faint import MIN_FLICKER_RATIO
 from rsenf.flicker.lines import alias_hz
+from rsenf.flicker.still import SPAN_S, course_of
 from rsenf.flicker.zero_alias import ZeroAlias
-from rsenf.idle.limits import MIN_FLICKER_RATIO, NO_FLICKER, STILL, TOO_SHORT, WEAK
+from rsenf.idle.limits import NO_FLICKER, STILL, TOO_SHORT, WEAK, refused
 from rsenf.idle.seen import Finding, Seen
 
 # Deviations of the illumination's frequency from its nominal: a large one, as a standard deviation.
 USUAL_HZ = 0.04
 # Odds at which a direction counts as known by its deviation being a usual one, as a logarithm.
 SURE = 7.0
+EVERY_S = 4  # that spans are whole multiples of, so that few are prepared for
 
 
 def still(seen: Seen) -> Finding:
@@ -32,7 +37,24 @@ def still(seen: Seen) -> Finding:
         return WEAK
     if not fit.determined:
         return STILL
-    return _claim(seen, fit)
+    why = _why_no_grid(seen, fit)
+    return refused(why) if why else _claim(seen, fit)
+
+
+def _why_no_grid(seen: Seen, fit: ZeroAlias) -> str:
+    """Say why what was told apart isn't a grid's light, by its first minutes."""
+    end = int(min(fit.t_s[-1], fit.t_s[0] + SPAN_S) / EVERY_S + 1) * EVERY_S
+    start = int(fit.t_s[0])
+    part = fit.t_s < end
+    early = replace(
+        fit,
+        t_s=fit.t_s[part],
+        phase_rad=fit.phase_rad[part],
+        phase_cov=fit.phase_cov[np.ix_(part, part)],
+    )
+    light = seen.still_rows.light
+    course = course_of(early, seen.nominal_hz, seen.frame_rate_hz, start, end, light)
+    return course if isinstance(course, str) else ""
 
 
 def _claim(seen: Seen, fit: ZeroAlias) -> Finding:

@@ -6,6 +6,7 @@ needs where flicker stands still, of memory and of time.
 
 from __future__ import annotations
 
+from rsenf.flicker.mains import Light, cell_means, still_light_of
 from rsenf.flicker.zero_alias import MIN_BINS, ZeroAlias, separate
 from rsenf.flicker.zero_alias_bins import RowBins
 from rsenf.messages.schema import Float32Array, FloatArray
@@ -27,6 +28,8 @@ class StillRows:
     ----------
     span_s : float
         Time that they cover.
+    light : Light, optional
+        What their cells show of the flicker last told apart.
     """
 
     def __init__(self, start_s: float) -> None:
@@ -34,6 +37,7 @@ class StillRows:
         self._start_s = start_s
         self._bins: RowBins | None = RowBins(start_s)  # none once nothing more can come of them
         self._found: ZeroAlias | None = None
+        self.light: Light | None = None
         self._looked = self._full = False
 
     def add(self, t_s: FloatArray, level: Float32Array, end_s: float) -> None:
@@ -60,7 +64,14 @@ class StillRows:
     def told_apart(self) -> ZeroAlias | None:
         """Tell flicker and texture apart, where there is enough of them; None without flicker."""
         if self._bins is not None and not self._looked:
-            self._found, self._looked = separate(*self._bins.means()), True
+            level, t_s, frames = self._bins.means()
+            self._found, self._looked = separate(level, t_s, frames), True
+            self.light = None
+            if self._found is not None:
+                turns, phase_rad = abs(self._found.turns) + 1.0, self._found.phase_rad
+                cells = cell_means(level)
+                seen, bands = cells.reshape(len(cells), -1), cells.shape[1]
+                self.light = still_light_of(seen, t_s, phase_rad, bands, turns)
         if self._full:
             self._bins = None
         return self._found

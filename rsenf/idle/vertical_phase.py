@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from rsenf.idle.limits import (
     MIN_COHERENCE,
-    MIN_FLICKER_RATIO,
     NO_RAMP,
     STILL,
     WEAK,
     hardly_turned,
+    is_weak,
     refused,
 )
 from rsenf.idle.row_tones import coherence, row_tones
@@ -40,7 +40,7 @@ def conclude(seen: Seen) -> Finding:
     if hardly_turned(seen):
         return STILL
     tone, level = row_tones(seen.moments)
-    if 2.0 * np.abs(tone).mean() < MIN_FLICKER_RATIO * level.mean():
+    if is_weak(seen, 2.0 * float(np.abs(tone).mean() / level.mean())):
         return WEAK
     phase, weight = np.unwrap(np.angle(tone)), np.abs(tone) ** 2
     slope = _slopes(phase, weight[None, :])[0]

@@ -91,12 +91,14 @@ class PaperTracker(StftTracker):
         out = (
             [dataclasses.replace(blank, header=blank.header.numbered(self._sent), reason=reason)]
             if reason
-            else self._judge_all(blank, spectra)
+            else self._judge_all(window, blank, spectra)
         )
         self._sent += len(out)
         return out
 
-    def _judge_all(self, blank: EnfEstimate, spectra: list[Complex]) -> list[EnfEstimate]:
+    def _judge_all(
+        self, window: Window, blank: EnfEstimate, spectra: list[Complex]
+    ) -> list[EnfEstimate]:
         """Return the estimates of all hypotheses, and then the tracker's own."""
         rate_hz = blank.frame_rate_hz
         found = Peaks(*(np.zeros(len(self._hypotheses), dtype) for dtype in "ddddd?"))
@@ -123,7 +125,7 @@ class PaperTracker(StftTracker):
             if reason
             else dataclasses.replace(out[best], header=header, rank=0)
         )
-        return [*out, own]
+        return [*out, self._believed(window, blank, own)]
 
 
 def _fill_in(

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.flicker.faint import FAINT, MIN_FLICKER_RATIO
+from rsenf.flicker.faint import FAINT, is_faint
 from rsenf.flicker.follower import FlickerFollower
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.shared import Follower
@@ -45,13 +45,12 @@ class ProjectionTracker(EnfMethod):
         s = self.settings
         self._follower = follower or FlickerFollower(s.nominal_hz, min_snr=s.min_snr)
         self._header: Header | None = None
-        self._least_level = 0.0
+        self._level = 0.0  # 0 for frame means
 
     def update(self, message: RowBlock) -> list[Any]:
         """Take a block of rows; return the estimates of the seconds that it completes."""
         if message.frames and self._header is None and message.rows > 1:
-            level = float(message.level.mean(dtype=np.float64))
-            self._least_level = MIN_FLICKER_RATIO * level
+            self._level = float(message.level.mean(dtype=np.float64))
         if message.frames:
             self._header = message.header
         return [self._estimate(second) for second in self._follower.update(message)]
@@ -67,7 +66,8 @@ class ProjectionTracker(EnfMethod):
             return dataclasses.replace(blank, reason="too uncertain")
         if not second.usable:
             return blank
-        if abs(second.amplitude) < self._least_level:
+        ratio = abs(second.amplitude) / self._level if self._level > 0.0 else np.inf
+        if is_faint(ratio, second.f0_hz, second.nominal_hz):
             return dataclasses.replace(blank, reason=FAINT)
         return dataclasses.replace(
             blank,

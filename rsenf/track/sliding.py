@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.faint import MIN_FLICKER_RATIO
+from rsenf.flicker.faint import is_faint
+from rsenf.flicker.lines import Line
+from rsenf.flicker.mains import Wander, cell_means, light_of, tells_cells, why_not
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
@@ -25,6 +27,7 @@ from rsenf.track.settings import TrackSettings
 RATE_NEEDS_S = 1.0
 MIN_FILL_RATIO = 0.8
 NO_FLICKER = "no mains flicker stands out"
+EXAMINE_HOPS = 5  # windows that share a look at whether it is mains light
 # Weaker than this (levels) is rounding, not light.
 MIN_AMPLITUDE_LEVEL = 1e-4
 
@@ -63,11 +66,12 @@ class SlidingTracker(EnfMethod):
         super().__init__(settings)
         self._waiting: list[RowBlock] = []
         self._buffer: SlowTime | None = None
+        self._cells: SlowTime | None = None
+        self._examined, self._why = -EXAMINE_HOPS, ""  # hop at which the light was, and what came
         self._header: Header | None = None
         self._hops = 0
-        self._rows = 0
-        # Of a tone ``a·exp(jφ)``, half of the flicker's own amplitude.
-        self._least_level = MIN_AMPLITUDE_LEVEL
+        self._rows = self._bands = 0
+        self._level = 0.0  # 0 for frame means
 
     @abstractmethod
     def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
@@ -80,6 +84,10 @@ class SlidingTracker(EnfMethod):
     def _fits(self, block: RowBlock) -> bool:
         """Whether a block has the shape of the first."""
         return block.rows == self._rows
+
+    def _cells_of(self, block: RowBlock) -> NDArray[Any]:
+        """Mean levels by which light is told from patterns, shape (frames, bands, cells)."""
+        return cell_means(block.level)
 
     @abstractmethod
     def _judge(self, window: Window, blank: EnfEstimate) -> EnfEstimate:
@@ -110,8 +118,11 @@ class SlidingTracker(EnfMethod):
         rate_hz = frames * 1e9 / int(last.frame_pts_ns[-1] - first.frame_pts_ns[0])
         self._rows = first.rows
         if first.rows > 1:
-            level = float(np.mean([block.level.mean(dtype=np.float64) for block in self._waiting]))
-            self._least_level = max(MIN_AMPLITUDE_LEVEL, MIN_FLICKER_RATIO * level / 2.0)
+            means = [block.level.mean(dtype=np.float64) for block in self._waiting]
+            self._level = float(np.mean(means))
+        if first.rows > 1:
+            _, self._bands, strips = self._cells_of(first).shape
+            self._cells = SlowTime(self._bands * strips, int(first.frame_pts_ns[0]), np.float32)
         self._buffer = SlowTime(self._prepare(first, rate_hz), int(first.frame_pts_ns[0]))
         for block in self._waiting:
             self._take(self._buffer, block)
@@ -120,6 +131,8 @@ class SlidingTracker(EnfMethod):
     def _take(self, buffer: SlowTime, block: RowBlock) -> None:
         if self._fits(block):
             buffer.append(block, self._reduce(block))
+            if self._cells is not None:
+                self._cells.append(block, self._cells_of(block).reshape(block.frames, -1))
 
     def _complete(self, *, final: bool) -> list[Any]:
         """Estimates of all windows that are full. The last one may lack half a frame."""
@@ -137,13 +150,46 @@ class SlidingTracker(EnfMethod):
                 return out
             out += self._estimates(Window(buffer, start_s, end_s, rate_hz))
             self._hops += 1
-            buffer.forget_before(start_s + s.hop_s)
+            for one in filter(None, (buffer, self._cells)):
+                one.forget_before(start_s + s.hop_s)
 
     def _estimates(self, window: Window) -> list[EnfEstimate]:
         """Judge a window that has its frames; say so when it hasn't."""
         blank, reason = self._blank(window), self._what_lacks(window)
         found = dataclasses.replace(blank, reason=reason) if reason else self._judge(window, blank)
-        return [found]
+        return [self._believed(window, blank, found)]
+
+    def _believed(self, window: Window, blank: EnfEstimate, found: EnfEstimate) -> EnfEstimate:
+        """Return what was found, unless it is no mains light: that is looked up now and then."""
+        if not found.usable:
+            return found
+        if self._hops - self._examined >= EXAMINE_HOPS:
+            self._examined, self._why = self._hops, self._why_not_mains(window, found)
+        if not self._why:
+            return found
+        return dataclasses.replace(
+            blank, header=found.header, snr_db=found.snr_db, reason=self._why
+        )
+
+    def _why_not_mains(self, window: Window, found: EnfEstimate) -> str:
+        """Say why what was found isn't mains light; '' where it may be."""
+        f0_hz, rate_hz, light = 2.0 * found.enf_hz, window.frame_rate_hz, None
+        tone_hz = found.harmonic * f0_hz
+        if self._cells is not None and tells_cells(tone_hz, rate_hz):
+            part = self._cells.between(window.start_s, window.end_s)
+            t_s, seen = self._cells.times(part), self._cells.values(part)
+            usable = self._cells.usable(part)
+            t_s, seen = t_s[usable], seen[usable]
+            phase = 2.0 * np.pi * tone_hz * t_s
+            light = light_of(seen, t_s, phase, self._bands, tone_hz / rate_hz)
+        return why_not(f0_hz, found.nominal_hz, rate_hz, Wander(), light)
+
+    def _is_faint(self, amplitude: float, line: Line, offset_hz: float) -> bool:
+        """Whether a tone ``a·exp(jφ)``, half of the flicker's own amplitude, is too weak."""
+        if not self._level > 0.0:
+            return False
+        f0_hz = 2.0 * line.nominal_hz + offset_hz / line.harmonic
+        return is_faint(2.0 * amplitude / self._level, f0_hz, line.nominal_hz)
 
     def _what_lacks(self, window: Window) -> str:
         """Say why a window can't be judged; empty when it can."""

@@ -131,7 +131,7 @@ class StftTracker(SlidingTracker):
         min_snr = self.settings.min_snr * (DRIFT_MARGIN if near_zero else 1.0)
         if tone.amplitude < MIN_AMPLITUDE_LEVEL or tone.snr < min_snr:
             return NO_FLICKER
-        if tone.amplitude < self._least_level:
+        if self._is_faint(tone.amplitude, fit.line, tone.offset_hz):
             return FAINT
         if tone.at_edge:
             return AT_EDGE

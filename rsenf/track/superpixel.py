@@ -95,6 +95,9 @@ class SuperpixelTracker(SlidingTracker):
     def _reduce(self, block: RowBlock) -> NDArray[np.complex128]:
         return _regions(block).reshape(block.frames, -1).astype(np.complex128)
 
+    def _cells_of(self, block: RowBlock) -> Float:
+        return _regions(block)
+
     def _judge(self, window: Window, blank: EnfEstimate) -> EnfEstimate:
         rate_hz, search_hz = window.frame_rate_hz, self._finder.search_hz
         peaks = [
@@ -148,7 +151,7 @@ class SuperpixelTracker(SlidingTracker):
         s = self.settings
         if peak.level < MIN_AMPLITUDE_LEVEL or peak.rarity < s.min_snr:
             return NO_FLICKER
-        if peak.level < self._least_level:
+        if self._is_faint(peak.level, peak.line, peak.offset_hz):
             return FAINT
         if peak.at_edge:
             return AT_EDGE

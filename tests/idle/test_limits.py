@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from rsenf.idle.limits import are_alike, checked, is_second_harmonic
+from rsenf.flicker.mains import is_second_harmonic
+from rsenf.idle.limits import are_alike, checked
 from rsenf.idle.moments import Moments
 from rsenf.idle.seen import Finding, Seen
 from rsenf.idle.still_rows import StillRows
@@ -24,10 +25,11 @@ def seen(f0_hz: float, frame_rate_hz: float, nominal_hz: float = 50.0) -> Seen:
 
 def test_second_harmonic_mirrored_onto_the_first_is_told_by_its_deviation() -> None:
     # 200.02 Hz shows at -9.77 Hz from frame to frame, mirrored as 99.68 Hz would.
-    assert is_second_harmonic(seen(10 * NTSC_HZ - 200.02, NTSC_HZ))
-    assert not is_second_harmonic(seen(100.01, NTSC_HZ))
-    assert not is_second_harmonic(seen(99.9, NTSC_HZ))
-    assert not is_second_harmonic(seen(100.1, 23.976))
+    assert is_second_harmonic(10 * NTSC_HZ - 200.02, 50.0, NTSC_HZ, -4.0)
+    assert not is_second_harmonic(10 * NTSC_HZ - 200.02, 50.0, NTSC_HZ, 2.0)
+    assert not is_second_harmonic(100.01, 50.0, NTSC_HZ, -2.0)
+    assert not is_second_harmonic(99.9, 50.0, NTSC_HZ, -2.0)
+    assert not is_second_harmonic(100.1, 50.0, 23.976, -2.0)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,128 @@
+"""Mains light or not: patterns are refused, strong as they are, and weak lamps are not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rsenf.flicker import mains
+from rsenf.flicker.faint import is_faint
+from rsenf.flicker.grid_prior import phase_prior
+from tests.flicker import no_mains, weak_lamps
+from tests.flicker.claims import claims
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [
+        ("stripes", 3),  # ENF and idle were claimed of each of these, or one of them
+        ("stripes", 11),
+        ("slow_stripes", 0),
+        ("slow_stripes", 7),
+        ("near_grid_stripes", 10),
+        ("dimmer", 0),
+        ("dimmer", 11),
+        ("vibration", 11),
+        ("scrolling", 4),
+        ("blinking", 2),
+        ("key_frames", 10),
+        ("turning", 10),
+    ],
+)
+def test_what_is_no_mains_light_is_claimed_by_nobody(kind: str, seed: int) -> None:
+    found = claims(*no_mains.film(kind, seed))
+    assert not found.usable
+    assert found.idle.verdict != "estimated"
+    assert all(e.reason for e in found.track)
+
+
+@pytest.mark.parametrize(("method", "kind", "seed"), [
+    ("stft", "stripes", 11),
+    ("phase", "vibration", 11),
+    ("row_concat", "dimmer", 11),
+    ("superpixel", "stripes", 11),
+])  # fmt: skip
+def test_the_other_methods_ask_the_same(method: str, kind: str, seed: int) -> None:
+    assert not claims(*no_mains.film(kind, seed), track=method).usable
+
+
+@pytest.mark.parametrize("seed", [2, 44, 49])
+def test_weak_lamps_are_read(seed: int) -> None:
+    """Flicker of 0.025 %, which a limit on strength refused."""
+    level, t_s, truth = weak_lamps.film(seed, flicker_ratio=2.5e-4, lamps=1, pace=(50.0, "24"))
+    found = claims(level, t_s)
+    assert len(found.usable) > 0.7 * len(found.track)
+    at = [int(e.t_s) for e in found.usable if e.t_s < truth["enf_hz"].size]
+    off_hz = np.array([e.enf_hz for e in found.usable[: len(at)]]) - truth["enf_hz"][at]
+    assert np.abs(off_hz).max() < 6e-3
+    if found.idle.verdict == "estimated":
+        std = np.sqrt(found.idle.idle_ratio_var)
+        assert abs(found.idle.idle_ratio - truth["idle_ratio"]) < 4.0 * std
+
+
+@pytest.mark.parametrize("seed", [21, 39, 53])
+def test_lamps_of_several_phases_widen_the_idle_period(seed: int) -> None:
+    """Their mixture turns down the rows as a read-out does; it was stated ten times too sure."""
+    level, t_s, truth = weak_lamps.film(
+        seed, flicker_ratio=0.01, lamps=2, pace=(50.0, "30000/1001")
+    )
+    idle = claims(level, t_s).idle
+    if idle.verdict == "estimated":
+        std = np.sqrt(idle.idle_ratio_var)
+        assert abs(idle.idle_ratio - truth["idle_ratio"]) < 4.0 * std
+
+
+def test_real_dashes_on_a_road_are_no_light(measured_data: Path) -> None:
+    for name in ("none_dashes_1", "none_dashes_2"):
+        held = np.load(measured_data / "real_rows" / f"{name}.npz")
+        found = claims(held["rows"], held["frame_time_s"])
+        assert not found.usable
+        assert found.idle.verdict != "estimated"
+
+
+def light(level: np.ndarray, tone: np.ndarray) -> mains.Light:
+    """What cells of 20 s at 30 frames/s show that turn at 10 Hz, with a little noise."""
+    rng = np.random.default_rng(1)
+    t_s = np.arange(600) / 30.0
+    phase = 2.0 * np.pi * 10.0 * t_s
+    seen = level + (tone * np.exp(1j * phase)[:, None, None]).real
+    seen = seen + 0.02 * rng.standard_normal(seen.shape)
+    return mains.light_of(seen.reshape(600, -1), t_s, phase, level.shape[0], 3.3)
+
+
+def test_light_multiplies_and_runs_down_the_rows() -> None:
+    rng = np.random.default_rng(0)
+    level = 80.0 * np.exp(rng.uniform(-0.7, 0.7, (24, 4)))
+    ramp = np.exp(2j * np.pi * 2.3 * (np.arange(24) + 0.5) / 24)[:, None]
+    lamp = light(level, 0.01 * level * ramp)
+    assert lamp.turns == pytest.approx(2.3, abs=0.03)
+    assert lamp.explained > 0.99
+    assert lamp.is_multiplied
+    assert not lamp.why_not(3.3, is_steady=False)
+    added = light(level, 0.8 * np.ones_like(level) * ramp)
+    assert added.is_added
+    assert added.why_not(3.3, is_steady=False) == mains.PATTERN
+    slanted = np.exp(2j * np.pi * np.arange(4) * 0.4)
+    assert light(level, 0.01 * level * ramp * slanted).why_not(3.3, is_steady=False)
+    assert light(level, 0.01 * level * ramp**2).why_not(3.3, is_steady=False) == mains.TOO_LONG
+
+
+def test_a_grid_is_seldom_steady_and_never_restless() -> None:
+    prior = phase_prior(125)
+    precision = 1e4 * prior.basis.T @ prior.basis + np.eye(prior.basis.shape[1])
+    rng = np.random.default_rng(2)
+    drawn = rng.standard_normal((4000, prior.basis.shape[1]))
+    told = [mains.wander_of(one, precision, 125) for one in drawn]
+    assert told[0].known == mains.DIRECTIONS
+    assert sum(w.is_steady for w in told) <= 6  # 3e-4 of 4000, and luck
+    assert not any(w.is_restless for w in told)
+    rest = mains.wander_of(np.zeros(prior.basis.shape[1]), precision, 125)
+    assert rest.is_steady
+
+
+def test_what_an_exposure_leaves_goes_as_the_grids_deviation() -> None:
+    assert is_faint(2e-4, 100.1, 50.0)  # a strong lamp's rest, 0.1 % off
+    assert not is_faint(2e-4, 100.01, 50.0)  # no exposure leaves so much of any
+    assert is_faint(5e-5, 100.0, 50.0)
