@@ -104,7 +104,7 @@ def test_the_model_is_there_with_long_lists_cut_short(explained: Case) -> None:
     assert "gop_attenuation" in model
     assert "160 in all" in model
     assert len(model.splitlines()) < 100
-    assert found.last.data.lines == 160
+    assert found.last.data.rows == 160
 
 
 def test_the_same_discovery_gives_the_same_page(nothing: Case) -> None:
