@@ -17,11 +17,11 @@ LEAST_ROWS, MOST_ROWS, COLUMNS, CHUNK = 160, 240, 128, 64
 # How a film is coded, in FFmpeg's words, at sizes of some 100 000 pixels.
 CODINGS = {
     "lossless": "-c:v libx264 -preset ultrafast -qp 0",
-    "camera": "-c:v libx264 -preset fast -b:v 1500k",
-    "150k": "-c:v libx264 -preset medium -b:v 150k",
-    "50k": "-c:v libx264 -preset medium -b:v 50k",
-    "hevc-150k": "-c:v libx265 -preset fast -b:v 150k -x265-params log-level=error",
-    "vp9-150k": "-c:v libvpx-vp9 -deadline realtime -cpu-used 5 -b:v 150k",
+    "camera": "-c:v libx264 -preset veryfast -b:v 1500k",
+    "150k": "-c:v libx264 -preset veryfast -b:v 150k",
+    "50k": "-c:v libx264 -preset veryfast -b:v 50k",
+    "hevc-150k": "-c:v libx265 -preset ultrafast -b:v 150k -x265-params log-level=error",
+    "vp9-150k": "-c:v libvpx-vp9 -deadline realtime -cpu-used 8 -b:v 150k",
     "mpeg4-400k": "-c:v mpeg4 -b:v 400k",
 }
 
