@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found, stands_out, strongest
 from rsenf.flicker.frame_slips import FrameSlip, are_equal, find_slips, late_s
 from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
+from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.mains import Wander, bands_of, light_of, tells_cells, wander_of, why_not
 from rsenf.flicker.node_sums import Frames, at_frames
 from rsenf.flicker.phase_fit import PhaseFit, fit_phase
@@ -54,6 +55,9 @@ LEAST_SURE, SURE_STD_HZ = 3.0, 1e-3
 END_S = 5
 # Least frames between places where frames slip: first the phase is bent where one does.
 APART = (32, 1, 1, 1)
+# Second harmonic of a lamp over its first: rarely more, and half of light at half the frequency.
+MOST_SECOND = 0.35
+HALF = "light at the grid's own frequency, or a read-out from the last row to the first: which?"
 
 
 class Lock:
@@ -171,6 +175,7 @@ class Lock:
         self._path.forget_before(start)
         if not reason:
             self._learn(fit)
+            reason = self._why_half(fit)
         blank = dataclasses.replace(
             blank,
             turns=self.turns,
@@ -271,6 +276,17 @@ class Lock:
         precision = prior.basis.T @ (fit.information[:, None] * prior.basis)
         precision.flat[:: len(precision) + 1] += 1.0
         return wander_of(prior.nearest(fit.psi_rad), precision, prior.nodes)
+
+    def _why_half(self, fit: PhaseFit) -> str:
+        """Say why it may be light at the grid's own frequency that is followed, in a mirror.
+
+        At 30 frames/s light at 50 Hz has the alias of 100 Hz with its sign reversed, and makes half
+        the turns: it looks like flicker read out from the last row to the first, the true flicker
+        like its second harmonic.
+        """
+        beside_hz = alias_hz(3.0 * self.nominal_hz, self._rate_hz)
+        mirrored = abs(beside_hz) < SEARCH_HZ and self.turns < 0.0
+        return HALF if mirrored and fit.second_ratio > MOST_SECOND else ""
 
     def _aligned(self, fit: PhaseFit) -> PhaseFit:
         """Return a fit whose template is in phase with the ramp: what no fit can know by itself."""

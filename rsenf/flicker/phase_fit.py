@@ -82,6 +82,8 @@ class PhaseFit:
     deviation : ndarray of complex, shape (frames,)
         What each frame says beyond the fit, relative to the first harmonic: its real part is a
         change of size, its imaginary part of phase.
+    second_ratio : float
+        Size of the second harmonic relative to the first.
     """
 
     psi_rad: Float
@@ -92,6 +94,7 @@ class PhaseFit:
     gain: Float
     t_s: Float
     deviation: Complex
+    second_ratio: float
 
 
 def fit_phase(
@@ -163,6 +166,7 @@ def _alone(frames: Frames, gathered: Gathered, settled: _Settled) -> PhaseFit:
             amplitude.harmonic[0],
             amplitude.weights[0],
         ),
+        second_ratio=_second_ratio(amplitude.harmonic),
     )
 
 
@@ -186,7 +190,13 @@ def _together(
         deviation=_deviation(
             gathered, psi_rad, settled.orders, joint.state.found, template, weights
         ),
+        second_ratio=_second_ratio(joint.state.amplitude),
     )
+
+
+def _second_ratio(amplitude: Complex) -> float:
+    first, second = np.linalg.norm(amplitude[:2], axis=1).tolist()
+    return second / first if first else 0.0
 
 
 def _second_var_hz2(prior: PhasePrior, covariance: Float) -> Float:

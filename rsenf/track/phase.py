@@ -35,6 +35,7 @@ from rsenf.flicker.tone import ToneFinder
 from rsenf.messages import EnfEstimate, RowBlock
 from rsenf.timebase import nanoseconds
 from rsenf.track.alias import is_folded
+from rsenf.track.settings import TrackSettings
 from rsenf.track.sliding import Window
 from rsenf.track.stft import StftTracker
 from rsenf.track.window import LineFit
@@ -60,6 +61,8 @@ MAX_MIRROR = 0.3
 # first half of a day of the continental grid.
 SMEAR_S = (1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 SMEAR_MHZ = (0.016, 0.056, 0.155, 0.38, 0.74, 1.19, 2.12)
+# Other ramps with so much of the best one's amplitude are asked whether they agree.
+MIN_SHARE = 0.2
 # Length of a parabola over that of a squared one as wide, by their second moments; and over the
 # step, for the Hann window of the averages.
 SPREAD, HANN_SPREAD = np.sqrt(20.0 / 28.0), 1.6
@@ -79,6 +82,10 @@ class PhaseTracker(StftTracker):
 
     name = "phase"
     help = "reads the phase's step down the stream, over intervals that adapt (Han 2022)"
+
+    def __init__(self, settings: TrackSettings | None = None) -> None:
+        super().__init__(settings)
+        self._apart: dict[int, tuple[float, int]] = {}  # by steps of an interval: sum and count
 
     def _candidates(self, nominal_hz: float, frame_rate_hz: float, rows: int) -> tuple[Line, ...]:
         """Ramps both ways, as the read-out may run upward, and of a turn at least.
@@ -138,8 +145,11 @@ class PhaseTracker(StftTracker):
         t_s = window.buffer.times(part)
         turn_hz = best.line.carrier_hz + best.tone.offset_hz
         column = self._lines.index(best.line)
-        values = window.buffer.values(part)[:, column] - best.constant
-        phasors = values * np.exp(-2j * np.pi * turn_hz * t_s)
+        turning = np.exp(-2j * np.pi * turn_hz * t_s)[:, None]
+        lines = [i for i, x in enumerate(self._lines) if x.carrier_hz == best.line.carrier_hz]
+        every = window.buffer.values(part)[:, lines]
+        values = every[:, lines.index(column)] - best.constant
+        phasors = values * turning[:, 0]
         t_s = t_s - window.centre_s
         noise_of_shortest = None
         for step_s in STEPS_S:
@@ -153,8 +163,39 @@ class PhaseTracker(StftTracker):
         halves = [m for m in HALF_STEPS if m <= half]
         if _is_mirrored(values, best.tone.amplitude):
             halves = halves[-1:]
-        steps = [_over_interval(z, at_s, filled, m, step_s, noise_z, scale) for m in halves]
-        return min((s for s in steps if s), key=lambda s: s.var_hz2, default=None)
+        steps = {m: _over_interval(z, at_s, filled, m, step_s, noise_z, scale) for m in halves}
+        known = {m: step for m, step in steps.items() if step}
+        if not known:
+            return None
+        m, step = min(known.items(), key=lambda x: x[1].var_hz2)
+        others = (every - every.mean(axis=0)) * turning
+        apart_hz2 = self._apart_hz2(best, others, t_s, step_s, m, step) / scale**2
+        return dataclasses.replace(step, var_hz2=step.var_hz2 + apart_hz2)
+
+    def _apart_hz2(
+        self, best: LineFit, phasors: Complex, t_s: Float, step_s: float, m: int, step: _Step
+    ) -> float:
+        """How far other ramps down the rows disagree about an interval of ``m`` steps, squared.
+
+        They share the flicker, but not what overtones and their images leak into it. An error of
+        one is as much smaller in the best as that is larger.
+        """
+        amplitude = np.abs(np.average(phasors, axis=0, weights=self._finder.window(t_s)))
+        share = amplitude / best.tone.amplitude
+        half = int((self.settings.window_s / 2.0) / step_s) - 1
+        far = [0.0]
+        for c in np.flatnonzero(share > MIN_SHARE):
+            z, at_s, filled = _averages(phasors[:, c], t_s, step_s, half)
+            other = _over_interval(z, at_s, filled, m, step_s, 0.0, 1.0)
+            if other:
+                far.append(float(share[c]) ** 2 * (other.offset_hz - step.offset_hz) ** 2)
+        return self._remembered(m, sum(far) / max(len(far) - 1, 1))
+
+    def _remembered(self, m: int, apart_hz2: float) -> float:
+        """Disagreement now, or on average so far: what leaks in beats, and is at times in step."""
+        total, count = self._apart.get(m, (0.0, 0))
+        self._apart[m] = total + apart_hz2, count + 1
+        return max(apart_hz2, (total + apart_hz2) / (count + 1))
 
 
 def _noise_level2(finder: ToneFinder, z: Complex, t_s: Float) -> float:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from rsenf.flicker.grid_prior import NODES_PER_S
+from rsenf.flicker.lock import HALF
 from rsenf.flicker.node_sums import Frames
 from rsenf.flicker.phase_fit import fit_phase
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.track import TrackSettings, make_tracker
 from tests.contracts.clips import blocks_of
 from tests.discrepancy.foreign_camera import Case, film
+from tests.discrepancy.foreign_camera.camera import take
+from tests.discrepancy.foreign_camera.cases import drawn_for, plan_of
 
 SECONDS, ROWS, WINDOW_S = 36.0, 240, 24
 
@@ -63,6 +68,23 @@ def test_harmonics_on_each_other_and_half_waves_are_within_their_errors(
     off_mhz, z = errors(case)
     assert rms(off_mhz) < 0.1
     assert rms(z) < 1.7
+
+
+@pytest.mark.parametrize(("rate", "seed"), [("30", 4), ("30000/1001", 5)])
+def test_light_at_the_grids_own_frequency_is_not_taken_for_a_reversed_read_out(
+    rate: str, seed: int
+) -> None:
+    case = Case(seed=seed, duration_s=30.0, rows=ROWS, lamp="led", rate=rate, nominal_hz=50.0)
+    plan, _ = plan_of(case)
+    lamp = plan.lamps[0].lamp
+    order, size = np.append(lamp.order, 1), np.append(lamp.size, 2.0 * lamp.first)
+    half = dataclasses.replace(lamp, order=order, size=size)
+    plan.lamps[0] = dataclasses.replace(plan.lamps[0], lamp=half)
+    level = take(plan, drawn_for(case, "noise"))
+    tracker = make_tracker(TrackSettings(method="projection"))
+    blocks = blocks_of(level, plan.stamp_s)
+    told = [e for block in blocks for e in tracker.update(block)] + tracker.flush()
+    assert {e.reason for e in told} == {HALF}
 
 
 def mirrored(rng: np.random.Generator, basis: ProfileBasis) -> tuple[Frames, np.ndarray]:

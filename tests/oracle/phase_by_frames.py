@@ -76,6 +76,8 @@ def fit_by_frames(frames: Frames, psi_rad: Float) -> PhaseFit:
         gain=gain,
         t_s=frames.t_s,
         deviation=_deviation(frames, place, psi, amplitude),
+        second_ratio=float(np.linalg.norm(amplitude.harmonic[1]))
+        / max(float(np.linalg.norm(amplitude.harmonic[0])), 1e-30),
     )
 
 
