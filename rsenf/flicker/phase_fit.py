@@ -9,7 +9,8 @@ Constants and amplitudes follow from the phase by least squares, the phase from 
 Gauss-Newton steps under the Gaussian-process prior of :mod:`rsenf.flicker.grid_prior`; in turn,
 until the phase rests. The prior lets the phase follow no faster than grids do, so how long the
 data are averaged is settled by how noisy they are. Noise is measured at each harmonic's alias,
-from what the model leaves there: after a codec it is far from white.
+from what the model leaves there: after a codec it is far from white. Where it is known what the
+columns are made of, the last steps are in all unknowns at once (:mod:`rsenf.flicker.joint_fit`).
 """
 
 from __future__ import annotations
