@@ -16,8 +16,8 @@ from tests.hidden_clip import HiddenClip
 Rsenf = Callable[..., subprocess.CompletedProcess[str]]
 KEYS = {
     "verdict", "method", "idle_ratio", "idle_ratio_std", "idle_ratio_low", "idle_ratio_high",
-    "read_out_time_s", "read_out_time_std_s", "direction", "frame_rate_hz", "nominal_hz", "reason",
-    "warnings",
+    "read_out_time_s", "read_out_time_std_s", "direction", "frame_rate_hz", "nominal_hz",
+    "converted", "slips", "reason", "warnings",
 }  # fmt: skip
 
 
