@@ -132,9 +132,9 @@ def test_the_same_as_the_verbs_for_one(
                 "converted",
                 "slips",
             )  # the table has no columns for them
-    assert {k: row[k] for k in told if k not in beside} == {
-        k: told[k] for k in told if k not in beside
-    }
+            assert {k: row[k] for k in told if k not in beside} == {
+                k: told[k] for k in told if k not in beside
+            }
 
 
 # Kills itself, as a crash of the decoder would, while it reads the recording that is named so.
