@@ -14,13 +14,27 @@ from numpy.typing import NDArray
 from rsenf.messages.schema import Float32Array
 
 ENOUGH, FEWEST, FRAMES = 120, 60, 2400  # lines; and of how many frames there may be so many
+MOST, FAST = 240, 2.0  # lines for fast tones; power of one over the median of those as fast
 DARK = 0.25  # of a line's level: darker rows count as if they had it
 FIELD_FRAMES, FIELD_STDS, FIELD_RATIO, FIELD_ALIKE = 200, 6.0, 1e-3, 0.25
 
 
-def enough(frames: int) -> int:
-    """How many lines are enough, that a long recording takes no more memory than it needs."""
-    return min(max(ENOUGH * FRAMES // frames, FEWEST), ENOUGH)
+def enough(level: Float32Array) -> int:
+    """How many lines are enough for rows (frames, rows, strips).
+
+    Few of a long recording, that it takes no more memory than it needs; more where light changes so
+    fast down the rows that it would seem to be slower in few lines (an alias).
+    """
+    lines = min(max(ENOUGH * FRAMES // len(level), FEWEST), ENOUGH)
+    seen = level[:: max(len(level) // FIELD_FRAMES, 1)].mean(axis=2)
+    seen = seen / np.maximum(seen.mean(axis=0), 1.0) - 1.0  # light, without the texture
+    seen *= np.hanning(seen.shape[1]).astype(np.float32)
+    power = (np.abs(np.fft.rfft(seen, axis=1)) ** 2).mean(axis=0)
+    noise = float(np.median(power[power.size // 2 :]))
+    # Two and a half lines a turn are the fewest that tell it well.
+    while lines < MOST and power[2 * lines // 5 : MOST // 2].max(initial=0.0) > FAST * noise:
+        lines *= 2
+    return min(lines, MOST)
 
 
 def group_of(rows: int, most: int) -> int:

@@ -195,7 +195,7 @@ def measured_of(blocks: Sequence[RowBlock], nominal_hz: float | None = None) -> 
     seen = estimate(level, slot / float(rate), axis, nominal_hz)
     apart = apart_of(level[:APART_FRAMES])
     fields = fields_of(level)
-    group = group_of(level.shape[1] // fields, enough(len(level)) // fields)
+    group = group_of(level.shape[1] // fields, enough(level) // fields)
     texture = texture_of(level.mean(axis=0), group, fields)
     level = averaged(level / texture, group, fields)
     return Measured(level, stamp_s, slot, rate, seen, axis, apart, texture, fields)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.discrepancy.lines import along_rows, averaged, fields_of
+from rsenf.discrepancy.lines import along_rows, averaged, enough, fields_of
 from rsenf.discrepancy.measured import measured_of
 from rsenf.discrepancy.result import discovery_json
 from rsenf.discrepancy.start import PLAIN
@@ -89,14 +89,23 @@ def test_what_no_catalogue_has_stays_unexplained(name: str) -> None:
 def test_rows_are_averaged_and_the_model_has_all_of_them() -> None:
     made = filmed("pwm_tone", seed=64, rows=720)
     data = measured_of(list(blocks_from_luminance(made.level, made.stamp_s, Header())))
-    assert (data.lines, data.group, data.rows) == (120, 6, 720)
+    assert (data.lines, data.group, data.rows) == (240, 3, 720)
     told = discovery_json(discover(PLAIN, data), "")
     true = made.hidden["pwm_tone"]
     found = by_name(told)["pwm_tone"]["parameters"]
     assert found["tone_hz"] == pytest.approx(true["tone_hz"], abs=0.01)
-    # What averaging six rows takes of a tone is known, and isn't missing in its depth.
+    # What averaging three rows takes of a tone is known, and isn't missing in its depth.
     mean = np.mean(true["strip_ratio"]) * true["depth_ratio"]
     assert found["depth_ratio"] == pytest.approx(mean, rel=0.05)
+
+
+def test_a_fast_tone_takes_more_lines_and_is_told_at_its_own_frequency() -> None:
+    made = filmed("pwm_tone", seed=99, rows=720)
+    assert enough(made.level) == 240
+    assert enough(filmed(seed=99, rows=720).level) == 120
+    found = by_name(discovered(made))["pwm_tone"]["parameters"]
+    found_hz = found.get("tone_hz") or found["flicker_hz"]
+    assert found_hz == pytest.approx(made.hidden["pwm_tone"]["tone_hz"], abs=0.01)
 
 
 def test_rows_of_two_fields_are_averaged_within_each() -> None:
