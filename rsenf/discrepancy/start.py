@@ -8,13 +8,15 @@ import math
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit, fit
+from rsenf.discrepancy.knobs import series_of
+from rsenf.discrepancy.lines import averaged
 from rsenf.discrepancy.measured import Measured
 from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.slopes import slopes_of
 from rsenf.discrepancy.theory import Course, Theory
 from rsenf.errors import InputError, NoSignal
 from rsenf.match.series import track_of
-from rsenf.model import CaptureModel, Light
+from rsenf.model import CaptureModel, Effect, Light
 from rsenf.model.effects import DeliveryEffect
 
 # What to begin with when nothing is known.
@@ -77,8 +79,19 @@ def first_theory(model: CaptureModel, data: Measured) -> Theory:
     )
     light = dataclasses.replace(model.light, flicker_ratio=FIRST_SIZE)
     wall = np.asarray(data.level.mean(axis=0, dtype=np.float64))
-    begun = dataclasses.replace(model, light=light, shutter=shutter)
+    effects = tuple(_of_lines(effect, data) for effect in model.effects)
+    begun = dataclasses.replace(model, light=light, shutter=shutter, effects=effects)
     return sized(Theory(begun, _course(data), wall, np.zeros_like(wall)), data)
+
+
+def _of_lines(effect: Effect, data: Measured) -> Effect:
+    """Average what an effect has for each of the recording's rows, as they are averaged."""
+    told = series_of(effect)
+    if told is None or told[1].each != "line" or len(getattr(effect, told[0])) != data.rows:
+        return effect
+    rows = np.array(getattr(effect, told[0]), np.float32)[None, :, None]
+    lines = averaged(rows, data.group, data.fields)[0, :, 0]
+    return dataclasses.replace(effect, **{told[0]: tuple(lines.tolist())})
 
 
 def _course(data: Measured) -> Course:

@@ -126,6 +126,16 @@ def test_where_nothing_fits_no_effect_is_named() -> None:
     assert told["effects"] == []
 
 
+def test_a_written_pattern_over_rows_is_taken_up_where_rows_are_averaged() -> None:
+    case = hidden("row_banding", seed=14, lines=360, banding_ratio=0.01)
+    assert case.data.group > 1
+    found = case.discover()
+    extended = CaptureModel.from_dict(model_of(found, "a test").to_dict())
+    (pattern,) = [e for e in extended.effects if e.name == "row_banding"]
+    assert len(pattern.to_dict()["offset_ratios"]) == 360
+    assert case.discover(extended).verdict == "no_discrepancy"
+
+
 def test_a_fit_whose_arrays_were_let_go_has_them_again() -> None:
     whole = hidden("harmonics", seed=16, lines=48).discover().last
     for part in (whole.released(), whole.released(rows=True)):
