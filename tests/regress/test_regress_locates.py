@@ -14,14 +14,19 @@ from rsenf.messages import EnfEstimate, RowBlock, encode
 from rsenf.record import open_recording
 from rsenf.record.growing import ABOUT
 from rsenf.regress import accept, regress
-from rsenf.track import METHODS, projection
+from rsenf.track import METHODS
 from rsenf.track.projection import ProjectionTracker
 from tests.golden.make import FOLDER
+
+
+def _always(*_: object) -> bool:
+    return True
+
 
 # What is changed, to what, and the stage that it is a part of.
 CHANGES = [
     ("moving", "rsenf.rows.steady.LEARNING_RATE", 0.06, "rows"),
-    ("weak_cfl", "rsenf.track.projection.MIN_FLICKER_RATIO", 0.5, "track"),
+    ("weak_cfl", "rsenf.track.projection.is_faint", _always, "track"),
     ("still_2997", "rsenf.idle.stage.INTERVAL_STDS", 2.3, "idle"),
     ("still_2997", "rsenf.match.phase_search.APART_S", 60.0, "match"),
     ("no_mains_light", "rsenf.discrepancy.window.FEWEST_THERE", 2.0, "discover"),
@@ -34,7 +39,7 @@ def golden(name: str) -> Path:
 
 @pytest.mark.parametrize(("name", "constant", "value", "stage"), CHANGES)
 def test_a_constant_is_located(
-    name: str, constant: str, value: float, stage: str, monkeypatch: pytest.MonkeyPatch
+    name: str, constant: str, value: object, stage: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     module, _, name_there = constant.rpartition(".")
     monkeypatch.setattr(import_module(module), name_there, value)
@@ -113,7 +118,6 @@ def test_accepted_with_a_reason_it_is_as_it_was(
     shutil.copy(made_here, path)
     before = open_recording(path)
     monkeypatch.setattr("rsenf.flicker.faint.MIN_FLICKER_RATIO", 0.5)
-    monkeypatch.setattr(projection, "MIN_FLICKER_RATIO", 0.5)
     moved = regress(path)
     accept(moved, "flicker below a half of the light is none")
     again = regress(path)
