@@ -54,11 +54,13 @@ def broken(publisher: Publisher) -> Iterator[None]:
     publisher._put = put  # type: ignore[method-assign]
 
 
-def opened(two: tuple[Bus, Bus], delivery: Delivery = SIGNALS) -> tuple[Publisher, Inbox]:
+def opened(
+    two: tuple[Bus, Bus], delivery: Delivery = SIGNALS, *, reading: Delivery = SIGNALS
+) -> tuple[Publisher, Inbox]:
     """A sender's publisher and a receiver's inbox that know each other."""
     a, b = two
     inbox, publisher = Inbox(), a.publisher(TRACK, delivery)
-    b.subscribe(inbox, TRACK, SIGNALS)
+    b.subscribe(inbox, TRACK, reading)
     while not publisher.is_heard:
         time.sleep(0.01)
     publisher.send(estimate(0))
@@ -134,11 +136,7 @@ def test_a_stream_that_began_anew_meanwhile_is_whole(two: tuple[Bus, Bus]) -> No
 
 
 def test_who_only_looks_asks_for_nothing(two: tuple[Bus, Bus]) -> None:
-    a, b = two
-    inbox, publisher = Inbox(), a.publisher(TRACK, SIGNALS)
-    publisher.send(estimate(0))
-    b.subscribe(inbox, TRACK, LOOKING)
-    take(inbox, 1)
+    publisher, inbox = opened(two, reading=LOOKING)
     with broken(publisher):
         publisher.send(estimate(1))
     publisher.send(estimate(2))
