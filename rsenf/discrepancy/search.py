@@ -20,6 +20,7 @@ import numpy as np
 from rsenf.discrepancy.candidates import Candidate, candidates, per_power
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.floor import Floor, floor_of
+from rsenf.discrepancy.heterogeneity import heterogeneity
 from rsenf.discrepancy.knobs import series_of
 from rsenf.discrepancy.trial import Trial, judged, settled, tried
 from rsenf.discrepancy.usual import NOTHING, Usual
@@ -35,6 +36,7 @@ LIKENESS = 0.1  # of what remains unexplained, that an effect may gain by being 
 ANY_LIKENESS = 0.5  # the same of an effect whose course may be of any shape
 LOST = 0.05  # of what it gains, that an effect may make worse elsewhere
 WORST = -4.0  # standard errors by which a block of time, of rows or a strip may fare worse
+UNEVEN = 0.05  # of an effect's power, that other sizes in other parts of a recording may gain
 MOST_STEPS = 6
 TONE, LINE_BINS = 0.5, 6  # share of a course's power that a line has, and how wide it may be
 
@@ -151,24 +153,43 @@ def search(first: Fit, usual: Usual) -> Iterator[Step]:
 
 
 def needed(last: Fit, steps: Sequence[Step], usual: Usual = NOTHING) -> tuple[Fit, list[Step]]:
-    """Take out again what later steps have made superfluous.
+    """Take out again what later steps have made superfluous, and what is only like what is there.
 
-    An effect stays if the model without it is worse by as much as it would take for it to enter.
+    An effect stays if the model without it is worse by as much as it would take for it to enter,
+    and if one size of it does for the whole recording.
     """
     kept = list(steps)
     for step in steps[:-1]:
-        chosen = step.chosen
-        assert chosen is not None
-        name = chosen.effect.name
-        try:
-            without = fit(last.theory.with_model(last.theory.model.without(name)), last.data)
-        except (UsageError, np.linalg.LinAlgError):  # nothing can be fitted without it
+        without = _without(last, step)
+        if without is None:
             continue
-        worth = judged(without, last, name, usual)
+        worth = judged(without, last, _name(step), usual)
         if worth.nats < step.limit or worth.beyond < step.least:
             last = without
             kept.remove(step)
+    while kept:
+        uneven, step = max(
+            ((heterogeneity(last, _name(step)), step) for step in kept), key=lambda of: of[0]
+        )
+        without = _without(last, step) if uneven > UNEVEN else None
+        if without is None:
+            return last, kept
+        last = without
+        kept.remove(step)
     return last, kept
+
+
+def _name(step: Step) -> str:
+    assert step.chosen is not None
+    return step.chosen.effect.name
+
+
+def _without(last: Fit, step: Step) -> Fit | None:
+    """Fit the model without what a step has added; None where nothing can be fitted without it."""
+    try:
+        return fit(last.theory.with_model(last.theory.model.without(_name(step))), last.data)
+    except (UsageError, np.linalg.LinAlgError):
+        return None
 
 
 def next_step(before: Fit, usual: Usual = NOTHING) -> Step:

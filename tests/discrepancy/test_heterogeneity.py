@@ -1,0 +1,60 @@
+"""What only looks like an effect hasn't its size everywhere, and isn't named."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from rsenf.discrepancy.fit import Fit
+from rsenf.discrepancy.heterogeneity import heterogeneity
+from rsenf.discrepancy.measured import measured_of
+from rsenf.discrepancy.search import UNEVEN
+from rsenf.discrepancy.start import PLAIN
+from rsenf.discrepancy.verdict import Discovery, discover
+from rsenf.messages import Header
+from rsenf.rows.luminance import blocks_from_luminance
+from tests.discrepancy.foreign_camera import Case, film
+
+
+def found(hidden: str, seed: int) -> Discovery:
+    case = Case(hidden=(hidden,), seed=seed, times=3.0, duration_s=30.0, rows=240, lamp="led")
+    made = film(case)
+    blocks = blocks_from_luminance(made.level, made.stamp_s, Header())
+    return discover(PLAIN, measured_of(list(blocks)))
+
+
+@pytest.fixture(scope="module")
+def lamps() -> Fit:
+    """A fit that has found a second lamp, and all there is."""
+    said = found("second_lamp", 702)
+    assert said.verdict == "explained"
+    assert [step.kin for step in said.steps][-1] == ("second_lamp",)
+    return said.last.restored()
+
+
+@pytest.mark.parametrize(
+    ("part", "size"),
+    [
+        (np.s_[:, :60], 2.0),
+        (np.s_[:, :, 1:], 2.0),
+        (np.s_[::2], 2.0),
+        (np.s_[:, :60], 0.0),
+    ],
+)
+def test_another_size_in_a_part_is_seen(lamps: Fit, part: tuple[slice, ...], size: float) -> None:
+    model = lamps.theory.model.without("second_lamp")
+    does = lamps.rows - lamps.theory.with_model(model).rows(lamps.data)
+    left = lamps.residual.copy()
+    left[part] += (size - 1.0) * does[part]
+    other = dataclasses.replace(lamps, residual=left)
+    assert heterogeneity(other, "second_lamp") > UNEVEN
+    assert heterogeneity(lamps, "second_lamp") < UNEVEN / 10.0
+
+
+@pytest.mark.parametrize("hidden", ["pulsating_part", "local_dimming"])
+def test_what_is_only_like_an_effect_is_not_named(hidden: str) -> None:
+    said = found(hidden, 702)
+    assert said.verdict == "unexplained"
+    assert [step.kin for step in said.steps] == [("harmonics",)]
