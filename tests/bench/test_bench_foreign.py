@@ -88,7 +88,13 @@ def test_sizes_are_compared_with_the_true_ones() -> None:
     # A straight course of 0.02 a minute is 0.02 from end to end.
     drift = {"drift_rms_ratio": 0.02 / 12**0.5}
     assert _errors("readout_drift", drift, drift_per_min=-0.02) == [pytest.approx(0.0)]
+    even = {"drift_per_min": -0.02, "drift_ratio": 0.0}
+    assert _errors("readout_drift", drift, **even) == [pytest.approx(0.0)]
     assert _errors("readout_drift", drift, drift_ratio=0.02) == [pytest.approx(12**0.5 - 1)]
+    # Of all light, the other lamp's too.
+    assert _errors("second_lamp", {"weight": 0.25}, weight=0.2) == [pytest.approx(0.0)]
+    truth = {"depth_ratio": 0.004, "tone_hz": 800.0, "strip_ratio": [1.0, 0.5]}
+    assert _errors("pwm_tone", truth, depth_ratio=0.003, tone_hz=800.0) == [0.0, 0.0]
 
 
 def test_lost_and_doubled_frames_are_compared_as_captured() -> None:

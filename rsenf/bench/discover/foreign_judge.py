@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from statistics import fmean
 from typing import Any
 
 from rsenf.bench.discover.judge import MISSED, REST, RIGHT, WRONG
@@ -133,17 +134,28 @@ def parameter_errors(
             if value is None:
                 continue
             if ours == "at_frames":
-                true = _captured(name, truth)
-                out[f"{name}.{ours}"] = len(true ^ set(value)) / len(true), None
+                frames = _captured(name, truth)
+                out[f"{name}.{ours}"] = len(frames ^ set(value)) / len(frames), None
                 continue
-            off, stderr = abs(value) - abs(truth[theirs]), own[0]["stderr"].get(ours)
-            out[f"{name}.{ours}"] = off / abs(truth[theirs]), off / stderr if stderr else None
+            true, stderr = _true(name, theirs, truth), own[0]["stderr"].get(ours)
+            off = abs(value) - true
+            out[f"{name}.{ours}"] = off / true, off / stderr if stderr else None
     return out
+
+
+def _true(name: str, theirs: str, truth: dict[str, Any]) -> float:
+    """Return a true size as a model of rsenf means it, which has one for all strips."""
+    size = abs(float(truth[theirs]))
+    if name == "second_lamp":  # beside the light there was, not in the place of some of it
+        return size / (1.0 + size)
+    if theirs == "depth_ratio" and "strip_ratio" in truth:
+        return size * fmean(truth["strip_ratio"])
+    return size
 
 
 def _value(name: str, parameters: dict[str, Any], duration_s: float) -> Any:
     """Return a parameter that was told; None where it wasn't."""
-    if name == "drift_ratio" and name not in parameters and "drift_per_min" in parameters:
+    if name == "drift_ratio" and not parameters.get(name) and "drift_per_min" in parameters:
         # A straight course, whose rms about its mean is this.
         return parameters["drift_per_min"] / 60.0 * duration_s / 12**0.5
     return parameters.get(name)
