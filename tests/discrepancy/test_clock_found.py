@@ -29,18 +29,10 @@ def test_a_fast_clock_is_named_and_the_gap_shrinks(found: BesideDiscovery) -> No
     away = step["parameters"]["clock_ppm"] - 60.0
     assert abs(away) < 4.0 * step["stderr"]["clock_ppm"]
     assert step["stderr"]["clock_ppm"] < 3.0
-    assert told["gap"]["before"] > 10.0 * told["gap"]["limit"]  # 130 by a prior of fixed width
+    assert told["gap"]["before"] > 20.0 * told["gap"]["limit"]
     assert told["gap"]["after"] < told["gap"]["limit"]
     assert told["gap"]["shrinkage"] > 0.9
     assert told["reference"]["lag_s"] == pytest.approx(START_S, abs=0.2)
-
-
-@pytest.mark.xfail(
-    strict=True,
-    reason="the tracker learns how rough a grid is, and follows a noisy reference that is filmed",
-)
-def test_the_noise_of_the_reference_is_told(found: BesideDiscovery) -> None:
-    told = beside_json(found, "model.yaml")
     assert told["reference"]["reference_noise_hz"] == pytest.approx(3e-4, rel=0.5)
 
 

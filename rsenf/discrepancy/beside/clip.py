@@ -22,6 +22,7 @@ Tracker = Callable[[FloatArray, Float32Array], Sequence[EnfEstimate]]
 
 SEED = 0
 FEW_LINES = 16  # do for a film of which only each frame's mean is looked at
+DITHER_LEVEL = 0.01  # of a row: without any noise a tracker takes what it can't model for noise
 FRAME_MEANS = "frame"  # for an axis of the read-out
 
 
@@ -50,17 +51,18 @@ class Clip:
     def film(
         self, model: CaptureModel, grid: GridPath, noise_ratio: float = 0.0
     ) -> list[EnfEstimate]:
-        """Film and track; frame means, where wanted, with noise in such a ratio to the flicker."""
+        """Film and track, with hardly any noise; frame means with so much of the flicker's size."""
         shutter = dataclasses.replace(model.shutter, frame_rate=self.frame_rate)
         if self.frame_means:
             shutter = dataclasses.replace(shutter, rows=FEW_LINES, columns=FEW_LINES)
         model = dataclasses.replace(model, shutter=shutter)
         made = simulate_rows(model, grid, self.duration_s, SEED, noise=False)
-        level = made.level
+        level, noise_level = made.level, DITHER_LEVEL
         if self.frame_means:
             level = level.mean(axis=1, keepdims=True)
-            noise = np.random.default_rng(SEED).standard_normal(level.shape)
-            level = level + (noise_ratio * level.std() * noise).astype(np.float32)
+            noise_level = noise_ratio * float(level.std())
+        noise = np.random.default_rng(SEED).standard_normal(level.shape, np.float32)
+        level = level + np.float32(noise_level) * noise
         return list(self.track(made.frame_time_s, level))
 
 
