@@ -25,8 +25,7 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_it_is_found_as_it_should(name: str, clean: Path, tmp_path: Path) -> None:
     case = CASES[name]
     told = discovered(made(clean, tmp_path / "clip.mp4", case), tmp_path / "found")
-    # FFmpeg's fields are a line apart, which a camera's aren't: beside the effect that is left.
-    assert grade(case, told) == ("right, in part" if name == "interlace" else "right")
+    assert grade(case, told) == "right"
     if told["verdict"] == "explained":
         assert told["gap"]["shrinkage"] > 0.9
     if not told["effects"]:
@@ -36,7 +35,6 @@ def test_it_is_found_as_it_should(name: str, clean: Path, tmp_path: Path) -> Non
 def test_what_an_encoder_does_by_itself_is_no_effect(clean: Path, tmp_path: Path) -> None:
     case = CASES["50k weighted"]
     told = discovered(made(clean, tmp_path / "clip.mp4", case), tmp_path / "found")
-    # FFmpeg's fields are a line apart, which a camera's aren't: beside the effect that is left.
     assert grade(case, told) == "right"
     assert told["gap"]["codec"] > 1e-4
     assert told["idle_ratio"] == pytest.approx(case.idle_ratio, abs=5e-3)

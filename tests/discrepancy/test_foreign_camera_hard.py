@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 from dataclasses import replace
 from fractions import Fraction
@@ -28,6 +29,7 @@ from tests.discrepancy.foreign_camera import (
 )
 
 Array = NDArray[np.float64]
+needs_ffmpeg = pytest.mark.skipif(not shutil.which("ffmpeg"), reason="needs ffmpeg")
 SEEDS = range(5)
 SMALL: dict[str, Any] = {"rows": 240, "duration_s": 20.0, "rate": "30000/1001", "nominal_hz": 50.0}
 
@@ -283,6 +285,7 @@ def _luma(path: Path, rows: int, columns: int) -> NDArray[np.uint8]:
 
 
 @pytest.mark.external
+@needs_ffmpeg
 @pytest.mark.parametrize("coding", ["lossless", "50k"])
 def test_a_converted_film_is_a_file(tmp_path: Path, coding: str) -> None:
     case = Case(hidden=("converted",), seed=3, duration_s=4.0, rows=200, rate="24", strips=2)
@@ -300,6 +303,7 @@ def test_a_converted_film_is_a_file(tmp_path: Path, coding: str) -> None:
 
 
 @pytest.mark.external
+@needs_ffmpeg
 @pytest.mark.parametrize(("name", "seed"), [("converted", 0), ("converted", 3), ("blended", 5)])
 def test_ffmpeg_converts_as_the_camera_does(tmp_path: Path, name: str, seed: int) -> None:
     case = Case(hidden=(name,), seed=seed, duration_s=4.0, rows=160, rate="30000/1001", strips=1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -316,6 +317,7 @@ def test_it_loads_by_its_path() -> None:
 
 
 @pytest.mark.external
+@pytest.mark.skipif(not shutil.which("ffmpeg"), reason="needs ffmpeg")
 def test_a_file_shows_what_was_filmed(tmp_path: Path) -> None:
     case = video_case(Case(seed=3, hidden=("frame_drop",), duration_s=4.0))
     as_video(case, tmp_path / "film.mkv")

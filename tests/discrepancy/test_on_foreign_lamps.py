@@ -118,8 +118,9 @@ def test_rows_of_two_fields_are_averaged_within_each() -> None:
     np.testing.assert_array_equal(lines, [2, 3, 8, 9])
     rows = along_rows(lines, 3, 16, fields=2, axis=0)
     np.testing.assert_array_equal(rows, [2, 3] * 3 + [8, 9] * 5)
-    made = filmed("interlace", seed=66, rows=720)
-    assert set(by_name(discovered(made))) == {"harmonics", "interlace"}
+    told = discovered(filmed("interlace", seed=66, rows=720))
+    assert set(by_name(told)) == {"harmonics", "interlace"}
+    assert told["verdict"] == "explained"
     assert math.isfinite(discovered(filmed(seed=65))["gap"]["after"])
 
 

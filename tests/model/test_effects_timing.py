@@ -107,12 +107,13 @@ def test_reverse_readout_begins_at_the_bottom() -> None:
     assert data.level[:, :, 0] == pytest.approx(LEVEL * wave(t_s), abs=NOISE)
 
 
-@pytest.mark.parametrize("bottom_first", [False, True])
-def test_interlace_weaves_two_fields(bottom_first: bool) -> None:
-    data = film(bare().with_effect("interlace", bottom_first=bottom_first), 2.0)
+@pytest.mark.parametrize(("bottom_first", "late_s"), [(False, 0.0), (True, 0.0), (True, -3e-4)])
+def test_interlace_weaves_two_fields(bottom_first: bool, late_s: float) -> None:
+    values = {"bottom_first": bottom_first, "second_late_s": late_s}
+    data = film(bare().with_effect("interlace", **values), 2.0)
     for row in range(64):
         second_field = (row % 2 == 1) != bottom_first
-        offset_s = (row // 2) * (0.7 / RATE_HZ / 64) + (0.5 / RATE_HZ if second_field else 0)
+        offset_s = (row // 2) * (0.7 / RATE_HZ / 64) + second_field * (0.5 / RATE_HZ + late_s)
         slow = LEVEL * wave(data.frame_time_s + offset_s)
         assert data.level[:, row, 0] == pytest.approx(slow, abs=NOISE)
 

@@ -86,7 +86,7 @@ def test_what_is_left_has_its_kind_and_what_would_tell(unexplained: Case) -> Non
     found, told, text = unexplained
     words = Page(text).words
     assert found.verdict == "unexplained"
-    assert "3.70 Hz" in words
+    assert f"the frames show {told['unexplained']['alias_hz']:.2f} Hz" in words
     assert all(measurement in words for measurement in told["unexplained"]["would_tell"])
 
 

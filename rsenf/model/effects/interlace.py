@@ -10,7 +10,7 @@ import numpy as np
 from rsenf.model.effects.base import ReadOutEffect, Run
 from rsenf.model.effects.hiding import Hiding, Weakest
 from rsenf.model.effects.residue import GROSS, Residue
-from rsenf.model.parameters import parameter
+from rsenf.model.parameters import Fitting, parameter
 from rsenf.model.readout import ReadOut
 
 COMB = 1e-5  # by which the gap of rows two apart is above that of neighbours: wrong by turns
@@ -20,8 +20,9 @@ COMB = 1e-5  # by which the gap of rows two apart is above that of neighbours: w
 class Interlace(ReadOutEffect):
     """Even and odd lines come from two fields, half a frame period apart.
 
-    Each field is read like a frame of half the lines, at the same time for a line. Neighbouring
-    lines then differ in phase by ``π·f_0/F_r`` less what the other field's place makes up for, a
+    Each field is read like a frame of half the lines, at the same time for a line; the second
+    may begin a little later or earlier than half a period after the first. Neighbouring lines
+    then differ in phase by ``π·f_0/F_r`` less what the other field's place makes up for, a
     comb at the finest pattern that lines can show.
     """
 
@@ -34,12 +35,17 @@ class Interlace(ReadOutEffect):
     never_with = ("reverse_readout",)
 
     bottom_first: bool = parameter(False, "odd lines come first")
+    second_late_s: float = parameter(
+        0.0, "how much later than half a frame period the second field is", low=-1e-3, high=1e-3,
+        fitting=Fitting(None, 1e-5),
+    )  # fmt: skip
 
     def apply(self, read_out: ReadOut, run: Run) -> None:
         """Read the lines of one field, then those of the other."""
         line = np.arange(run.shutter.lines)
         second_field = line % 2 == (0 if self.bottom_first else 1)
-        read_out.line_s = read_out.line_s[:, line // 2] + second_field * (run.step_s / 2)
+        later_s = run.step_s / 2 + self.second_late_s
+        read_out.line_s = read_out.line_s[:, line // 2] + second_field * later_s
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
