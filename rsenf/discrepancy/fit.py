@@ -17,7 +17,7 @@ import numpy as np
 from rsenf.discrepancy.gap import Gap, gap_of
 from rsenf.discrepancy.knobs import FLICKER, IDLE, Knob, knobs_of, turned
 from rsenf.discrepancy.lean import USUAL, as_walls_may, leaned, leans
-from rsenf.discrepancy.measured import Float32Array, Measured
+from rsenf.discrepancy.measured import BANDS, Float32Array, Measured
 from rsenf.discrepancy.series import improved
 from rsenf.discrepancy.slopes import Slopes, slopes_of
 from rsenf.discrepancy.theory import Theory
@@ -29,6 +29,7 @@ NEAR_RAD, NEAR_STEPS = 0.03, 1.0
 # Values of a series follow the noise of their own frames: nearer isn't worth the way.
 REST_RAD, REST_STEPS, REST_SERIES = 1e-4, 1e-2, 0.1
 MOST = 8
+
 DARKEST = 0.01  # level of a wall: none that no light could be relative to
 
 
@@ -149,8 +150,7 @@ def fit(theory: Theory, data: Measured, *, most: int = MOST, slopes: Slopes | No
     else:
         slopes = slopes or slopes_of(theory, rows, data, knobs)
     left = data.level - rows
-    stderr = _stderr(slopes, noise_var(left[data.training], data))
-    return Fit(data, begun, theory, rows, left, slopes, stderr)
+    return Fit(data, begun, theory, rows, left, slopes, _stderr(slopes, left))
 
 
 def noise_var(residual: Float32Array, data: Measured) -> float:
@@ -217,10 +217,28 @@ def _stepped(theory: Theory, rows: Float32Array, slopes: Slopes) -> _Step:
     return _Step(theory, theory.rows(data), farthest_rad, turned_steps, moved_steps)
 
 
-def _stderr(slopes: Slopes, variance: float) -> FloatArray:
-    """Return the standard errors of the knobs; where it matters, strips may lean as walls do."""
-    system, may = slopes.training, as_walls_may(slopes.lean) if slopes.lean is not None else []
-    normal = system.plus(may).matrix.over(variance)
+def _stderr(slopes: Slopes, left: Float32Array) -> FloatArray:
+    """Return the standard errors of the knobs.
+
+    By the noise of rows, or by how much blocks of time, or bands of lines, disagree if that is
+    more; where it matters, strips may lean as walls do.
+    """
+    data, system = slopes.data, slopes.training
+    variance = noise_var(left[data.training], data)
+    normal = system.matrix.over(variance)
     normal = normal.with_prior(np.zeros(normal.course))
-    covariance = normal.considering(len(may), USUAL) if may else normal.covariance()
-    return np.asarray(np.sqrt(np.maximum(np.diag(covariance), 0.0))[normal.course :])
+    found = [normal.covariance()]
+    if may := as_walls_may(slopes.lean) if slopes.lean is not None else []:
+        whole = system.plus(may).matrix.over(variance)
+        found.append(whole.with_prior(np.zeros(whole.course)).considering(len(may), USUAL))
+    by_frame, by_value = system.scores(left)
+    block = data.block[data.training]
+    by_line = by_value.reshape(data.lines, data.strips, -1).sum(axis=1)
+    for clusters in (
+        [by_frame[block == number] for number in np.unique(block)],
+        np.array_split(by_line, min(BANDS, data.lines)),
+    ):
+        if len(clusters) > 1:
+            found.append(normal.sandwich(np.array([c.sum(axis=0) for c in clusters]) / variance))
+    most = np.max([np.diag(covariance) for covariance in found], axis=0)
+    return np.asarray(np.sqrt(np.maximum(most, 0.0))[normal.course :])

@@ -12,10 +12,9 @@ from __future__ import annotations
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.measured import Float32Array
+from rsenf.discrepancy.measured import BANDS, Float32Array
 from rsenf.messages.schema import FloatArray
 
-BANDS = 8  # of lines
 LEAST = 1e-12  # of what an effect does in all, that it must do in a part to have a size there
 SURE = 4.0  # standard deviations of the noise
 

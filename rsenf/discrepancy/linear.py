@@ -77,6 +77,19 @@ class Normal:
         shift = std * for_it * scale[:, None]
         return np.asarray(step.covariance() + shift @ shift.T)
 
+    def sandwich(self, scores: FloatArray) -> FloatArray:
+        """Return the covariance of the step by how much clusters of the data disagree.
+
+        Parameters
+        ----------
+        scores : ndarray (clusters, directions)
+            What each adds to the vector: White's and Liang and Zeger's cluster-robust estimate.
+        """
+        away = scores - scores.mean(axis=0)
+        apart = away.T @ away * (len(away) / (len(away) - 1))
+        inverse = self.covariance()
+        return np.asarray(inverse @ apart @ inverse)
+
     def explained(self, extra: int) -> float:
         """By how much the last directions reduce the square of the residual, beyond the others."""
         known = len(self.matrix) - extra
@@ -160,6 +173,29 @@ class System:
         wall = self._wall(rest)
         vector = np.concatenate([self._along(rest, wall), self._beside(rest, wall)])
         return Normal(self._matrix, vector, self._basis.shape[1])
+
+    def scores(self, residual: Float32Array) -> tuple[FloatArray, FloatArray]:
+        """What each frame and each value of a frame adds to the normal equations' vector.
+
+        Parameters
+        ----------
+        residual : ndarray of float32 (frames, lines, strips)
+
+        Returns
+        -------
+        by_frame : ndarray (its frames, directions)
+        by_value : ndarray (lines · strips, directions)
+        """
+        rest = self._taken(residual)
+        rest = rest - self._lit * (self._size * self._wall(rest)).astype(np.float32)
+        turned, lit = self._turn * rest, self._lit * rest * self._size
+        by_frame = [self._basis * turned.sum(axis=1)[:, None] - lit @ self._course]
+        by_value = [turned.T @ self._basis]
+        for other, own in self._others:
+            product = self._taken(other) * rest
+            by_frame.append((product.sum(axis=1) - lit @ own)[:, None])
+            by_value.append(product.sum(axis=0)[:, None])
+        return np.hstack(by_frame), np.hstack(by_value)
 
     def _taken(self, array: Float32Array) -> Float32Array:
         return np.ascontiguousarray(self._part(array)).reshape(len(self._basis), -1)

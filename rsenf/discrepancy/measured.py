@@ -32,6 +32,7 @@ Mask = NDArray[np.bool_]
 Part = tuple[slice, ...]  # of an array (frames, lines, strips)
 
 ALL: Part = (slice(None),)
+BANDS = 8  # of lines, that are compared
 
 # Rates that cameras have; one that is nearer to one of them than this is taken for it.
 RATES = (

@@ -12,7 +12,7 @@ from rsenf.discrepancy.candidates import Candidate
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.gap import by_block, by_block_of
 from rsenf.discrepancy.knobs import knobs_of, series_of
-from rsenf.discrepancy.measured import Float32Array, Part
+from rsenf.discrepancy.measured import BANDS, Float32Array, Part
 from rsenf.discrepancy.order import held_out_worth, with_more, with_order
 from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.series import all_as_told, halves, held, summed_up, with_series
@@ -27,7 +27,7 @@ from rsenf.model.parameters import Fitting
 
 STEPS = 5  # in which a candidate is fitted, at first
 TO_REST = 24  # in which the best is: where a series follows a knob, it goes step by step
-BANDS = 8  # of rows
+
 NOISE_STDS = 3.0  # from which on a part fares worse beyond its noise
 PIECES = 8  # of a block of time
 HOPELESS = 3.0  # of what is left without it, that an effect may leave before anything is fitted

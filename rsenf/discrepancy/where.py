@@ -14,9 +14,9 @@ import numpy as np
 
 from rsenf.discrepancy.apart import LINES, STRIPS
 from rsenf.discrepancy.fit import Fit
+from rsenf.discrepancy.measured import BANDS
 from rsenf.messages.schema import FloatArray
 
-BANDS = 8  # of rows
 LEVELS = 4
 PEAKS = 6  # of the spectrum that are named
 NEAR = 2  # bins to either side of a line that are its own

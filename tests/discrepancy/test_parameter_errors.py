@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from rsenf.discrepancy.linear import Normal
+from rsenf.discrepancy.linear import Normal, System
+from tests.discrepancy.foreign_camera import Case, film
 from tests.discrepancy.hidden_effects import hidden
+from tests.discrepancy.test_on_foreign_lamps import discovered
 
 
 def test_what_is_not_taken_adds_to_the_error_as_if_it_were_drawn() -> None:
@@ -19,6 +22,45 @@ def test_what_is_not_taken_adds_to_the_error_as_if_it_were_drawn() -> None:
     stated = normal.considering(2, std)
     assert np.allclose(stated, np.cov(found.T), rtol=0.1, atol=0.05 * np.diag(stated).max())
     assert np.all(np.diag(stated) > np.diag(np.linalg.inv(design[:, :3].T @ design[:, :3])))
+
+
+def test_clusters_that_disagree_add_to_the_error_as_they_do() -> None:
+    """Drawn four hundred times: an effect that has another size in each of twenty clusters."""
+    rng = np.random.default_rng(9)
+    clusters, draws = 20, 400
+    design = rng.normal(size=(clusters, 30, 3))
+    flat = design.reshape(-1, 3)
+    normal = Normal(flat.T @ flat, np.zeros(3), 1)
+    found, stated = [], []
+    for _ in range(draws):
+        sizes = np.array([0.0, 0.0, 0.2]) * rng.normal(size=(clusters, 1, 3))
+        data = (design * sizes).sum(axis=2) + rng.normal(size=(clusters, 30))
+        step = np.linalg.solve(normal.matrix, flat.T @ data.ravel())
+        left = data - design @ step
+        found.append(step)
+        stated.append(np.diag(normal.sandwich((design * left[:, :, None]).sum(axis=1))))
+    assert np.mean(stated, axis=0) == pytest.approx(np.var(found, axis=0), rel=0.2)
+    white = np.diag(np.linalg.inv(normal.matrix))
+    assert np.mean(stated, axis=0)[2] > 1.5 * white[2]
+
+
+def test_scores_add_up_to_the_normal_equations() -> None:
+    rng = np.random.default_rng(10)
+    frames, lines, strips = 40, 12, 2
+    lit, turn, other, left = rng.normal(size=(4, frames, lines, strips)).astype(np.float32)
+    basis = rng.normal(size=(frames, 5))
+    system = System(lit, turn, basis, lambda a: a).plus([other])
+    by_frame, by_value = system.scores(left)
+    assert by_frame.sum(axis=0) == pytest.approx(system.normal(left).vector, rel=1e-4, abs=1e-3)
+    assert by_value.sum(axis=0) == pytest.approx(system.normal(left).vector, rel=1e-4, abs=1e-3)
+
+
+def test_what_remains_unexplained_widens_the_errors_of_what_was_found() -> None:
+    """A swing under a lamp with a rest: its frequency would be told fifty errors off."""
+    made = film(Case(hidden=("interharmonic",), seed=61001))
+    (found,) = (e for e in discovered(made)["effects"] if e["name"] == "interharmonic")
+    off_hz = found["parameters"]["flicker_hz"] - made.hidden["interharmonic"]["flicker_hz"]
+    assert abs(off_hz) < 4.0 * found["stderr"]["flicker_hz"]
 
 
 def test_a_lamp_beside_the_camera_is_as_heavy_as_its_error_says() -> None:
