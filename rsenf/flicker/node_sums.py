@@ -21,7 +21,7 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Frames of one window, in the order of time.
+    """Frames of one window, in order; their times may go back where one was shown again.
 
     Attributes
     ----------
@@ -94,7 +94,9 @@ class Gathered:
     def __init__(self, frames: Frames, nodes: int) -> None:
         nearest = np.clip(np.rint(frames.t_s / NODE_S).astype(np.intp), 0, nodes - 1)
         count = np.bincount(nearest, minlength=nodes)
-        place = np.arange(nearest.size) - (np.cumsum(count) - count)[nearest]
+        place = np.empty_like(nearest)  # where a frame was shown again, times go back
+        by_node = np.argsort(nearest, kind="stable")
+        place[by_node] = np.arange(nearest.size) - np.repeat(np.cumsum(count) - count, count)
         self.there = np.arange(max(int(count.max()), 1)) < count[:, None]
         self.columns = np.zeros((*self.there.shape, frames.columns.shape[1]))
         self.columns[nearest, place] = frames.columns

@@ -44,6 +44,19 @@ def test_sums_around_nodes_are_those_over_the_frames(rate_hz: float, seed: int) 
     np.testing.assert_allclose(fit.deviation, slow.deviation, atol=1e-5)
 
 
+def test_times_may_go_back_where_a_frame_was_shown_again() -> None:
+    frames, psi = window(29.97, 5)
+    node = np.rint(frames.t_s * NODES_PER_S)
+    (borders,) = np.nonzero(np.diff(node) > 0)
+    order = np.arange(node.size)
+    for at in borders[3::4]:
+        order[[at, at + 1]] = order[[at + 1, at]]
+    swapped = Frames(frames.t_s[order], frames.carrier_rad[order], frames.columns[order])
+    fit, same = fit_phase(swapped, 0.5 * psi), fit_phase(frames, 0.5 * psi)
+    np.testing.assert_allclose(fit.psi_rad, same.psi_rad, atol=1e-6)
+    np.testing.assert_allclose(fit.second_var_hz2, same.second_var_hz2, rtol=1e-4)
+
+
 def test_every_offset_is_what_its_own_sum_is() -> None:
     rng = np.random.default_rng(4)
     t_s = np.sort(rng.uniform(-10.0, 10.0, 300))
