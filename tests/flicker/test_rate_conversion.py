@@ -8,7 +8,7 @@ import pytest
 from rsenf.flicker.follower import BLENDED
 from rsenf.flicker.picture_news import News, find_remade
 from rsenf.flicker.rate_conversion import Conversion
-from tests.discrepancy.foreign_camera import Case, film, trial
+from tests.discrepancy.foreign_camera import Case, trial
 from tests.flicker.foreign_rows import follow
 
 RATES = {"24": 24.0, "25": 25.0, "30": 30.0, "30000/1001": 30e3 / 1001, "60": 60.0}
@@ -66,16 +66,15 @@ def test_how_pictures_come_in_blocks_changes_nothing() -> None:
 
 @pytest.mark.parametrize(
     ("seed", "rate", "nominal_hz"),
-    [(1, "24", 50.0), (4, "25", 60.0), (5, "24000/1001", 50.0), (9, "25", 60.0)],
+    [(2, "24", 50.0), (5, "24", 50.0), (4, "25", 60.0), (6, "25", 60.0), (5, "24000/1001", 50.0)],
 )
 def test_doubling_is_undone(seed: int, rate: str, nominal_hz: float) -> None:
     case = Case(
         hidden=("converted",), seed=seed, rate=rate, nominal_hz=nominal_hz, rows=240, strips=1,
         duration_s=40.0, lamp="led",
     )  # fmt: skip
-    if film(case).hidden["converted"]["doubled"] == 0:
-        pytest.skip("this one drops frames")
     clip = follow(case)
+    assert clip.hidden["converted"]["doubled"] > 100
     assert clip.converted
     assert clip.z.size >= 35
     assert clip.rms_z < 2.0
