@@ -181,19 +181,22 @@ def _placed(total: Complex, at: int, leap: float) -> int:
 
 
 def frames_of_step(step: float, std: float, step_rad: float) -> int:
-    """How many frames are lost where the phase steps (negative: shown again); 0 where none fits.
+    """How many frames are lost where the phase steps a little (negative: shown again).
+
+    0 where none fits; clear leaps are for :func:`find_slips`.
 
     Parameters
     ----------
     step, std : float
-        The phase's, however small, and its standard error (rad).
+        The phase's, and its standard error (rad).
     step_rad : float
         By how much the light's phase turns in a frame period.
     """
     slips = np.array([s for s in range(-MOST, MOST + 1) if s])
     leap = np.angle(np.exp(1j * slips * step_rad))
     off = np.abs(leap - step)
-    fits = (off < OFF_RATIO * np.abs(leap) + OFF_STDS * std) & (np.abs(leap) > LEAST_STEP_RAD)
+    small = (np.abs(leap) > LEAST_STEP_RAD) & (np.abs(leap) < LEAST_LEAP_RAD)
+    fits = small & (off < OFF_RATIO * np.abs(leap) + OFF_STDS * std)
     return int(slips[fits][off[fits].argmin()]) if fits.any() else 0
 
 
