@@ -22,8 +22,9 @@ from rsenf.flicker.lock import (
     frames_of,
 )
 from rsenf.flicker.mains import bands_of, cell_means
+from rsenf.flicker.picture_news import LAGS, News, find_remade
 from rsenf.flicker.profile import ProfileBasis
-from rsenf.flicker.rate_conversion import find_conversion
+from rsenf.flicker.rate_conversion import Conversion, find_conversion
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.flicker.still import EVERY_S, SHORTEST_S, SPAN_S, StillFlicker, may_stand_still
@@ -41,6 +42,7 @@ LOOK_S = 20  # window in which flicker is looked for, if the clip isn't shorter
 HOLD_S = 60  # seconds are held back so long while nothing is found
 GIVE_UP_S = 30  # seconds without the tone after which it is looked for anew
 MIN_FILL_RATIO = 0.8
+BLENDED = "neighbouring frames are blended: another frame rate was made of them"
 
 
 class FlickerFollower:
@@ -60,7 +62,8 @@ class FlickerFollower:
         self._min_snr = min_snr
         self._waiting: list[RowBlock] = []
         self._basis: ProfileBasis | None = None
-        self._buffer = self._cells = SlowTime(1, 0)
+        self._buffer = self._cells = self._new = SlowTime(1, 0)
+        self._news = News()
         self._rate_hz = float("nan")
         self._reached = 0  # whole seconds that have been looked at
         self._next = 0  # second to be looked at next
@@ -71,6 +74,7 @@ class FlickerFollower:
         self._ramp: NDArray[np.complex128] | None = None
         self._why = NO_FLICKER
         self._try_again = 0  # second from which on a converted frame rate is looked for again
+        self._is_blended = False
 
     def update(self, block: RowBlock) -> list[FlickerSecond]:
         """Take a block of rows; return the seconds that it completes."""
@@ -115,6 +119,7 @@ class FlickerFollower:
         first = self._waiting[0]
         self._buffer = SlowTime(self._basis.columns, int(pts[0]), np.float64)
         self._cells = SlowTime(bands_of(first.rows) * first.strips, int(pts[0]), np.float32)
+        self._new = SlowTime(len(LAGS), int(pts[0]), np.float64)
         for nominal_hz in self._nominals:
             if may_stand_still(nominal_hz, self._rate_hz, self._basis.rows):
                 self._still = StillFlicker(nominal_hz)
@@ -127,6 +132,7 @@ class FlickerFollower:
     def _append(self, basis: ProfileBasis, block: RowBlock) -> None:
         self._buffer.append(block, basis.reduce(block))
         self._cells.append(block, cell_means(block.level).reshape(block.frames, -1))
+        self._new.append(block, self._news.of(block.level))
         if self._still is not None:
             self._still.add(block, self._buffer.origin_ns)
 
@@ -159,13 +165,13 @@ class FlickerFollower:
         while self._ready and self._ready[0].index < due:
             out.append(self._ready.popleft())
         kept_s = WINDOW_S if self._lock else 0
-        for buffer in (self._buffer, self._cells):
+        for buffer in (self._buffer, self._cells, self._new):
             buffer.forget_before(min(self._next, end - LOOK_S) - kept_s)
         return out
 
     def _look_still(self, end: int, *, final: bool) -> None:
         """Look, now and then, for flicker that stands nearly still."""
-        if self._still is None or end < SHORTEST_S:
+        if self._still is None or self._is_blended or end < SHORTEST_S:
             return
         self._still.forget_before(end - SPAN_S)
         if final or end % EVERY_S == 0:
@@ -210,9 +216,7 @@ class FlickerFollower:
         if t_s.size < MIN_FILL_RATIO * self._shown_hz * (end - start):
             self._why = TOO_FEW
             return
-        found = self._converted(t_s, columns, start, end) or acquire(
-            self._nominals, self._basis, t_s, columns, self._rate_hz, (start, end), self._min_snr
-        )
+        found = self._found(t_s, columns, (start, end))
         if isinstance(found, str):
             self._why = found
             return
@@ -236,25 +240,38 @@ class FlickerFollower:
         conversion = self._buffer.conversion
         return min(conversion.source_hz, conversion.shown_hz) if conversion else self._rate_hz
 
-    def _converted(self, t_s: Float, columns: Float, start: int, end: int) -> Found | None:
-        """Look for flicker in frames that were dropped or doubled to give another frame rate."""
+    def _found(self, t_s: Float, columns: Float, span_s: tuple[int, int]) -> Found | str:
+        """Look for flicker by the times at which frames were taken; say why there is none."""
         assert self._basis is not None
-        if self._buffer.conversion is not None or end < self._try_again:
-            return None
-        self._try_again = end + LOOK_S
-        conversion = find_conversion(self._nominals, t_s, columns, self._rate_hz)
-        if conversion is None:
-            return None
-        taken_s, source_hz = conversion.taken_s(t_s), conversion.source_hz
-        found = acquire(
-            self._nominals, self._basis, taken_s, columns, source_hz, (start, end), self._min_snr
+        if self._buffer.conversion is None and span_s[1] >= self._try_again:
+            self._try_again = span_s[1] + LOOK_S
+            conversion, is_proven = self._conversion(t_s, columns, span_s)
+            if conversion is not None:
+                taken_s, source_hz = conversion.taken_s(t_s), conversion.source_hz
+                found = acquire(
+                    self._nominals, self._basis, taken_s, columns, source_hz, span_s, self._min_snr
+                )
+                if is_proven or not isinstance(found, str):
+                    for values in (self._buffer, self._cells, self._new):
+                        values.convert(conversion)
+                    self._rate_hz, self._still = source_hz, None
+                    return found
+        if self._is_blended:
+            return BLENDED
+        return acquire(
+            self._nominals, self._basis, t_s, columns, self._rate_hz, span_s, self._min_snr
         )
-        if isinstance(found, str):
-            return None
-        for values in (self._buffer, self._cells):
-            values.convert(conversion)
-        self._rate_hz, self._still = source_hz, None
-        return found
+
+    def _conversion(
+        self, t_s: Float, columns: Float, span_s: tuple[int, int]
+    ) -> tuple[Conversion | None, bool]:
+        """Look for a conversion to another frame rate; whether pictures prove it, or light only."""
+        stamp_s, news = frames_of(self._new, *span_s)
+        remade = find_remade(stamp_s, news, self._rate_hz, self._news.chance)
+        self._is_blended = remade is not None and remade.blended
+        if remade is None:
+            return find_conversion(self._nominals, t_s, columns, self._rate_hz), False
+        return (None if remade.blended else remade.conversion), not remade.blended
 
 
 def _fits(end: int) -> bool:

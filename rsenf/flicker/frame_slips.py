@@ -26,10 +26,14 @@ MOST = 3  # frames lost or shown again at one place
 # Natural logarithm of the likelihood ratio that a slip takes. Noise reaches it with a chance of
 # e⁻³⁰ at each of a hundred thousand frames, slips and lengths an hour: 1e-8 an hour if Gaussian.
 LEAST_LOG_RATIO = 30.0
-# A leap by less than this is no more than the light's own shape may make of a lost frame (rad).
+# A leap by less than this isn't clear: grids make the like in some frames (rad).
 LEAST_LEAP_RAD = 0.3
 # By which a leap may be off a whole number of periods: standard errors, and rad.
 OFF_STDS, OFF_RAD = 4.0, 0.2
+# Of small leaps the least (rad), and the share that they may be off: one might be anything's, were
+# it not so exactly that size.
+LEAST_STEP_RAD, OFF_RATIO = 5e-3, 0.15
+LEAST_STEP_LOG_RATIO = 18.0  # there are a hundred places and six sizes in half a minute
 # Variance beyond which a single frame says nothing: coding weakly repeats what it likes.
 CLEAR_VAR = 0.01
 MOST_AT_ONCE = 8  # places in one stretch: more is no accident
@@ -65,7 +69,7 @@ class FrameSlip:
 def find_slips(
     light: Complex, step_rad: float, equal: NDArray[np.bool_], first: int = 0, apart: int = 1
 ) -> list[tuple[int, int]]:
-    """Find all places where frames slip, in order.
+    """Find all places where frames slip and the phase leaps clearly, in order.
 
     Parameters
     ----------
@@ -103,7 +107,8 @@ def find_slips(
             break
         found.append(one)
         light[one[0] :] *= np.exp(-1j * one[1] * step_rad)
-        free[max(one[0] + 1 - apart, 0) : one[0] + apart] = False
+        beside = max(apart, MOST)  # else frames might be shown again before those they are of
+        free[max(one[0] + 1 - beside, 0) : one[0] + beside] = False
     in_place = _in_place(light, step_rad, equal & free) if 1 in slips else []
     if len(found) + len(in_place) > MOST_AT_ONCE:
         return []
@@ -173,6 +178,26 @@ def _placed(total: Complex, at: int, leap: float) -> int:
     before, after = total[place] - total[place - half], total[place + half] - total[place]
     gain = np.abs(before + after * np.exp(-1j * leap)) - np.abs(before + after)
     return int(place[gain.argmax()])
+
+
+def frames_of_step(step: float, std: float, step_rad: float) -> int:
+    """How many frames are lost where the phase steps a little (negative: shown again).
+
+    0 where none fits; clear leaps are for :func:`find_slips`.
+
+    Parameters
+    ----------
+    step, std : float
+        The phase's, and its standard error (rad).
+    step_rad : float
+        By how much the light's phase turns in a frame period.
+    """
+    slips = np.array([s for s in range(-MOST, MOST + 1) if s])
+    leap = np.angle(np.exp(1j * slips * step_rad))
+    off = np.abs(leap - step)
+    small = (np.abs(leap) > LEAST_STEP_RAD) & (np.abs(leap) < LEAST_LEAP_RAD)
+    fits = small & (off < OFF_RATIO * np.abs(leap) + OFF_STDS * std)
+    return int(slips[fits][off[fits].argmin()]) if fits.any() else 0
 
 
 def are_equal(columns: Float, noise_var: Float) -> NDArray[np.bool_]:

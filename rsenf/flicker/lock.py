@@ -14,18 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found, stands_out, strongest
-from rsenf.flicker.frame_slips import FrameSlip, are_equal, find_slips, late_s
+from rsenf.flicker.frame_slips import FrameSlip
 from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.mains import Wander, bands_of, light_of, tells_cells, wander_of, why_not
-from rsenf.flicker.node_sums import Frames, at_frames
-from rsenf.flicker.phase_fit import PhaseFit, fit_phase
+from rsenf.flicker.node_sums import at_frames
+from rsenf.flicker.phase_fit import PhaseFit
 from rsenf.flicker.phase_path import PhasePath
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.second import FlickerSecond
+from rsenf.flicker.slipping_fit import Window
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.flicker.tone import AT_EDGE, Tone, ToneFinder
-from rsenf.flicker.turning import turning
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -53,8 +53,6 @@ UNSETTLED, MIN_GAIN = 4.0, 0.6
 # unless it is small (Hz).
 LEAST_SURE, SURE_STD_HZ = 3.0, 1e-3
 END_S = 5
-# Least frames between places where frames slip: first the phase is bent where one does.
-APART = (32, 1, 1, 1)
 # Second harmonic of a lamp over its first: rarely more, and half of light at half the frequency.
 MOST_SECOND = 0.35
 HALF = "light at the grid's own frequency, or a read-out from the last row to the first: which?"
@@ -125,27 +123,10 @@ class Lock:
             return None
         part = buffer.between(start, end)
         period_s, first = buffer.period_s(part), int(t_s.searchsorted(self.settled_s))
-        slips: list[tuple[int, int]] = []
-        unlike: PhaseFit | None = None  # as if nothing slipped
-        nearer_rad = guess_rad  # it may bend; what light is compared with must not
-        for apart in APART:
-            late = late_s(slips, t_s.size, period_s)
-            carrier = 4.0 * np.pi * self.nominal_hz * (t_s + late)
-            frames = Frames(t_s + late - start, carrier, columns)
-            fit = fit_phase(frames, nearer_rad, self._basis, self.turns)
-            ahead = at_frames(fit.t_s, fit.psi_rad) - at_frames(fit.t_s, guess_rad)
-            light = (1.0 + fit.deviation) * turning(ahead)
-            turn_rad_s = 2.0 * np.pi * _mean_f0_hz(self.nominal_hz, fit)
-            seen = light * turning(turn_rad_s * late)
-            equal = are_equal(columns, 1.0 / fit.weights)
-            found = find_slips(seen, turn_rad_s * period_s, equal, first, apart)
-            if found == slips:
-                break
-            slips, unlike = found, unlike or fit
-            light = seen * turning(-turn_rad_s * late_s(slips, t_s.size, period_s))
-            nearer_rad = guess_rad + _at_nodes(t_s - start, light, guess_rad.size)
-        else:
-            return unlike
+        window = Window(
+            t_s, columns, start, period_s, self.nominal_hz, guess_rad, self._basis, self.turns
+        )  # fmt: skip
+        fit, slips = window.fit(first)
         numbers = buffer.numbers(part)[buffer.usable(part)]
         for at, late_frames in slips:
             for values in (buffer, self._cells):
@@ -310,21 +291,6 @@ class Lock:
 
 
 _NO_TONE = Tone(0.0, np.inf, 0.0, 0.0, at_edge=False)
-
-
-def _mean_f0_hz(nominal_hz: float, fit: PhaseFit) -> float:
-    """Mean illumination frequency over a fit's window."""
-    turned = float(fit.psi_rad[-1] - fit.psi_rad[0]) / (2.0 * np.pi)
-    return 2.0 * nominal_hz + turned * NODES_PER_S / (fit.psi_rad.size - 1)
-
-
-def _at_nodes(t_s: Float, light: Complex, nodes: int) -> Float:
-    """Phase at the nodes of what frames show, without leaps."""
-    nearest = np.clip(np.rint(t_s * NODES_PER_S).astype(np.intp), 0, nodes - 1)
-    real, imag = (np.bincount(nearest, part, nodes) for part in (light.real, light.imag))
-    seen = np.flatnonzero(np.bincount(nearest, minlength=nodes))
-    phase = np.unwrap(np.angle(real[seen] + 1j * imag[seen]))
-    return np.asarray(np.interp(np.arange(nodes), seen, phase))
 
 
 def _middle(index: int) -> int:

@@ -27,6 +27,21 @@ def phase_jump(jump: Jump, tick: Tick) -> Alarm:
     )  # fmt: skip
 
 
+def frames_slipped(estimate: EnfEstimate, tick: Tick) -> Alarm:
+    """Frames were lost or sent twice: the tracker has bridged the jump, and counted them."""
+    at_ns, frames = estimate.start_pts_ns, estimate.slip_frames.tolist()
+    lost, again = sum(max(n, 0) for n in frames), sum(max(-n, 0) for n in frames)
+    told = [f"{n} {what}" for n, what in ((lost, "lost"), (again, "sent twice")) if n]
+    text = (
+        f"frames {' and '.join(told)} at frame {', '.join(map(str, estimate.slip_frame.tolist()))}"
+    )
+    return Alarm(
+        header=tick.header, kind="phase_jump", start_pts_ns=at_ns, end_pts_ns=at_ns,
+        value=float(lost + again), unit="frames",
+        text=f"{text}, by the jump of the phase; a splice may look alike",
+    )  # fmt: skip
+
+
 def light_changed(change: Change, estimate: EnfEstimate, tick: Tick) -> Alarm:
     """The flicker's size is another one."""
     at_ns = estimate.start_pts_ns

@@ -64,7 +64,7 @@ class Judge:
         self._stand()
         if self.evidence.nats >= self._settings.limits.most:
             self.suspects.clear()
-        elif jump:
+        elif jump or estimate.slips:  # a splice may look like frames that slip
             self.suspects.jumped()
         self.suspects.add(estimate)
         if tick.offset_ns is not None:

@@ -11,7 +11,7 @@ from typing import Any
 
 from rsenf.live.alarms import Alarms, numbered_after
 from rsenf.live.growing import GrowingGrid
-from rsenf.live.happenings import idle_changed, light_changed, phase_jump
+from rsenf.live.happenings import frames_slipped, idle_changed, light_changed, phase_jump
 from rsenf.live.judge import Judge
 from rsenf.live.light import IdlePeriod
 from rsenf.live.past import OwnPast
@@ -198,6 +198,8 @@ class Live:
 
     def _take(self, estimate: EnfEstimate, tick: Tick) -> None:
         jump, change = self._judge.take(estimate, tick)
+        if estimate.slips and estimate.usable:
+            self._alarms.happened(frames_slipped(estimate, tick), tick.pts_ns)
         if jump:
             self._alarms.happened(phase_jump(jump, tick), tick.pts_ns)
         if change:

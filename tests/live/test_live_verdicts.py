@@ -78,6 +78,25 @@ def test_a_splice_is_a_jump_and_then_goes_on() -> None:
     assert abs(on.value) > on.limit
 
 
+def test_frames_that_slip_are_a_jump_with_their_count() -> None:
+    """A tracker that has bridged them tells of them; the phase itself shows no jump any more."""
+    messages = list(Camera().messages(160))
+    for i, m in enumerate(messages):
+        if isinstance(m, EnfEstimate) and m.start_pts_ns in (80 * NS, 130 * NS):
+            lost = 1 if m.start_pts_ns == 80 * NS else -2
+            messages[i] = dataclasses.replace(
+                m, slips=1, slip_frame=np.array([2407]), slip_frames=np.array([lost])
+            )
+    told = said([reference(), *messages])
+    assert told.story == ["undecided", "live"]
+    lost, off, again = told.alarms_of("phase_jump")
+    assert (lost.active, off.active, again.active) == (True, False, True)
+    assert (lost.start_pts_ns, again.start_pts_ns) == (80 * NS, 130 * NS)
+    assert (lost.value, again.value, lost.unit) == (1.0, 2.0, "frames")
+    assert "1 lost at frame 2407" in lost.text
+    assert "2 sent twice at frame 2407" in again.text
+
+
 def test_one_second_that_went_wrong_is_no_jump() -> None:
     bad = dataclasses.replace
     messages = list(Camera().messages(120))

@@ -1,0 +1,159 @@
+"""The phase in a window in which frames may be lost or shown again: both are found together.
+
+Where frames slip the phase leaps, and a fit bends to follow; so what slips is looked for, undone
+and fitted again, until nothing new is found: clear leaps first, by frames
+(:mod:`rsenf.flicker.frame_slips`), then small ones, by what the bent fit leaves
+(:mod:`rsenf.flicker.phase_steps`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.flicker.frame_slips import (
+    LEAST_STEP_LOG_RATIO,
+    MOST_AT_ONCE,
+    are_equal,
+    find_slips,
+    frames_of_step,
+    late_s,
+)
+from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
+from rsenf.flicker.node_sums import Frames, at_frames
+from rsenf.flicker.phase_fit import PhaseFit, fit_phase
+from rsenf.flicker.phase_steps import PARTS, precision_of, steps_in
+from rsenf.flicker.profile import ProfileBasis
+from rsenf.flicker.turning import turning
+
+Float = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Slips = list[tuple[int, int]]
+
+# Least frames between places, try by try: at first the phase is bent where one is.
+APART = (32, 1, 1, 1)
+BESIDE = 16  # least frames between small leaps and others, or the end
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Frames of some seconds, and what is known of their light's phase.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (frames,)
+        Times since the stream's first frame.
+    columns : ndarray, shape (frames, columns)
+        Reduced profiles.
+    start : int
+        Second at which the window begins.
+    period_s : float
+        Of the frames.
+    nominal_hz : float
+        Of the grid.
+    guess_rad : ndarray, shape (nodes,)
+        Guess of the phase, relative to the nominal frequency's.
+    basis : ProfileBasis
+    turns : float
+        Guess of the first harmonic's turns down the rows.
+    """
+
+    t_s: Float
+    columns: Float
+    start: int
+    period_s: float
+    nominal_hz: float
+    guess_rad: Float
+    basis: ProfileBasis
+    turns: float
+
+    def fit(self, first: int) -> tuple[PhaseFit, Slips]:
+        """Fit the phase; find the frames from one on that slip, until both go together.
+
+        Where they don't, it is as if nothing slipped.
+        """
+        settled = self._settled(self._tried([], self.guess_rad), first)
+        for _ in range(MOST_AT_ONCE):
+            step = settled.step(first)
+            slips = sorted([*settled.slips, *step])
+            if not step or self._is_disordered(slips):
+                break
+            settled = self._tried(slips, settled.fit.psi_rad)
+        return settled.fit, settled.slips
+
+    def _settled(self, as_if: _Tried, first: int) -> _Tried:
+        """Undo clear leaps."""
+        tried = as_if
+        for apart in APART:
+            slips = find_slips(tried.seen, tried.step_rad, tried.equal, first, apart)
+            if slips == tried.slips:
+                return tried
+            if self._is_disordered(slips):
+                break
+            light = tried.seen * turning(tried.step_rad / -self.period_s * self._late(slips))
+            tried = self._tried(slips, self.guess_rad + self._at_nodes(light))
+        return as_if
+
+    def _is_disordered(self, slips: Slips) -> bool:
+        """Whether some frame would be older than one that came before it."""
+        return bool(np.diff(self.t_s + self._late(slips)).min() < -0.5 * self.period_s)
+
+    def _tried(self, slips: Slips, nearer_rad: Float) -> _Tried:
+        """Fit near a guess that may bend; what light is compared with must not."""
+        late = self._late(slips)
+        carrier_rad = 4.0 * np.pi * self.nominal_hz * (self.t_s + late)
+        frames = Frames(self.t_s + late - self.start, carrier_rad, self.columns)
+        fit = fit_phase(frames, nearer_rad, self.basis, self.turns)
+        ahead = at_frames(fit.t_s, fit.psi_rad) - at_frames(fit.t_s, self.guess_rad)
+        turned = float(fit.psi_rad[-1] - fit.psi_rad[0]) * NODES_PER_S / (fit.psi_rad.size - 1)
+        step_rad = (4.0 * np.pi * self.nominal_hz + turned) * self.period_s
+        seen = (1.0 + fit.deviation) * turning(ahead + step_rad / self.period_s * late)
+        return _Tried(fit, slips, seen, step_rad, are_equal(self.columns, 1.0 / fit.weights))
+
+    def _late(self, slips: Slips) -> Float:
+        return late_s(slips, self.t_s.size, self.period_s)
+
+    def _at_nodes(self, light: Complex) -> Float:
+        """Phase at the nodes of what frames show, without leaps."""
+        nodes = self.guess_rad.size
+        nearest = np.clip(
+            np.rint((self.t_s - self.start) * NODES_PER_S).astype(np.intp), 0, nodes - 1
+        )
+        real, imag = (np.bincount(nearest, part, nodes) for part in (light.real, light.imag))
+        there = np.flatnonzero(np.bincount(nearest, minlength=nodes))
+        phase = np.unwrap(np.angle(real[there] + 1j * imag[there]))
+        return np.asarray(np.interp(np.arange(nodes), there, phase))
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A fit with some frames slipping, and each frame's flicker beside the guess without any."""
+
+    fit: PhaseFit
+    slips: Slips
+    seen: Complex
+    step_rad: float
+    equal: NDArray[np.bool_]
+
+    def step(self, first: int) -> Slips:
+        """Find the likeliest small leap from a frame on, if any is likely enough."""
+        fit, nodes = self.fit, self.fit.psi_rad.size
+        nearest = np.clip(np.rint(fit.t_s * NODES_PER_S).astype(np.intp), 0, nodes - 1)
+        beyond = np.bincount(nearest, fit.deviation.imag, nodes)
+        told = fit.psi_rad + beyond / np.maximum(np.bincount(nearest, minlength=nodes), 1)
+        steps = steps_in(
+            told - told.mean(), precision_of(fit.information, phase_prior(nodes).basis)
+        )
+        share = np.arange(PARTS) / PARTS
+        at = fit.t_s.searchsorted((np.arange(nodes)[:, None] + 0.5 - share) / NODES_PER_S)
+        free = (at >= max(first, BESIDE)) & (at <= fit.t_s.size - BESIDE)
+        for place, _ in self.slips:
+            free &= np.abs(at - place) >= BESIDE
+        likely = np.where(free, steps.log_ratio, 0.0)
+        best = np.unravel_index(int(likely.argmax()), likely.shape)
+        if likely[best] < LEAST_STEP_LOG_RATIO:
+            return []
+        frames = frames_of_step(float(steps.size[best]), float(steps.std[best]), self.step_rad)
+        return [(int(at[best]), frames)] if frames else []

@@ -1,0 +1,101 @@
+"""Clips converted to another frame rate: answered for the original, or refused with the reason."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rsenf.flicker.follower import BLENDED
+from rsenf.flicker.picture_news import News, find_remade
+from rsenf.flicker.rate_conversion import Conversion
+from tests.discrepancy.foreign_camera import Case, trial
+from tests.flicker.foreign_rows import follow
+
+RATES = {"24": 24.0, "25": 25.0, "30": 30.0, "30000/1001": 30e3 / 1001, "60": 60.0}
+
+
+def made_from(source_hz: float, shown_hz: float, place: float, *, blended: bool) -> np.ndarray:
+    """Noise of a still picture, 20 s of it, that a converter has made of a camera's frames."""
+    rng = np.random.default_rng([round(1e3 * source_hz), round(1e3 * shown_hz)])
+    shown = np.arange(round(20 * shown_hz)) * source_hz / shown_hz + place
+    frames = rng.standard_normal((int(shown[-1]) + 2, 120, 2))
+    whole, share = shown.astype(int), (shown % 1.0)[:, None, None] * blended
+    return np.asarray((1.0 - share) * frames[whole] + share * frames[whole + 1])
+
+
+@pytest.mark.parametrize(("source", "shown"), [("24", "30"), ("25", "30000/1001")])
+@pytest.mark.parametrize("place", [0.13, 0.71])
+def test_doubled_pictures_tell_which_are(source: str, shown: str, place: float) -> None:
+    source_hz, shown_hz = RATES[source], RATES[shown]
+    news = News()
+    told = news.of(made_from(source_hz, shown_hz, place, blended=False))
+    stamp_s = np.arange(len(told)) / shown_hz
+    found = find_remade(stamp_s, told, shown_hz, news.chance)
+    assert found is not None
+    assert not found.blended
+    true = Conversion(source_hz, shown_hz, place)
+    wrong = found.conversion.taken_s(stamp_s) != true.taken_s(stamp_s)
+    assert np.mean(wrong) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("source", "shown"),
+    [("25", "30"), ("30", "25"), ("30", "24"), ("30", "30000/1001"), ("24", "25")],
+)
+def test_blended_pictures_are_told(source: str, shown: str) -> None:
+    news, shown_hz = News(), RATES[shown]
+    told = news.of(made_from(RATES[source], shown_hz, 0.3, blended=True))
+    found = find_remade(np.arange(len(told)) / shown_hz, told, shown_hz, news.chance)
+    assert found is not None
+    assert found.blended
+
+
+@pytest.mark.parametrize("shown", RATES)
+def test_whole_pictures_are_not(shown: str) -> None:
+    news, shown_hz = News(), RATES[shown]
+    told = news.of(made_from(shown_hz, shown_hz, 0.0, blended=False))
+    assert find_remade(np.arange(len(told)) / shown_hz, told, shown_hz, news.chance) is None
+
+
+def test_how_pictures_come_in_blocks_changes_nothing() -> None:
+    level = made_from(24.0, 30.0, 0.2, blended=True)
+    one, other = News(), News()
+    parts = [other.of(part) for part in np.array_split(level, 41)]
+    assert np.array_equal(one.of(level), np.concatenate(parts))
+
+
+@pytest.mark.parametrize(
+    ("seed", "rate", "nominal_hz"),
+    [(2, "24", 50.0), (5, "24", 50.0), (4, "25", 60.0), (6, "25", 60.0), (5, "24000/1001", 50.0)],
+)
+def test_doubling_is_undone(seed: int, rate: str, nominal_hz: float) -> None:
+    case = Case(
+        hidden=("converted",), seed=seed, rate=rate, nominal_hz=nominal_hz, rows=240, strips=1,
+        duration_s=40.0, lamp="led",
+    )  # fmt: skip
+    clip = follow(case)
+    assert clip.hidden["converted"]["doubled"] > 100
+    assert clip.converted
+    assert clip.z.size >= 35
+    assert clip.rms_z < 2.0
+    assert np.abs(clip.off_hz).max() < 1e-3
+
+
+@pytest.mark.parametrize("seed", range(500, 506))
+def test_blended_is_refused_with_the_reason(seed: int) -> None:
+    """From 30 to 24 and 25 frames/s, where light of one grid looks like the other's."""
+    case = Case(
+        hidden=("blended",), seed=seed, rate="30", nominal_hz=60.0, rows=240, strips=1,
+        duration_s=30.0, lamp="led",
+    )  # fmt: skip
+    clip = follow(case)
+    assert clip.z.size == 0
+    assert clip.seconds[-1].reason == BLENDED
+
+
+@pytest.mark.parametrize("kind", ["led", "magnetic", "several sources", "moving object"])
+def test_nothing_is_said_to_be_converted_that_is_not(kind: str) -> None:
+    for seed in range(600, 604):
+        clip = follow(trial(kind, seed, duration_s=25.0))
+        assert not clip.converted, seed
+        assert clip.seconds[-1].reason != BLENDED, seed
