@@ -47,6 +47,8 @@ class News:
         ----------
         level : ndarray, shape (frames, rows, strips)
         """
+        if level.shape[1] <= ORDER:  # too few rows to tell
+            return np.zeros((len(level), len(LAGS)))
         sharp = np.diff(np.asarray(level, np.float64), ORDER, axis=1)
         before, self.chance = max(LAGS), CHANCE / max(sharp[0].size, 1)
         if self._last is None or self._last.shape[1:] != sharp.shape[1:]:
