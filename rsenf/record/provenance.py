@@ -64,9 +64,14 @@ def _arithmetic() -> str:
     from threadpoolctl import threadpool_info
 
     used = np.show_config(mode="dicts")["SIMD Extensions"]
-    # SciPy's own, loaded later or not at all, goes by the same processor.
-    cores = [lib["architecture"] for lib in threadpool_info() if lib["internal_api"] == "openblas"]
-    words = [platform.machine(), *used["baseline"], *used.get("found", ()), *cores[:1]]
+    # NumPy's alone: a process may have loaded SciPy's and OpenCV's too, in any order, and an older
+    # OpenBLAS calls the same processor by another name.
+    cores = {
+        lib["architecture"]
+        for lib in threadpool_info()
+        if lib["internal_api"] == "openblas" and "numpy" in Path(lib["filepath"]).parent.name
+    }
+    words = [platform.machine(), *used["baseline"], *used.get("found", ()), *sorted(cores)]
     return " ".join([*words, *platform.libc_ver()])
 
 

@@ -14,10 +14,10 @@ from tests.older_processor import CORE, OFF, variables
 TELL = "from rsenf.record.provenance import program_facts; print(program_facts()['arithmetic'])"
 
 
-def arithmetic(**environment: str) -> list[str]:
-    """What another process says of itself."""
+def arithmetic(first: str = "", **environment: str) -> list[str]:
+    """What another process says of itself, with ``first`` loaded before."""
     told = subprocess.run(
-        [sys.executable, "-c", TELL], env={**os.environ, **environment}, capture_output=True,
+        [sys.executable, "-c", f"{first}\n{TELL}"], env={**os.environ, **environment}, capture_output=True,
         text=True, check=True,
     )  # fmt: skip
     return told.stdout.split()
@@ -25,6 +25,11 @@ def arithmetic(**environment: str) -> list[str]:
 
 def test_every_process_of_an_environment_says_the_same() -> None:
     assert " ".join(arithmetic()) == program_facts()["arithmetic"]
+
+
+def test_libraries_with_an_openblas_of_their_own_change_nothing() -> None:
+    for first in ("import cv2", "import scipy.linalg", "import cv2, scipy.linalg"):
+        assert arithmetic(first) == arithmetic(), first
 
 
 def test_what_numpy_is_told_to_leave_is_not_in_it() -> None:
