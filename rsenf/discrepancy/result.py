@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,6 @@ from rsenf.discrepancy.knobs import series_of
 from rsenf.discrepancy.lines import along_rows
 from rsenf.discrepancy.measured import Measured
 from rsenf.discrepancy.search import Step
-from rsenf.discrepancy.theory import exposures_s
 from rsenf.discrepancy.trial import Trial
 from rsenf.discrepancy.verdict import Discovery, stamps_gap
 from rsenf.model import CaptureModel, Effect
@@ -92,11 +90,6 @@ def _of_rows(model: CaptureModel, data: Measured) -> CaptureModel:
     profile *= np.repeat(data.texture, profile.shape[1] // data.strips, axis=1)
     profile = np.minimum(profile, WHITE)
     scene = dataclasses.replace(model.scene, profile=tuple(map(tuple, profile.tolist())))
-    # A line is of the time of its middle row, and its exposure is longer than a row's.
-    row_s, (own_s, line_s) = shutter.read_out_time_s / data.rows, exposures_s(model, data.group)
-    ahead_s = (data.group - 1) / 2.0 * row_s - (line_s - own_s) / 2.0
-    phase_rad = (model.light.phase_rad or 0.0) - 4.0 * math.pi * data.nominal_hz * ahead_s
-    light = dataclasses.replace(model.light, phase_rad=math.remainder(phase_rad, 2.0 * math.pi))
     effects = []
     for effect in model.effects:
         told = series_of(effect)
@@ -104,9 +97,7 @@ def _of_rows(model: CaptureModel, data: Measured) -> CaptureModel:
             values = of_rows(getattr(effect, told[0]))
             effect = dataclasses.replace(effect, **{told[0]: tuple(values.tolist())})
         effects.append(effect)
-    return dataclasses.replace(
-        model, shutter=shutter, scene=scene, light=light, effects=tuple(effects)
-    )
+    return dataclasses.replace(model, shutter=shutter, scene=scene, effects=tuple(effects))
 
 
 def _columns(last: Fit) -> int:

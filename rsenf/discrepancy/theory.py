@@ -18,7 +18,6 @@ from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel, GridPath, Scene, simulate_rows
 from rsenf.model.chain import Chain
 from rsenf.model.clip import Clip
-from rsenf.model.effects.exposure import Exposure
 from rsenf.model.sensor import WHITE
 
 BEFORE, AFTER = 4, 8  # nodes beyond the clip's ends
@@ -156,31 +155,13 @@ class Theory:
             By which all the wall is brighter.
         """
         theory = dataclasses.replace(self, wall=self.wall * lit) if lit != 1.0 else self
-        model = _averaged(theory.whole(turned_rad), data.group)
+        model = theory.whole(turned_rad)
         duration_s = plan(model, data).start_s.size / float(data.frame_rate)
         made = simulate_rows(
-            model, self.course.grid(), duration_s, SEED, strips=data.strips, noise=False
-        )
+            model, self.course.grid(), duration_s, SEED, strips=data.strips, noise=False,
+            averaged_rows=data.group,
+        )  # fmt: skip
         return made.level[data.slot]
-
-
-def _averaged(model: CaptureModel, group: int) -> CaptureModel:
-    """Expose each line for as long as it takes to read the rows that are averaged in it."""
-    if group == 1:
-        return model
-    _, exposure_s = exposures_s(model, group)
-    return model.with_effect(Exposure.name, exposure_s=exposure_s)
-
-
-def exposures_s(model: CaptureModel, group: int) -> tuple[float, float]:
-    """Exposure of a row, and of a line in which so many rows are averaged.
-
-    They are instants, so many row times apart: a box of the same variance.
-    """
-    own = next((e for e in model.effects if isinstance(e, Exposure)), Exposure(exposure_s=0.0))
-    row_s = model.shutter.read_out_time_s / (model.shutter.lines * group)
-    exposure_s = math.hypot(own.exposure_s, row_s * math.sqrt(group * group - 1.0))
-    return own.exposure_s, min(exposure_s, 1.0 / model.shutter.frame_rate)
 
 
 def plan(model: CaptureModel, data: Measured) -> Clip:

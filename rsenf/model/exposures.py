@@ -15,6 +15,7 @@ from rsenf.model.capture_model import CaptureModel
 from rsenf.model.chain import Chain
 from rsenf.model.clip import Int64Array
 from rsenf.model.grid import FloatArray, GridPath
+from rsenf.model.light import Aperture
 from rsenf.model.line_light import LineLight
 
 BLOCK_FRAMES = 64
@@ -46,6 +47,8 @@ class Capture:
         Length of the clip by the camera's clock; None is until the path ends.
     seed : int
         Seed of everything random.
+    averaged_rows : int, optional
+        Of how many neighbouring rows each line is the mean.
 
     Raises
     ------
@@ -54,13 +57,18 @@ class Capture:
     """
 
     def __init__(
-        self, model: CaptureModel, grid: GridPath, duration_s: float | None, seed: int
+        self,
+        model: CaptureModel,
+        grid: GridPath,
+        duration_s: float | None,
+        seed: int,
+        averaged_rows: int = 1,
     ) -> None:
         model.validate()
         if seed < 0:
             raise UsageError(f"the seed is {seed}, not 0 or more")
         shutter = model.shutter
-        self.model, self.grid, self.seed = model, grid, seed
+        self.model, self.grid, self.seed, self.averaged_rows = model, grid, seed, averaged_rows
         self.clock_factor = Chain(model, 1, seed).clip().clock_factor
         if duration_s is None:
             duration_s = (grid.length_s - 1) * self.clock_factor
@@ -105,9 +113,14 @@ class Capture:
             number = np.arange(first, min(first + BLOCK_FRAMES, self.captured))
             read_out = chain.read_out(block, number, clip)
             start_s = (read_out.start_s[:, None] + read_out.line_s) / self.clock_factor
-            exposure_s = read_out.exposure_s / self.clock_factor
+            row_s = read_out.read_out_s / (self.model.shutter.lines * self.averaged_rows)
+            aperture = Aperture(
+                read_out.exposure_s / self.clock_factor,
+                self.averaged_rows,
+                row_s / self.clock_factor,
+            )
             light = LineLight(
-                block, number, start_s, exposure_s, self.grid, series, self.phase_rad,
+                block, number, start_s, aperture, self.grid, series, self.phase_rad,
                 np.empty(0, np.float32),
             )  # fmt: skip
             light.level = light.lamp()

@@ -48,17 +48,49 @@ class Light:
         return np.asarray(relative * (first * (1 - self.daylight_ratio)), dtype=np.complex128)
 
 
+@dataclass(frozen=True)
+class Aperture:
+    """The time over which a line gathers light: an exposure, or those of rows that are averaged.
+
+    Parameters
+    ----------
+    exposure_s : float, optional
+        Of a row.
+    rows : int, optional
+        How many are averaged.
+    row_s : float, optional
+        By how much each begins after the one before.
+    """
+
+    exposure_s: float = 0.0
+    rows: int = 1
+    row_s: float = 0.0
+
+    @property
+    def middle_s(self) -> float:
+        """From the first row's beginning."""
+        return (self.exposure_s + (self.rows - 1) * self.row_s) / 2
+
+    def transfer(self, freq_hz: FloatArray | float) -> FloatArray:
+        """What is left of tones: a box's ``sinc(f·T_e)`` times the Dirichlet kernel of the rows."""
+        left = np.sinc(np.asarray(freq_hz) * self.exposure_s)
+        if self.rows > 1:
+            left = left * np.sinc(np.asarray(freq_hz) * (self.rows * self.row_s))
+            left = left / np.sinc(np.asarray(freq_hz) * self.row_s)
+        return np.asarray(left)
+
+
 def relative_level(
     series: NDArray[np.complex128],
     phase_rad: float,
     grid: GridPath,
     line_start_s: FloatArray,
-    exposure_s: float,
+    aperture: Aperture,
 ) -> NDArray[np.float32]:
     """Mean light of each line's exposure, relative to the light's own mean.
 
-    A box of length ``T_e`` leaves harmonic ``k`` its phase at the middle of the exposure and
-    ``sinc(k·f_0·T_e)`` of its size; ``f_0`` is taken once a frame, at its middle line.
+    The aperture leaves harmonic ``k`` its phase at its middle, and its transfer at ``k·f_0`` of
+    its size; ``f_0`` is taken once a frame, at its middle line.
 
     Parameters
     ----------
@@ -71,21 +103,21 @@ def relative_level(
         The grid's frequency.
     line_start_s : ndarray of float64 (frames, lines)
         When each line's exposure begins, true time.
-    exposure_s : float
-        True length of the exposure.
+    aperture : Aperture
+        Over which each line gathers light, in true seconds.
 
     Returns
     -------
     ndarray of float32 (frames, lines)
     """
-    middle_s = line_start_s + exposure_s / 2
+    middle_s = line_start_s + aperture.middle_s
     turns = 2 * grid.cycles(middle_s) + phase_rad / (2 * math.pi)
     angle = ((turns - np.floor(turns)) * (2 * math.pi)).astype(np.float32)
     real, imaginary = np.cos(angle), np.sin(angle)
     f0_hz = 2 * grid.frequency_hz(middle_s[:, middle_s.shape[1] // 2])
     whole, *halves = np.atleast_2d(series)
     order = np.arange(1, whole.size + 1)
-    sizes = (whole * np.sinc(f0_hz[:, None] * order * exposure_s)).astype(np.complex64)
+    sizes = (whole * aperture.transfer(f0_hz[:, None] * order)).astype(np.complex64)
     first = sizes[:, :1]
     tone = np.empty(angle.shape if series.size > 1 else (0, 0), np.complex64)
     if series.size > 1:
@@ -93,7 +125,7 @@ def relative_level(
     if whole.size > 1:
         first = first + _above(sizes[:, 1:], tone)
     for half in halves:  # every second turn the light of a half-wave comes back
-        sizes = (half * np.sinc(f0_hz[:, None] * (order - 0.5) * exposure_s)).astype(np.complex64)
+        sizes = (half * aperture.transfer(f0_hz[:, None] * (order - 0.5))).astype(np.complex64)
         turn = ((turns / 2 - np.floor(turns / 2)) * (2 * math.pi)).astype(np.float32)
         first = first + _above(sizes, tone) * np.exp(-1j * (angle + turn)).astype(np.complex64)
     # Of harmonic 1 only the real part is needed.

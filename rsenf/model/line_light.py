@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rsenf.model.clip import Int64Array
 from rsenf.model.grid import FloatArray, GridPath
-from rsenf.model.light import relative_level
+from rsenf.model.light import Aperture, relative_level
 
 Float32Array = NDArray[np.float32]
 
@@ -26,8 +26,8 @@ class LineLight:
         Number of each frame as it was captured.
     start_s : ndarray of float64 (frames, lines)
         When each line's exposure begins.
-    exposure_s : float
-        How long it lasts.
+    aperture : Aperture
+        Over which it gathers light.
     grid : GridPath
         The grid's frequency.
     series : ndarray of complex128 (harmonics,)
@@ -45,7 +45,7 @@ class LineLight:
     block: int
     number: Int64Array
     start_s: FloatArray
-    exposure_s: float
+    aperture: Aperture
     grid: GridPath
     series: NDArray[np.complex128]
     phase_rad: float
@@ -59,14 +59,14 @@ class LineLight:
         """Light of one such lamp, or of one with another waveform, ``phase_rad`` ahead of this."""
         return relative_level(
             self.series if series is None else series,
-            self.phase_rad + phase_rad, self.grid, self.start_s, self.exposure_s,
+            self.phase_rad + phase_rad, self.grid, self.start_s, self.aperture,
         )  # fmt: skip
 
     def tone(self, freq_hz: float, phase_rad: float) -> Float32Array:
         """Cosine of unit size and fixed frequency, as the exposure leaves it."""
-        turns = freq_hz * (self.start_s + self.exposure_s / 2) + phase_rad / (2 * np.pi)
+        turns = freq_hz * (self.start_s + self.aperture.middle_s) + phase_rad / (2 * np.pi)
         angle = ((turns - np.floor(turns)) * (2 * np.pi)).astype(np.float32)
-        return np.asarray(np.float32(np.sinc(freq_hz * self.exposure_s)) * np.cos(angle))
+        return np.asarray(np.float32(self.aperture.transfer(freq_hz)) * np.cos(angle))
 
     def scale(self, gain: FloatArray | Float32Array) -> None:
         """Multiply all light by a gain that each line or frame shares (broadcastable)."""
@@ -88,7 +88,7 @@ class LineLight:
     def take(self, index: Int64Array) -> LineLight:
         """Return the same light for some of the frames, perhaps some of them twice."""
         return LineLight(
-            self.block, self.number[index], self.start_s[index], self.exposure_s, self.grid,
+            self.block, self.number[index], self.start_s[index], self.aperture, self.grid,
             self.series, self.phase_rad, self.level[index],
             None if self.slope is None else self.slope[index], self.offset,
         )  # fmt: skip

@@ -47,6 +47,7 @@ def simulate_rows(
     *,
     strips: int = 1,
     noise: bool = True,
+    averaged_rows: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> RowData:
     """Simulate the row means of a clip, before any codec.
@@ -69,6 +70,8 @@ def simulate_rows(
         Into how many strips each row is divided, left to right.
     noise : bool, optional
         Whether the sensor adds its own; without, rows are what they are on average.
+    averaged_rows : int, optional
+        Of how many neighbouring rows each line is the mean; a shutter's ``rows`` are then lines.
     progress : callable, optional
         Called with the number of frames done so far, after each block.
 
@@ -77,7 +80,7 @@ def simulate_rows(
     UsageError
         When the model isn't plausible, or the clip doesn't fit on the grid path.
     """
-    capture = Capture(model, grid, duration_s, seed)
+    capture = Capture(model, grid, duration_s, seed, averaged_rows)
     lines, across_px = model.shutter.lines, model.shutter.across_px
     if not 1 <= strips <= across_px:
         raise UsageError(f"{strips} strips don't fit in {across_px} pixels")

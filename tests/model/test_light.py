@@ -5,7 +5,7 @@ import pytest
 
 from rsenf.model import GridPath, Light
 from rsenf.model.lamp import LAMPS, rectified_cosine
-from rsenf.model.light import relative_level
+from rsenf.model.light import Aperture, relative_level
 
 
 def slow_level(light: Light, phase_rad: float, grid: GridPath, t_s: float, exposure_s: float):
@@ -23,7 +23,7 @@ def test_exposure_is_the_mean_of_the_waveform(lamp: str, exposure_s: float) -> N
     light = Light(lamp=lamp, daylight_ratio=0.2)
     grid = GridPath([50.03, 50.02, 50.025, 50.012])
     rows_s = np.array([[0.0, 0.003, 0.007], [1.7, 1.7031, 1.7077], [3.2, 3.21, 3.222]])
-    got = relative_level(light.series(), 0.7, grid, rows_s, exposure_s)
+    got = relative_level(light.series(), 0.7, grid, rows_s, Aperture(exposure_s))
     slow = [[slow_level(light, 0.7, grid, t, exposure_s) for t in row] for row in rows_s.tolist()]
     # f0 is taken once a frame: within one it moves by less than a millihertz.
     assert got == pytest.approx(np.array(slow), abs=5e-6)
@@ -34,7 +34,7 @@ def test_exposure_multiplies_each_harmonic_by_a_sinc() -> None:
     grid = GridPath(np.full(10, 50.0))
     rows_s = np.arange(4000)[None] / 4000  # one second of one endless frame
     series = Light(lamp="ideal").series()
-    lines = np.fft.rfft(relative_level(series, 0.0, grid, rows_s, 1 / 250)[0]) / 2000
+    lines = np.fft.rfft(relative_level(series, 0.0, grid, rows_s, Aperture(1 / 250))[0]) / 2000
     for k in range(1, 5):
         expected = abs(series[k - 1] * np.sinc(k * 100 / 250))
         assert abs(lines[100 * k]) == pytest.approx(expected, abs=1e-6)
@@ -44,9 +44,9 @@ def test_the_anti_flicker_exposures() -> None:
     grid = GridPath(np.full(10, 50.0))
     rows_s = np.arange(4000)[None] / 4000
     series = Light(lamp="ideal").series()
-    lines = np.abs(np.fft.rfft(relative_level(series, 0.0, grid, rows_s, 1 / 200)[0]))
+    lines = np.abs(np.fft.rfft(relative_level(series, 0.0, grid, rows_s, Aperture(1 / 200))[0]))
     assert lines[200] < 1e-5 * lines[100]
-    still = relative_level(series, 0.0, grid, rows_s, 1 / 100)
+    still = relative_level(series, 0.0, grid, rows_s, Aperture(1 / 100))
     assert np.ptp(still) < 1e-6
 
 

@@ -165,3 +165,17 @@ def test_arguments_that_can_t_be_meant(
 ) -> None:
     with pytest.raises(UsageError, match=says):
         simulate_rows(plain(), STEADY, duration_s, seed, strips=strips)
+
+
+@pytest.mark.parametrize("exposure_s", [0.0, 0.0071])  # the latter nearly blots out harmonic 1
+def test_lines_of_averaged_rows_are_the_means_of_rows(exposure_s: float) -> None:
+    rows = CaptureModel(
+        light=Light(lamp="cfl", phase_rad=0.4), scene=FLAT, sensor=QUIET,
+        shutter=Shutter(rows=480, columns=320, idle_ratio=0.3, frame_rate=Fraction(25)),
+    ).with_effect("exposure", exposure_s=exposure_s)  # fmt: skip
+    rows = rows.with_effect("pwm_tone", tone_hz=564.8, depth_ratio=0.01)
+    lines = dataclasses.replace(rows, shutter=dataclasses.replace(rows.shutter, rows=120))
+    grid = GridPath(np.full(20, 60.0))
+    mean = simulate_rows(rows, grid, 3.0, 1, noise=False).level.reshape(75, 120, 4, 1).mean(axis=2)
+    made = simulate_rows(lines, grid, 3.0, 1, noise=False, averaged_rows=4).level
+    assert made == pytest.approx(mean, abs=2e-4)

@@ -17,8 +17,8 @@ TELL = "from rsenf.record.provenance import program_facts; print(program_facts()
 def arithmetic(first: str = "", **environment: str) -> list[str]:
     """What another process says of itself, with ``first`` loaded before."""
     told = subprocess.run(
-        [sys.executable, "-c", f"{first}\n{TELL}"], env={**os.environ, **environment}, capture_output=True,
-        text=True, check=True,
+        [sys.executable, "-c", f"{first}\n{TELL}"], env={**os.environ, **environment},
+        capture_output=True, text=True, check=True,
     )  # fmt: skip
     return told.stdout.split()
 
