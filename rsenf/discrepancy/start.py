@@ -149,4 +149,9 @@ def begun_anew(theory: Theory, data: Measured) -> Theory:
             shutter = dataclasses.replace(model.shutter, idle_ratio=idle_ratio)
             other = theory.with_model(dataclasses.replace(model, shutter=shutter))
             out.append(sized(other, data))
-    return min(out, key=lambda t: float(((data.level - t.rows(data)) ** 2).mean(dtype=np.float64)))
+    return min(out, key=lambda t: misfit(t, data))
+
+
+def misfit(theory: Theory, data: Measured) -> float:
+    """Mean square of what a theory leaves (levels²)."""
+    return float(((data.level - theory.rows(data)) ** 2).mean(dtype=np.float64))

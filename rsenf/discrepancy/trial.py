@@ -16,7 +16,7 @@ from rsenf.discrepancy.measured import BANDS, Float32Array, Part
 from rsenf.discrepancy.order import held_out_worth, with_more, with_order
 from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.series import all_as_told, halves, held, summed_up, with_series
-from rsenf.discrepancy.start import begun_anew
+from rsenf.discrepancy.start import begun_anew, misfit
 from rsenf.discrepancy.theory import Theory, plan
 from rsenf.discrepancy.usual import Usual
 from rsenf.errors import UsageError
@@ -30,7 +30,7 @@ TO_REST = 24  # in which the best is: where a series follows a knob, it goes ste
 
 NOISE_STDS = 3.0  # from which on a part fares worse beyond its noise
 PIECES = 8  # of a block of time
-HOPELESS = 3.0  # of what is left without it, that an effect may leave before anything is fitted
+HOPELESS = 3.0  # of what is left before anything is fitted, that an effect may leave then
 KEEPS = 0.999  # of what it told, that a fit with fewer parameters or nearer to rest must tell
 
 
@@ -172,8 +172,8 @@ def _with_effect(before: Fit, effect: Effect) -> Theory | None:
     if told is None and not knobs_of(effect, neutral=True):
         # Without it nothing has fitted: what steps have made of the course is of no use.
         begun = begun_anew(before.begun.with_model(model), before.data)
-        wrong = float(((before.data.level - begun.rows(before.data)) ** 2).mean(dtype=np.float64))
-        return begun if wrong < HOPELESS * before.misfit else None
+        hopeless = misfit(begun, before.data) > HOPELESS * misfit(before.begun, before.data)
+        return None if hopeless else begun
     if told is None:
         return before.theory.with_model(model)
     values = held(before.theory, before.data, effect, *told)
