@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy import fft
 
 from rsenf.discrepancy.apart import LINES
@@ -10,6 +13,8 @@ from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.theory import plan
 from rsenf.messages.schema import FloatArray
 from rsenf.model.effects.residue import Residue
+
+ComplexArray = NDArray[np.complexfloating]
 
 STANDS_OUT = 25.0  # power of a line over the median of the others
 ALIASES = 1  # to either side of the likeliest
@@ -19,6 +24,7 @@ SKIRT = 4  # bins of half the resolution to either side of a peak that are its o
 BIN_S, ALIKE = 1.0, 0.3  # in which lines' gains are looked at; correlation of their pattern
 ALONE = 0.8  # share of what lines' gains have in common that is of one pattern
 NEAR_BINS = 2.0  # by which a line may be off a multiple, over one in the length of the recording
+STILL = 0.5  # of a line's size, that it has with the grid's wander taken out if it follows that
 
 
 def residue_of(fit: Fit) -> Residue:
@@ -73,17 +79,30 @@ def tones_hz(fit: Fit) -> tuple[float, ...]:
         likely = round((down_hz - alias_hz) / rate_hz)
         near = sorted(range(likely - ALIASES, likely + ALIASES + 1), key=lambda m: abs(m - likely))
         found = tuple(dict.fromkeys(abs(alias_hz + m * rate_hz) for m in near))
-        if not any(is_harmonic(fit, likely_hz) for likely_hz in _near(alias_hz, likely, rate_hz)):
+        column = first @ np.exp(-2j * np.pi * down[i] * np.arange(first.shape[1]))
+        column = column.conj() if folded[n, i] else column
+        ramps = range(likely - ALIKE_RAMPS, likely + ALIKE_RAMPS + 1)
+        if not any(_follows_mains(fit, column, alias_hz, m * rate_hz) for m in ramps):
             return found
         power[np.arange(n - SKIRT, n + SKIRT + 1) % size[0]] = 0.0
     return ()
 
 
-def _near(alias_hz: float, likely: int, rate_hz: float) -> list[float]:
-    """Return the frequencies of an alias that run down the rows about as the likeliest does."""
-    return [
-        abs(alias_hz + m * rate_hz) for m in range(likely - ALIKE_RAMPS, likely + ALIKE_RAMPS + 1)
-    ]
+def _follows_mains(fit: Fit, column: ComplexArray, alias_hz: float, away_hz: float) -> bool:
+    """Whether a line, of which a series of frames has the alias, is a harmonic of the mains.
+
+    One is if it is where a harmonic is, and stands out as much with the grid's wander taken out.
+    """
+    freq_hz = alias_hz + away_hz
+    order = harmonic_of(fit, abs(freq_hz))
+    if not order:
+        return False
+    time_s, course = fit.data.time_s, fit.theory.course
+    wander_rad = np.interp(time_s, course.node_s, course.psi_rad)
+    exact_hz = math.copysign(order * 2.0 * course.nominal_hz, freq_hz) - away_hz
+    still = np.abs(np.exp(-2j * np.pi * alias_hz * time_s) @ column)
+    angle = 2.0 * np.pi * exact_hz * time_s + math.copysign(order, freq_hz) * wander_rad
+    return bool(np.abs(np.exp(-1j * angle) @ column) > STILL * still)
 
 
 def row_course(fit: Fit) -> FloatArray:
@@ -117,13 +136,13 @@ def row_course(fit: Fit) -> FloatArray:
     return np.asarray(told / np.sqrt(np.mean(told**2)))
 
 
-def is_harmonic(fit: Fit, freq_hz: float) -> bool:
-    """Whether light at a frequency may follow the mains: a multiple of the flicker's, or a half."""
+def harmonic_of(fit: Fit, freq_hz: float) -> float:
+    """Order of the harmonic, whole or half, that light at a frequency may be of the mains; or 0."""
     light_hz = 2.0 * fit.theory.course.grid().freq_hz
     mean_hz, width_hz = float(light_hz.mean()), float(np.ptp(light_hz))
     order = max(round(2.0 * freq_hz / mean_hz), 1) / 2.0
     near_hz = order * width_hz / 2.0 + NEAR_BINS / float(fit.data.time_s[-1])
-    return abs(freq_hz - order * mean_hz) < near_hz
+    return order if abs(freq_hz - order * mean_hz) < near_hz else 0.0
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> FloatArray:
