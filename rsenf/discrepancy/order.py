@@ -72,19 +72,20 @@ def held_out_worth(fit: Fit, part: str) -> dict[Any, float]:
     By a linear step: what the rows do when it is turned, as far as it is.
     """
     held, out = ~fit.data.training, dict[Any, float]()
-    without: dict[Any, np.ndarray] = {}
     effect = next(e for e in fit.theory.model.effects if e.name == part)
+    directions: dict[Any, list[tuple[Knob, np.ndarray]]] = {}
     for knob, direction in zip(fit.knobs, fit.slopes.own, strict=True):
-        if knob.part != part or knob.index < 0:
-            continue
-        size, phase = getattr(effect, knob.name)[knob.index], 0.0
-        if knob.turn:
-            phase = getattr(effect, knob.turn)[knob.index]
-        along = size * (np.sin(phase) if knob.across else np.cos(phase))
-        moved = direction[held] * np.float32(along)
-        without[knob.member] = without.get(knob.member, 0.0) + moved
+        if knob.part == part and knob.index >= 0:
+            directions.setdefault(knob.member, []).append((knob, direction))
     left = fit.residual[held]
-    for member, moved in without.items():
+    for member, of in directions.items():
+        moved = np.zeros_like(left)
+        for knob, direction in of:
+            size, phase = getattr(effect, knob.name)[knob.index], 0.0
+            if knob.turn:
+                phase = getattr(effect, knob.turn)[knob.index]
+            along = size * (np.sin(phase) if knob.across else np.cos(phase))
+            moved += direction[held] * np.float32(along)
         more = float((moved * (moved + 2.0 * left)).sum(dtype=np.float64))
         out[member] = more / fit.noise_var
     return out

@@ -91,9 +91,9 @@ class Step:
         worse = trial.worst < WORST or trial.lost > LOST
         return trial.nats > self.limit and trial.beyond > least and not worse
 
-    def released(self) -> Step:
-        """Return it without the arrays of its fits."""
-        trials = tuple(_released(trial) for trial in self.trials)
+    def released(self, rows: Trial | None = None) -> Step:
+        """Return it without the arrays of its fits, but for the rows of one trial's."""
+        trials = tuple(_released(trial, rows=trial is rows) for trial in self.trials)
         return dataclasses.replace(self, before=self.before.released(), trials=trials)
 
     @property
@@ -129,7 +129,7 @@ def _by_course(best: Trial) -> tuple[str, ...]:
     return tuple(n for n in best.effect.confused_with if n == "interharmonic")
 
 
-def search(first: Fit, usual: Usual) -> Iterator[Step]:
+def search(first: Fit, usual: Usual) -> Iterator[tuple[Step, Fit]]:
     """Take step after step from a first fit, until nothing more is supported.
 
     Parameters
@@ -142,14 +142,18 @@ def search(first: Fit, usual: Usual) -> Iterator[Step]:
     ------
     Step
         The last of them chose nothing, unless there are too many.
+    Fit
+        What it has led to, with its arrays, which are much: nobody else keeps any.
     """
     now = first
     for _ in range(MOST_STEPS):
         step = next_step(now, usual)
-        yield step
+        if step.chosen is not None:
+            now = step.chosen.fit
+            now = now.restored()
+        yield step, now
         if step.chosen is None:
             return
-        now = step.chosen.fit
 
 
 def needed(last: Fit, steps: Sequence[Step], usual: Usual = NOTHING) -> tuple[Fit, list[Step]]:
@@ -165,7 +169,7 @@ def needed(last: Fit, steps: Sequence[Step], usual: Usual = NOTHING) -> tuple[Fi
             continue
         worth = judged(without, last, _name(step), usual)
         if worth.nats < step.limit or worth.beyond < step.least:
-            last = without
+            last = without.restored()
             kept.remove(step)
     while kept:
         uneven, step = max(
@@ -174,7 +178,7 @@ def needed(last: Fit, steps: Sequence[Step], usual: Usual = NOTHING) -> tuple[Fi
         without = _without(last, step) if uneven > UNEVEN else None
         if without is None:
             return last, kept
-        last = without
+        last = without.restored()
         kept.remove(step)
     return last, kept
 
@@ -186,8 +190,9 @@ def _name(step: Step) -> str:
 
 def _without(last: Fit, step: Step) -> Fit | None:
     """Fit the model without what a step has added; None where nothing can be fitted without it."""
+    theory = last.theory.with_model(last.theory.model.without(_name(step)))
     try:
-        return fit(last.theory.with_model(last.theory.model.without(_name(step))), last.data)
+        return fit(theory, last.data).released(rows=True)
     except (UsageError, np.linalg.LinAlgError):
         return None
 
@@ -209,19 +214,14 @@ def next_step(before: Fit, usual: Usual = NOTHING) -> Step:
     for candidate in _confusable(found, step, scale):
         step = _with_trial(step, candidate, usual)
     if step.chosen is None:
-        return step
+        return step.released()
     # What is nearly as good may be as good, once it rests.
     near = NEAR * step.chosen.gain
     trials = [
         settled(before, t, usual) if t.gain > near and step.holds(t) else t for t in step.trials
     ]
     step = dataclasses.replace(step, trials=tuple(sorted(trials, key=lambda t: -t.beyond)))
-    chosen = step.chosen
-    kept = tuple(
-        dataclasses.replace(t, fit=t.fit.restored()) if t is chosen else _released(t)
-        for t in step.trials
-    )
-    return dataclasses.replace(step, trials=kept)
+    return step.released(rows=step.chosen)
 
 
 def _with_trial(step: Step, candidate: Candidate, usual: Usual) -> Step:

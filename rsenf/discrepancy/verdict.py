@@ -114,14 +114,12 @@ def discover(
     steps: list[Step] = []
     refused = None
     progress("looking for what is missing")
-    for step in search(last, usual):
+    for step, last in search(begun, usual):  # noqa: B007 (what it has led to is used below)
         if step.chosen is None:
             refused = step
             break
-        # What a fit has of arrays is much, and its successor's are enough.
-        steps = [*(step.released() for step in steps), step]
-        first, last = first.released(rows=True), step.chosen.fit
-        del step
+        steps.append(step)
+        first = first.released(rows=True)
         progress(f"added {' or '.join(steps[-1].kin)}, looking for what else is missing")
     last, steps = needed(last, steps, usual)
     if steps:
@@ -130,7 +128,7 @@ def discover(
             last, steps = begun, []
         else:
             usual = own
-    floor = refused.floor if refused and refused.before is last else floor_of(last)
+    floor = refused.floor if refused and refused.before.theory is last.theory else floor_of(last)
     floor = floor.raised(usual.gap, usual.most)
     return Discovery(
         first, last, tuple(steps), stamps, floor, usual, disagreed, where(last), refused
