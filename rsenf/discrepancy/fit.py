@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
+from operator import itemgetter
 from typing import cast
 
 import numpy as np
@@ -29,6 +30,7 @@ NEAR_RAD, NEAR_STEPS = 0.03, 1.0
 # Values of a series follow the noise of their own frames: nearer isn't worth the way.
 REST_RAD, REST_STEPS, REST_SERIES = 1e-4, 1e-2, 0.1
 MOST = 8
+ASTRAY = 1.05  # of the least mean square on the way, that may be left
 
 DARKEST = 0.01  # level of a wall: none that no light could be relative to
 
@@ -137,11 +139,13 @@ def fit(theory: Theory, data: Measured, *, most: int = MOST, slopes: Slopes | No
     for effect in theory.model.effects:
         knobs += knobs_of(effect, neutral=False)
     begun, rows = theory, theory.rows(data)
+    nearest = _mean_square(data.level - rows), theory
     for _ in range(most):
         if slopes is None:
             slopes = slopes_of(theory, rows, data, knobs)
         step = _stepped(theory, rows, slopes)
         theory, rows = step.theory, step.rows
+        nearest = min(nearest, (_mean_square(data.level - rows), theory), key=itemgetter(0))
         complete = len(slopes.knobs) == len(knobs) and (slopes.lean is not None) == leans(theory)
         if step.rested and complete:
             break
@@ -150,6 +154,11 @@ def fit(theory: Theory, data: Measured, *, most: int = MOST, slopes: Slopes | No
     else:
         slopes = slopes or slopes_of(theory, rows, data, knobs)
     left = data.level - rows
+    least, nearest_theory = nearest
+    if _mean_square(left) > ASTRAY * least:  # steps have led away
+        theory = nearest_theory
+        rows = theory.rows(data)
+        slopes, left = slopes_of(theory, rows, data, slopes.knobs), data.level - rows
     return Fit(data, begun, theory, rows, left, slopes, _stderr(slopes, left))
 
 
@@ -163,6 +172,10 @@ def noise_var(residual: Float32Array, data: Measured) -> float:
     if len(moved) > 2:
         apart.append((moved[2:] - 2.0 * moved[1:-1] + moved[:-2], 6.0))
     return min(float(np.var(of, dtype=np.float64)) / times for of, times in apart)
+
+
+def _mean_square(left: Float32Array) -> float:
+    return float(np.vdot(left, left)) / left.size
 
 
 @dataclass(frozen=True, eq=False)
