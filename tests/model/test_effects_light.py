@@ -103,6 +103,39 @@ def test_a_pwm_tone_is_a_line_that_exposure_can_hide(exposure_s: float) -> None:
     assert abs(fit(data.level, t_s, [100.0, 1000.0])[1]) == pytest.approx(0.02 * slow, abs=2e-5)
 
 
+@pytest.mark.parametrize("duty", [0.5, 0.8])
+def test_pulses_switch_a_lamp_off(duty: float) -> None:
+    """Against the share of each exposure in which it is on, written out."""
+    depth, exposure_s, tone_hz = 2 * float(np.sinc(duty)), 0.0011, 170.0
+    values = {"tone_hz": tone_hz, "depth_ratio": depth, "phase_rad": 0.5, "duty_ratio": duty}
+    model = bare(flicker=0.0).with_effect("pwm_tone", **values)
+    data = film(model.with_effect("exposure", exposure_s=exposure_s), 2.0)
+
+    def on_until(t_s: np.ndarray) -> np.ndarray:
+        turns = tone_hz * t_s + 0.5 / TURN + duty / 2  # a pulse begins with each whole one
+        return (np.floor(turns) * duty + np.minimum(turns % 1.0, duty)) / tone_hz
+
+    begin_s = line_times_s(data.frame_time_s)
+    lit = (on_until(begin_s + exposure_s) - on_until(begin_s)) / exposure_s / duty
+    assert data.level[:, :, 0] == pytest.approx(LEVEL * lit, abs=0.02 * LEVEL / duty)
+
+
+@pytest.mark.parametrize("exposure_s", [0.0, 0.01])
+def test_stripes_move_past_the_lines(exposure_s: float) -> None:
+    values = {"depth_ratio": 0.3, "stripes": 3.0, "rate_hz": -25.0, "phase_rad": 0.2}
+    model = bare().with_effect("moving_stripes", **values)
+    data = film(model.with_effect("exposure", exposure_s=exposure_s), 5.0)
+    begin_s, height = line_times_s(data.frame_time_s), np.arange(64) / 64
+    during_s = (np.arange(200) + 0.5) / 200 * exposure_s  # added up over the exposure
+    light = [
+        1 + 0.3 * np.cos(TURN * (3.0 * height + 25.0 * (begin_s + late_s)) + 0.2)
+        for late_s in during_s
+    ]
+    flicker = np.mean([wave(begin_s + late_s) for late_s in during_s], axis=0)
+    expected = LEVEL * np.mean(light, axis=0) * flicker
+    assert data.level[:, :, 0] == pytest.approx(expected, abs=0.2)
+
+
 def test_an_interharmonic_has_side_lines() -> None:
     data = film(bare().with_effect("interharmonic", flicker_hz=8.8, depth_ratio=0.02), 20.0)
     t_s = line_times_s(data.frame_time_s)

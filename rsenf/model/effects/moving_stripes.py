@@ -1,0 +1,45 @@
+"""A periodic pattern that moves down or up the picture."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.model.effects.base import LightEffect, Run
+from rsenf.model.line_light import LineLight
+from rsenf.model.parameters import parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class MovingStripes(LightEffect):
+    """Even stripes along the lines pass by at a steady speed, and the light with them.
+
+    All light, flicker included, is multiplied by a cosine of the place and the time, ``1 +
+    d·cos(2π(c·y − r·t) + φ)`` at the height ``y`` from 0 to 1: a line at ``r`` with all its aliases
+    at whole frame rates, whose ramp down the rows is ``c`` less what ``r`` turns in a read-out.
+    """
+
+    name = "moving_stripes"
+    source = "blinds, railings, conveyors, escalators and scrolling text"
+    confused_with = ("interharmonic", "pwm_tone", "flicker_ratio")
+    told_apart_by = (
+        "its frequency never moves as a grid's does, and its ramp need not fit any read-out time"
+    )
+    not_hidden = "it is no light, and a tone of the same alias and ramp can't be told from it"
+
+    depth_ratio: float = parameter(0.1, "amplitude over the mean level", low=0, high=1)
+    stripes: float = parameter(5.0, "stripes in the picture's height", low=0, high=1000)
+    rate_hz: float = parameter(
+        1.0, "stripes that pass a place in a second; negative is upwards", low=-1000, high=1000
+    )
+    phase_rad: float = parameter(0.0, "at the top when the clip begins", low=-7, high=7)
+
+    def apply(self, light: LineLight, run: Run) -> None:
+        """Shade the lines as they pass by during each one's exposure."""
+        place = np.arange(light.start_s.shape[1]) / run.shutter.lines
+        t_s = light.start_s + light.exposure_s / 2
+        angle = 2 * math.pi * (self.stripes * place - self.rate_hz * t_s) + self.phase_rad
+        depth = self.depth_ratio * np.sinc(self.rate_hz * light.exposure_s)
+        light.scale(1 + depth * np.cos(angle))
