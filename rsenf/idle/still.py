@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rsenf.flicker.faint import MIN_FLICKER_RATIO
+from rsenf.flicker.mains import MIN_FLICKER_RATIO
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.still import SPAN_S, course_of
 from rsenf.flicker.zero_alias import ZeroAlias

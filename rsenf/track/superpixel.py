@@ -26,7 +26,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.faint import FAINT
+from rsenf.flicker.mains import FAINT
 from rsenf.flicker.lines import Line
 from rsenf.flicker.tone import AT_EDGE, NOISE_CELLS, OVERSAMPLING, ToneFinder
 from rsenf.messages import EnfEstimate, RowBlock
