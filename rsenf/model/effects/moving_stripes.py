@@ -37,9 +37,13 @@ class MovingStripes(LightEffect):
     phase_rad: float = parameter(0.0, "at the top when the clip begins", low=-7, high=7)
 
     def apply(self, light: LineLight, run: Run) -> None:
-        """Shade the lines as they pass by during each one's exposure."""
-        place = np.arange(light.start_s.shape[1]) / run.shutter.lines
-        t_s = light.start_s + light.exposure_s / 2
+        """Shade the lines as they pass by during each one's exposure, and of averaged rows each."""
+        over, lines = light.aperture, light.start_s.shape[1]
+        from_row = self.stripes / (lines * over.rows) - self.rate_hz * over.row_s  # turns
+        row = np.arange(lines) * over.rows + (over.rows - 1) / 2
+        t_s = light.start_s + over.middle_s
+        place = row / (lines * over.rows)
         angle = 2 * math.pi * (self.stripes * place - self.rate_hz * t_s) + self.phase_rad
-        depth = self.depth_ratio * np.sinc(self.rate_hz * light.exposure_s)
-        light.scale(1 + depth * np.cos(angle))
+        left = np.sinc(self.rate_hz * over.exposure_s)
+        left *= np.sinc(over.rows * from_row) / np.sinc(from_row)
+        light.scale(1 + self.depth_ratio * left * np.cos(angle))
