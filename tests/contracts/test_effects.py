@@ -315,7 +315,7 @@ def check_sought(name: str) -> None:
     angle[300:] += TURN * F0_HZ / RATE_HZ
     angle[600:] -= TURN * F0_HZ / RATE_HZ
     size = np.where(np.arange(900) == 0, 2.0, sawtooth)
-    residue = Residue(0.5, 0.6, F0_HZ / RATE_HZ, angle, size, (8.8, 733.0))
+    residue = Residue(0.5, 0.6, F0_HZ / RATE_HZ, angle, size, (8.8, 733.0), (5.2, -3.1))
     proposed = CATALOGUE[name].guesses(residue)
     for values in proposed:
         make_effect(name, values)
@@ -337,7 +337,7 @@ def check_listed(name: str) -> None:
     assert any(case.hidden == (name,) for case in Plan(each=1, pairs=0).cases())
     for seed in range(3):
         rng = np.random.default_rng(seed)
-        hiding = Hiding(rng, 3.0, 1800, Fraction(30), 0.001)
+        hiding = Hiding(rng, 3.0, 1800, Fraction(30), 0.001, 0.3)
         hidden = make_effect(name, effect.hidden(hiding))
         weakest = effect.weakest
         if weakest.size:

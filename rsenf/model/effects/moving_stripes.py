@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rsenf.model.effects.base import LightEffect, Run
+from rsenf.model.effects.hiding import Hiding, Weakest
+from rsenf.model.effects.residue import Residue
 from rsenf.model.line_light import LineLight
-from rsenf.model.parameters import parameter
+from rsenf.model.parameters import Fitting, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,13 +30,19 @@ class MovingStripes(LightEffect):
     told_apart_by = (
         "its frequency never moves as a grid's does, and its ramp need not fit any read-out time"
     )
-    not_hidden = "it is no light, and a tone of the same alias and ramp can't be told from it"
+    weakest = Weakest(2e-4, "depth_ratio")
 
-    depth_ratio: float = parameter(0.1, "amplitude over the mean level", low=0, high=1)
-    stripes: float = parameter(5.0, "stripes in the picture's height", low=0, high=1000)
-    rate_hz: float = parameter(
-        1.0, "stripes that pass a place in a second; negative is upwards", low=-1000, high=1000
+    depth_ratio: float = parameter(
+        0.1, "amplitude over the mean level", low=0, high=1,
+        fitting=Fitting(0.0, 0.002, turn="phase_rad"),
+    )  # fmt: skip
+    stripes: float = parameter(
+        5.0, "stripes in the picture's height", low=0, high=1000, fitting=Fitting(None, 1e-3)
     )
+    rate_hz: float = parameter(
+        1.0, "stripes that pass a place in a second; negative is upwards", low=-1000, high=1000,
+        fitting=Fitting(None, 1e-4),
+    )  # fmt: skip
     phase_rad: float = parameter(0.0, "at the top when the clip begins", low=-7, high=7)
 
     def apply(self, light: LineLight, run: Run) -> None:
@@ -47,3 +56,18 @@ class MovingStripes(LightEffect):
         left = np.sinc(self.rate_hz * over.exposure_s)
         left *= np.sinc(over.rows * from_row) / np.sinc(from_row)
         light.scale(1 + self.depth_ratio * left * np.cos(angle))
+
+    @classmethod
+    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+        """Try them where no light would leave what stands out."""
+        if residue.pattern is None:
+            return []
+        stripes, rate_hz = residue.pattern
+        return [{"stripes": stripes, "rate_hz": rate_hz}]
+
+    @classmethod
+    def hidden(cls, hiding: Hiding) -> dict[str, Any]:
+        """Draw stripes that no light looks like."""
+        stripes, rate_hz = hiding.stripes(3.0, 20.0), hiding.sign() * hiding.tone_hz(1.5, 10.0)
+        values = {"stripes": stripes, "rate_hz": rate_hz, **super().hidden(hiding)}
+        return values | {"phase_rad": hiding.phase_rad()}
