@@ -15,7 +15,7 @@ from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
 
 LINES = range(1, 41)  # of pulses
-LEAST_SOUGHT_HZ = 100.0  # slower tones are an interharmonic's
+LEAST_SOUGHT_HZ = 48.0  # of monitors; slower tones are an interharmonic's
 
 
 @dataclass(frozen=True, kw_only=True)
