@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from rsenf.model import Scene, Sensor
+from rsenf.model import Scene, Sensor, simulate_rows
 from tests.model.bare import (
     DEPTH,
     F0_HZ,
@@ -16,6 +16,7 @@ from tests.model.bare import (
     LEVEL,
     PHASE,
     RATE_HZ,
+    STEADY,
     bare,
     film,
     fit,
@@ -134,6 +135,14 @@ def test_stripes_move_past_the_lines(exposure_s: float) -> None:
     flicker = np.mean([wave(begin_s + late_s) for late_s in during_s], axis=0)
     expected = LEVEL * np.mean(light, axis=0) * flicker
     assert data.level[:, :, 0] == pytest.approx(expected, abs=0.2)
+
+
+def test_stripes_of_averaged_rows_are_the_mean_of_rows() -> None:
+    rows = bare(flicker=0.0).with_effect("moving_stripes", stripes=11.0, rate_hz=-40.0)
+    lines = dataclasses.replace(rows, shutter=dataclasses.replace(rows.shutter, rows=16))
+    mean = film(rows, 2.0).level.reshape(-1, 16, 4, 1).mean(axis=2)
+    made = simulate_rows(lines, STEADY, 2.0, 1, noise=False, averaged_rows=4).level
+    assert made == pytest.approx(mean, abs=0.05)
 
 
 def test_an_interharmonic_has_side_lines() -> None:
