@@ -24,7 +24,7 @@ SKIRT = 4  # bins of half the resolution to either side of a peak that are its o
 BIN_S, ALIKE = 1.0, 0.3  # in which lines' gains are looked at; correlation of their pattern
 ALONE = 0.8  # share of what lines' gains have in common that is of one pattern
 NEAR_BINS = 2.0  # by which a line may be off a multiple, over one in the length of the recording
-ANY_LIGHT = 0.15  # turns down the picture by which light's ramp may seem to be another
+ANY_LIGHT = 0.1  # turns down the picture by which a ramp may be off any light's
 STILL = 0.5  # of a line's size, that it has with the grid's wander taken out if it follows that
 
 
