@@ -25,7 +25,7 @@ class RateConversion(DeliveryEffect):
     source = "FFmpeg's fps and framerate filters, video editors, standards converters"
     confused_with = ("frame_drop", "frame_duplicate", "clock_skew")
     told_apart_by = "the beat at which the phase leaps; equal frames side by side"
-    not_hidden = "the estimators undo it before any model is compared"
+    not_hidden = "no course can be followed through its leaps: tracking undoes it, a fit doesn't"
     never_with = ("frame_drop", "frame_duplicate")
 
     to_rate: Fraction = parameter(Fraction(25), "frames a second that come out", low=1, high=1000)
