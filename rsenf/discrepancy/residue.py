@@ -24,6 +24,7 @@ SKIRT = 4  # bins of half the resolution to either side of a peak that are its o
 BIN_S, ALIKE = 1.0, 0.3  # in which lines' gains are looked at; correlation of their pattern
 ALONE = 0.8  # share of what lines' gains have in common that is of one pattern
 NEAR_BINS = 2.0  # by which a line may be off a multiple, over one in the length of the recording
+ANY_LIGHT = 0.1  # turns down the picture by which a ramp may be off any light's
 STILL = 0.5  # of a line's size, that it has with the grid's wander taken out if it follows that
 
 
@@ -35,24 +36,27 @@ def residue_of(fit: Fit) -> Residue:
     seen = data.level - fit.theory.wall.astype(np.float32)
     along = _dot(seen, flicker) / np.maximum(_dot(flicker, flicker), 1e-12)
     across = _dot(seen, turn) / np.maximum(_dot(turn, turn), 1e-12)
+    tones_hz, pattern = standing_out(fit)
     return Residue(
         gap=fit.gap.value,
         comb=fit.gap.comb,
         turns_per_frame=2.0 * data.nominal_hz / float(data.frame_rate),
         angle_rad=np.arctan2(across, along),
         size_ratio=np.hypot(along, across),
-        tones_hz=tones_hz(fit),
+        tones_hz=tones_hz,
+        pattern=pattern,
         row_course=row_course(fit),
     )
 
 
-def tones_hz(fit: Fit) -> tuple[float, ...]:
-    """Frequencies whose light would leave the line that stands out most of the residual.
+def standing_out(fit: Fit) -> tuple[tuple[float, ...], tuple[float, float] | None]:
+    """What would leave the line that stands out most: light's frequencies, and else stripes.
 
     Lines are looked for frame by frame and row by row at once: the one transform tells the alias,
     the other, by how fast the phase runs down the rows, which of its aliases it is. Of one that is
     too fast for every second row the product of both kinds of rows is below zero. What stands out
-    less is for the next round, and what is the mains' own harmonic is no tone.
+    less is for the next round, and what is the mains' own harmonic is no tone. Light that has the
+    alias can run down the rows in some ways only, a read-out time's turns of the frame rate apart.
     """
     data, every = fit.data, fit.data.every(LINES)
     first = fit.residual[data.first].mean(axis=2)
@@ -72,9 +76,9 @@ def tones_hz(fit: Fit) -> tuple[float, ...]:
         if power[n, i] < limit:
             break
         alias_hz = _between(power[:, i], int(n)) * rate_hz / size[0]
-        turns = float(down[i])
+        turns, exact = float(down[i]), _between(power[n], int(i)) / size[1]
         if folded[n, i]:
-            alias_hz, turns = -alias_hz, 1.0 - turns
+            alias_hz, turns, exact = -alias_hz, 1.0 - turns, 1.0 - exact
         down_hz = turns * data.lines / every / shutter.read_out_time_s
         likely = round((down_hz - alias_hz) / rate_hz)
         near = sorted(range(likely - ALIASES, likely + ALIASES + 1), key=lambda m: abs(m - likely))
@@ -83,9 +87,19 @@ def tones_hz(fit: Fit) -> tuple[float, ...]:
         column = column.conj() if folded[n, i] else column
         ramps = range(likely - ALIKE_RAMPS, likely + ALIKE_RAMPS + 1)
         if not any(_follows_mains(fit, column, alias_hz, m * rate_hz) for m in ramps):
-            return found
+            return found, _pattern(exact * data.lines / every, alias_hz, fit)
         power[np.arange(n - SKIRT, n + SKIRT + 1) % size[0]] = 0.0
-    return ()
+    return (), None
+
+
+def _pattern(ramp: float, alias_hz: float, fit: Fit) -> tuple[float, float] | None:
+    """Stripes, and how many pass in a second, at the slowest; None where it may be light."""
+    shutter, rate_hz = fit.theory.model.shutter, float(fit.data.frame_rate)
+    alias_hz = math.remainder(alias_hz, rate_hz)
+    stripes = ramp - alias_hz * shutter.read_out_time_s  # lines are exposed one after the other
+    if abs(math.remainder(stripes, 1.0 - shutter.idle_ratio)) < ANY_LIGHT:
+        return None
+    return abs(stripes), -math.copysign(alias_hz, alias_hz * stripes)
 
 
 def _follows_mains(fit: Fit, column: ComplexArray, alias_hz: float, away_hz: float) -> bool:

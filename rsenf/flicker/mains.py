@@ -38,8 +38,9 @@ GROUP, LINES = 4, 3  # bands that share a phase; and how many phases, and rounds
 APART_HZ = 0.5
 
 # Share of a true light that smooth shares explain: 0.87 to 1 in 60 films of two lamps, daylight
-# from one side and sharp shadows; 0 to 0.6 in stripes, shakes and fans but for upright ones.
-LEAST_EXPLAINED, USUALLY_EXPLAINED = 0.7, 0.93
+# from one side and sharp shadows; 0 to 0.6 in stripes, shakes and fans but for upright ones, and
+# 0.74 in a film of dashes on a road.
+LEAST_EXPLAINED, USUALLY_EXPLAINED = 0.8, 0.93
 LEAST_SNR, MOST_STD = 10.0, 0.15
 # A pattern that is added leaves so much less unexplained without the texture, and no light does;
 # light that shows on bright and dark leaves so much less with it. Below a share neither counts.
@@ -64,6 +65,12 @@ QUARTZ_HZ = (60 / 1.001, 60.0, 72.0, 75.0, 120 / 1.001, 120.0, 144.0, 200.0, 240
 QUARTZ_RATIO, QUARTZ_OFF_HZ = 1e-4, 0.02
 KEY_FRAMES = (8, 10, 12, 15, 16, 20, 24, 25, 30, 48, 50, 60)  # usual numbers from one to the next
 KEY_FRAMES_HZ = 3e-3
+# Weaker flicker is nobody's: rounding, and what an exposure of a whole number of periods leaves.
+MIN_FLICKER_RATIO = 1e-4
+# Of a lamp that flickers by so much an exposure of a whole number of periods leaves a share that
+# goes as the grid's deviation, |f_0 − N/T_e|·T_e/N, and changes sign with it: where the grid passes
+# its nominal the phase jumps by half a turn. Nobody should rest a claim on it.
+STRONG_RATIO = 0.4
 
 PATTERN = "a pattern that moves, not light: it doesn't brighten all of a row alike, bright and dark"
 NOT_ONE = "what repeats doesn't stand out from what varies in single parts of the picture"
@@ -74,6 +81,10 @@ NO_GRID = (
 SECOND = "what was followed is likelier the second harmonic of the light than the first"
 TOO_STEADY = "its frequency never moves, as a grid's does: a pattern, a monitor, or a dimmed lamp"
 CREEPS = "it hardly moves from frame to frame, and nothing shows that it is light: a slow pattern?"
+FAINT = (
+    "hardly any flicker: an exposure of a whole number of its periods (anti-flicker), or a nearly "
+    "steady light"
+)
 KEYED = "all rows brighten at once, every so many frames: key frames, or a global shutter"
 
 
@@ -197,6 +208,22 @@ def why_not(
     if abs(light.turns) < AT_ONCE and _is_keyed(f0_hz, frame_rate_hz, wander):
         return KEYED
     return light.why_not(f0_hz / frame_rate_hz, is_steady=wander.is_steady)
+
+
+def is_faint(flicker_ratio: float, f0_hz: float, nominal_hz: float) -> bool:
+    """Whether flicker may be what an exposure of a whole number of periods leaves of a strong one.
+
+    Parameters
+    ----------
+    flicker_ratio : float
+        Amplitude of the first harmonic over the mean light.
+    f0_hz : float
+        Its frequency.
+    nominal_hz : float
+        Of the grid.
+    """
+    left_ratio = STRONG_RATIO * abs(f0_hz / (2.0 * nominal_hz) - 1.0)
+    return flicker_ratio < max(MIN_FLICKER_RATIO, left_ratio)
 
 
 def is_second_harmonic(f0_hz: float, nominal_hz: float, frame_rate_hz: float, turns: float) -> bool:

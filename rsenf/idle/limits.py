@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from rsenf.flicker import mains
-from rsenf.flicker.faint import is_faint
 from rsenf.idle.seen import Finding, Seen
 
 # Flicker that is still to so great a part has turned by less than about a radian: at a span of
@@ -44,10 +43,7 @@ STILL = Finding(
     reason="the flicker stands still from frame to frame, and its phase turned by less than about "
     "a radian: it can't be told from the picture's texture",
 )
-WEAK = refused(
-    "hardly any flicker is left: an exposure of a whole number of its periods (anti-flicker), or "
-    "a nearly steady light"
-)
+WEAK = refused(mains.FAINT)
 NO_ROWS = refused("one mean for the whole frame: the rows are needed")
 SAWTOOTH = refused(
     "the brightness ramps and is reset at key frames: weighted prediction of the encoder, not light"
@@ -98,7 +94,7 @@ def _apart_turns(seen: Seen) -> float:
 
 def is_weak(seen: Seen, flicker_ratio: float) -> bool:
     """Whether an exposure of a whole number of periods may have left it of a strong lamp's."""
-    return is_faint(flicker_ratio, seen.f0_hz, seen.nominal_hz)
+    return mains.is_faint(flicker_ratio, seen.f0_hz, seen.nominal_hz)
 
 
 def hardly_turned(seen: Seen) -> bool:

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from rsenf.flicker.faint import MIN_FLICKER_RATIO
 from rsenf.flicker.lines import alias_hz
+from rsenf.flicker.mains import MIN_FLICKER_RATIO
 from rsenf.flicker.still import SPAN_S, course_of
 from rsenf.flicker.zero_alias import ZeroAlias
 from rsenf.idle.limits import NO_FLICKER, STILL, TOO_SHORT, WEAK, refused

@@ -23,7 +23,7 @@ class Clip:
     Attributes
     ----------
     frame_rate : Fraction
-        Nominal rate of the camera's clock.
+        Nominal rate of the camera's clock, or the one that its frames were converted to.
     start_s : ndarray of float64 (captured,)
         Camera's clock when row 0 of each captured frame begins.
     stamp_offset_s : ndarray of float64 (captured,)
@@ -34,6 +34,8 @@ class Clip:
         Its place on the clip's time axis, in frame periods.
     clock_factor : float
         Camera seconds in a true second.
+    blend : ndarray of float64 (delivered,) or None
+        Share of each delivered frame that the one captured before it has; None is nothing.
     """
 
     frame_rate: Fraction
@@ -42,6 +44,7 @@ class Clip:
     number: Int64Array
     slot: Int64Array
     clock_factor: float = 1.0
+    blend: FloatArray | None = None
 
     @classmethod
     def regular(cls, frame_rate: Fraction, frames: int) -> Clip:

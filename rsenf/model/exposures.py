@@ -109,6 +109,7 @@ class Capture:
         series = chain.series(2 * self.grid.nominal_hz)
         shake_px = self._shake_px()
         pts = clip.pts()
+        before: LineLight | None = None
         for block, first in enumerate(range(0, self.captured, BLOCK_FRAMES)):
             number = np.arange(first, min(first + BLOCK_FRAMES, self.captured))
             read_out = chain.read_out(block, number, clip)
@@ -126,6 +127,11 @@ class Capture:
             light.level = light.lamp()
             begin, end = np.searchsorted(clip.number, [first, first + BLOCK_FRAMES])
             index = clip.number[begin:end] - first
+            lit = chain.light(light)
+            arrived = lit.take(index)
+            if clip.blend is not None:
+                arrived.blend(lit.frame_before(before).take(index), clip.blend[begin:end])
+                before = lit
             yield ExposedBlock(
                 block=block,
                 captured=number.size,
@@ -133,7 +139,7 @@ class Capture:
                 pts=pts[begin:end],
                 start_s=read_out.start_s[index] / self.clock_factor,
                 shift_px=(read_out.shift_px + shake_px[number])[index],
-                light=chain.coded(chain.light(light).take(index)),
+                light=chain.coded(arrived),
             )
 
     def _shake_px(self) -> FloatArray:

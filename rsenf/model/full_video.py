@@ -40,7 +40,7 @@ class FrameStream:
     def __init__(self, capture: Capture) -> None:
         shutter = capture.model.shutter
         self._capture = capture
-        self.frame_rate = shutter.frame_rate
+        self.frame_rate = capture.clip.frame_rate
         self.time_base: Fraction = capture.clip.time_base
         self.frames = capture.delivered
         self.height_px, self.width_px = shutter.rows, shutter.columns

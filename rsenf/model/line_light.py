@@ -85,6 +85,28 @@ class LineLight:
             self.slope = np.asarray(exponent * self.level ** (exponent - 1) * self.slope)
         self.level = np.asarray(self.level**exponent)
 
+    def frame_before(self, block: LineLight | None) -> LineLight:
+        """Return, for each frame, the light of the one before it; the first of all has its own.
+
+        Parameters
+        ----------
+        block : LineLight or None
+            Of the frames before these.
+        """
+        first = self if block is None else block.take(np.array([-1]))
+        earlier = self.take(np.maximum(np.arange(len(self.level)) - 1, 0))
+        earlier.level[0] = first.level[0]
+        if earlier.slope is not None and first.slope is not None:
+            earlier.slope[0] = first.slope[0]
+        return earlier
+
+    def blend(self, other: LineLight, share: FloatArray) -> None:
+        """Give another light a share of each frame."""
+        its = np.asarray(share, np.float32)[:, None]
+        self.level = (1 - its) * self.level + its * other.level
+        if self.slope is not None and other.slope is not None:
+            self.slope = (1 - its) * self.slope + its * other.slope
+
     def take(self, index: Int64Array) -> LineLight:
         """Return the same light for some of the frames, perhaps some of them twice."""
         return LineLight(

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.flicker.faint import FAINT, is_faint
 from rsenf.flicker.follower import FlickerFollower
+from rsenf.flicker.mains import FAINT, is_faint
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.shared import Follower
 from rsenf.messages import EnfEstimate, Header, RowBlock

@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.faint import is_faint
 from rsenf.flicker.lines import Line
-from rsenf.flicker.mains import Wander, cell_means, light_of, tells_cells, why_not
+from rsenf.flicker.mains import Wander, cell_means, is_faint, light_of, tells_cells, why_not
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
-from rsenf.flicker.faint import FAINT
 from rsenf.flicker.lines import Line, candidate_lines, project, templates
+from rsenf.flicker.mains import FAINT
 from rsenf.flicker.tone import AT_EDGE, ToneFinder
 from rsenf.messages import EnfEstimate, RowBlock
 from rsenf.track.settings import TrackSettings

@@ -26,8 +26,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.faint import FAINT
 from rsenf.flicker.lines import Line
+from rsenf.flicker.mains import FAINT
 from rsenf.flicker.tone import AT_EDGE, NOISE_CELLS, OVERSAMPLING, ToneFinder
 from rsenf.messages import EnfEstimate, RowBlock
 from rsenf.track.alias import check_line, is_folded, why_nothing

@@ -48,10 +48,11 @@ NEUTRAL: dict[str, dict[str, float]] = {
     "rows_cropped": {"crop_ratio": 0.0},
     "image_wobble": {"wobble_rows": 0.0},
     "frame_drop": {"drops_per_min": 0.0},
+    "moving_stripes": {"depth_ratio": 0.0},
     "frame_duplicate": {"duplicates_per_min": 0.0},
     "codec_lowpass": {"gain": 1.0},
 }
-THERE_OR_NOT = ("reverse_readout", "interlace", "moving_object")
+THERE_OR_NOT = ("reverse_readout", "interlace", "moving_object", "rate_conversion")
 # Not proposed for what a fit leaves: found from the stamps, and beside a reference.
 SOUGHT_ELSEWHERE = ("timestamp_jitter", "variable_frame_rate", SKEW)
 
@@ -182,6 +183,18 @@ def _interharmonic(depth_ratio: float) -> float:
     return abs(complex(fit(light, line_times_s(data.frame_time_s), [8.8])[0]))
 
 
+def _moving_stripes(depth_ratio: float) -> float:
+    data = rows_with("moving_stripes", 8.0, depth_ratio=depth_ratio, stripes=0.0, rate_hz=2.5)
+    light = data.level[:, :, 0] / wave(line_times_s(data.frame_time_s))
+    return abs(complex(fit(light, line_times_s(data.frame_time_s), [2.5])[0]))
+
+
+def _rate_conversion() -> float:
+    data = rows_with("rate_conversion", 8.0, to_rate=Fraction(25))
+    even = np.allclose(np.diff(data.frame_time_s), 0.04)
+    return float(even and len(data.truth["dropped_frames"]) > 30)
+
+
 def _gop_attenuation(loss_ratio: float) -> float:
     data = rows_with("gop_attenuation", loss_ratio=loss_ratio, period_frames=30)
     size = np.abs(frame_tones(data, line_times_s(data.frame_time_s)))[: 30 * 19].reshape(-1, 30)
@@ -232,11 +245,13 @@ STRENGTH: dict[str, tuple[Callable[..., float], tuple[float, ...], float]] = {
     "pwm_tone": (_pwm_tone, (0.01,), 0.02),
     "interharmonic": (_interharmonic, (0.005,), 0.02),
     "moving_object": (_moving_object, (0.3,), 0.05),
+    "moving_stripes": (_moving_stripes, (0.1,), 0.02),
     "auto_exposure": (_auto_exposure, (0.02,), 0.1),
     "gamma": (_gamma, (1.2,), 0.01),
     "row_banding": (_row_banding, (0.01,), 0.2),
     "frame_drop": (_lost, (30.0,), 0.4),
     "frame_duplicate": (_twice, (30.0,), 0.4),
+    "rate_conversion": (_rate_conversion, (), 0.0),
     "timestamp_jitter": (_timestamp_jitter, (1e-3,), 0.06),
     "gop_attenuation": (_gop_attenuation, (0.1,), 0.02),
     "codec_lowpass": (_codec_lowpass, (0.3,), 0.02),
@@ -300,7 +315,7 @@ def check_sought(name: str) -> None:
     angle[300:] += TURN * F0_HZ / RATE_HZ
     angle[600:] -= TURN * F0_HZ / RATE_HZ
     size = np.where(np.arange(900) == 0, 2.0, sawtooth)
-    residue = Residue(0.5, 0.6, F0_HZ / RATE_HZ, angle, size, (8.8, 733.0))
+    residue = Residue(0.5, 0.6, F0_HZ / RATE_HZ, angle, size, (8.8, 733.0), (5.2, -3.1))
     proposed = CATALOGUE[name].guesses(residue)
     for values in proposed:
         make_effect(name, values)
@@ -322,7 +337,7 @@ def check_listed(name: str) -> None:
     assert any(case.hidden == (name,) for case in Plan(each=1, pairs=0).cases())
     for seed in range(3):
         rng = np.random.default_rng(seed)
-        hiding = Hiding(rng, 3.0, 1800, Fraction(30), 0.001)
+        hiding = Hiding(rng, 3.0, 1800, Fraction(30), 0.001, 0.3)
         hidden = make_effect(name, effect.hidden(hiding))
         weakest = effect.weakest
         if weakest.size:

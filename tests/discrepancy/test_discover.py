@@ -38,6 +38,12 @@ def test_nothing_is_found_where_nothing_is_hidden() -> None:
         ("second_lamp", {"weight": 0.06}, {"weight": 0.06}),
         ("pwm_tone", {"tone_hz": 1234.5, "depth_ratio": 0.0015}, {"tone_hz": 1234.5}),
         ("interharmonic", {"depth_ratio": 6e-4}, {"flicker_hz": 8.8, "depth_ratio": 6e-4}),
+        ("pwm_tone", {"tone_hz": 75.3, "depth_ratio": 0.0015}, {"tone_hz": 75.3}),
+        (
+            "moving_stripes",
+            {"depth_ratio": 6e-4, "stripes": 7.7, "rate_hz": -3.3},
+            {"depth_ratio": 6e-4, "stripes": 7.7, "rate_hz": -3.3},
+        ),
         ("gop_attenuation", {"loss_ratio": 0.03}, {"loss_ratio": 0.03, "period_frames": 30}),
         ("readout_drift", {"drift_per_min": 0.006}, {"drift_per_min": 0.006}),
         ("capture_jitter", {"jitter_s": 6e-5}, {}),

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rsenf.flicker import mains
-from rsenf.flicker.faint import is_faint
 from rsenf.flicker.grid_prior import phase_prior
+from rsenf.flicker.mains import is_faint
 from tests.flicker import no_mains, weak_lamps
 from tests.flicker.claims import claims
 

@@ -25,6 +25,7 @@ NAMES = [
     "clock_skew",
     "frame_drop",
     "frame_duplicate",
+    "rate_conversion",
     "timestamp_jitter",
     "capture_jitter",
     "auto_exposure",
@@ -39,6 +40,7 @@ NAMES = [
     "readout_drift",
     "variable_frame_rate",
     "moving_object",
+    "moving_stripes",
     "interlace",
     "codec_lowpass",
 ]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -90,6 +92,33 @@ def test_a_drop_and_a_duplicate_make_up_for_each_other() -> None:
     where = np.flatnonzero(np.abs(steps) > 0.1)
     assert where.tolist() == [99, 199]
     assert steps[where[0]] == pytest.approx(-steps[where[1]], abs=5e-3)
+
+
+@pytest.mark.parametrize("to_rate", ["25", "60", "30"])
+def test_a_converted_rate_shows_the_last_frame_that_rounds_to_it(to_rate: str) -> None:
+    data = film(bare().with_effect("rate_conversion", to_rate=Fraction(to_rate)))
+    ticks = np.arange(300) * Fraction(to_rate) * Fraction(1001, 30000)
+    shown: dict[int, int] = {}
+    for n, tick in enumerate(ticks):  # a later frame takes the place of an earlier one
+        shown[math.floor(tick + Fraction(1, 2))] = n
+    number = np.array([
+        max(n for tick, n in shown.items() if tick <= k) for k in range(len(data.level))
+    ])  # fmt: skip
+    assert len(data.level) == math.floor(ticks[-1]) + 1
+    assert data.frame_time_s == pytest.approx(np.arange(number.size) / float(to_rate), abs=1e-12)
+    assert data.level[:, :, 0] == pytest.approx(plain_rows(number), abs=0.15)
+    assert data.truth["frame_start_s"] == pytest.approx(number / RATE_HZ, abs=1e-12)
+
+
+@pytest.mark.parametrize("to_rate", ["25", "60"])
+def test_a_converted_rate_blends_the_frames_about_it(to_rate: str) -> None:
+    model = bare().with_effect("rate_conversion", to_rate=Fraction(to_rate), way="blend")
+    data = film(model)
+    at = np.arange(len(data.level)) / float(to_rate) * RATE_HZ  # captured frames
+    before = np.floor(at + 1e-9)
+    share = (at - before)[:, None]
+    expected = (1 - share) * plain_rows(before) + share * plain_rows(before + 1)
+    assert data.level[:, :, 0] == pytest.approx(expected, abs=0.15)
 
 
 def test_stamps_jitter_and_frames_don_t() -> None:

@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from rsenf.model import Scene, Sensor
+from rsenf.model import Scene, Sensor, simulate_rows
 from tests.model.bare import (
     DEPTH,
     F0_HZ,
@@ -16,6 +16,7 @@ from tests.model.bare import (
     LEVEL,
     PHASE,
     RATE_HZ,
+    STEADY,
     bare,
     film,
     fit,
@@ -101,6 +102,47 @@ def test_a_pwm_tone_is_a_line_that_exposure_can_hide(exposure_s: float) -> None:
     # The mean of a tone over an exposure, by adding it up.
     slow = abs(np.mean(np.exp(1j * TURN * 1000.0 * np.linspace(0, exposure_s, 10_001)[:-1])))
     assert abs(fit(data.level, t_s, [100.0, 1000.0])[1]) == pytest.approx(0.02 * slow, abs=2e-5)
+
+
+@pytest.mark.parametrize("duty", [0.5, 0.8])
+def test_pulses_switch_a_lamp_off(duty: float) -> None:
+    """Against the share of each exposure in which it is on, written out."""
+    depth, exposure_s, tone_hz = 2 * float(np.sinc(duty)), 0.0011, 170.0
+    values = {"tone_hz": tone_hz, "depth_ratio": depth, "phase_rad": 0.5, "duty_ratio": duty}
+    model = bare(flicker=0.0).with_effect("pwm_tone", **values)
+    data = film(model.with_effect("exposure", exposure_s=exposure_s), 2.0)
+
+    def on_until(t_s: np.ndarray) -> np.ndarray:
+        turns = tone_hz * t_s + 0.5 / TURN + duty / 2  # a pulse begins with each whole one
+        return (np.floor(turns) * duty + np.minimum(turns % 1.0, duty)) / tone_hz
+
+    begin_s = line_times_s(data.frame_time_s)
+    lit = (on_until(begin_s + exposure_s) - on_until(begin_s)) / exposure_s / duty
+    assert data.level[:, :, 0] == pytest.approx(LEVEL * lit, abs=0.02 * LEVEL / duty)
+
+
+@pytest.mark.parametrize("exposure_s", [0.0, 0.01])
+def test_stripes_move_past_the_lines(exposure_s: float) -> None:
+    values = {"depth_ratio": 0.3, "stripes": 3.0, "rate_hz": -25.0, "phase_rad": 0.2}
+    model = bare().with_effect("moving_stripes", **values)
+    data = film(model.with_effect("exposure", exposure_s=exposure_s), 5.0)
+    begin_s, height = line_times_s(data.frame_time_s), np.arange(64) / 64
+    during_s = (np.arange(200) + 0.5) / 200 * exposure_s  # added up over the exposure
+    light = [
+        1 + 0.3 * np.cos(TURN * (3.0 * height + 25.0 * (begin_s + late_s)) + 0.2)
+        for late_s in during_s
+    ]
+    flicker = np.mean([wave(begin_s + late_s) for late_s in during_s], axis=0)
+    expected = LEVEL * np.mean(light, axis=0) * flicker
+    assert data.level[:, :, 0] == pytest.approx(expected, abs=0.2)
+
+
+def test_stripes_of_averaged_rows_are_the_mean_of_rows() -> None:
+    rows = bare(flicker=0.0).with_effect("moving_stripes", stripes=11.0, rate_hz=-40.0)
+    lines = dataclasses.replace(rows, shutter=dataclasses.replace(rows.shutter, rows=16))
+    mean = film(rows, 2.0).level.reshape(-1, 16, 4, 1).mean(axis=2)
+    made = simulate_rows(lines, STEADY, 2.0, 1, noise=False, averaged_rows=4).level
+    assert made == pytest.approx(mean, abs=0.05)
 
 
 def test_an_interharmonic_has_side_lines() -> None:

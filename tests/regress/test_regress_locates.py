@@ -117,7 +117,7 @@ def test_accepted_with_a_reason_it_is_as_it_was(
     path = tmp_path / "accepted.mcap"
     shutil.copy(made_here, path)
     before = open_recording(path)
-    monkeypatch.setattr("rsenf.flicker.faint.MIN_FLICKER_RATIO", 0.5)
+    monkeypatch.setattr("rsenf.flicker.mains.MIN_FLICKER_RATIO", 0.5)
     moved = regress(path)
     accept(moved, "flicker below a half of the light is none")
     again = regress(path)

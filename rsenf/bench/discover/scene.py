@@ -89,7 +89,8 @@ def drawn(case: Case, grids: Path | None) -> Drawn:
             texture_ratio=float(rng.uniform(0.02, 0.1)),
         ),
     ).with_effect("exposure", exposure_s=exposure_s)
-    hiding = Hiding(rng, case.times, round(case.duration_s * rate), rate, exposure_s)
+    frames, idle_ratio = round(case.duration_s * rate), truth.shutter.idle_ratio
+    hiding = Hiding(rng, case.times, frames, rate, exposure_s, idle_ratio)
     hidden = {}
     for name in case.hidden:
         if name in CATALOGUE:

@@ -244,7 +244,7 @@ class DeliveryEffect(Effect):
 
     @abstractmethod
     def apply(self, clip: Clip, run: Run) -> None:
-        """Change ``clip.number``, ``clip.slot`` or ``clip.stamp_offset_s``."""
+        """Change which frames ``clip`` delivers, their slots, stamps, or their rate."""
 
 
 class CodecEffect(Effect):

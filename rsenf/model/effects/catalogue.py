@@ -19,9 +19,9 @@ _TOLD = ("__doc__", "name", "source", "confused_with", "told_apart_by")
 _OWN = (
     "clock_skew", "variable_frame_rate", "capture_jitter",
     "exposure", "rows_cropped", "readout_drift", "reverse_readout", "interlace", "image_wobble",
-    "harmonics", "second_lamp", "pwm_tone", "interharmonic", "moving_object",
+    "harmonics", "second_lamp", "pwm_tone", "interharmonic", "moving_stripes", "moving_object",
     "auto_exposure", "gamma", "row_banding",
-    "frame_drop", "frame_duplicate", "timestamp_jitter",
+    "frame_drop", "frame_duplicate", "rate_conversion", "timestamp_jitter",
     "gop_attenuation", "codec_lowpass",
 )  # fmt: skip
 

@@ -11,6 +11,7 @@ import numpy as np
 APART_HZ = 0.7  # a tone nearer to a multiple of the frame rate stands still in the picture
 SEEN = 0.3  # of a tone, that the exposure must leave
 FRAMES_APART = 40
+NO_LIGHT = 0.25  # turns down the picture, from the ramp of any light
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,7 @@ class Hiding:
     frames : int
     frame_rate : Fraction
     exposure_s : float
+    idle_ratio : float
     """
 
     rng: np.random.Generator
@@ -51,6 +53,7 @@ class Hiding:
     frames: int
     frame_rate: Fraction
     exposure_s: float
+    idle_ratio: float
 
     def sign(self) -> float:
         """Draw a direction: 1 or −1."""
@@ -67,6 +70,14 @@ class Hiding:
             from_multiple_hz = abs(math.remainder(tone_hz, float(self.frame_rate)))
             if abs(np.sinc(tone_hz * self.exposure_s)) > SEEN and from_multiple_hz > APART_HZ:
                 return tone_hz
+
+    def stripes(self, fewest: float, most: float) -> float:
+        """Draw stripes in the picture's height, of a ramp that no light of their alias has."""
+        apart = 1.0 - self.idle_ratio  # the turns in a read-out of one frame rate
+        while True:
+            stripes = float(self.rng.uniform(fewest, most))
+            if abs(math.remainder(stripes, apart)) > min(NO_LIGHT, 0.4 * apart):
+                return stripes
 
     def events(self, per_min: float) -> list[int]:
         """Draw frames, one at least, not at the ends and not close to each other."""

@@ -1,4 +1,4 @@
-"""The ripple of a dimmer or a driver that doesn't follow the mains."""
+"""The ripple of a dimmer, a driver or a monitor, which doesn't follow the mains."""
 
 from __future__ import annotations
 
@@ -14,18 +14,23 @@ from rsenf.model.effects.residue import Residue
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
 
+LINES = range(1, 41)  # of pulses
+LEAST_SOUGHT_HZ = 48.0  # of monitors; slower tones are an interharmonic's
+
 
 @dataclass(frozen=True, kw_only=True)
 class PwmTone(LightEffect):
-    """The light carries a tone of a fixed frequency, far above the flicker.
+    """The light carries a tone, or pulses, of a fixed frequency.
 
     It is a line at its own frequency and at all its distances of whole frame rates, which stays
     where it is when the grid's frequency moves. It can't be seen where the exposure holds a whole
-    number of its periods, and is taken for texture where it is a multiple of the frame rate.
+    number of its periods, and is taken for texture where it is a multiple of the frame rate. Pulses
+    have lines at its multiples as well; those that switch all light off have ``2·sinc(duty)`` at
+    the first.
     """
 
     name = "pwm_tone"
-    source = "pulse-width dimming, 200 Hz to 25 kHz; IEEE Std 1789-2015"
+    source = "pulse-width dimming, 200 Hz to 25 kHz; monitors, 50 to 240 Hz; IEEE Std 1789-2015"
     confused_with = ("interharmonic", "harmonics")
     told_apart_by = (
         "its phase ramp down the rows tells its frequency up to aliases of the line rate"
@@ -33,31 +38,42 @@ class PwmTone(LightEffect):
     weakest = Weakest(5e-4, "depth_ratio")
 
     tone_hz: float = parameter(
-        1000.0, "frequency", low=100, high=50_000,
+        1000.0, "frequency", low=20, high=50_000,
         fitting=Fitting(None, 1e-4),
     )  # fmt: skip
     depth_ratio: float = parameter(
-        0.01, "amplitude over the mean light", low=0, high=1,
+        0.01, "amplitude of the first line over the mean light", low=0, high=2,
         fitting=Fitting(0.0, 0.002, turn="phase_rad"),
     )  # fmt: skip
     phase_rad: float | None = parameter(
         None, "at the first frame's start; None draws it", low=-7, high=7
     )
+    duty_ratio: float | None = parameter(
+        None, "share of a period that pulses are on, about its phase 0; None is a pure tone",
+        low=0.01, high=0.99,
+    )  # fmt: skip
 
     def apply(self, light: LineLight, run: Run) -> None:
         """Add the tone; its phase at the start is drawn."""
         phase_rad = self.phase_rad
         if phase_rad is None:
             phase_rad = float(run.rng().uniform(-math.pi, math.pi))
-        light.level = light.level + np.float32(self.depth_ratio) * light.tone(
-            self.tone_hz, phase_rad
-        )
+        for k, ratio in enumerate(self._lines(), 1):
+            tone = light.tone(k * self.tone_hz, k * phase_rad)
+            light.level = light.level + np.float32(self.depth_ratio * ratio) * tone
+
+    def _lines(self) -> list[float]:
+        """Amplitudes of the lines over the first one's: a rectangle's go as ``sin(π·k·d)/k``."""
+        duty = self.duty_ratio
+        if duty is None:
+            return [1.0]
+        return [math.sin(math.pi * k * duty) / (k * math.sin(math.pi * duty)) for k in LINES]
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
         """Try what stands out, and its aliases."""
-        meta = cls.__dataclass_fields__["tone_hz"].metadata
-        return [{"tone_hz": f} for f in residue.tones_hz if meta["low"] <= f <= meta["high"]]
+        most_hz = cls.__dataclass_fields__["tone_hz"].metadata["high"]
+        return [{"tone_hz": f} for f in residue.tones_hz if LEAST_SOUGHT_HZ <= f <= most_hz]
 
     @classmethod
     def hidden(cls, hiding: Hiding) -> dict[str, Any]:

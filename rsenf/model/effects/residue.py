@@ -32,6 +32,9 @@ class Residue:
     tones_hz : tuple of float
         Frequencies at which light would leave the lines that stand out of the residual, what
         stands out most first; none of them a multiple of half the light's own.
+    pattern : tuple of float or None
+        Stripes down the picture's height, and how many pass a place in a second, that would leave
+        the line that stands out most; None where light at some frequency would.
     row_course : ndarray (captured frames,)
         Course over time, of rms 1, that the gains of the rows have in common where they differ;
         empty where they don't.
@@ -43,4 +46,5 @@ class Residue:
     angle_rad: FloatArray
     size_ratio: FloatArray
     tones_hz: tuple[float, ...]
+    pattern: tuple[float, float] | None = None
     row_course: FloatArray = field(default_factory=lambda: np.empty(0))

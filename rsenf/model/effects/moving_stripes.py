@@ -1,0 +1,73 @@
+"""A periodic pattern that moves down or up the picture."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rsenf.model.effects.base import LightEffect, Run
+from rsenf.model.effects.hiding import Hiding, Weakest
+from rsenf.model.effects.residue import Residue
+from rsenf.model.line_light import LineLight
+from rsenf.model.parameters import Fitting, parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class MovingStripes(LightEffect):
+    """Even stripes along the lines pass by at a steady speed, and the light with them.
+
+    All light, flicker included, is multiplied by a cosine of the place and the time, ``1 +
+    d·cos(2π(c·y − r·t) + φ)`` at the height ``y`` from 0 to 1: a line at ``r`` with all its aliases
+    at whole frame rates, whose ramp down the rows is ``c`` less what ``r`` turns in a read-out.
+    """
+
+    name = "moving_stripes"
+    source = "blinds, railings, conveyors, escalators and scrolling text"
+    confused_with = ("interharmonic", "pwm_tone", "flicker_ratio")
+    told_apart_by = (
+        "its frequency never moves as a grid's does, and its ramp need not fit any read-out time"
+    )
+    weakest = Weakest(2e-4, "depth_ratio")
+
+    depth_ratio: float = parameter(
+        0.1, "amplitude over the mean level", low=0, high=1,
+        fitting=Fitting(0.0, 0.002, turn="phase_rad"),
+    )  # fmt: skip
+    stripes: float = parameter(
+        5.0, "stripes in the picture's height", low=0, high=1000, fitting=Fitting(None, 1e-3)
+    )
+    rate_hz: float = parameter(
+        1.0, "stripes that pass a place in a second; negative is upwards", low=-1000, high=1000,
+        fitting=Fitting(None, 1e-4),
+    )  # fmt: skip
+    phase_rad: float = parameter(0.0, "at the top when the clip begins", low=-7, high=7)
+
+    def apply(self, light: LineLight, run: Run) -> None:
+        """Shade the lines as they pass by during each one's exposure, and of averaged rows each."""
+        over, lines = light.aperture, light.start_s.shape[1]
+        from_row = self.stripes / (lines * over.rows) - self.rate_hz * over.row_s  # turns
+        row = np.arange(lines) * over.rows + (over.rows - 1) / 2
+        t_s = light.start_s + over.middle_s
+        place = row / (lines * over.rows)
+        angle = 2 * math.pi * (self.stripes * place - self.rate_hz * t_s) + self.phase_rad
+        left = np.sinc(self.rate_hz * over.exposure_s)
+        left *= np.sinc(over.rows * from_row) / np.sinc(from_row)
+        light.scale(1 + self.depth_ratio * left * np.cos(angle))
+
+    @classmethod
+    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+        """Try them where no light would leave what stands out."""
+        if residue.pattern is None:
+            return []
+        stripes, rate_hz = residue.pattern
+        return [{"stripes": stripes, "rate_hz": rate_hz}]
+
+    @classmethod
+    def hidden(cls, hiding: Hiding) -> dict[str, Any]:
+        """Draw stripes that no light looks like."""
+        stripes, rate_hz = hiding.stripes(3.0, 20.0), hiding.sign() * hiding.tone_hz(1.5, 10.0)
+        values = {"stripes": stripes, "rate_hz": rate_hz, **super().hidden(hiding)}
+        return values | {"phase_rad": hiding.phase_rad()}
