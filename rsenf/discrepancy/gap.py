@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from rsenf.discrepancy.measured import Float32Array, Mask, Measured
 from rsenf.messages.schema import FloatArray
 
-NOTHING_FITS = 0.3  # from which on hardly anything of the flicker is explained
-
 
 @dataclass(frozen=True)
 class Gap:

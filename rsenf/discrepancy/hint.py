@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.gap import NOTHING_FITS
 from rsenf.discrepancy.measured import BANDS
 from rsenf.discrepancy.signs import Signs, signs_of
 from rsenf.discrepancy.tone import HARMONICS, Tone, flicker_hz, is_at, tone_of
 from rsenf.discrepancy.where import Share
 from rsenf.discrepancy.would_tell import TELLS
+from rsenf.model.effects.residue import NOTHING_FITS
 
 MOST = 0.5  # of what is left, from which on a sign is what it is about
 CURVE = 0.4  # likewise of a curve by level, of which the wall takes a part

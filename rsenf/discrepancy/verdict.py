@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.floor import Floor, floor_of
-from rsenf.discrepancy.gap import NOTHING_FITS
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.search import Step, needed, search
 from rsenf.discrepancy.stamps import Stamps, gap_of_stamps, off_s, stamps_of
@@ -15,6 +14,7 @@ from rsenf.discrepancy.start import first_fit
 from rsenf.discrepancy.usual import Usual, usual_of
 from rsenf.discrepancy.where import Share, where
 from rsenf.model import CaptureModel
+from rsenf.model.effects.residue import NOTHING_FITS
 
 
 @dataclass(frozen=True, eq=False)

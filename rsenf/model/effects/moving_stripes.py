@@ -10,7 +10,7 @@ import numpy as np
 
 from rsenf.model.effects.base import LightEffect, Run
 from rsenf.model.effects.hiding import Hiding, Weakest
-from rsenf.model.effects.residue import Residue
+from rsenf.model.effects.residue import NOTHING_FITS, Residue
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
 
@@ -59,8 +59,8 @@ class MovingStripes(LightEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try them where no light would leave what stands out."""
-        if residue.pattern is None:
+        """Try them where no light would leave what stands out of a flicker that is explained."""
+        if residue.pattern is None or residue.gap > NOTHING_FITS:
             return []
         stripes, rate_hz = residue.pattern
         return [{"stripes": stripes, "rate_hz": rate_hz}]

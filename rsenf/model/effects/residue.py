@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 GROSS = 3e-3  # gap of lines at the wrong times: so small where the flicker stands still
+NOTHING_FITS = 0.3  # gap from which on hardly anything of the flicker is explained
 
 FloatArray = NDArray[np.float64]
 
