@@ -315,7 +315,7 @@ def check_sought(name: str) -> None:
     angle[300:] += TURN * F0_HZ / RATE_HZ
     angle[600:] -= TURN * F0_HZ / RATE_HZ
     size = np.where(np.arange(900) == 0, 2.0, sawtooth)
-    residue = Residue(0.5, 0.6, F0_HZ / RATE_HZ, angle, size, (8.8, 733.0), (5.2, -3.1))
+    residue = Residue(0.2, 0.3, F0_HZ / RATE_HZ, angle, size, (8.8, 733.0), (5.2, -3.1))
     proposed = CATALOGUE[name].guesses(residue)
     for values in proposed:
         make_effect(name, values)
