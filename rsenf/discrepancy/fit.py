@@ -139,13 +139,13 @@ def fit(theory: Theory, data: Measured, *, most: int = MOST, slopes: Slopes | No
     for effect in theory.model.effects:
         knobs += knobs_of(effect, neutral=False)
     begun, rows = theory, theory.rows(data)
-    nearest = _mean_square(data.level - rows), theory
+    nearest = mean_square(data.level - rows), theory
     for _ in range(most):
         if slopes is None:
             slopes = slopes_of(theory, rows, data, knobs)
         step = _stepped(theory, rows, slopes)
         theory, rows = step.theory, step.rows
-        nearest = min(nearest, (_mean_square(data.level - rows), theory), key=itemgetter(0))
+        nearest = min(nearest, (mean_square(data.level - rows), theory), key=itemgetter(0))
         complete = len(slopes.knobs) == len(knobs) and (slopes.lean is not None) == leans(theory)
         if step.rested and complete:
             break
@@ -155,7 +155,7 @@ def fit(theory: Theory, data: Measured, *, most: int = MOST, slopes: Slopes | No
         slopes = slopes or slopes_of(theory, rows, data, knobs)
     left = data.level - rows
     least, nearest_theory = nearest
-    if _mean_square(left) > ASTRAY * least:  # steps have led away
+    if mean_square(left) > ASTRAY * least:  # steps have led away
         theory = nearest_theory
         rows = theory.rows(data)
         slopes, left = slopes_of(theory, rows, data, slopes.knobs), data.level - rows
@@ -174,7 +174,8 @@ def noise_var(residual: Float32Array, data: Measured) -> float:
     return min(float(np.var(of, dtype=np.float64)) / times for of, times in apart)
 
 
-def _mean_square(left: Float32Array) -> float:
+def mean_square(left: Float32Array) -> float:
+    """Of what is left (levels²)."""
     return float(np.vdot(left, left)) / left.size
 
 

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from rsenf.discrepancy.fit import Fit, fit
+from rsenf.discrepancy.fit import Fit, fit, mean_square
 from rsenf.discrepancy.knobs import series_of
 from rsenf.discrepancy.lines import averaged
 from rsenf.discrepancy.measured import Measured
@@ -154,4 +154,4 @@ def begun_anew(theory: Theory, data: Measured) -> Theory:
 
 def misfit(theory: Theory, data: Measured) -> float:
     """Mean square of what a theory leaves (levels²)."""
-    return float(((data.level - theory.rows(data)) ** 2).mean(dtype=np.float64))
+    return mean_square(data.level - theory.rows(data))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -86,6 +88,23 @@ def test_what_looks_alike_is_a_class(effect: str, values: dict[str, float]) -> N
     assert step["name"] is None
     assert set(step["class"]) == {"harmonics", "gamma"}
     assert step["told_apart_by"]
+
+
+def test_fields_are_found_where_the_flicker_stands_still() -> None:
+    """25 fps and 50 Hz: fields differ by whole turns, and no unfitted start is near."""
+    case = hidden("interlace", seed=12, rate=Fraction(25), bottom_first=True)
+    told = discovery_json(case.discover(), "")
+    assert (told["verdict"], [e["name"] for e in told["effects"]]) == ("explained", ["interlace"])
+    assert told["effects"][0]["parameters"]["bottom_first"]
+
+
+def test_a_steady_tone_beside_a_harmonic_is_no_harmonic() -> None:
+    """Its alias is as near to that of 550 Hz as the grid's wander may bring that."""
+    case = hidden("pwm_tone", seed=12, rate=Fraction(25), tone_hz=575.16, depth_ratio=0.0015)
+    told = discovery_json(case.discover(), "")
+    assert told["verdict"] == "explained"
+    (step,) = told["effects"]
+    assert step["parameters"]["tone_hz"] == pytest.approx(575.16, abs=1e-3)
 
 
 def test_the_model_that_is_written_explains_the_data_it_was_fitted_to() -> None:
