@@ -17,7 +17,7 @@ from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found, stands_out, stro
 from rsenf.flicker.frame_slips import FrameSlip
 from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
 from rsenf.flicker.lines import alias_hz
-from rsenf.flicker.mains import Wander, bands_of, light_of, tells_cells, wander_of, why_not
+from rsenf.flicker.mains import bands_of, light_of, tells_cells, why_not
 from rsenf.flicker.node_sums import at_frames
 from rsenf.flicker.phase_fit import PhaseFit
 from rsenf.flicker.phase_path import PhasePath
@@ -26,6 +26,7 @@ from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slipping_fit import Window
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.flicker.tone import AT_EDGE, Tone, ToneFinder
+from rsenf.flicker.wander import Wander, wander_of
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -9,8 +9,8 @@ and its phase depends on the place.
 So the picture is cut into cells, some bands of rows in each strip, and it is asked how much of what
 turns with the phase that is followed is *one light with smooth shares in the picture*
 (:func:`light_of`); and how the phase moves is measured in the directions in which a grid's does
-(:func:`wander_of`). :func:`why_not` decides. No limit is on strength: a weak light passes, and a
-strong pattern doesn't.
+(:mod:`rsenf.flicker.wander`). :func:`why_not` decides. No limit is on strength: a weak light
+passes, and a strong pattern doesn't.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.grid_prior import FREE, NODE_S, phase_prior
 from rsenf.flicker.lines import alias_hz
+from rsenf.flicker.wander import STEADY, Wander
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -52,13 +52,6 @@ AT_ONCE = 0.15  # turns, below which all rows show the same
 # Illumination frequencies off the nominal: more than a large grid's, even with a frame rate that is
 # taken for its neighbour, a thousandth off; and such as a second harmonic's mirror image explains.
 FARTHEST_HZ, UNUSUAL_HZ = 0.3, 0.15
-# Sums of squares of the first directions in which a grid's phase strays from a steady course, each
-# of mean 1: chi-squared is less than that in 3e-4 of all grids, and more, by far, in none.
-DIRECTIONS = 4
-STEADY = {3: 0.01, 4: 0.05}
-MOVES = 0.05  # on average: what is seen to move
-MAX_WANDER = 10.0  # on average
-KNOWN_VAR = 0.05  # variance of a direction that is known
 # What quartz makes: monitors, dimmers. Hz, and their tolerance.
 QUARTZ_HZ = (60 / 1.001, 60.0, 72.0, 75.0, 120 / 1.001, 120.0, 144.0, 200.0, 240.0, 250.0, 300.0,
              400.0, 480.0, 500.0, 1000.0)  # fmt: skip
@@ -145,37 +138,6 @@ class Light:
         if abs(self.turns) > BEYOND_FRAME * most_turns + TURNS_STD:
             return TOO_LONG
         return ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Wander:
-    """How a phase strays from a steady course, by a grid's first directions.
-
-    Attributes
-    ----------
-    known : int
-        In how many directions it is known.
-    squares : float
-        Sum of their squares, each of which has the mean 1 for a grid.
-    """
-
-    known: int = 0
-    squares: float = 0.0
-
-    @property
-    def is_steady(self) -> bool:
-        """Whether it rests, as no grid does."""
-        return self.known in STEADY and self.squares < STEADY[self.known]
-
-    @property
-    def is_seen(self) -> bool:
-        """Whether it is seen to move."""
-        return self.known > 0 and self.squares > MOVES * self.known
-
-    @property
-    def is_restless(self) -> bool:
-        """Whether it strays as no grid does."""
-        return self.squares > MAX_WANDER * max(self.known, 1)
 
 
 def why_not(
@@ -415,32 +377,3 @@ def _shares(place: Float, strips: int) -> Float:
 
 def _power(tone: Complex) -> Float:
     return np.asarray(np.sum(np.abs(tone) ** 2, axis=-1))
-
-
-def wander_of(coefficient: Float, precision: Float, nodes: int) -> Wander:
-    """How a smoothed phase strays from a steady course.
-
-    Parameters
-    ----------
-    coefficient : ndarray, shape (directions,)
-        Of the basis of :func:`rsenf.flicker.grid_prior.phase_prior`.
-    precision : ndarray, shape (directions, directions)
-        Inverse of their covariance, the prior's included.
-    nodes : int
-    """
-    strays = _strays(nodes)
-    variance = np.einsum("ij,ji->i", strays, np.linalg.solve(precision, strays.T))
-    known = int(np.argmax(np.append(variance > KNOWN_VAR, True)))  # those before the first unknown
-    return Wander(known=known, squares=float(np.sum((strays[:known] @ coefficient) ** 2)))
-
-
-@functools.lru_cache(maxsize=128)
-def _strays(nodes: int) -> Float:
-    """From coefficients to the first directions beside a line, shape (directions, coefficients)."""
-    basis = phase_prior(nodes).basis
-    t_s = NODE_S * (np.arange(nodes) - (nodes - 1) / 2.0)
-    line, _ = np.linalg.qr(np.column_stack([np.ones(nodes), t_s]))
-    beside = basis - line @ (line.T @ basis)
-    left, size, _ = np.linalg.svd(beside[:, FREE:], full_matrices=False)
-    count = min(DIRECTIONS, int(np.sum(size > 1e-6 * size[0])))
-    return np.asarray((left[:, :count] / size[:count]).T @ beside)

@@ -21,11 +21,11 @@ from rsenf.flicker.mains import (
     Light,
     cell_means,
     still_light_of,
-    wander_of,
     why_not,
 )
 from rsenf.flicker.node_sums import at_frames
 from rsenf.flicker.second import FlickerSecond
+from rsenf.flicker.wander import wander_of
 from rsenf.flicker.zero_alias import MIN_ROWS, ZeroAlias, separate
 from rsenf.messages import RowBlock
 

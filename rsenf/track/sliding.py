@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.lines import Line
-from rsenf.flicker.mains import Wander, cell_means, is_faint, light_of, tells_cells, why_not
+from rsenf.flicker.mains import cell_means, is_faint, light_of, tells_cells, why_not
 from rsenf.flicker.slow_time import SlowTime
+from rsenf.flicker.wander import Wander
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
 from rsenf.track.method import EnfMethod

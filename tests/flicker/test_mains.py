@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsenf.flicker import mains
+from rsenf.flicker import mains, wander
 from rsenf.flicker.grid_prior import phase_prior
 from rsenf.flicker.mains import is_faint
 from tests.flicker import no_mains, weak_lamps
@@ -114,11 +114,11 @@ def test_a_grid_is_seldom_steady_and_never_restless() -> None:
     precision = 1e4 * prior.basis.T @ prior.basis + np.eye(prior.basis.shape[1])
     rng = np.random.default_rng(2)
     drawn = rng.standard_normal((4000, prior.basis.shape[1]))
-    told = [mains.wander_of(one, precision, 125) for one in drawn]
-    assert told[0].known == mains.DIRECTIONS
+    told = [wander.wander_of(one, precision, 125) for one in drawn]
+    assert told[0].known == wander.DIRECTIONS
     assert sum(w.is_steady for w in told) <= 6  # 3e-4 of 4000, and luck
     assert not any(w.is_restless for w in told)
-    rest = mains.wander_of(np.zeros(prior.basis.shape[1]), precision, 125)
+    rest = wander.wander_of(np.zeros(prior.basis.shape[1]), precision, 125)
     assert rest.is_steady
 
 
