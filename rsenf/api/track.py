@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from rsenf.messages.schema import FloatArray
 
-COLUMNS = ("t_s", "enf_hz", "enf_std_hz", "snr_db", "usable", "reason", "epoch")
+COLUMNS = ("t_s", "enf_hz", "enf_std_hz", "snr_db", "usable", "reason", "epoch", "mirror_hz")
 
 
 def track(
@@ -115,6 +115,9 @@ class TrackResult(Result):
         Why a value isn't usable; '' where it is.
     epoch : ndarray of int
         Stretch of a source that restarted.
+    mirror_hz : ndarray of float
+        ENF that ``enf_hz`` is mirrored about if the read-out runs the other way than assumed: where
+        the light's alias is at 0 Hz its direction can't be told. NaN where it is known.
     slips : list of FrameSlip
         Frames lost or shown again while the time stamps are silent; the ENF takes account of them,
         and seconds are of the time that has passed.
@@ -130,6 +133,7 @@ class TrackResult(Result):
     usable: NDArray[np.bool_]
     reason: NDArray[np.str_]
     epoch: NDArray[np.int64]
+    mirror_hz: FloatArray
     slips: list[FrameSlip]
     camera_hz: float | None
     warnings: list[str]
@@ -148,9 +152,10 @@ class TrackResult(Result):
                     "usable": usable,
                     "reason": reason,
                     "epoch": epoch,
+                    "mirror_hz": number(mirror_hz),
                     "slips": [dataclasses.asdict(slip) for slip in own],
                 }
-                for t_s, enf_hz, std_hz, snr_db, usable, reason, epoch, own in zip(
+                for t_s, enf_hz, std_hz, snr_db, usable, reason, epoch, mirror_hz, own in zip(
                     *columns, slips, strict=True
                 )
             ],
@@ -218,10 +223,26 @@ def track_result(name: str, analysis: Analysis) -> TrackResult:
         usable=column([e.usable for e in estimates], np.bool_),
         reason=column([e.reason for e in estimates], np.str_),
         epoch=column([e.header.epoch for e in estimates], np.int64),
+        mirror_hz=column([e.mirror_hz for e in estimates]),
         slips=slips,
         camera_hz=camera_hz,
-        warnings=[*analysis.warnings, *slip_words(slips, camera_hz)],
+        warnings=[
+            *analysis.warnings,
+            *slip_words(slips, camera_hz),
+            *_direction_words([e.mirror_hz for e in estimates if e.usable]),
+        ],
     )
+
+
+def _direction_words(mirror_hz: list[float]) -> list[str]:
+    """Say that the sign of the ENF's deviation is assumed, where it is."""
+    either = [hz for hz in mirror_hz if math.isfinite(hz)]
+    if not either:
+        return []
+    return [
+        "the direction of read-out can't be told at this frame rate, and with it the sign of the "
+        f"ENF's deviation: if it isn't as assumed, the ENF is mirrored about {either[-1]:.4f} Hz"
+    ]
 
 
 def _slips(estimate: EnfEstimate) -> list[FrameSlip]:

@@ -119,7 +119,13 @@ def _enf(grid: Grid, out: list[Any]) -> dict[str, Any]:
     good = [m for m in said if m.usable]
     t_s = np.array([m.t_s for m in good])
     found_hz = np.array([m.enf_hz for m in good])
-    error_hz = found_hz - grid.mean_hz(t_s - MEAN_S / 2, t_s + MEAN_S / 2) if good else found_hz
+    true_hz = grid.mean_hz(t_s - MEAN_S / 2, t_s + MEAN_S / 2) if good else found_hz
+    error_hz = found_hz - true_hz
+    # Where the direction of read-out is left open, either sign of the deviation is answered for.
+    mirror_hz = np.array([m.mirror_hz for m in good])
+    if good and np.isfinite(mirror_hz).all():
+        mirrored_hz = 2.0 * mirror_hz - found_hz - true_hz
+        error_hz = min(error_hz, mirrored_hz, key=lambda error: float(error @ error))
     reasons: dict[str, int] = {}
     for m in said:
         if not m.usable:

@@ -156,7 +156,9 @@ class FlickerFollower:
             known = end - AHEAD_S + TOGETHER_S - 1 if _fits(end) else 0
         else:
             self._look_still(end, final=final)
-            known = max(self._still_until - AHEAD_S, end - HOLD_S)
+            # A young stream may still tell which way its read-out runs.
+            is_settled = end > HOLD_S or (self._still is not None and self._still.knows_direction)
+            known = max(self._still_until - AHEAD_S if is_settled else 0, end - HOLD_S)
         while self._next < (end if final else known):
             self._ready.append(self._second(self._next, end))
             self._next += 1

@@ -40,6 +40,9 @@ class FlickerSecond:
         Mean illumination frequency (twice the ENF) over the second.
     f0_var_hz2 : float
         Its variance.
+    mirror_hz : float
+        Frequency about which ``f0_hz`` is mirrored if the read-out runs the other way; NaN where
+        its direction is known.
     turns : float
         Turns of the first harmonic's phase down the rows of one frame, as known by then:
         ``f_0·T_ro``; negative where the read-out runs from the last row to the first.
@@ -71,6 +74,7 @@ class FlickerSecond:
     slips: tuple[FrameSlip, ...] = ()
     f0_hz: float = NAN
     f0_var_hz2: float = NAN
+    mirror_hz: float = NAN
     turns: float = NAN
     apart_turns: float = 0.0
     snr_db: float = NAN

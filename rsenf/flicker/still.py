@@ -2,8 +2,9 @@
 
 Where the alias is at or near 0 Hz, texture and flicker are told apart jointly over as long a span
 as there is (:mod:`rsenf.flicker.zero_alias`); here its phases, with their covariance, meet the
-grid's habits, and become seconds. The sign of the deviation rests on the direction of read-out,
-which is taken to be from the first row to the last unless the data say otherwise.
+grid's habits, and become seconds. The sign of the deviation rests on the direction of read-out:
+where neither the fit nor the size of the deviation tells it, the likelier one is taken, and the
+frequency about which the other one mirrors is said.
 """
 
 from __future__ import annotations
@@ -38,8 +39,10 @@ BINS_PER_S = 4
 BANDS = 120
 TOO_STILL = "alias at 0 Hz, and the flicker's phase has turned too little to tell it from texture"
 NOT_FLICKER = "no mains flicker stands out"
-# Deviations (of the illumination) at which the other direction of read-out becomes more plausible.
-LIKELY_HZ, UNLIKELY_HZ = 0.1, 0.15
+# Deviation of the illumination's frequency from its nominal that is large for a grid, as a standard
+# deviation; logarithm of the prior odds that a camera reads from the first row to the last; and of
+# the odds from which on a direction counts as known.
+USUAL_HZ, FORWARD_LOG_ODDS, SURE_LOG_ODDS = 0.04, 2.0, 7.0
 MODEL_STD_HZ = 4e-5
 HOLE_FRAMES = 0.5  # by which time and numbers part from bin to bin where some are missing
 # Mean squares of the prior's ten and forty largest directions, beside the free ones, are 1 for a
@@ -107,16 +110,21 @@ class StillFlicker:
         if not found.determined:
             self.why = TOO_STILL
             return False
-        rate_hz = frame_rate(t_s, numbers)
+        rate_hz, rate_std_hz = frame_rate(t_s, numbers)
         level = float(np.mean(found.texture(rows, frames)))
         cells, turns = told[:, self._fine : -3] / frames[:, None], abs(found.turns) + 1.0
         light = still_light_of(cells, t_s, found.phase_rad, self._bands, turns)
-        course = course_of(found, self.nominal_hz, rate_hz, start, end, light)
+        course = course_of(found, self.nominal_hz, rate_hz, rate_std_hz, start, end, light)
         if isinstance(course, str):
             self.why = course
             return False
         self._path = _path(found, course, start, level, self._path)
         return True
+
+    @property
+    def knows_direction(self) -> bool:
+        """Whether the span last looked at told which way the read-out runs."""
+        return self._path is not None and bool(np.isnan(self._path.mirror_hz))
 
     def second(self, blank: FlickerSecond, frame_t_s: Float) -> FlickerSecond:
         """Fill in one second of the span last looked at, whose frames have these times."""
@@ -139,6 +147,7 @@ class StillFlicker:
             reason="",
             f0_hz=2.0 * self.nominal_hz + turned,
             f0_var_hz2=float(path.second_var_hz2[node]) + MODEL_STD_HZ**2,
+            mirror_hz=path.mirror_hz,
             phase_rad=4.0 * np.pi * self.nominal_hz * frame_t_s
             + at_frames(frame_t_s - path.start, psi),
             amplitude=complex(path.size * np.exp(1j * psi[node + NODES_PER_S // 2]) * beyond),
@@ -146,8 +155,8 @@ class StillFlicker:
         )
 
 
-def frame_rate(t_s: Float, numbers: Float) -> float:
-    """Frames a second, by one line for each stretch without a hole, all of one slope.
+def frame_rate(t_s: Float, numbers: Float) -> tuple[float, float]:
+    """Frames a second and its standard error, by parallel lines through stretches without a hole.
 
     Sources don't number what they never got: over a hole time goes on, and numbers don't.
     """
@@ -157,13 +166,19 @@ def frame_rate(t_s: Float, numbers: Float) -> float:
     stretch = np.concatenate([[0], np.cumsum(holes)])
     count = np.bincount(stretch)
     t, n = (x - (np.bincount(stretch, x) / count)[stretch] for x in (t_s, numbers))
-    return float(t @ n / (t @ t)) if t @ t > 0.0 else usual_hz
+    square = float(t @ t)
+    if not square > 0.0:
+        return usual_hz, np.inf
+    rate_hz = float(t @ n) / square
+    left = n - rate_hz * t
+    return rate_hz, float(np.sqrt(left @ left / max(t.size - count.size - 1, 1) / square))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Path:
     start: int
     turns: float
+    mirror_hz: float
     snr_db: float
     size: float  # levels
     psi_rad: Float  # at nodes, relative to the nominal frequency's
@@ -181,6 +196,9 @@ class Course:
     ----------
     sign : int
         1 for a read-out from the first row to the last, −1 for the other way round.
+    mirror_hz : float
+        Frequency about which the light's is mirrored if the read-out runs the other way; NaN where
+        its direction is known.
     told_rad : ndarray, shape (bins,)
         What the bins say by themselves, relative to the nominal frequency's.
     psi_rad : ndarray, shape (nodes,)
@@ -189,20 +207,29 @@ class Course:
     """
 
     sign: int
+    mirror_hz: float
     told_rad: Float
     psi_rad: Float
     second_var_hz2: Float
 
 
 def course_of(
-    found: ZeroAlias, nominal_hz: float, rate_hz: float, start: int, end: int, light: Light | None
+    found: ZeroAlias,
+    nominal_hz: float,
+    rate_hz: float,
+    rate_std_hz: float,
+    start: int,
+    end: int,
+    light: Light | None,
 ) -> Course | str:
     """Follow a grid through a span of seconds; say why what was found is no grid's light.
 
     Parameters
     ----------
     found : ZeroAlias
-    nominal_hz, rate_hz : float
+    nominal_hz, rate_hz, rate_std_hz : float
+        Of the grid, and the frame rate with its standard error: the light's frequency is known
+        beside a multiple of it.
     start, end : int
         Seconds, that the bins' times lie within.
     light : Light, optional
@@ -210,7 +237,7 @@ def course_of(
     """
     t_s = found.t_s
     stands_hz = rate_hz * round(2.0 * nominal_hz / rate_hz)  # whose alias is exactly 0 Hz
-    sign = _direction(found, stands_hz - 2.0 * nominal_hz)
+    sign, is_known = direction_of(found, stands_hz - 2.0 * nominal_hz)
     told = sign * found.phase_rad + 2.0 * np.pi * (stands_hz - 2.0 * nominal_hz) * t_s
     prior = phase_prior((end - start) * NODES_PER_S + 1).basis
     seen = np.column_stack([at_frames(t_s - start, direction) for direction in prior.T])
@@ -227,7 +254,9 @@ def course_of(
         return why
     over_second = (prior[NODES_PER_S:] - prior[:-NODES_PER_S]) / (2.0 * np.pi)
     variance = np.einsum("ij,ji->i", over_second, np.linalg.solve(precision, over_second.T))
-    return Course(sign, told, prior @ coefficient + told.mean(), variance)
+    variance += (stands_hz / rate_hz * rate_std_hz) ** 2
+    mirror_hz = np.nan if is_known else stands_hz
+    return Course(sign, mirror_hz, told, prior @ coefficient + told.mean(), variance)
 
 
 def _path(
@@ -241,6 +270,7 @@ def _path(
     return _Path(
         start=start,
         turns=course.sign * found.turns,
+        mirror_hz=course.mirror_hz,
         snr_db=float(10.0 * np.log10(snr)),
         size=found.amplitude * level,
         psi_rad=psi + turn,
@@ -251,13 +281,27 @@ def _path(
     )
 
 
-def _direction(found: ZeroAlias, stands_off_hz: float) -> int:
-    """1 for a read-out from the first row to the last, −1 for the other way round."""
+def direction_of(found: ZeroAlias, stands_off_hz: float) -> tuple[int, bool]:
+    """Direction of read-out, by the fit or by which deviation is a usual one.
+
+    Parameters
+    ----------
+    found : ZeroAlias
+    stands_off_hz : float
+        What light whose alias is exactly 0 Hz is off the nominal.
+
+    Returns
+    -------
+    sign : int
+        1 from the first row to the last, −1 the other way round: the likelier one.
+    is_known : bool
+    """
     if found.direction:
-        return found.direction
+        return found.direction, True
     slope_hz = float(np.polyfit(found.t_s, found.phase_rad, 1)[0]) / (2.0 * np.pi)
-    forward, reverse = abs(stands_off_hz + slope_hz), abs(stands_off_hz - slope_hz)
-    return -1 if forward > UNLIKELY_HZ and reverse < LIKELY_HZ else 1
+    forward, reverse = stands_off_hz + slope_hz, stands_off_hz - slope_hz
+    log_odds = (reverse**2 - forward**2) / (2.0 * USUAL_HZ**2)
+    return (1 if log_odds + FORWARD_LOG_ODDS > 0.0 else -1), abs(log_odds) > SURE_LOG_ODDS
 
 
 def _apart(before: _Path, psi: Float, start: int) -> float:

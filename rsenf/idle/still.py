@@ -14,15 +14,11 @@ import numpy as np
 
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.mains import MIN_FLICKER_RATIO
-from rsenf.flicker.still import SPAN_S, course_of
+from rsenf.flicker.still import SPAN_S, course_of, direction_of
 from rsenf.flicker.zero_alias import ZeroAlias
 from rsenf.idle.limits import NO_FLICKER, STILL, TOO_SHORT, WEAK, refused
 from rsenf.idle.seen import Finding, Seen
 
-# Deviations of the illumination's frequency from its nominal: a large one, as a standard deviation.
-USUAL_HZ = 0.04
-# Odds at which a direction counts as known by its deviation being a usual one, as a logarithm.
-SURE = 7.0
 EVERY_S = 4  # that spans are whole multiples of, so that few are prepared for
 
 
@@ -53,23 +49,16 @@ def _why_no_grid(seen: Seen, fit: ZeroAlias) -> str:
         phase_cov=fit.phase_cov[np.ix_(part, part)],
     )
     light = seen.still_rows.light
-    course = course_of(early, seen.nominal_hz, seen.frame_rate_hz, start, end, light)
+    course = course_of(early, seen.nominal_hz, seen.frame_rate_hz, 0.0, start, end, light)
     return course if isinstance(course, str) else ""
 
 
 def _claim(seen: Seen, fit: ZeroAlias) -> Finding:
     """Claim the ramp, and its direction if the fit or the grid's usual deviation tells it."""
     turned = (fit.phase_rad[-1] - fit.phase_rad[0]) / (fit.t_s[-1] - fit.t_s[0])
-    rate_hz = float(turned / (2.0 * np.pi))
     carrier_hz = 2.0 * seen.nominal_hz
     still_hz = carrier_hz - alias_hz(carrier_hz, seen.frame_rate_hz)
-    odds = _log_odds(still_hz + rate_hz - carrier_hz, still_hz - rate_hz - carrier_hz)
-    sign = fit.direction or (int(np.sign(odds)) if abs(odds) > SURE else 0)
-    way = sign or 1
-    found = Finding.of_turns(way * fit.turns, fit.turns_std**2, still_hz + way * rate_hz)
-    return found if sign else found.undirected(still_hz)
-
-
-def _log_odds(forward_hz: float, reverse_hz: float) -> float:
-    """Logarithm of the odds of two deviations from the nominal frequency."""
-    return (reverse_hz**2 - forward_hz**2) / (2.0 * USUAL_HZ**2)
+    sign, is_known = direction_of(fit, still_hz - carrier_hz)
+    f0_hz = still_hz + sign * float(turned / (2.0 * np.pi))
+    found = Finding.of_turns(sign * fit.turns, fit.turns_std**2, f0_hz)
+    return found if is_known else found.undirected(still_hz)

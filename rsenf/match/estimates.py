@@ -16,9 +16,10 @@ from rsenf.messages import EnfEstimate, Header
 ROW = np.dtype(
     [
         *((name, np.int64) for name in ("start_ns", "end_ns", "origin_ns")),
-        *((name, np.float64) for name in ("t_s", "enf_hz", "var_hz2", "nominal_hz")),
+        *((name, np.float64) for name in ("t_s", "enf_hz", "var_hz2", "nominal_hz", "mirror_hz")),
         *((name, np.float64) for name in ("phase_rad", "phase_var_rad2")),
         ("usable", np.bool_),
+        ("is_reverse", np.bool_),
         ("said", np.int32),
         *((name, np.int64) for name in ("frame_first", "frame_last")),
         *((name, np.int64) for name in ("pts_ns", "camera_time_ns", "arrival_time_ns")),
@@ -94,7 +95,8 @@ def _row(e: EnfEstimate, said: int) -> tuple[Any, ...]:
     h = e.header
     return (
         e.start_pts_ns, e.end_pts_ns, e.origin_pts_ns,
-        e.t_s, e.enf_hz, e.enf_var_hz2, e.nominal_hz, *_phase(e), e.usable, said,
+        e.t_s, e.enf_hz, e.enf_var_hz2, e.nominal_hz, e.mirror_hz, *_phase(e),
+        e.usable, e.direction == "reverse", said,
         h.frame_first, h.frame_last, h.pts_ns, h.camera_time_ns, h.arrival_time_ns,
     )  # fmt: skip
 

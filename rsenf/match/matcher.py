@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol
 
 from rsenf.errors import UsageError
+from rsenf.match.evidence import verbal
 from rsenf.match.paper_tracks import Hypotheses
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
@@ -116,6 +117,56 @@ def one_reference(match: OneReferenceMatcher, name: str) -> Matcher:
         return replace(found, grid=grids[0])
 
     return matcher
+
+
+def compare_directions(
+    compare: Callable[[Track], Finding], track: Track, tolerance_s: float
+) -> tuple[Finding, Track]:
+    """Compare a track, and its mirror image where the direction of read-out isn't known.
+
+    That makes the search twice as large, which the matchers count (:attr:`Track.directions`).
+
+    Returns
+    -------
+    finding : Finding
+        Of the direction that fits better.
+    track : Track
+        What it rests on.
+    """
+    if track.directions == 1:
+        return compare(track), track
+    tried = [(compare(one), one) for one in (track, track.mirrored())]
+    (best, own), (other, _) = sorted(tried, key=lambda one: -one[0].log10_lr_absent)
+    against_other = best.log10_lr
+    if abs(best.lag_s - other.lag_s) > tolerance_s:
+        against_other = min(against_other, best.log10_lr_absent - other.log10_lr_absent)
+    way = "the direction assumed" if own is track else "the other direction"
+    found = replace(
+        best,
+        log10_lr=against_other,
+        search_size=best.search_size + other.search_size,
+        claim_log10_lr=_mean(best.claim_log10_lr, other.claim_log10_lr),
+        claim_log10_lr_other=_mean(best.claim_log10_lr_other, other.claim_log10_lr_other),
+        verbal=verbal(min(against_other, best.log10_lr_absent)) if best.verbal else "",
+        warnings=(
+            *best.warnings,
+            "the direction of read-out isn't known, and with it the sign of the ENF's deviation: "
+            f"both were compared, and {way} fits better",
+        ),
+    )
+    if "match" == best.decision == other.decision and against_other < best.log10_lr:
+        reason = "one time fits for each direction of read-out"
+        found = replace(found, decision="no_decision", reason=reason)
+    return found, own
+
+
+def _mean(*log10_lr: float) -> float:
+    """Mean of likelihood ratios, those that are known."""
+    known = [one for one in log10_lr if not math.isnan(one)]
+    if not known:
+        return math.nan
+    top = max(known)
+    return top + math.log10(sum(10.0 ** (one - top) for one in known) / len(known))
 
 
 def claimed_lag_s(grid: Grid, claimed_utc_ns: int) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -24,7 +25,9 @@ class Track:
     ``enf_hz`` (n,) is NaN where there is no usable estimate; ``var_hz2`` (n,) is the estimates'
     own variance about the grid's 1 s mean. ``phase_rad`` (n,) is the illumination's phase in the
     middle of each window less that of twice the nominal frequency, between −π and π, and
-    ``phase_var_rad2`` (n,) its variance; NaN where an estimate brings none.
+    ``phase_var_rad2`` (n,) its variance; NaN where an estimate brings none. ``mirror_hz`` is the
+    frequency about which all of it is mirrored if the read-out runs the other way than assumed; NaN
+    where its direction is known.
     """
 
     first_s: float
@@ -35,6 +38,7 @@ class Track:
     nominal_hz: float
     phase_rad: FloatArray = field(default_factory=lambda: np.empty(0))
     phase_var_rad2: FloatArray = field(default_factory=lambda: np.empty(0))
+    mirror_hz: float = float("nan")
 
     def __post_init__(self) -> None:
         if not self.phase_rad.size:
@@ -47,6 +51,11 @@ class Track:
         """How many values there are."""
         return int(np.isfinite(self.enf_hz).sum())
 
+    @property
+    def directions(self) -> int:
+        """How many directions of read-out there are to compare."""
+        return 1 if math.isnan(self.mirror_hz) else 2
+
     def between(self, first: int, last: int) -> Track:
         """Return some of its values, on the same clock."""
         own = slice(first, last)
@@ -57,6 +66,15 @@ class Track:
             var_hz2=self.var_hz2[own],
             phase_rad=self.phase_rad[own],
             phase_var_rad2=self.phase_var_rad2[own],
+        )
+
+    def mirrored(self) -> Track:
+        """Return what the estimates are if the read-out runs the other way."""
+        t_s = self.first_s + self.hop_s * np.arange(self.enf_hz.size, dtype=np.float64)
+        return replace(
+            self,
+            enf_hz=2.0 * self.mirror_hz - self.enf_hz,
+            phase_rad=_mirrored_phase(self.phase_rad, t_s, self.mirror_hz - self.nominal_hz),
         )
 
     @property
@@ -95,6 +113,7 @@ def track_of(estimates: Sequence[EnfEstimate]) -> Track:
 def track_of_rows(rows: Rows) -> Track:
     """Do the same with estimates that were kept."""
     rows = rows[np.argsort(rows["start_ns"] + rows["end_ns"], kind="stable")]
+    rows = _of_one_direction(rows)
     first_s, hop_s, index = uniform_axis(rows["t_s"])
     good = rows["usable"] & np.isfinite(rows["enf_hz"])
 
@@ -104,6 +123,8 @@ def track_of_rows(rows: Rows) -> Track:
         return out
 
     nominals = rows["nominal_hz"][rows["usable"] & np.isfinite(rows["nominal_hz"])]
+    mirrors_hz = rows["mirror_hz"][good]
+    is_open = good.any() and bool(np.isfinite(mirrors_hz).all())
     return Track(
         first_s=first_s,
         hop_s=hop_s,
@@ -113,7 +134,39 @@ def track_of_rows(rows: Rows) -> Track:
         nominal_hz=float(np.median(nominals)) if nominals.size else float("nan"),
         phase_rad=on_axis("phase_rad"),
         phase_var_rad2=on_axis("phase_var_rad2"),
+        mirror_hz=float(np.median(mirrors_hz)) if is_open else float("nan"),
     )
+
+
+def _of_one_direction(rows: Rows) -> Rows:
+    """Mirror the estimates for which the other direction of read-out was assumed.
+
+    The other direction than that of those that know it, or than that of most.
+    """
+    good = rows["usable"] & np.isfinite(rows["enf_hz"])
+    is_assumed = good & np.isfinite(rows["mirror_hz"])
+    if not is_assumed.any():
+        return rows
+    telling = good & ~is_assumed if (good & ~is_assumed).any() else good
+    is_reverse = 2 * np.count_nonzero(rows["is_reverse"][telling]) > np.count_nonzero(telling)
+    wrong = is_assumed & (rows["is_reverse"] != is_reverse)
+    rows = rows.copy()
+    own = rows[wrong]
+    rows["enf_hz"][wrong] = 2.0 * own["mirror_hz"] - own["enf_hz"]
+    rows["phase_rad"][wrong] = _mirrored_phase(
+        own["phase_rad"], own["t_s"], own["mirror_hz"] - own["nominal_hz"]
+    )
+    return rows
+
+
+def _mirrored_phase(
+    phase_rad: FloatArray, t_s: FloatArray, off_hz: FloatArray | float
+) -> FloatArray:
+    """Illumination's phase less the nominal's, mirrored about that of a frequency off the nominal.
+
+    ``off_hz`` is of the grid; the illumination turns twice as fast.
+    """
+    return np.asarray(np.angle(np.exp(1j * (8.0 * np.pi * off_hz * t_s - phase_rad))))
 
 
 def uniform_axis(t_s: FloatArray) -> tuple[float, float, NDArray[np.int64]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from rsenf.match.matcher import (
     Finding,
     HypothesisMatcher,
     Matcher,
+    compare_directions,
     nothing_to_decide,
     of_nominal,
     one_reference,
@@ -220,7 +222,7 @@ class Match:
         grids = [*self._grids, *(grid_of(list(b.values())) for b in self._blocks.values())]
         method = self._method_for(track)
         try:
-            finding = self._finding(method, track, rows, grids)
+            finding, track = self._finding(method, track, rows, grids)
             if final and method == "phase" and track and finding.grid:
                 own = of_nominal(track, grids)
                 finding = examined(finding, track, own, self.settings, self.claimed_utc_ns)
@@ -261,7 +263,10 @@ class Match:
         no_phase = track is not None and track.usable and clip_phase(track) is None
         return "ncc" if self.method == "phase" and no_phase else self.method
 
-    def _finding(self, method: str, track: Track | None, rows: Rows, grids: list[Grid]) -> Finding:
+    def _finding(
+        self, method: str, track: Track | None, rows: Rows, grids: list[Grid]
+    ) -> tuple[Finding, Track | None]:
+        """Compare, or say why not; and return the track in the direction that was decided on."""
         matcher, reason = METHODS[method], ""
         if track is None:
             reason = "no ENF estimate: the clip is shorter than one window"
@@ -271,7 +276,8 @@ class Match:
             hypotheses = self._hypotheses.hypotheses(int(rows["end_ns"][-1]))
             if hypotheses:
                 found = matcher(hypotheses, grids, self.settings)
-                return found if track.usable else _doubted(found, self._estimates.said(rows[-1])[1])
+                is_sure, said = track.usable, self._estimates.said(rows[-1])
+                return (found if is_sure else _doubted(found, said[1])), track
             reason = self._why_no_hypotheses(method, matcher.enf_method, rows[-1])
         else:
             reason = nothing_to_decide(track, grids, self.settings)
@@ -279,8 +285,11 @@ class Match:
                 reason = ": ".join(filter(None, (reason, self._estimates.usual_reason(rows))))
             if not reason:
                 own = of_nominal(track, grids)
-                return matcher(track, own, self.settings, self.claimed_utc_ns)
-        return Finding(decision="no_decision", reason=reason)
+                compare = partial(
+                    matcher, grids=own, settings=self.settings, claimed_utc_ns=self.claimed_utc_ns
+                )
+                return compare_directions(compare, track, self.settings.tolerance_s)
+        return Finding(decision="no_decision", reason=reason), track
 
     def _why_no_hypotheses(self, method: str, needed: str, last: Any) -> str:
         other, reason = self._estimates.said(last)

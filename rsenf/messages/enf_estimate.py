@@ -67,6 +67,17 @@ class EnfEstimate:
         29, "frames lost; negative for shown again", wire="sfixed64", shape=("slips",)
     )
 
+    mirror_hz: float = field(
+        30,
+        "ENF that enf_hz is mirrored about if the read-out runs the other way than assumed; NaN "
+        "where its direction is known",
+        float("nan"),
+    )
+
+    direction: str = field(
+        31, "read-out that it rests on, 'forward' or 'reverse'; empty where it rests on none", ""
+    )
+
     @property
     def t_s(self) -> float:
         """Centre of the interval, in seconds from the first frame."""

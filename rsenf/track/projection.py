@@ -22,6 +22,8 @@ from rsenf.timebase import nanoseconds
 from rsenf.track.method import EnfMethod
 from rsenf.track.settings import TrackSettings
 
+DIRECTIONS = {1: "forward", -1: "reverse", 0: ""}  # by the sign of the turns down the rows
+
 
 class ProjectionTracker(EnfMethod):
     """Coherent projection.
@@ -73,6 +75,8 @@ class ProjectionTracker(EnfMethod):
             blank,
             enf_hz=second.f0_hz / 2.0,
             enf_var_hz2=enf_var_hz2,
+            mirror_hz=second.mirror_hz / 2.0,
+            direction=DIRECTIONS[int(np.sign(second.turns))],
             idle_ratio=_idle_ratio(second),
             usable=True,
             **_amplitude(second, blank.origin_pts_ns),

@@ -19,5 +19,7 @@ def test_frames_that_never_came_leave_the_rate_as_it_is(numbered: bool) -> None:
     into = (t_s * 4).astype(int)
     _, into = np.unique(into, return_inverse=True)
     frames = np.bincount(into)
-    rate = frame_rate(np.bincount(into, t_s) / frames, np.bincount(into, number) / frames)
+    rate, std = frame_rate(np.bincount(into, t_s) / frames, np.bincount(into, number) / frames)
     assert rate == pytest.approx(25.002, abs=1e-4)
+    assert 0.0 < std < 1e-4
+    assert abs(rate - 25.002) < 4.0 * std
