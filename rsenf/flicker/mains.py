@@ -57,7 +57,7 @@ QUARTZ_HZ = (60 / 1.001, 60.0, 72.0, 75.0, 120 / 1.001, 120.0, 144.0, 200.0, 240
              400.0, 480.0, 500.0, 1000.0)  # fmt: skip
 QUARTZ_RATIO, QUARTZ_OFF_HZ = 1e-4, 0.02
 KEY_FRAMES = (8, 10, 12, 15, 16, 20, 24, 25, 30, 48, 50, 60)  # usual numbers from one to the next
-KEY_FRAMES_HZ = 3e-3
+KEY_FRAMES_HZ = 1e-2
 # Weaker flicker is nobody's: rounding, and what an exposure of a whole number of periods leaves.
 MIN_FLICKER_RATIO = 1e-4
 # Of a lamp that flickers by so much an exposure of a whole number of periods leaves a share that

@@ -75,7 +75,8 @@ class Judge:
         assert self.evidence is not None
         last, lag_s = self.evidence.last, self.evidence.follows.lag_s
         fits = self._grid.nominal_hz == estimate.nominal_hz
-        if last is None or tick.offset_ns is None or not fits:
+        is_open = math.isfinite(estimate.mirror_hz)  # the deviation may have the other sign
+        if last is None or tick.offset_ns is None or not fits or is_open:
             return None
         passed_s = seconds(phase.t_ns - last.t_ns)
         if passed_s > LONGEST_S:
@@ -144,6 +145,8 @@ class Judge:
         newest = self._seen[-1]
         if newest.usable and newest.nominal_hz != self._grid.nominal_hz:
             return f"light of a {newest.nominal_hz:.0f} Hz grid, reference of another"
+        if newest.usable and math.isfinite(newest.mirror_hz):
+            return "the direction of read-out isn't known yet, nor the sign of the ENF's deviation"
         if newest.usable and _phase_of(newest) is None:
             return f"estimates by {newest.method!r} carry no phase"
         behind_s = seconds(due_ns + tick.offset_ns - self._grid.end_ns())
