@@ -45,6 +45,7 @@ NOT_FLICKER = "no mains flicker stands out"
 USUAL_HZ, FORWARD_LOG_ODDS, SURE_LOG_ODDS = 0.04, 2.0, 7.0
 MODEL_STD_HZ = 4e-5
 HOLE_FRAMES = 0.5  # by which time and numbers part from bin to bin where some are missing
+MISFIT_S, LEAST_MISFIT = 0.5, 3.0  # seconds beside one, and the chi-squared that counts
 # Mean squares of the prior's ten and forty largest directions, beside the free ones, are 1 for a
 # grid.
 MAX_WANDER, MAX_FAST = 10.0, 5.0
@@ -254,9 +255,22 @@ def course_of(
         return why
     over_second = (prior[NODES_PER_S:] - prior[:-NODES_PER_S]) / (2.0 * np.pi)
     variance = np.einsum("ij,ji->i", over_second, np.linalg.solve(precision, over_second.T))
+    variance *= _misfit(t_s - start, told - told.mean() - seen @ coefficient, noise, variance.size)
     variance += (stands_hz / rate_hz * rate_std_hz) ** 2
     mirror_hz = np.nan if is_known else stands_hz
     return Course(sign, mirror_hz, told, prior @ coefficient + told.mean(), variance)
+
+
+def _misfit(t_s: Float, left_rad: Float, noise: Float, nodes: int) -> Float:
+    """Reduced chi-squared of the bins around each second that begins at a node, where it is large.
+
+    A frame that is lost while the time stamps are silent makes a step that no smooth course fits.
+    """
+    excess = left_rad**2 / np.diag(noise)
+    begins_s = np.arange(nodes)[:, None] / NODES_PER_S
+    near = (t_s > begins_s - MISFIT_S) & (t_s < begins_s + 1.0 + MISFIT_S)
+    chi2 = near @ excess / np.maximum(near.sum(axis=1), 1)
+    return np.where(chi2 > LEAST_MISFIT, chi2, 1.0)
 
 
 def _path(
