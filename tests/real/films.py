@@ -1,9 +1,9 @@
 """What is claimed of films without mains light, and found in the same scenes under a weak lamp.
 
 ``python -m tests.real.films FIRST LAST --out FILE.jsonl`` films the scenes of
-:mod:`tests.real.scenes` with these seeds, dark and lit, and appends a line for each film and pair of
-methods; what has its line already is left out. ``--summary PICTURE.png`` only tells what the file
-holds: by method, false claims with their 95 % bound, shares found, errors over their stated ones.
+:mod:`tests.real.scenes` with these seeds, dark and lit, and appends a line for each film and pair
+of methods; what has its line already is left out. ``--summary PICTURE.png`` only tells what the
+file holds: by method, false claims with their 95 % bound, shares found, errors over stated ones.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import math
 import tempfile
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -63,8 +62,8 @@ def _enf(found: Claims, lamp: Lamp | None) -> Line:
     told: Line = {"seconds": len(found.track), "usable": len(usable)}
     if not usable:
         return told | {"reason": found.track[0].reason if found.track else "too short"}
-    hz, std_hz = (np.array(x) for x in ([e.enf_hz for e in usable],
-                                        [math.sqrt(max(e.enf_var_hz2, 1e-18)) for e in usable]))  # fmt: skip
+    hz = np.array([e.enf_hz for e in usable])
+    std_hz = np.sqrt([max(e.enf_var_hz2, 1e-18) for e in usable])
     told |= {"enf_hz": float(hz.mean()), "enf_std_hz": float(std_hz.mean())}
     if lamp:
         turns, at_s = lamp.grid.turns, np.array([e.t_s for e in usable])

@@ -194,8 +194,8 @@ def _blink(rng: Rng) -> str:
         every_s = 1.0 / rng.uniform(0.5, 14.0)
         x, y, w, h = (f"{x:.2f}" for x in rng.uniform(0.1, 0.9, 4))
         when = f"lt(mod(t\\,{every_s:.4f})\\,{every_s * rng.uniform(0.2, 0.8):.4f})"
-        boxes.append(f"drawbox=x=iw*{x}:y=ih*{y}:w=iw*{w}:h=ih*{h}:c=white@{rng.uniform(0.03, 1):.2f}"
-                     f":t=fill:enable='{when}'")  # fmt: skip
+        colour = f"c=white@{rng.uniform(0.03, 1):.2f}:t=fill"
+        boxes.append(f"drawbox=x=iw*{x}:y=ih*{y}:w=iw*{w}:h=ih*{h}:{colour}:enable='{when}'")
     return ",".join([str(rng.choice(["smptebars={s}", "color=c=0x505050:{s}"])), *boxes])
 
 
