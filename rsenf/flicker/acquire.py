@@ -24,6 +24,7 @@ Complex = NDArray[np.complex128]
 SEARCH_HZ = 1.0  # of the illumination's frequency
 MIN_SNR = 40.0
 LIKELY_HZ = 0.1  # standard deviation of the illumination's frequency that is taken for likely
+TIED_HZ = 0.05  # mirror images that are so much farther off are less likely
 TURNS_STEP = 0.25
 NO_FLICKER = "no mains flicker stands out"
 # Drifts of the illumination's frequency tried, Hz/s: grids drift by 3e-3 now and then.
@@ -91,10 +92,31 @@ def acquire(
     nominal_hz, one_turns, tone, baseband = best
     if tone.at_edge:
         return AT_EDGE
+    mirrored_hz = _mirrored_hz(tone.offset_hz, one_turns, nominal_hz, frame_rate_hz)
+    if mirrored_hz is not None:
+        one_turns, tone = -one_turns, replace(tone, offset_hz=mirrored_hz)
+        baseband = baseband.conj() * np.exp(-8j * np.pi * nominal_hz * t_s)
     nodes_t = np.arange(round(length_s / NODE_S) + 1) * NODE_S - length_s / 2.0
     offset_hz, drift_hz_s = _with_drift(baseband, t_mid, tone.offset_hz, finder)
     psi = 2.0 * np.pi * (offset_hz * nodes_t + drift_hz_s * nodes_t**2 / 2.0)
     return Found(nominal_hz, one_turns, tone, psi)
+
+
+def _mirrored_hz(
+    offset_hz: float, turns: float, nominal_hz: float, frame_rate_hz: float
+) -> float | None:
+    """Offset of a tone's mirror image where that is the better reading of the same data.
+
+    Near half the frame rate a tone down the rows and its mirror image up the rows are both
+    searched, and fit alike. The one nearer to the nominal frequency is taken, and where both are
+    as near, the one down: the first row is read first.
+    """
+    mirrored_hz = alias_hz(-4.0 * nominal_hz - offset_hz, frame_rate_hz)
+    if turns == 0.0 or abs(mirrored_hz) > SEARCH_HZ:
+        return None
+    nearer_hz = abs(offset_hz) - abs(mirrored_hz)
+    is_better = nearer_hz > (-TIED_HZ if turns < 0.0 else TIED_HZ)
+    return mirrored_hz if is_better else None
 
 
 def strongest(finder: ToneFinder, power: Float, t_s: Float) -> Tone:

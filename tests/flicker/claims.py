@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import beta
 
-from rsenf.api.shared import opened, row_settings, track_settings
+from rsenf.api.shared import Recording, opened, row_settings, track_settings
 from rsenf.idle import IdleSettings
 from rsenf.messages import EnfEstimate, IdleEstimate
 from rsenf.run.inline import analyse
@@ -34,14 +34,14 @@ class Claims:
 
 
 def claims(
-    level: NDArray[np.floating],
-    t_s: NDArray[np.float64],
+    recording: Recording,
+    t_s: NDArray[np.float64] | None = None,
     track: str = "projection",
     idle: str = "coherent",
 ) -> Claims:
-    """Let both look at rows."""
+    """Let both look at a recording, or at rows and their times."""
     settings = track_settings({"method": track})
-    source = opened(level, t_s, None, "", "rows")
+    source = opened(recording, t_s)
     rows = row_settings(None, settings)
     found = analyse(source, rows=rows, track=settings, idle=IdleSettings(idle))
     return Claims(found.estimates, found.idle)

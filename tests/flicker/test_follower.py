@@ -15,6 +15,7 @@ from rsenf.flicker.second import FlickerSecond
 from rsenf.messages import Header, RowBlock
 from rsenf.model import CaptureModel, RowData, Shutter, simulate_rows, synthetic_grid
 from rsenf.rows.luminance import blocks_from_luminance
+from tests.flicker import weak_lamps
 
 
 def film(
@@ -201,3 +202,17 @@ def test_flicker_that_stands_still_is_not_claimed(rate: str) -> None:
     assert len(out) == 62
     assert not any(s.usable for s in out)
     assert all(s.reason for s in out)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 4])
+@pytest.mark.parametrize(("rate", "turned"), [("48", False), ("48000/1001", True)])
+def test_beside_half_the_frame_rate_the_sign_is_that_of_the_read_out(
+    seed: int, rate: str, turned: bool
+) -> None:
+    """The mirror image up the rows was taken: 18 to 41 mHz above 60 Hz instead of below."""
+    level, t_s, truth = weak_lamps.film(seed, flicker_ratio=0.01, lamps=1, pace=(60.0, rate))
+    level, t_s = level[: 14 * 48], t_s[: 14 * 48]
+    followed = [s for s in follow(level[:, ::-1] if turned else level, t_s) if s.usable]
+    assert len(followed) > 10
+    off_hz = [s.f0_hz / 2.0 - truth["enf_hz"][s.index] for s in followed if s.index < 13]
+    assert np.abs(off_hz).max() < 5e-3
