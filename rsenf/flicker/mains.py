@@ -78,7 +78,6 @@ FAINT = (
     "hardly any flicker: an exposure of a whole number of its periods (anti-flicker), or a nearly "
     "steady light"
 )
-CALM = "its frequency hardly moves, and nothing shows that it is light: a pattern at its own speed?"
 KEYED = "all rows brighten at once, every so many frames: key frames, or a global shutter"
 
 
@@ -114,12 +113,6 @@ class Light:
         left = 1.0 - self.explained
         least = max(LEAST_ADDED, 3.0 * self.explained_std)
         return left > max(ADDED * (1.0 - self.added), least)
-
-    @property
-    def leans_to_light(self) -> bool:
-        """Whether it is likelier light than added to the picture, by as much as the reverse."""
-        least = max(ADDED * (1.0 - self.explained), 3.0 * self.explained_std)
-        return 1.0 - self.added > least
 
     @property
     def is_multiplied(self) -> bool:
@@ -171,11 +164,9 @@ def why_not(
         return TOO_STEADY
     if light is None:
         return ""
-    if abs(alias_hz(2.0 * nominal_hz, frame_rate_hz)) < CREEPS_HZ:
-        if not (light.is_multiplied or wander.is_seen):
-            return CREEPS
-    elif wander.is_calm and not light.leans_to_light:
-        return CALM
+    creeps = abs(alias_hz(2.0 * nominal_hz, frame_rate_hz)) < CREEPS_HZ
+    if creeps and not (light.is_multiplied or wander.is_seen):
+        return CREEPS
     if abs(light.turns) < AT_ONCE and _is_keyed(f0_hz, frame_rate_hz, wander):
         return KEYED
     return light.why_not(f0_hz / frame_rate_hz, is_steady=wander.is_steady)

@@ -16,7 +16,6 @@ Float = NDArray[np.float64]
 # of mean 1: chi-squared is less than that in 3e-4 of all grids, and more, by far, in none.
 DIRECTIONS = 4
 STEADY = {3: 0.01, 4: 0.05}
-CALM = {2: 0.02, 3: 0.115, 4: 0.3}  # less than that in 1e-2
 MOVES = 0.05  # on average: what is seen to move
 MAX_WANDER = 10.0  # on average
 KNOWN_VAR = 0.05  # variance of a direction that is known
@@ -41,11 +40,6 @@ class Wander:
     def is_steady(self) -> bool:
         """Whether it rests, as no grid does."""
         return self.known in STEADY and self.squares < STEADY[self.known]
-
-    @property
-    def is_calm(self) -> bool:
-        """Whether it moves so little as one grid in a hundred."""
-        return self.known in CALM and self.squares < CALM[self.known]
 
     @property
     def is_seen(self) -> bool:

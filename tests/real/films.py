@@ -23,7 +23,7 @@ import numpy as np
 from rsenf.api.recordings import read_recording
 from rsenf.rows.settings import AUTO, RowsSettings
 from tests.flicker.claims import Claims, at_most, claims
-from tests.real.scenes import KINDS, Lamp, draw_scene, film
+from tests.real.scenes import Lamp, draw_scene, film
 
 PAIRS = ("projection+coherent", "stft+vertical_phase", "phase+line_ratio",
          "row_concat+line_ratio_bins", "superpixel+", "frame_mean+", "paper+")  # fmt: skip
@@ -31,10 +31,10 @@ WRONG_Z, WRONG_HZ, WRONG_IDLE = 5.0, 0.01, 0.01
 Line = dict[str, Any]
 
 
-def lines_of(seed: int, kind: str, lit: bool, pairs: Sequence[str]) -> list[Line]:
+def lines_of(seed: int, lit: bool, pairs: Sequence[str]) -> list[Line]:
     """Film a scene and let methods look at it: a line for each pair of them."""
-    scene = draw_scene(seed, kind, lit=lit)
-    told: Line = {"seed": seed, "lit": lit, "kind": kind, "rate": scene.rate}
+    scene = draw_scene(seed, lit=lit)
+    told: Line = {"seed": seed, "lit": lit, "kind": scene.kind, "rate": scene.rate}
     told |= {"coding": scene.coding, "noise": scene.noise, "seconds": round(scene.seconds, 2)}
     if scene.lamp:
         told["flicker_ratio"] = scene.lamp.flicker_ratio
@@ -164,7 +164,6 @@ def main() -> None:
     parser.add_argument("last", type=int, help="seeds end before this one")
     parser.add_argument("--out", type=Path, required=True, help="file of JSON lines")
     parser.add_argument("--pairs", nargs="+", default=PAIRS[:1], choices=(*PAIRS, "all"))
-    parser.add_argument("--kinds", nargs="+", choices=KINDS, help="of all seeds; else by turns")
     parser.add_argument("--only", choices=("dark", "lit"))
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--summary", type=Path, help="picture; nothing is filmed")
@@ -177,16 +176,14 @@ def main() -> None:
         summary(lines)
         picture(lines, asked.summary)
         return
-    done = {(line["seed"], line["kind"], line["lit"], line["pair"]) for line in lines}
-    by_turns = list(KINDS)
+    done = {(line["seed"], line["lit"], line["pair"]) for line in lines}
     with ProcessPoolExecutor(asked.jobs) as pool, asked.out.open("a") as out:
         running = [
-            pool.submit(lines_of, seed, kind, lit, left)
+            pool.submit(lines_of, seed, lit, left)
             for seed in range(asked.first, asked.last)
-            for kind in asked.kinds or [by_turns[seed % len(by_turns)]]
             for lit in (False, True)
             if asked.only != ("dark" if lit else "lit")
-            if (left := [pair for pair in pairs if (seed, kind, lit, pair) not in done])
+            if (left := [pair for pair in pairs if (seed, lit, pair) not in done])
         ]
         for each in as_completed(running):
             for line in each.result():

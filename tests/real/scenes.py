@@ -94,8 +94,9 @@ class Scene:
     lamp: Lamp | None
 
 
-def draw_scene(seed: int, kind: str, *, lit: bool) -> Scene:
-    """Draw a scene; the same seed is the same scene, lit or not, but for noise that dithers."""
+def draw_scene(seed: int, *, lit: bool, kind: str = "") -> Scene:
+    """Draw a scene; the same seed is the same scene, lit or not, but for the noise that dithers."""
+    kind = kind or list(KINDS)[seed % len(KINDS)]
     rng = _rng(seed, "scene")
     rate, seconds = str(rng.choice(RATES)), float(rng.uniform(10.0, 18.0))
     lossless = rng.uniform() < LOSSLESS_SHARE
