@@ -118,7 +118,7 @@ def _track(opened: Input, settings: Settings) -> Row:
     with whole_file(path) as part:
         lines = (json.dumps(e, allow_nan=False) for e in found.to_dict()["estimates"])
         part.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
-    figures = track_figures(found.analysis.estimates)
+    figures = track_figures(found.analysis.estimates, found.analysis.frame_rate_hz)
     return figures | _read(found) | _heard(found) | {"enf_file": name}
 
 
