@@ -60,7 +60,8 @@ def track(
     frame_time_s : array_like (frames,), optional
         Of arrays: when each frame began, in seconds.
     frame_rate_hz : float, optional
-        Of arrays whose frames came regularly.
+        Of arrays whose frames came regularly; of a file, in place of times that it hasn't, or that
+        are wrong.
     camera : str
         Of an ``.mcap`` recording with several.
     begin : {'rows', 'frames', 'track'}

@@ -93,7 +93,11 @@ def _check_same(recording: Recording, when: str) -> None:
 def _analysed(recording: Recording, settings: Settings) -> Row:
     """Have a recording looked at."""
     opened = open_input_file(
-        recording.path, camera=settings.camera, begin=settings.begin, threads=settings.threads
+        recording.path,
+        camera=settings.camera,
+        begin=settings.begin,
+        threads=settings.threads,
+        frame_rate_hz=settings.frame_rate_hz,
     )
     return ANALYSES[settings.analysis](opened, settings)
 
