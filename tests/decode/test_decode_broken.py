@@ -113,7 +113,10 @@ def test_what_is_no_video_is_one_clear_error(
     empty = tmp_path / "empty.mp4"
     empty.touch()
     sound = make_sound(tmp_path / "sound.mp4")
-    for path in (unfinished, text, notes, listing, session, noise, empty, sound):
+    photograph = make_clip(
+        tmp_path / "photograph.mjpeg", pictures(1), "mjpeg", container_format="mjpeg"
+    )
+    for path in (unfinished, text, notes, listing, session, noise, empty, sound, photograph):
         error = error_of(path)
         assert isinstance(error, InputError)
         assert error.exit_code == EXIT_FAILED
