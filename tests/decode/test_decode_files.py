@@ -179,9 +179,9 @@ def test_frames_are_counted_at_a_rate_that_is_given(tmp_path: Path, suffix: str)
 
 
 def test_a_rate_is_for_files_and_above_zero() -> None:
+    live = SourceSpec(url="rtsp://a/b", kind="rtsp", frame_rate_hz=25.0)
     with pytest.raises(UsageError, match="times of its own"):
-        open_spec = SourceSpec(url="rtsp://a/b", kind="rtsp", frame_rate_hz=25.0)
-        open_source(open_spec, source="a/b", run_id="", clock_ns=lambda: 0)
+        open_source(live, source="a/b", run_id="", clock_ns=lambda: 0)
     with pytest.raises(UsageError, match="frame rate of 0 Hz"):
         source_of(Path("clip.mp4"), frame_rate_hz=0.0)
 
