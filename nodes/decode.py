@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import BaseModel, Discriminator, Field, Tag
+from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
 from rsenf.config.model_file import SimulatedInput
 from rsenf.config.names import Camera
@@ -39,6 +39,9 @@ class DecodeNode(NodeKind):
     )
     rows: RowsSettings = Field(RowsSettings(), description="row sampling, when fused")
     record_video: bool = Field(True, description="send the compressed packets, for recording")
+    frame_rate_hz: float | None = Field(
+        None, gt=0, description="at which a file's frames are counted, in place of its own times"
+    )
     pace: bool = Field(False, description="play a file at its own speed, as if live")
     threads: int = Field(0, ge=0, description="decoder threads; 0 is what keeps all cores busy")
     ring_slots: int = Field(8, ge=2, le=256)
@@ -51,6 +54,16 @@ class DecodeNode(NodeKind):
 
     is_source = True
     named_by = "camera"
+
+    @model_validator(mode="after")
+    def _only_files_lack_times(self) -> DecodeNode:
+        if self.frame_rate_hz and not self._is_file:
+            raise ValueError("frame_rate_hz is for files: any other input has times of its own")
+        return self
+
+    @property
+    def _is_file(self) -> bool:
+        return isinstance(self.input, str) and kind_of(self.input) == "file"
 
     @property
     def feeds(self) -> tuple[str, ...]:
@@ -74,9 +87,7 @@ class DecodeNode(NodeKind):
     @property
     def runs_ahead(self) -> bool:
         """Whether it is a file, or the simulator, at full speed."""
-        return not self.pace and (
-            isinstance(self.input, SimulatedInput) or kind_of(self.input) == "file"
-        )
+        return not self.pace and (isinstance(self.input, SimulatedInput) or self._is_file)
 
     def body(self, node: NodeProcess) -> None:
         """Send every frame of the source, then the END marks."""
@@ -137,6 +148,7 @@ class DecodeNode(NodeKind):
             url=self.input.removeprefix("v4l2:"),
             kind=kind_of(self.input),
             threads=self.threads,
+            frame_rate_hz=self.frame_rate_hz,
             with_packets=self.record_video,
             pace=self.pace,
             open_timeout_s=self.open_timeout_s,

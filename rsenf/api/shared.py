@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsenf.errors import UsageError
 from rsenf.match.stage import tracker_for
+from rsenf.messages import Header, RateBasis
 from rsenf.rows.settings import AUTO, RowsSettings
 from rsenf.run.inline import Analysis
 from rsenf.run.inputs import Input, open_input_file
@@ -49,39 +50,41 @@ def opened(
     frame_time_s : array_like (frames,), optional
         Of rows: when each frame began.
     frame_rate_hz : float, optional
-        Of frame means, or of rows that came regularly.
+        Of arrays that came regularly; of a file, in place of times that it hasn't, or that are
+        wrong.
     camera, begin : str
         Of a path, as :func:`rsenf.run.inputs.open_input_file` takes them.
 
     Raises
     ------
     UsageError
-        When there is no such file, or arrays lack their times.
+        When there is no such file, arrays lack their times, or a recording has times that stand.
     InputError
         When it holds nothing that can be analysed.
     """
-    timed = frame_time_s is not None or frame_rate_hz is not None
     if isinstance(recording, Input | str | os.PathLike):
-        if timed:
+        is_open = isinstance(recording, Input)
+        if frame_time_s is not None or (is_open and frame_rate_hz is not None):
             raise UsageError("a recording has times of its own", "give times with arrays only")
         if isinstance(recording, Input):
             return recording
-        return open_input_file(Path(recording), camera=camera, begin=begin)
+        return open_input_file(
+            Path(recording), camera=camera, begin=begin, frame_rate_hz=frame_rate_hz
+        )
     import numpy as np
 
     from rsenf.run.npz import ARRAYS, Luminance
 
     held: dict[str, ArrayLike]
     if frame_time_s is not None and frame_rate_hz is None:
-        held = {"rows": recording, "frame_time_s": frame_time_s}
+        held, basis = {"rows": recording, "frame_time_s": frame_time_s}, RateBasis.STAMPED
     elif frame_rate_hz is not None and frame_time_s is None:
-        frames = len(level := np.atleast_1d(recording))
-        held = {"luminance": level, "frame_rate_hz": frame_rate_hz}
-        if level.ndim > 1 and frame_rate_hz > 0:
-            held = {"rows": level, "frame_time_s": np.arange(frames) / frame_rate_hz}
+        level = np.atleast_1d(recording)
+        name, basis = "rows" if level.ndim > 1 else "luminance", RateBasis.GIVEN
+        held = {name: level, "frame_rate_hz": frame_rate_hz}
     else:
         raise UsageError("arrays need their times", "give either frame_time_s or frame_rate_hz")
-    return Luminance(held, f"file/{ARRAYS}")
+    return Luminance(held, Header(source=f"file/{ARRAYS}", rate_basis=basis))
 
 
 def track_settings(

@@ -60,7 +60,8 @@ def track(
     frame_time_s : array_like (frames,), optional
         Of arrays: when each frame began, in seconds.
     frame_rate_hz : float, optional
-        Of arrays whose frames came regularly.
+        Of arrays whose frames came regularly; of a file, in place of times that it hasn't, or that
+        are wrong.
     camera : str
         Of an ``.mcap`` recording with several.
     begin : {'rows', 'frames', 'track'}
@@ -172,19 +173,19 @@ class TrackResult(Result):
     def summary(self) -> str:
         """One line on what was found."""
         estimates, seconds = self.analysis.estimates, self.analysis.seconds
-        if not estimates:
-            return f"too short to tell: {seconds:.1f} s of video"
         usable = [e for e in estimates if e.usable]
         if not usable:
             # What is wrong with the rows themselves explains best why no window of them is of use.
-            (rows, _), *_ = self.analysis.row_reasons.most_common(1)
-            (reason, _), *_ = Counter(e.reason for e in estimates).most_common(1)
-            return f"no usable signal in {seconds:.0f} s of video: {rows or reason}"
+            reason = _most_frequent(self.analysis.row_reasons)
+            reason = reason or _most_frequent(Counter(e.reason for e in estimates))
+            if not reason:
+                return f"too short to tell: {seconds:.1f} s of video"
+            return f"no usable signal in {seconds:.0f} s of video: {reason}"
         last = usable[-1]
         return (
             f"{len(usable)} of {len(estimates)} values usable; {last.nominal_hz:.0f} Hz grid, "
             f"harmonic {last.harmonic} on the line at {last.line_hz:.1f} Hz, "
-            f"{last.frame_rate_hz:.3f} frames/s"
+            f"{self.analysis.frame_rate_hz:.3f} frames/s"
         )
 
     def __str__(self) -> str:
@@ -243,6 +244,11 @@ def _direction_words(mirror_hz: list[float]) -> list[str]:
         "the direction of read-out can't be told at this frame rate, and with it the sign of the "
         f"ENF's deviation: if it isn't as assumed, the ENF is mirrored about {either[-1]:.4f} Hz"
     ]
+
+
+def _most_frequent(reasons: Counter[str]) -> str:
+    """Return the reason that was given most often; '' where there was none to give."""
+    return next((reason for reason, _ in reasons.most_common(1)), "")
 
 
 def _slips(estimate: EnfEstimate) -> list[FrameSlip]:

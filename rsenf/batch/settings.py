@@ -42,6 +42,8 @@ class Settings:
         What to take of an ``.mcap`` recording.
     camera : str
         Of one with several.
+    frame_rate_hz : float, optional
+        At which frames are counted, in place of times that are missing or wrong.
     out : str
         Folder of the batch.
     threads : int
@@ -59,6 +61,7 @@ class Settings:
     effects: tuple[Path, ...] = ()
     begin: str = "rows"
     camera: str = ""
+    frame_rate_hz: float | None = None
     out: str = "."
     threads: int = 0
     fingerprint: str = ""
@@ -67,7 +70,8 @@ class Settings:
     def told(self) -> dict[str, Any]:
         """Return the settings that aren't the default, for people."""
         given: dict[str, Any] = {"reference": list(self.references), "effects": list(self.effects)}
-        given |= {"begin": self.begin, "camera": self.camera, **self.reading}
+        given |= {"begin": self.begin, "camera": self.camera}
+        given |= {"frame_rate_hz": self.frame_rate_hz, **self.reading}
         for name, value in self.options.items():
             given |= _changed(value) if dataclasses.is_dataclass(value) else {name: value}
         return {name: value for name, value in given.items() if value not in (None, "", False, [])}
@@ -99,7 +103,7 @@ def checked(settings: Settings) -> Settings:
         "reference": [_content(reference) for reference in references],
         "reading": {name: value for name, value in reading.items() if name != "store"},
         "effects": [_told(path) for path in settings.effects],
-        "begin": [settings.begin, settings.camera],
+        "begin": [settings.begin, settings.camera, settings.frame_rate_hz],
     }
     text = json.dumps([settings.analysis, __version__, told], sort_keys=True)
     fingerprint = hashlib.sha256(text.encode()).hexdigest()[:16]

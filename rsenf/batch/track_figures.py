@@ -10,7 +10,7 @@ from typing import Any
 from rsenf.messages import EnfEstimate
 
 
-def track_figures(estimates: Sequence[EnfEstimate]) -> dict[str, Any]:
+def track_figures(estimates: Sequence[EnfEstimate], frame_rate_hz: float) -> dict[str, Any]:
     """Return how many values there are, and what the usable ones come to.
 
     The mean's standard error is the mean of theirs: their errors may be one and the same, as where
@@ -19,6 +19,8 @@ def track_figures(estimates: Sequence[EnfEstimate]) -> dict[str, Any]:
     Parameters
     ----------
     estimates : sequence of EnfEstimate
+    frame_rate_hz : float
+        Of the camera, over all of the recording.
     """
     usable = [e for e in estimates if e.usable]
     figures: dict[str, Any] = {"values": len(estimates), "usable_values": len(usable)}
@@ -38,5 +40,5 @@ def track_figures(estimates: Sequence[EnfEstimate]) -> dict[str, Any]:
         "nominal_hz": last.nominal_hz,
         "harmonic": last.harmonic,
         "line_hz": last.line_hz,
-        "frame_rate_hz": last.frame_rate_hz,
+        "frame_rate_hz": frame_rate_hz,
     }

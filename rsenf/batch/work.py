@@ -93,7 +93,11 @@ def _check_same(recording: Recording, when: str) -> None:
 def _analysed(recording: Recording, settings: Settings) -> Row:
     """Have a recording looked at."""
     opened = open_input_file(
-        recording.path, camera=settings.camera, begin=settings.begin, threads=settings.threads
+        recording.path,
+        camera=settings.camera,
+        begin=settings.begin,
+        threads=settings.threads,
+        frame_rate_hz=settings.frame_rate_hz,
     )
     return ANALYSES[settings.analysis](opened, settings)
 
@@ -118,7 +122,7 @@ def _track(opened: Input, settings: Settings) -> Row:
     with whole_file(path) as part:
         lines = (json.dumps(e, allow_nan=False) for e in found.to_dict()["estimates"])
         part.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
-    figures = track_figures(found.analysis.estimates)
+    figures = track_figures(found.analysis.estimates, found.analysis.frame_rate_hz)
     return figures | _read(found) | _heard(found) | {"enf_file": name}
 
 

@@ -103,6 +103,7 @@ def _settings(args: argparse.Namespace, threads: int) -> Settings:
         effects=tuple(getattr(args, "effects", ())),
         begin=getattr(args, "begin", "rows"),
         camera=args.camera,
+        frame_rate_hz=args.frame_rate_hz,
         out=str(args.out),
         threads=threads,
     )

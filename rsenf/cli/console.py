@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rsenf.bus.zenoh_bus import BusSettings
     from rsenf.config import Graph
     from rsenf.rows.settings import RowsSettings
+    from rsenf.run.inputs import Input
     from rsenf.track import TrackSettings
 
 # A turned camera is told from the data.
@@ -97,6 +98,24 @@ def aligned(lines: Sequence[Sequence[str]]) -> str:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     padded = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in rows]
     return "\n".join(line.rstrip() for line in padded)
+
+
+def add_rate_argument(parser: argparse.ArgumentParser) -> None:
+    """Argument of every verb that takes a recording whose frames may have no times."""
+    from rsenf.cli.options import positive
+
+    parser.add_argument(
+        "--frame-rate", dest="frame_rate_hz", type=positive, metavar="HZ",
+        help="at which frames are counted, in place of times that are missing or wrong",
+    )  # fmt: skip
+
+
+def open_recording(args: argparse.Namespace, path: str) -> Input:
+    """Open a recording as the arguments say."""
+    from rsenf.run.inputs import open_input_file
+
+    begin = getattr(args, "begin", "rows")
+    return open_input_file(path, camera=args.camera, begin=begin, frame_rate_hz=args.frame_rate_hz)
 
 
 def add_begin_argument(parser: argparse.ArgumentParser, *topics: str) -> None:

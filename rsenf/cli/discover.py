@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Arguments that say how a recording is looked at."""
-    from rsenf.cli.console import add_reference_arguments, add_row_arguments
+    from rsenf.cli.console import add_rate_argument, add_reference_arguments, add_row_arguments
 
     parser.add_argument(
         "--model", type=Path, metavar="FILE", help="to begin with (a lamp without harmonics)"
@@ -46,6 +46,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     add_reference_arguments(parser)
+    add_rate_argument(parser)
     add_row_arguments(parser, "strips", "tile_means")
 
 
@@ -56,6 +57,7 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.api.discover import check_out, discover
     from rsenf.cli.console import (
         note,
+        open_recording,
         print_json,
         progress_bar,
         references_of,
@@ -63,13 +65,12 @@ def run(args: argparse.Namespace) -> int:
         stages,
     )
     from rsenf.model import load_effects
-    from rsenf.run.inputs import open_input_file
 
     check_out(args.out)  # before anything is opened
     for path in args.effects:
         load_effects(path)
     references = references_of(args) if args.reference else None
-    recording = open_input_file(args.input, camera=args.camera)
+    recording = open_recording(args, args.input)
     with ExitStack() as shown:
         seconds = shown.enter_context(progress_bar("reading", recording.duration_s))
         stage: list[Callable[[str], None]] = []

@@ -27,10 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Arguments that say how the idle period is estimated."""
     from rsenf.cli import options
-    from rsenf.cli.console import add_begin_argument, add_row_arguments
+    from rsenf.cli.console import add_begin_argument, add_rate_argument, add_row_arguments
     from rsenf.idle import IdleSettings
 
     add_begin_argument(parser, "frames", "rows")
+    add_rate_argument(parser)
     add_row_arguments(parser)
     options.add_settings(parser, "idle", IdleSettings, also={"method": "method"})
 
@@ -59,11 +60,10 @@ def run(args: argparse.Namespace) -> int:
 
 def _estimated(args: argparse.Namespace, path: str) -> IdleResult:
     from rsenf.api.idle import idle
-    from rsenf.cli.console import progress_bar
-    from rsenf.run.inputs import open_input_file
+    from rsenf.cli.console import open_recording, progress_bar
 
     options = options_of(args)
-    recording = open_input_file(path, camera=args.camera, begin=args.begin)
+    recording = open_recording(args, path)
     with progress_bar("estimating", recording.duration_s) as progress:
         return idle(recording, **options, progress=progress)
 

@@ -14,6 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     from rsenf.cli.console import (
         add_begin_argument,
+        add_rate_argument,
         add_reference_arguments,
         add_row_arguments,
         add_track_arguments,
@@ -36,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     add_reference_arguments(parser)
     add_begin_argument(parser, "frames", "rows")
+    add_rate_argument(parser)
     add_row_arguments(parser)
     add_track_arguments(parser)
     add_settings(parser, "live", LiveSettings)
@@ -46,6 +48,7 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.api.live import live
     from rsenf.cli.console import (
         note,
+        open_recording,
         print_json,
         progress_bar,
         references_of,
@@ -55,10 +58,9 @@ def run(args: argparse.Namespace) -> int:
     )
     from rsenf.cli.options import settings_of
     from rsenf.live import LiveSettings
-    from rsenf.run.inputs import open_input_file
 
     settings = settings_of(args, LiveSettings)
-    recording = open_input_file(args.input, camera=args.camera, begin=args.begin)
+    recording = open_recording(args, args.input)
     with progress_bar("judging", recording.duration_s) as progress:
         found = live(
             recording,

@@ -21,9 +21,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Arguments that say how a recording is tracked."""
-    from rsenf.cli.console import add_begin_argument, add_row_arguments, add_track_arguments
+    from rsenf.cli.console import (
+        add_begin_argument,
+        add_rate_argument,
+        add_row_arguments,
+        add_track_arguments,
+    )
 
     add_begin_argument(parser, "frames", "rows", "track")
+    add_rate_argument(parser)
     add_row_arguments(parser)
     add_track_arguments(parser, also={"method": "method"})
 
@@ -33,15 +39,15 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.api.track import track
     from rsenf.cli.console import (
         note,
+        open_recording,
         print_json,
         progress_bar,
         say,
         say_loss,
     )
-    from rsenf.run.inputs import open_input_file
 
     options = options_of(args)
-    recording = open_input_file(args.input, camera=args.camera, begin=args.begin)
+    recording = open_recording(args, args.input)
     with progress_bar("tracking", recording.duration_s) as progress:
         found = track(recording, **options, progress=progress)
     if args.json:

@@ -42,6 +42,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     from rsenf.cli import options
     from rsenf.cli.console import (
         add_begin_argument,
+        add_rate_argument,
         add_reference_arguments,
         add_row_arguments,
         add_track_arguments,
@@ -56,6 +57,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     add_reference_arguments(parser)
     add_begin_argument(parser, "frames", "rows", "track")
+    add_rate_argument(parser)
     add_row_arguments(parser)
     add_track_arguments(parser)
 
@@ -63,16 +65,23 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Verify a recording's time."""
     from rsenf.api.verify import verify
-    from rsenf.cli.console import note, print_json, progress_bar, references_of, say, say_loss
+    from rsenf.cli.console import (
+        note,
+        open_recording,
+        print_json,
+        progress_bar,
+        references_of,
+        say,
+        say_loss,
+    )
     from rsenf.report.recording_time import check_folder
-    from rsenf.run.inputs import open_input_file
 
     if args.against:
         return _against(args)
     if args.report:
         check_folder(args.report)  # before anything is opened
     references, options = references_of(args), options_of(args)
-    recording = open_input_file(args.input, camera=args.camera, begin=args.begin)
+    recording = open_recording(args, args.input)
     with progress_bar("verifying", recording.duration_s) as progress:
         found = verify(
             recording, references, **options, picture=args.picture, report=args.report,
@@ -139,10 +148,9 @@ def _against(args: argparse.Namespace) -> int:
 
 def _tracked(args: argparse.Namespace, path: str) -> TrackResult:
     from rsenf.api.track import track
-    from rsenf.cli.console import progress_bar, row_settings, track_settings
-    from rsenf.run.inputs import open_input_file
+    from rsenf.cli.console import open_recording, progress_bar, row_settings, track_settings
 
     settings = track_settings(args, args.method)
-    recording = open_input_file(path, camera=args.camera, begin=args.begin)
+    recording = open_recording(args, path)
     with progress_bar(f"tracking {path}", recording.duration_s) as progress:
         return track(recording, rows=row_settings(args), settings=settings, progress=progress)

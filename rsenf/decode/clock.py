@@ -12,7 +12,7 @@ from rsenf.timebase import pts_to_ns
 # More packets than any decoder keeps before it gives out the first of their frames.
 IN_FLIGHT = 256
 # What FFmpeg assumes, too, of a stream that declares no rate.
-_DEFAULT_RATE_HZ = Fraction(25)
+ASSUMED_RATE_HZ = Fraction(25)
 
 
 class FrameClock:
@@ -22,8 +22,8 @@ class FrameClock:
     2. Where there is none, the n-th frame shown takes the n-th decoding time, which rises from
        packet to packet, plus the delay between the two seen last. This is exact for AVI, whose
        packets are numbered at a constant rate.
-    3. A bare elementary stream has no times at all: a frame then comes one period of the declared
-       rate after the one before.
+    3. A bare elementary stream has no times at all: a frame then comes one period of the rate after
+       the one before.
 
     FFmpeg's own guess (``genpts``) must be off: in AVI with B frames it gets their order wrong.
 
@@ -32,7 +32,7 @@ class FrameClock:
     time_base : Fraction
         Seconds per tick.
     rate_hz : Fraction
-        Declared frame rate, for rule 3; 0 is unknown.
+        Frame rate, for rule 3; 0 is unknown.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class FrameClock:
 
     def __init__(self, time_base: Fraction, rate_hz: Fraction) -> None:
         self._time_base = time_base
-        self._period_s = 1 / (rate_hz or _DEFAULT_RATE_HZ)
+        self._period_s = 1 / (rate_hz or ASSUMED_RATE_HZ)
         self._decode_times: deque[int] = deque(maxlen=IN_FLIGHT)
         self._delay = 0
         self._anchor_ns = 0  # last time that rule 1 or 2 gave
@@ -68,6 +68,8 @@ class FrameClock:
         """Take note that a packet gave no frame."""
         if self._decode_times:
             self._decode_times.popleft()
+        else:
+            self._since_anchor += 1
 
     def time_ns(self, pts: int | None) -> int:
         """Time of the next frame shown, in ns, by its PTS or in its absence."""

@@ -10,7 +10,12 @@ from av.container import InputContainer
 
 from rsenf.decode.packets import PacketWriter
 from rsenf.decode.spec import StreamInfo
+from rsenf.messages import RateBasis
 
+# AVFMT_NOTIMESTAMPS: a bare stream of pictures. What times its packets have, FFmpeg made up.
+_NO_TIMES = 0x0080
+# Formats that number their pictures, and declare a rate.
+_NUMBERED = {"avi", "yuv4mpegpipe"}
 # Containers count a stream's duration in its ticks, and their own in microseconds.
 _MICROSECOND = Fraction(1, 1_000_000)
 
@@ -20,16 +25,23 @@ def fraction(value: Fraction | None) -> Fraction:
     return Fraction(value.numerator, value.denominator) if value else Fraction(0)
 
 
-def describe(container: InputContainer, stream: av.VideoStream, writer: PacketWriter) -> StreamInfo:
+def describe(
+    container: InputContainer,
+    stream: av.VideoStream,
+    writer: PacketWriter,
+    given_rate_hz: float | None = None,
+) -> StreamInfo:
     """Describe a stream; its rotation is known only from a decoded frame."""
-    rate = fraction(stream.guessed_rate)
+    context, basis = stream.codec_context, _rate_basis(container, stream)
+    # Of a stream that declares none FFmpeg tells the rate that it assumes.
+    rate = fraction(None if basis is RateBasis.ASSUMED else stream.guessed_rate)
     duration_s = _duration_s(container, stream)
-    context = stream.codec_context
     return StreamInfo(
         codec=writer.codec,
         width_px=context.width,
         height_px=context.height,
         declared_rate_hz=float(rate),
+        rate_basis=RateBasis.GIVEN if given_rate_hz else basis,
         time_step_s=float(fraction(stream.time_base)),
         duration_s=duration_s,
         frame_count=stream.frames or (round(duration_s * rate) if duration_s and rate else None),
@@ -38,6 +50,14 @@ def describe(container: InputContainer, stream: av.VideoStream, writer: PacketWr
         packets_recordable=writer.recordable,
         packets_reason=_reason(writer, has_b_frames=context.has_b_frames),
     )
+
+
+def _rate_basis(container: InputContainer, stream: av.VideoStream) -> RateBasis:
+    if container.format.flags & _NO_TIMES:
+        # A codec may have a place for the rate in its own headers.
+        return RateBasis.DECLARED if stream.codec_context.framerate else RateBasis.ASSUMED
+    numbered = container.format.name in _NUMBERED
+    return RateBasis.DECLARED if numbered else RateBasis.STAMPED
 
 
 def _duration_s(container: InputContainer, stream: av.VideoStream) -> float | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Lock
@@ -20,7 +21,10 @@ from rsenf.decode.stream import Packet, StreamDecoder
 from rsenf.decode.structure import lacks_index, missing_bytes
 from rsenf.decode.waiting import Stop
 from rsenf.errors import InputError, UsageError
+from rsenf.messages import RateBasis
 
+# JPEG pictures one after the other; FFmpeg takes them for a slide show unless told.
+_JPEGS, _MOTION_JPEG = "jpeg_pipe", "mjpeg"
 # Things that FFmpeg opens though they are no recordings: text as pictures, lists of other files.
 _NOT_VIDEO = {"tty", "bin", "xbin", "adf", "idf", "concat", "hls", "dash", "sdp", "image2"}
 _MOST_THREADS = 16  # FFmpeg's own limit when it chooses
@@ -137,7 +141,7 @@ class FileSource(VideoSource):
         found = []
         if self._several:
             found.append("it has several video streams: one was taken")
-        if self._is_avi:
+        if self._is_avi and self._decoder.info.rate_basis is RateBasis.DECLARED:
             found.append("AVI holds no frame times, only a rate: a varying rate would not show")
         elif self._decoder.guesses:
             found.append(self._decoder.guesses)
@@ -173,8 +177,10 @@ def _open(path: Path) -> InputContainer:
     if empty:
         raise InputError(f"{path} is empty", _HINT)
     try:
-        # A whole path, so that no name is taken for a protocol.
-        container = av.open(str(path.absolute()), "r", metadata_errors="replace")
+        container = _opened(path)
+        if container.format.name == _JPEGS and _has_several(container):
+            container.close()
+            container = _opened(path, _MOTION_JPEG)
     except av.FFmpegError as exc:
         if lacks_index(path):
             raise InputError(
@@ -186,6 +192,16 @@ def _open(path: Path) -> InputContainer:
     if names & _NOT_VIDEO or container.format.name.endswith("_pipe"):
         raise InputError(f"{path} is not a video: it reads as {container.format.long_name}", _HINT)
     return container
+
+
+def _opened(path: Path, form: str | None = None) -> InputContainer:
+    # A whole path, so that no name is taken for a protocol.
+    return av.open(str(path.absolute()), "r", form, metadata_errors="replace")
+
+
+def _has_several(pictures: InputContainer) -> bool:
+    """Whether there is more than one of them: a film, not a photograph."""
+    return sum(1 for packet in itertools.islice(pictures.demux(), 2) if packet.size) > 1
 
 
 def _video_stream(container: InputContainer, path: Path) -> av.VideoStream:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
@@ -13,7 +14,8 @@ from typing import TYPE_CHECKING
 
 from rsenf.decode.spec import SourceSpec, StreamInfo
 from rsenf.decode.waiting import Pacer, Stop
-from rsenf.messages import Frame, Header, VideoPacket
+from rsenf.errors import UsageError
+from rsenf.messages import Frame, Header, RateBasis, VideoPacket
 
 if TYPE_CHECKING:
     from rsenf.decode.v4l2 import CaptureFactory
@@ -31,7 +33,15 @@ class Stamp:
     steady_ns: Callable[[], int] = time.monotonic_ns
 
     def header(
-        self, *, epoch: int, seq: int, frame: int, pts_ns: int, camera_ns: int, arrival_ns: int
+        self,
+        *,
+        epoch: int,
+        seq: int,
+        frame: int,
+        pts_ns: int,
+        camera_ns: int,
+        arrival_ns: int,
+        rate_basis: RateBasis = RateBasis.STAMPED,
     ) -> Header:
         """Return the header of a message that covers one frame, or none (-1)."""
         return Header(
@@ -44,6 +54,7 @@ class Stamp:
             pts_ns=pts_ns,
             camera_time_ns=camera_ns,
             arrival_time_ns=arrival_ns,
+            rate_basis=rate_basis,
         )
 
 
@@ -135,12 +146,17 @@ def open_source(
     Raises
     ------
     UsageError
-        When a file isn't there or isn't a file.
+        When a file isn't there or isn't a file, or frames aren't to be counted so.
     InputError
         When a file holds no frame that can be decoded.
     SourceLost
         When a live source can't be reached. Iterating raises it when one is given up.
     """
+    if spec.frame_rate_hz is not None:
+        if spec.kind != "file":
+            raise UsageError(f"{spec.name} has times of its own", "give a frame rate with files")
+        if not 0.0 < spec.frame_rate_hz < math.inf:
+            raise UsageError(f"a frame rate of {spec.frame_rate_hz:g} Hz", "give one above 0")
     stamp, stopped = Stamp(source, run_id, clock_ns, steady_ns), Stop(stop)
     # Imported here: FFmpeg and OpenCV take a third of a second, and a source needs one of them.
     if spec.kind == "file":

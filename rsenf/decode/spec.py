@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass, field
 from typing import Literal
 
+from rsenf.messages import RateBasis
 from rsenf.timebase import NS_PER_S
 
 Kind = Literal["file", "rtsp", "v4l2"]
@@ -55,6 +56,9 @@ class SourceSpec:
         it may hold a password.
     kind : {'file', 'rtsp', 'v4l2'}
         Which of them it is; :func:`kind_of` tells.
+    frame_rate_hz : float or None
+        Rate at which a file's frames are counted, in place of its own times: for one that has none,
+        or wrong ones.
     threads : int
         Decoder threads. 0 is what keeps all cores busy: best for one file, but a live feed is then
         late by a frame a thread. 1 is best where many feeds share the cores.
@@ -74,6 +78,7 @@ class SourceSpec:
 
     url: str = field(repr=False)
     kind: Kind
+    frame_rate_hz: float | None = None
     threads: int = 0
     with_packets: bool = False
     pace: bool = False
@@ -99,6 +104,7 @@ class StreamInfo:
     height_px: int = 0
     rotation_deg: int = 0  # clockwise, for display; planes are as coded
     declared_rate_hz: float = 0.0  # 0 is unknown
+    rate_basis: RateBasis = RateBasis.STAMPED  # where frame times come from
     time_step_s: float = 0.0  # the tick that times are rounded to (1 ms in Matroska)
     duration_s: float | None = None
     frame_count: int | None = None  # an estimate

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import struct
+from fractions import Fraction
 from typing import TypeAlias, cast
 
 import av
 from av.container import InputContainer
 
-from rsenf.decode.clock import FrameClock
+from rsenf.decode.clock import ASSUMED_RATE_HZ, FrameClock
 from rsenf.decode.describe import describe, fraction
 from rsenf.decode.luma import luma_plane
 from rsenf.decode.packets import PacketWriter
 from rsenf.decode.source import Item, Stamp
 from rsenf.decode.spec import LEAP_NS, SourceSpec
-from rsenf.messages import Frame, VideoPacket
+from rsenf.messages import Frame, RateBasis, VideoPacket
 from rsenf.timebase import NS_PER_S
 
 # AVFMT_FLAG_GENPTS, which PyAV sets: guess missing times. FrameClock knows better.
@@ -70,9 +71,10 @@ class StreamDecoder:
         container.flags &= ~_GENPTS
         self._writer = PacketWriter(stream)
         self._with_packets = spec.with_packets and self._writer.recordable
-        self.info = describe(container, stream, self._writer)
-        self._time_base = fraction(stream.time_base)
-        self._clock = FrameClock(self._time_base, fraction(stream.guessed_rate))
+        self._given_hz = spec.frame_rate_hz
+        self.info = describe(container, stream, self._writer, self._given_hz)
+        rate_hz = Fraction(self._given_hz or 0) or fraction(stream.guessed_rate)
+        self._clock = FrameClock(fraction(stream.time_base), rate_hz)
         self._context = stream.codec_context
         # Hands each packet's arrival time on to its frame. Not of a file, where it tells nothing:
         # threads that decode would have to wait for the interpreter to let go of it.
@@ -105,7 +107,15 @@ class StreamDecoder:
     @property
     def guesses(self) -> str:
         """How times were found where the stream gives none; empty when it gives all."""
-        if self._clock.from_rate:
+        basis = self.info.rate_basis
+        if self._given_hz:
+            return f"frames are counted at the {self._given_hz:.6g} a second that were given"
+        if basis is RateBasis.ASSUMED:
+            return (
+                "the stream holds neither frame times nor a rate: "
+                f"{ASSUMED_RATE_HZ} frames a second are assumed"
+            )
+        if basis is RateBasis.DECLARED or self._clock.from_rate:
             rate = f"{self.info.declared_rate_hz:.6g} frames a second"
             return f"the stream holds no frame times: they are counted at the declared {rate}"
         if self._clock.from_order:
@@ -124,6 +134,8 @@ class StreamDecoder:
         if packet.size:
             if self._live:
                 packet.opaque = (arrival_ns,)  # a new object each time: PyAV keys by identity
+            if self._given_hz:
+                packet.pts = packet.dts = None
             time_ns = self._clock.expect(packet)
             self._follow_camera_clock(packet, time_ns)
             if self._with_packets and (data := self._writer.data(packet)):
@@ -166,6 +178,7 @@ class StreamDecoder:
             pts_ns=time_ns,
             camera_ns=self._camera_time_ns(time_ns),
             arrival_ns=arrival_ns,
+            rate_basis=self.info.rate_basis,
         )
         self._packet_number += 1
         return VideoPacket(
@@ -203,6 +216,7 @@ class StreamDecoder:
                 pts_ns=pts_ns,
                 camera_ns=self._camera_time_ns(pts_ns),
                 arrival_ns=_arrival_ns(picture) if self._live else arrival_ns,
+                rate_basis=self.info.rate_basis,
             ),
             height_px=picture.height,
             width_px=picture.width,

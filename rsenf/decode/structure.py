@@ -12,7 +12,12 @@ from pathlib import Path
 from typing import BinaryIO
 
 _EBML, _SEGMENT = 0x1A45DFA3, 0x18538067
-_MP4_FIRST = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot", b"styp", b"moof")
+# What pictures are read from. Any other box may lack its end, or be no box at all but junk that
+# some camera appended, and every frame is there all the same.
+_MP4_PICTURES = (b"mdat", b"moov", b"moof")
+_MP4_FIRST = (*_MP4_PICTURES, b"ftyp", b"wide", b"free", b"skip", b"pnot", b"styp")
+# A RIFF's length before its writer has come to its end.
+_RIFF_OPEN = (0, 0xFFFFFFFF)
 
 
 def missing_bytes(path: Path) -> int:
@@ -25,7 +30,8 @@ def missing_bytes(path: Path) -> int:
     with path.open("rb") as file:
         head = file.read(12)
         if head[4:8] in _MP4_FIRST:
-            return max(0, max((end for _, end in _boxes(file, size)), default=0) - size)
+            ends = (end for kind, end in _boxes(file, size) if kind in _MP4_PICTURES)
+            return max(0, max(ends, default=0) - size)
         if head[:4] == _EBML.to_bytes(4):
             return max(0, _segment_end(file) - size)
         if head[:4] == b"RIFF":
@@ -89,12 +95,12 @@ def _vint(file: BinaryIO, *, keep_marker: bool = False) -> int | None:
 
 
 def _riff_end(file: BinaryIO, size: int) -> int:
-    """End of the last RIFF chunk: long AVI files have several."""
+    """End of the last RIFF chunk that has one: long AVI files have several."""
     end = 0
     while end + 8 <= size:
         file.seek(end)
         kind, length = struct.unpack("<4sI", file.read(8))
-        if kind != b"RIFF" or not length:
+        if kind != b"RIFF" or length in _RIFF_OPEN:
             break
         end += 8 + length
     return end

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, Found, acquire
+from rsenf.flicker.frame_clock import frame_periods, usual_gap_ns
 from rsenf.flicker.lock import (
     AHEAD_S,
     SHORT_S,
@@ -64,7 +65,8 @@ class FlickerFollower:
         self._basis: ProfileBasis | None = None
         self._buffer = self._cells = self._new = SlowTime(1, 0)
         self._news = News()
-        self._rate_hz = float("nan")
+        self._rate_hz = float("nan")  # of the camera
+        self._come_hz = float("nan")  # of the frames that came
         self._reached = 0  # whole seconds that have been looked at
         self._next = 0  # second to be looked at next
         self._ready: deque[FlickerSecond] = deque()  # by a fit already, but not due yet
@@ -113,7 +115,10 @@ class FlickerFollower:
         if not LEAST_RATE_HZ * lasted_ns < frames * 1e9 < MOST_RATE_HZ * lasted_ns:
             del self._waiting[0]  # a clock that stood still or leapt: begin after it
             return False
-        self._rate_hz = float(frames * 1e9 / lasted_ns)
+        self._come_hz = float(frames * 1e9 / lasted_ns)
+        pts, numbers = pts[: enough + 1], numbers[: enough + 1]
+        periods = frame_periods(pts, numbers, usual_gap_ns(pts))
+        self._rate_hz = float(periods * 1e9 / lasted_ns)
         most_turns = HARMONICS * 2.0 * max(self._nominals) / self._rate_hz
         self._basis = ProfileBasis(self._waiting[0].rows, most_turns)
         first = self._waiting[0]
@@ -240,7 +245,7 @@ class FlickerFollower:
     def _shown_hz(self) -> float:
         """Rate at which frames come of which each is a new one."""
         conversion = self._buffer.conversion
-        return min(conversion.source_hz, conversion.shown_hz) if conversion else self._rate_hz
+        return min(conversion.source_hz, conversion.shown_hz) if conversion else self._come_hz
 
     def _found(self, t_s: Float, columns: Float, span_s: tuple[int, int]) -> Found | str:
         """Look for flicker by the times at which frames were taken; say why there is none."""

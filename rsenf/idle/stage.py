@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.flicker.frame_clock import FrameClock
 from rsenf.flicker.frame_slips import slip_words
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.shared import Follower
-from rsenf.idle.frame_clock import FrameClock
 from rsenf.idle.limits import (
     CROP,
     NO_ROWS,
@@ -171,9 +171,12 @@ class IdleStage:
             frame_rate_hz=rate_hz,
             apart_turns=self._pairing.apart_turns,
         )
-        nothing_usable = self._unusable.total() == self._frames
-        if nothing_usable or not (seen.followed or seen.stands_still):
-            return Finding(verdict="no_signal", reason=self._why_nothing())
+        # That it stands still is only assumed of what couldn't be followed, until the rows show it.
+        is_still = seen.stands_still and (
+            np.isfinite(self._pairing.nominal_hz) or self._still_rows.show_flicker
+        )
+        if not (seen.followed or is_still):
+            return Finding(verdict="no_signal", reason=self._why_nothing(seen))
         finding = self._conclude(seen)
         if finding.verdict == "estimated" and seen.is_mirrored and not seen.stands_still:
             finding = finding.undirected(seen.mirror_hz)
@@ -194,10 +197,12 @@ class IdleStage:
         still = [hz for hz in self._tried_hz if abs(alias_hz(2.0 * hz, rate_hz)) < STILL_HZ]
         return still[0] if still else float("nan")
 
-    def _why_nothing(self) -> str:
+    def _why_nothing(self, seen: Seen) -> str:
         """Most frequent reason why no frame could be used."""
         mostly_unusable = 2 * self._unusable.total() > self._frames
         reasons = self._unusable if mostly_unusable else self._pairing.reasons
+        if seen.stands_still and not (mostly_unusable or self._still_rows.enough):
+            return TOO_SHORT.reason
         return reasons.most_common(1)[0][0] if reasons else TOO_SHORT.reason
 
     def _publish(self) -> IdleEstimate:

@@ -61,6 +61,12 @@ class StillRows:
         """Whether they can be told apart: not those of a short stream, or one of great gaps."""
         return self._bins is None or (self.span_s >= SHORTEST_S and self._bins.count >= MIN_BINS)
 
+    @property
+    def show_flicker(self) -> bool:
+        """Whether flicker was told apart from the texture in them."""
+        found = self.told_apart() if self.enough else None
+        return found is not None and found.is_flicker
+
     def told_apart(self) -> ZeroAlias | None:
         """Tell flicker and texture apart, where there is enough of them; None without flicker."""
         if self._bins is not None and not self._looked:

@@ -17,7 +17,7 @@ from rsenf.messages.codec import (
 )
 from rsenf.messages.enf_estimate import EnfEstimate
 from rsenf.messages.frame import Frame, VideoPacket
-from rsenf.messages.header import Header, Mark
+from rsenf.messages.header import Header, Mark, RateBasis
 from rsenf.messages.health import Health
 from rsenf.messages.idle_estimate import IdleEstimate
 from rsenf.messages.match_result import Candidate, MatchResult
@@ -38,6 +38,7 @@ __all__ = [
     "Liveness",
     "Mark",
     "MatchResult",
+    "RateBasis",
     "ReferenceBlock",
     "RowBlock",
     "VideoPacket",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 
 from rsenf.messages.schema import field, message
 
@@ -15,6 +15,15 @@ class Mark(IntEnum):
     DATA = 0
     BEGIN = 1
     END = 2
+
+
+class RateBasis(StrEnum):
+    """Where a frame rate comes from that frame times do nothing but count."""
+
+    STAMPED = ""
+    DECLARED = "declared"
+    ASSUMED = "assumed"
+    GIVEN = "given"
 
 
 @message(version=1)
@@ -32,6 +41,12 @@ class Header:
     pts_ns: int = field(8, "stream clock at the start of what is covered", 0)
     camera_time_ns: int = field(9, "camera's wall clock then, UTC since 1970; 0 is unknown", 0)
     arrival_time_ns: int = field(10, "this host's clock at arrival; not part of the content", 0)
+    rate_basis: str = field(
+        11,
+        "'declared', 'assumed' or 'given': pts_ns counts frames at such a rate; "
+        "empty: the frames have times of their own",
+        RateBasis.STAMPED,
+    )
 
     def numbered(self, seq: int, mark: Mark = Mark.DATA) -> Header:
         """Return the same header as the ``seq``-th message of another topic."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
@@ -28,7 +29,7 @@ def blocks_from_luminance(
     frame_time_s : ndarray, shape (frames,)
         Start of each frame, seconds, increasing.
     header : Header
-        Source and run of the messages.
+        Source and run of the messages, and how frames are timed.
     block_frames : int
         Frames in a block.
     read_out_axis : str
@@ -39,14 +40,12 @@ def blocks_from_luminance(
     for seq, first in enumerate(range(0, frames, block_frames)):
         part = slice(first, min(first + block_frames, frames))
         yield RowBlock(
-            header=Header(
-                run_id=header.run_id,
-                source=header.source,
+            header=dataclasses.replace(
+                header,
                 seq=seq,
                 frame_first=part.start,
                 frame_last=part.stop - 1,
                 pts_ns=int(pts_ns[first]),
-                arrival_time_ns=header.arrival_time_ns,
             ),
             read_out_axis=read_out_axis,
             frames=part.stop - part.start,

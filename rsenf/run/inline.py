@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
+import statistics
+from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from rsenf.bus.keys import REFERENCE, TOPICS
+from rsenf.flicker.frame_clock import FrameClock
 from rsenf.idle import IdleSettings
 from rsenf.messages import (
     Alarm,
@@ -51,6 +53,8 @@ class Analysis:
         Length of each stretch; a source that restarted has several.
     row_reasons : Counter of str
         Blocks of rows by why they are of no use; those of use under ''.
+    clocks : dict of FrameClock
+        Over the rows of each stretch of the recording, by its epoch.
     loss : str
         What could not be read, in one line; empty when all was.
     warnings : list of str
@@ -64,6 +68,7 @@ class Analysis:
     alarms: list[Alarm] = field(default_factory=list)
     stretches_s: list[float] = field(default_factory=list)
     row_reasons: Counter[str] = field(default_factory=Counter)
+    clocks: defaultdict[int, FrameClock] = field(default_factory=lambda: defaultdict(FrameClock))
     loss: str = ""
     warnings: list[str] = field(default_factory=list)
 
@@ -71,6 +76,20 @@ class Analysis:
     def seconds(self) -> float:
         """From first to last frame, over all stretches."""
         return sum(self.stretches_s)
+
+    @property
+    def frame_rate_hz(self) -> float:
+        """Rate at which the camera took its frames, over all of the longest stretch.
+
+        Where the stream was converted to another rate it is the one before, as far as it was found;
+        NaN without a frame.
+        """
+        usable = [e for e in self.estimates if e.usable]
+        found_hz = [e.frame_rate_hz for e in usable if e.converted or not self.clocks]
+        if found_hz:
+            return statistics.median(found_hz)
+        longest = max(self.clocks.values(), key=lambda clock: clock.span_s, default=FrameClock())
+        return longest.frame_rate_hz
 
     @property
     def result(self) -> MatchResult:
@@ -140,6 +159,8 @@ def analyse(
         match topic:
             case "rows":
                 out.row_reasons[message.reason] += 1
+                if message.frames:
+                    out.clocks[message.header.epoch].add(message)
             case "track" if message.rank == 0:
                 out.estimates.append(message)
             case "idle":

@@ -66,6 +66,7 @@ def open_input_file(
     source: str = "",
     begin: str = "rows",
     threads: int = 0,
+    frame_rate_hz: float | None = None,
 ) -> Input:
     """Open a recording by what it is, not by what it is called.
 
@@ -82,11 +83,14 @@ def open_input_file(
         decodes its video again.
     threads : int, optional
         That decode a video file; as many as there are cores unless given.
+    frame_rate_hz : float, optional
+        Rate at which frames are counted, of a video in place of its own times, of arrays where
+        they have none.
 
     Raises
     ------
     UsageError
-        When there is no such file, or it can't begin so.
+        When there is no such file, it can't begin so, or it has frame times that must stand.
     InputError
         When it holds nothing that can be analysed.
     """
@@ -99,11 +103,21 @@ def open_input_file(
         if path.is_dir():
             raise UsageError(f"{path} is a folder", "name a file in it")
         raise UsageError(f"{path}: no such file", "look for a misspelling")
-    start, wanted = _start_of(path), Opening(camera, source or f"file/{path.stem}", begin, threads)
+    start, wanted = (
+        _start_of(path),
+        Opening(camera, source or f"file/{path.stem}", begin, threads, frame_rate_hz),
+    )
     found = next((f for f in FORMATS.usable().values() if f.is_of(path, start)), FORMATS["video"])
     if begin not in found.begins:
         raise UsageError(f"{path} is no recording of {begin}", "give an .mcap recording")
+    if frame_rate_hz is not None and not found.may_lack_times:
+        raise timed(path)
     return found.open(path, wanted)
+
+
+def timed(path: Path) -> UsageError:
+    """Return the error of giving a frame rate to a recording that has no use for one."""
+    return UsageError(f"{path} has frame times of its own", "give no frame rate")
 
 
 class Opening(NamedTuple):
@@ -113,6 +127,7 @@ class Opening(NamedTuple):
     source: str
     begin: str
     threads: int
+    frame_rate_hz: float | None
 
 
 @dataclass(frozen=True)
@@ -129,12 +144,15 @@ class Format:
         Of its files; empty where the name doesn't tell.
     magic : bytes
         Its files begin so; empty where they needn't.
+    may_lack_times : bool
+        Whether frames may have no times of their own, and can be counted at a given rate.
     """
 
     open: Callable[[Path, Opening], Input]
     begins: tuple[str, ...]
     suffix: str = ""
     magic: bytes = b""
+    may_lack_times: bool = False
 
     def is_of(self, path: Path, start: bytes) -> bool:
         """Whether a file is of this format, by its name and its first bytes."""
@@ -162,7 +180,7 @@ def _recorded(path: Path, opening: Opening) -> Input:
 def _arrays(path: Path, opening: Opening) -> Input:
     from rsenf.run.npz import read_npz
 
-    return read_npz(path, opening.source)
+    return read_npz(path, opening.source, opening.frame_rate_hz)
 
 
 def _start_of(path: Path) -> bytes:
@@ -178,13 +196,15 @@ class Video(Input):
 
     begins_with = "frames"
 
-    def __init__(self, path: Path, source: str, threads: int = 0) -> None:
+    def __init__(
+        self, path: Path, source: str, threads: int = 0, frame_rate_hz: float | None = None
+    ) -> None:
         from rsenf.decode.source import open_source
         from rsenf.decode.spec import SourceSpec
 
         self.name, self.path = path.name, path
         self._source = open_source(
-            SourceSpec(url=str(path), kind="file", threads=threads),
+            SourceSpec(url=str(path), kind="file", threads=threads, frame_rate_hz=frame_rate_hz),
             source=source,
             run_id="",
             clock_ns=time.time_ns,
@@ -210,7 +230,7 @@ class Video(Input):
 
 
 def _video(path: Path, opening: Opening) -> Input:
-    return Video(path, opening.source, opening.threads)
+    return Video(path, opening.source, opening.threads, opening.frame_rate_hz)
 
 
 # The first that a file is of opens it. What is of none is left to FFmpeg.
@@ -219,7 +239,7 @@ FORMATS: Registry[Format] = Registry(
     "rsenf.inputs",
     {
         "mcap": Format(_recorded, ("frames", "rows", "track"), ".mcap", b"\x89MCAP"),
-        "npz": Format(_arrays, ("rows",), ".npz"),
-        "video": Format(_video, ("frames", "rows")),
+        "npz": Format(_arrays, ("rows",), ".npz", may_lack_times=True),
+        "video": Format(_video, ("frames", "rows"), may_lack_times=True),
     },
 )

@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsenf.errors import InputError
-from rsenf.messages import Header, RowBlock
+from rsenf.messages import Header, RateBasis, RowBlock
 from rsenf.rows.luminance import blocks_from_luminance
-from rsenf.run.inputs import Input
+from rsenf.run.inputs import Input, timed
 
 ARRAYS = "arrays"  # what a recording without a file is called
 _NAMES = ("rows", "frame_time_s", "luminance", "frame_rate_hz")
 _NEEDED = (
-    "needed: 'rows' (frames × rows, or frames × rows × strips) with 'frame_time_s' (frames), "
-    "or 'luminance' (frames) with 'frame_rate_hz'"
+    "needed: 'rows' (frames × rows, or frames × rows × strips) or 'luminance' (frames), "
+    "with 'frame_rate_hz', or rows with 'frame_time_s' (frames)"
 )
 # What NumPy and the ZIP reader raise, between them, of files that aren't whole.
 _NOT_READABLE = (
@@ -41,10 +41,10 @@ class Luminance(Input):
     Parameters
     ----------
     held : mapping of str to array_like
-        Either ``rows`` (frames × rows, or frames × rows × strips) with ``frame_time_s`` (frames,),
-        or ``luminance`` (frames,) with ``frame_rate_hz``.
-    source : str
-        What its messages say they come from.
+        Either ``rows`` (frames × rows, or frames × rows × strips) with ``frame_time_s`` (frames,)
+        or ``frame_rate_hz``, or ``luminance`` (frames,) with ``frame_rate_hz``.
+    header : Header
+        Of its messages: what they say they come from, and how frames are timed.
     path : Path, optional
         The file that they were in.
 
@@ -55,21 +55,22 @@ class Luminance(Input):
     """
 
     def __init__(
-        self, held: Mapping[str, ArrayLike], source: str, path: Path | None = None
+        self, held: Mapping[str, ArrayLike], header: Header, path: Path | None = None
     ) -> None:
-        self.name, self.path, self._source = path.name if path else ARRAYS, path, source
+        self.name, self.path, self._header = path.name if path else ARRAYS, path, header
         arrays = {name: np.asarray(array) for name, array in held.items()}
         self._level, self._time_s, self._axis = _luminance(str(path or ARRAYS), arrays)
         self.duration_s = float(self._time_s[-1] - self._time_s[0])
 
     def messages(self) -> Iterator[RowBlock]:
         """Cut the arrays into row blocks."""
-        header = Header(source=self._source)
-        return blocks_from_luminance(self._level, self._time_s, header, read_out_axis=self._axis)
+        return blocks_from_luminance(
+            self._level, self._time_s, self._header, read_out_axis=self._axis
+        )
 
 
-def read_npz(path: Path, source: str) -> Luminance:
-    """Read luminance from an ``.npz`` file.
+def read_npz(path: Path, source: str, frame_rate_hz: float | None = None) -> Luminance:
+    """Read luminance from an ``.npz`` file, its frames counted at a given rate if they have none.
 
     Raises
     ------
@@ -81,7 +82,12 @@ def read_npz(path: Path, source: str) -> Luminance:
             held = {name: arrays[name] for name in arrays.files if name in _NAMES}
     except _NOT_READABLE as exc:
         raise InputError(f"{path} is no .npz file that can be read", "write it again") from exc
-    return Luminance(held, source, path)
+    basis = RateBasis.STAMPED if {"rows", "frame_time_s"} <= held.keys() else RateBasis.DECLARED
+    if frame_rate_hz is not None:
+        if basis is RateBasis.STAMPED:
+            raise timed(path)
+        held["frame_rate_hz"], basis = np.array(frame_rate_hz), RateBasis.GIVEN
+    return Luminance(held, Header(source=source, rate_basis=basis), path)
 
 
 def _luminance(
@@ -91,9 +97,12 @@ def _luminance(
     for name, array in held.items():
         if array.dtype.kind not in "fiu":
             raise InputError(f"{where}: '{name}' holds {array.dtype}, not numbers", _NEEDED)
-    if {"rows", "frame_time_s"} <= held.keys():
+    if "rows" in held and held.keys() & {"frame_time_s", "frame_rate_hz"}:
         level, axis, least, most = held["rows"], "rows", 2, 3
-        time_s = held["frame_time_s"].astype(np.float64)
+        if "frame_time_s" in held:
+            time_s = held["frame_time_s"].astype(np.float64)
+        else:
+            time_s = np.arange(len(np.atleast_1d(level))) / _rate_hz(where, held["frame_rate_hz"])
     elif {"luminance", "frame_rate_hz"} <= held.keys():
         level, axis, least, most = held["luminance"], "frame", 1, 1
         time_s = np.arange(level.size) / _rate_hz(where, held["frame_rate_hz"])

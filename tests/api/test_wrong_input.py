@@ -21,7 +21,7 @@ GRID_HZ = np.full(600, 50.01)
     ("call", "said"),
     [
         (lambda: rsenf.track("gone.mp4"), "gone.mp4: no such file"),
-        (lambda: rsenf.track("gone.mp4", frame_rate_hz=30.0), "has times of its own"),
+        (lambda: rsenf.track("gone.mp4", frame_time_s=[0.0, 1.0]), "has times of its own"),
         (lambda: rsenf.track(ROWS), "arrays need their times"),
         (lambda: rsenf.track(ROWS, frame_time_s=TIME_S, frame_rate_hz=30.0), "either"),
         (lambda: rsenf.track(ROWS, frame_time_s=TIME_S[:9]), "don't fit"),

@@ -95,6 +95,17 @@ def test_only_a_file_that_is_not_paced_runs_ahead(
     assert (runs_ahead(graph, "cam1"), runs_ahead(graph, "cam2")) == (ahead, False)
 
 
+def test_only_a_file_is_counted_at_a_rate(
+    load: Callable[[str], Graph], problems: Callable[[str], list[str]]
+) -> None:
+    text = GOOD.replace("input: clip.mp4", "input: INPUT, frame_rate_hz: 23.5")
+    decode = load(text.replace("INPUT", "clip.h264")).nodes["decode"]
+    assert isinstance(decode, DecodeNode)
+    assert decode.frame_rate_hz == 23.5
+    assert "is for files" in problems(text.replace("INPUT", "rtsp://host/cam"))[0]
+    assert "frame_rate_hz" in problems(GOOD.replace("clip.mp4", "a.h264, frame_rate_hz: 0"))[0]
+
+
 def test_a_rows_node_may_find_the_axis_by_itself(
     load: Callable[[str], Graph], problems: Callable[[str], list[str]]
 ) -> None:

@@ -113,7 +113,10 @@ def test_what_is_no_video_is_one_clear_error(
     empty = tmp_path / "empty.mp4"
     empty.touch()
     sound = make_sound(tmp_path / "sound.mp4")
-    for path in (unfinished, text, notes, listing, session, noise, empty, sound):
+    photograph = make_clip(
+        tmp_path / "photograph.mjpeg", pictures(1), "mjpeg", container_format="mjpeg"
+    )
+    for path in (unfinished, text, notes, listing, session, noise, empty, sound, photograph):
         error = error_of(path)
         assert isinstance(error, InputError)
         assert error.exit_code == EXIT_FAILED
@@ -186,6 +189,44 @@ def test_long_boxes_are_followed(tmp_path: Path) -> None:
     path.write_bytes(head + media + bytes(100))
     assert missing_bytes(path) == (1 << 33) - 16 - 100
     assert lacks_index(path)
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "mov", "fragments.mp4"])
+@pytest.mark.parametrize(
+    "junk",
+    [
+        (1_524_699_063).to_bytes(4) + b"\x9a\x03zZ" + bytes(100),  # a kind that nobody knows
+        (1).to_bytes(4) + b"gps " + (1 << 60).to_bytes(8) + bytes(100),
+        (5000).to_bytes(4) + b"free" + bytes(100),
+        b"some text that is no box",
+    ],
+)
+def test_junk_after_the_pictures_is_nothing_lost(tmp_path: Path, suffix: str, junk: bytes) -> None:
+    lumas = pictures(20)
+    options = FRAGMENTS if "fragments" in suffix else FRONT
+    path = make_clip(tmp_path / f"clip.{suffix}", lumas, container_options=options)
+    path.write_bytes(path.read_bytes() + junk)
+    with source_of(path) as source:
+        frames = only_frames(source)
+    assert len(frames) == 20
+    assert source.loss == ""
+
+
+@pytest.mark.parametrize("size", [0, 0xFFFFFFFF])
+@pytest.mark.parametrize("index", [True, False])
+def test_an_avi_whose_writer_never_set_its_size_is_whole(
+    tmp_path: Path, size: int, index: bool
+) -> None:
+    lumas = pictures(20)
+    path = make_clip(tmp_path / "clip.avi", lumas, "ffv1")
+    data = bytearray(path.read_bytes())
+    movi = data.index(b"movi") - 4
+    data[4:8] = data[movi : movi + 4] = size.to_bytes(4, "little")
+    path.write_bytes(data if index else data[: data.index(b"idx1")])
+    with source_of(path) as source:
+        frames = only_frames(source)
+    assert all(np.array_equal(f.luma, y) for f, y in zip(frames, lumas, strict=True))
+    assert source.loss == ""
 
 
 def test_a_stream_written_without_lengths_can_not_tell(tmp_path: Path) -> None:

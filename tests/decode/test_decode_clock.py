@@ -48,5 +48,7 @@ def test_without_any_the_declared_rate_counts() -> None:
     assert packets_ns == [0, 33_366_667, 66_733_333]
     assert [clock.time_ns(None) for _ in range(3)] == packets_ns
     assert clock.from_rate == 3
+    clock.forget()  # a damaged packet shifts no later time
+    assert clock.time_ns(None) == round(4 / NTSC * 1_000_000_000)
     assert clock.time_ns(1_200_000) == 1_000_000_000
     assert clock.time_ns(None) == 1_033_366_667

@@ -19,12 +19,14 @@ from decode_clips import (
     lumas_of,
     make_clip,
     only_frames,
+    only_packets,
     packet_times_ns,
     pictures,
     source_of,
 )
 
 from rsenf.decode import SourceSpec, open_source
+from rsenf.errors import UsageError
 from rsenf.messages import Frame
 
 needs_ffmpeg = pytest.mark.skipif(
@@ -131,6 +133,57 @@ def test_a_bare_stream_is_timed_by_its_declared_rate_and_says_so(tmp_path: Path)
     assert frames[-1].header.pts_ns == round(29 / NTSC * 1_000_000_000)
     assert any("no frame times" in line for line in source.warnings)
     assert source.loss == ""
+
+
+@pytest.mark.parametrize("suffix", ["mjpeg", "jpgs"])
+def test_jpegs_one_after_the_other_are_a_film(tmp_path: Path, suffix: str) -> None:
+    path = make_clip(tmp_path / f"clip.{suffix}", pictures(30), "mjpeg", container_format="mjpeg")
+    with source_of(path, with_packets=True) as source:
+        items = list(source)
+    frames = only_frames(items)
+    assert same(frames, lumas_of(make_clip(tmp_path / "clip.avi", pictures(30), "mjpeg")))
+    assert [f.header.pts_ns for f in frames] == [40_000_000 * n for n in range(30)]
+    assert {item.header.rate_basis for item in items} == {"assumed"}
+    assert frames[0].declared_rate_hz == 0.0
+    assert any("25 frames a second are assumed" in line for line in source.warnings)
+    assert source.loss == ""
+
+
+@pytest.mark.parametrize(
+    ("suffix", "basis"),
+    [("mp4", ""), ("mkv", ""), ("avi", "declared"), ("y4m", "declared"), ("h264", "declared")],
+)
+def test_what_frame_times_rest_on_is_told(tmp_path: Path, suffix: str, basis: str) -> None:
+    encoder = "libx264" if suffix != "y4m" else "wrapped_avframe"
+    frames = frames_of(make_clip(tmp_path / f"clip.{suffix}", pictures(4), encoder))
+    assert {f.header.rate_basis for f in frames} == {basis}
+    assert frames[0].declared_rate_hz == pytest.approx(float(NTSC), rel=1e-4)
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "mkv", "avi", "h264", "mjpeg"])
+def test_frames_are_counted_at_a_rate_that_is_given(tmp_path: Path, suffix: str) -> None:
+    """In the order in which they are shown, whatever times the file holds."""
+    encoder = "mjpeg" if suffix == "mjpeg" else "libx264"
+    options = B_FRAMES.get(encoder)
+    path = make_clip(tmp_path / f"clip.{suffix}", pictures(30), encoder, options=options)
+    with source_of(path, with_packets=True, frame_rate_hz=23.5) as source:
+        items = list(source)
+    frames = only_frames(items)
+    assert same(frames, lumas_of(path))
+    expected = [round(n / 23.5 * 1_000_000_000) for n in range(30)]
+    assert [f.header.pts_ns for f in frames] == expected
+    assert [p.header.pts_ns for p in only_packets(items)] == expected
+    assert all(p.untimed for p in only_packets(items))
+    assert {item.header.rate_basis for item in items} == {"given"}
+    assert any("23.5" in line for line in source.warnings)
+
+
+def test_a_rate_is_for_files_and_above_zero() -> None:
+    live = SourceSpec(url="rtsp://a/b", kind="rtsp", frame_rate_hz=25.0)
+    with pytest.raises(UsageError, match="times of its own"):
+        open_source(live, source="a/b", run_id="", clock_ns=lambda: 0)
+    with pytest.raises(UsageError, match="frame rate of 0 Hz"):
+        source_of(Path("clip.mp4"), frame_rate_hz=0.0)
 
 
 def test_the_plane_is_a_read_only_view_that_outlives_the_source(tmp_path: Path) -> None:

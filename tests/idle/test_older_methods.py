@@ -8,7 +8,7 @@ import pytest
 from rsenf.idle.line_ratio import BIN, TwoLines
 from rsenf.idle.vertical_phase import _slopes
 from rsenf.model import Scene
-from tests.idle.idle_clips import camera, error_points, film, last, std_points
+from tests.idle.idle_clips import camera, error_points, estimates, film, last, std_points
 
 FLAT = Scene(texture_ratio=0.0, vignetting_ratio=0.0)
 
@@ -65,6 +65,15 @@ def test_place_and_error_between_lines() -> None:
     assert off.error() == pytest.approx(0.1)
     assert TwoLines(m=1, side=-1, ratio=3.0, third_ratio=4.0).place() == pytest.approx(0.75)
     assert TwoLines(m=1, side=1, ratio=3.0, third_ratio=4.0).error() > 0.02
+
+
+@pytest.mark.parametrize("method", ["vertical_phase", "line_ratio", "line_ratio_bins"])
+@pytest.mark.parametrize("rate_hz", [25.0, 30.0])
+def test_an_alias_at_0_hz_is_no_reason_where_no_flicker_is(method: str, rate_hz: float) -> None:
+    """At 30 frames/s light on 60 Hz would stand still; what was filmed may be on 50 Hz, or dark."""
+    level = np.random.default_rng(4).normal(100.0, 0.5, (int(12 * rate_hz), 64, 1))
+    found = estimates(level, np.arange(len(level)) / rate_hz, method=method)[-1]
+    assert (found.verdict, found.reason) == ("no_signal", "no mains flicker stands out")
 
 
 @pytest.mark.parametrize("method", ["vertical_phase", "line_ratio", "line_ratio_bins"])

@@ -29,7 +29,7 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
         {"frames": "fused", "rows": {**_ROWS, "read_out_axis": "auto"}, "threads": 1},
         {"frames": "tcp", "ring_slots": 4, "open_timeout_s": 20, "read_timeout_s": 20,
          "max_reconnects": 2, "backoff_initial_s": 0.5, "backoff_max_s": 20,
-         "wait_for_source": True},
+         "wait_for_source": True, "frame_rate_hz": 30},
     ],
     "rows": [{}, {"rows": {**_ROWS, "read_out_axis": "columns"}}],
     "track": [

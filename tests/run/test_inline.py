@@ -131,6 +131,17 @@ def test_a_source_that_restarted_is_judged_by_its_longest_stretch() -> None:
     assert out.warnings == ["the source restarted: 3 stretches"]
 
 
+def test_the_frame_rate_is_that_of_all_the_recording() -> None:
+    """Not of its first second, which lacks a frame here, nor of its last, which isn't full."""
+    level, time_s = wave(12.3)
+    kept = np.arange(len(time_s)) != 5
+    blocks = blocks_from_luminance(level[kept], time_s[kept], Header(source="test/cam"))
+    out = analyse(Given(list(blocks)), rows=RowsSettings(), track=TrackSettings())
+    rate_hz = (len(time_s) - 1) / (time_s[-1] - time_s[0])
+    assert out.frame_rate_hz == pytest.approx(rate_hz, rel=1e-6)
+    assert out.estimates[0].frame_rate_hz == pytest.approx(rate_hz, rel=1e-6)
+
+
 def test_why_rows_are_of_no_use_is_counted() -> None:
     bad = [
         dataclasses.replace(b, usable=False, reason="dark") if n % 2 else b

@@ -146,4 +146,28 @@ def test_an_npz_says_what_it_needs(tmp_path: Path) -> None:
     np.savez(tmp_path / "x.npz", luminance=np.ones(9))
     with pytest.raises(InputError, match=r"x\.npz holds luminance") as refused:
         read_npz(tmp_path / "x.npz", "file/x")
-    assert "'luminance' (frames) with 'frame_rate_hz'" in refused.value.hint
+    assert "with 'frame_rate_hz'" in refused.value.hint
+
+
+def test_rows_without_times_are_counted_at_a_rate(tmp_path: Path) -> None:
+    rows = np.random.default_rng(5).normal(100.0, 1.0, (32, 6, 2))
+    np.savez(tmp_path / "bare.npz", rows=rows)
+    with pytest.raises(InputError, match="holds rows"):
+        open_input_file(tmp_path / "bare.npz")
+    blocks = list(open_input_file(tmp_path / "bare.npz", frame_rate_hz=23.5).messages())
+    assert blocks[-1].frame_pts_ns[-1] == pytest.approx(31e9 / 23.5, abs=1)
+    assert {block.header.rate_basis for block in blocks} == {"given"}
+    np.savez(tmp_path / "means.npz", luminance=rows[:, 0, 0], frame_rate_hz=30.0)
+    for given_hz, rate_hz, basis in ((None, 30.0, "declared"), (25.0, 25.0, "given")):
+        (*_, last) = open_input_file(tmp_path / "means.npz", frame_rate_hz=given_hz).messages()
+        assert last.frame_pts_ns[-1] == pytest.approx(31e9 / rate_hz, abs=1)
+        assert last.header.rate_basis == basis
+
+
+def test_times_that_stand_are_not_counted_anew(tmp_path: Path) -> None:
+    np.savez(tmp_path / "x.npz", rows=np.ones((9, 4)), frame_time_s=np.arange(9) / 30)
+    (block,) = itertools.islice(open_input_file(tmp_path / "x.npz").messages(), 1)
+    assert block.header.rate_basis == ""
+    for path in (tmp_path / "x.npz", recorded(tmp_path / "x.mcap", some_blocks("door", 1))):
+        with pytest.raises(UsageError, match="frame times of its own"):
+            open_input_file(path, frame_rate_hz=25.0)
