@@ -18,6 +18,12 @@ from numpy.typing import NDArray
 
 from rsenf.messages import RowBlock
 
+# Nearer to half the frame rate than this a tone and its mirror image look alike in the frames.
+MIRRORED_HZ = 1.0
+# Deviation of the illumination's frequency that is large for a grid, as a standard deviation; and
+# the logarithm of the odds at which the more usual of two deviations counts as known.
+USUAL_HZ, SURE_LOG_ODDS = 0.04, 7.0
+
 
 @dataclass(frozen=True)
 class Line:
@@ -53,6 +59,21 @@ class Line:
     def turns(self, frame_rate_hz: float) -> float:
         """Turns of phase down the rows of one frame, ``f_y / F_r``."""
         return self.line_hz(frame_rate_hz) / frame_rate_hz
+
+
+def mirror_hz(nominal_hz: float, frame_rate_hz: float) -> float:
+    """Return the frequency about which light's mirror image lies, near half the frame rate.
+
+    There both senses of rotation look the same from frame to frame; NaN elsewhere.
+    """
+    double_hz = 4.0 * nominal_hz
+    apart_hz = alias_hz(double_hz, frame_rate_hz)
+    return (double_hz - apart_hz) / 2.0 if abs(apart_hz) < MIRRORED_HZ else float("nan")
+
+
+def usual_log_odds(off_hz: float, other_off_hz: float) -> float:
+    """Logarithm of the odds of two deviations of the illumination from its nominal frequency."""
+    return (other_off_hz**2 - off_hz**2) / (2.0 * USUAL_HZ**2)
 
 
 def alias_hz(carrier_hz: float, frame_rate_hz: float) -> float:

@@ -8,6 +8,7 @@ fits are most of the work.
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,8 @@ from numpy.typing import NDArray
 from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found, stands_out, strongest
 from rsenf.flicker.frame_slips import FrameSlip
 from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
-from rsenf.flicker.lines import alias_hz
-from rsenf.flicker.mains import bands_of, light_of, tells_cells, why_not
+from rsenf.flicker.lines import SURE_LOG_ODDS, alias_hz, mirror_hz, usual_log_odds
+from rsenf.flicker.mains import bands_of, light_of, still_light_of, tells_cells, why_not
 from rsenf.flicker.node_sums import at_frames
 from rsenf.flicker.phase_fit import PhaseFit
 from rsenf.flicker.phase_path import PhasePath
@@ -189,10 +190,18 @@ class Lock:
             blank,
             usable=True,
             f0_hz=2.0 * self.nominal_hz + turns,
+            mirror_hz=self._mirror_hz(turns),
             f0_var_hz2=variance,
             phase_rad=4.0 * np.pi * self.nominal_hz * t_s + at_frames(t_s - start, psi),
             **self._amplitude(blank.index, fit, start),
         )
+
+    def _mirror_hz(self, off_hz: float) -> float:
+        """Frequency that the light's is mirrored about; NaN where the other one is unlikely."""
+        about_hz = mirror_hz(self.nominal_hz, self._rate_hz)
+        other_off_hz = 2.0 * (about_hz - 2.0 * self.nominal_hz) - off_hz
+        is_known = abs(usual_log_odds(off_hz, other_off_hz)) > SURE_LOG_ODDS
+        return math.nan if is_known else about_hz
 
     def _amplitude(self, index: int, fit: PhaseFit, start: int) -> dict[str, Any]:
         """Amplitude over one second of a fit's window: its model's, and what frames say beyond."""
@@ -242,10 +251,11 @@ class Lock:
         psi = self._path.between(start, end)
         f0_hz = 2.0 * self.nominal_hz + float(psi[-1] - psi[0]) / (2.0 * np.pi * (end - start))
         light = None
-        if self._basis.rows > 1 and tells_cells(f0_hz, self._rate_hz):
+        if self._basis.rows > 1:
+            look = light_of if tells_cells(f0_hz, self._rate_hz) else still_light_of
             t_s, seen = frames_of(self._cells, start, end)
             phase = 4.0 * np.pi * self.nominal_hz * t_s + at_frames(t_s - start, psi)
-            light = light_of(seen, t_s, phase, bands_of(self._basis.rows), f0_hz / self._rate_hz)
+            light = look(seen, t_s, phase, bands_of(self._basis.rows), f0_hz / self._rate_hz)
             self._apart_turns = light.apart_turns
         return why_not(f0_hz, self.nominal_hz, self._rate_hz, self._wander(), light)
 

@@ -47,7 +47,9 @@ LEAST_SNR, MOST_STD = 10.0, 0.15
 ADDED, MULTIPLIED = 1.5, 2.0
 LEAST_ADDED, LEAST_MULTIPLIED = 0.04, 0.02
 BEYOND_FRAME, TURNS_STD = 1.05, 0.1  # read-out over a frame's time; of turns
-CREEPS_HZ = 1.0  # alias of a nominal, about which all that moves slowly is
+# Alias of a nominal, about which all that moves slowly is; and near half the frame rate all that
+# alternates from frame to frame, such as what an encoder does.
+CREEPS_HZ = 1.0
 AT_ONCE = 0.15  # turns, below which all rows show the same
 # Illumination frequencies off the nominal: more than a large grid's, even with a frame rate that is
 # taken for its neighbour, a thousandth off; and such as a second harmonic's mirror image explains.
@@ -164,7 +166,10 @@ def why_not(
         return TOO_STEADY
     if light is None:
         return ""
-    creeps = abs(alias_hz(2.0 * nominal_hz, frame_rate_hz)) < CREEPS_HZ
+    if is_unusual and not light.is_multiplied:
+        return NO_GRID
+    seen_hz = abs(alias_hz(2.0 * nominal_hz, frame_rate_hz))
+    creeps = min(seen_hz, frame_rate_hz / 2.0 - seen_hz) < CREEPS_HZ
     if creeps and not (light.is_multiplied or wander.is_seen):
         return CREEPS
     if abs(light.turns) < AT_ONCE and _is_keyed(f0_hz, frame_rate_hz, wander):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import SEARCH_HZ
 from rsenf.flicker.grid_prior import FREE, MEAN_STD_HZ, NODES_PER_S, phase_prior
-from rsenf.flicker.lines import alias_hz
+from rsenf.flicker.lines import SURE_LOG_ODDS, alias_hz, usual_log_odds
 from rsenf.flicker.mains import (
     NO_GRID,
     Light,
@@ -39,10 +39,7 @@ BINS_PER_S = 4
 BANDS = 120
 TOO_STILL = "alias at 0 Hz, and the flicker's phase has turned too little to tell it from texture"
 NOT_FLICKER = "no mains flicker stands out"
-# Deviation of the illumination's frequency from its nominal that is large for a grid, as a standard
-# deviation; logarithm of the prior odds that a camera reads from the first row to the last; and of
-# the odds from which on a direction counts as known.
-USUAL_HZ, FORWARD_LOG_ODDS, SURE_LOG_ODDS = 0.04, 2.0, 7.0
+FORWARD_LOG_ODDS = 2.0  # prior odds, as a logarithm, that a camera reads its first row first
 MODEL_STD_HZ = 4e-5
 HOLE_FRAMES = 0.5  # by which time and numbers part from bin to bin where some are missing
 MISFIT_S, LEAST_MISFIT = 0.5, 3.0  # seconds beside one, and the chi-squared that counts
@@ -314,7 +311,7 @@ def direction_of(found: ZeroAlias, stands_off_hz: float) -> tuple[int, bool]:
         return found.direction, True
     slope_hz = float(np.polyfit(found.t_s, found.phase_rad, 1)[0]) / (2.0 * np.pi)
     forward, reverse = stands_off_hz + slope_hz, stands_off_hz - slope_hz
-    log_odds = (reverse**2 - forward**2) / (2.0 * USUAL_HZ**2)
+    log_odds = usual_log_odds(forward, reverse)
     return (1 if log_odds + FORWARD_LOG_ODDS > 0.0 else -1), abs(log_odds) > SURE_LOG_ODDS
 
 

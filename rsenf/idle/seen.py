@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.flicker.lines import alias_hz
+from rsenf.flicker.lines import alias_hz, mirror_hz
 from rsenf.idle.moments import Moments
 from rsenf.idle.still_rows import StillRows
 
@@ -52,15 +52,9 @@ class Seen:
         return abs(alias_hz(2.0 * self.nominal_hz, self.frame_rate_hz)) < STILL_HZ
 
     @property
-    def is_mirrored(self) -> bool:
-        """Whether it is at half the frame rate: either sense of rotation looks the same."""
-        return abs(alias_hz(4.0 * self.nominal_hz, self.frame_rate_hz)) < STILL_HZ
-
-    @property
     def mirror_hz(self) -> float:
-        """Frequency about which they look the same."""
-        double_hz = 4.0 * self.nominal_hz
-        return (double_hz - alias_hz(double_hz, self.frame_rate_hz)) / 2.0
+        """Frequency about which either sense of rotation looks the same; NaN where they don't."""
+        return mirror_hz(self.nominal_hz, self.frame_rate_hz)
 
     @property
     def followed(self) -> bool:

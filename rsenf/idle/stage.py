@@ -178,7 +178,8 @@ class IdleStage:
         if not (seen.followed or is_still):
             return Finding(verdict="no_signal", reason=self._why_nothing(seen))
         finding = self._conclude(seen)
-        if finding.verdict == "estimated" and seen.is_mirrored and not seen.stands_still:
+        is_mirrored = np.isfinite(seen.mirror_hz) and not seen.stands_still
+        if finding.verdict == "estimated" and is_mirrored:
             finding = finding.undirected(seen.mirror_hz)
         finding = checked(seen, finding)
         claims = finding.verdict in ("estimated", "ambiguous")
