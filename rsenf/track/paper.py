@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rsenf.errors import UsageError
 from rsenf.flicker.lines import alias_hz
 from rsenf.messages import EnfEstimate, Header, RowBlock
+from rsenf.track.course import apart_hz2
 from rsenf.track.paper_hypotheses import Hypothesis, hypotheses
 from rsenf.track.paper_spectrum import Complex, Peaks, SlidingSpectrum, peaks
 from rsenf.track.paper_templates import PaperTemplates
@@ -56,6 +57,7 @@ class PaperTracker(StftTracker):
         self._spectra: list[SlidingSpectrum] = []
         self._sent = 0
         # How far each hypothesis has stood out so far, in dB, summed over the windows.
+        self._best = 0  # the one that has most
         self._standing_db: NDArray[np.float64] = np.zeros(0)
 
     def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
@@ -78,6 +80,9 @@ class PaperTracker(StftTracker):
                 SlidingSpectrum(line.carrier_hz, columns, s.window_s, s.hop_s, search_hz)
             )
         return len(self._hypotheses)
+
+    def _tone_series(self, window: Window, found: EnfEstimate) -> Complex:
+        return np.asarray(window.buffer.values(window.part)[:, self._best], np.complex128)
 
     def _reduce(self, block: RowBlock) -> Complex:
         return self._templates.reduce(block)
@@ -114,18 +119,36 @@ class PaperTracker(StftTracker):
             DRIFT_MARGIN if self._near_zero(h.line, rate_hz) else 1.0 for h in self._hypotheses
         ]
         self._standing_db += 10.0 * np.log10(np.maximum(found.snr, 1e-30) / margin)
-        best = int(np.argmax(self._standing_db))
+        best = self._best = int(np.argmax(self._standing_db))
         fit = LineFit(
             self._hypotheses[best].line, found.tone(best), 0.0, 0.0, float(found.one_sided[best])
         )
         reason = self._why_unusable(fit, rate_hz)
+        own = self._hypotheses[best]
+        ramps = [
+            i
+            for i, h in enumerate(self._hypotheses)
+            if h.line.carrier_hz == own.line.carrier_hz and h.idle_ratio == own.idle_ratio
+        ]
+        apart2 = (
+            apart_hz2(
+                window.buffer.values(window.part)[:, ramps],
+                ramps.index(best),
+                window.buffer.times(window.part) - window.centre_s,
+                fit.line.carrier_hz + fit.tone.offset_hz,
+                self.settings.window_s,
+            )
+            / (2.0 * fit.line.harmonic) ** 2
+        )
         header = blank.header.numbered(self._sent + len(out))
-        own = (
+        claim = (
             dataclasses.replace(blank, header=header, snr_db=out[best].snr_db, reason=reason)
             if reason
-            else dataclasses.replace(out[best], header=header, rank=0)
+            else dataclasses.replace(
+                out[best], header=header, rank=0, enf_var_hz2=out[best].enf_var_hz2 + apart2
+            )
         )
-        return [*out, self._believed(window, blank, own)]
+        return [*out, self._believed(window, blank, claim)]
 
 
 def _fill_in(

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.flicker.lines import Line, candidate_lines, project, templates
-from rsenf.flicker.mains import FAINT
+from rsenf.flicker.mains import FAINT, UNUSUAL_HZ
 from rsenf.flicker.tone import AT_EDGE, ToneFinder
 from rsenf.messages import EnfEstimate, RowBlock
+from rsenf.track.course import apart_hz2
 from rsenf.track.settings import TrackSettings
 from rsenf.track.sliding import (
     MIN_AMPLITUDE_LEVEL,
@@ -40,6 +41,10 @@ MIN_ONE_SIDED = 10.0
 TOO_NEAR = "alias too near 0 Hz, where the picture's texture hides it"
 OVERTONE = (
     "near 0 Hz, and another line shows more at another frequency: an overtone or a mirror image"
+)
+MIRRORED = (
+    "alias near 0 Hz, and the mirror image is nearer to the nominal frequency: read out from the "
+    "last row to the first?"
 )
 DRIFT_MARGIN = 10.0
 
@@ -93,6 +98,11 @@ class StftTracker(SlidingTracker):
     def _reduce(self, block: RowBlock) -> NDArray[np.complex128]:
         return project(block, self._ramps)
 
+    def _tone_series(self, window: Window, found: EnfEstimate) -> NDArray[np.complex128]:
+        assert self._chosen is not None
+        column = self._lines.index(self._chosen)
+        return np.asarray(window.buffer.values(window.part)[:, column], np.complex128)
+
     def _judge(self, window: Window, blank: EnfEstimate) -> EnfEstimate:
         rate_hz = window.frame_rate_hz
         among = (self._chosen,) if self._chosen else self._followed
@@ -139,6 +149,9 @@ class StftTracker(SlidingTracker):
             return "alias near 0 Hz, where brightness drifts: give the nominal frequency"
         if self._too_near_zero(fit, rate_hz):
             return TOO_NEAR
+        mirrored_hz = -2.0 * fit.line.alias_hz(rate_hz) - tone.offset_hz
+        if near_zero and abs(tone.offset_hz) > max(UNUSUAL_HZ, 2.0 * abs(mirrored_hz)):
+            return MIRRORED
         if self._rows > 1 and near_zero and fit.one_sided < MIN_ONE_SIDED:
             return "a slow change of brightness near 0 Hz, not to be told from flicker there"
         limit_hz = self.settings.max_std_hz * 2.0 * self.settings.harmonic
@@ -171,13 +184,21 @@ class StftTracker(SlidingTracker):
         line, tone = best.line, best.tone
         scale = 2.0 * line.harmonic
         column = self._lines.index(line)
+        ramps = [i for i, x in enumerate(self._lines) if x.carrier_hz == line.carrier_hz]
+        apart2 = apart_hz2(
+            window.buffer.values(window.part)[:, ramps],
+            ramps.index(column),
+            window.buffer.times(window.part) - window.centre_s,
+            line.carrier_hz + tone.offset_hz,
+            self.settings.window_s,
+        )
         return dataclasses.replace(
             blank,
             nominal_hz=line.nominal_hz,
             line_m=line.m,
             line_hz=line.line_hz(blank.frame_rate_hz),
             enf_hz=line.nominal_hz + tone.offset_hz / scale,
-            enf_var_hz2=tone.offset_var_hz2 / scale**2 + SMEAR_STD_HZ**2,
+            enf_var_hz2=(tone.offset_var_hz2 + apart2) / scale**2 + SMEAR_STD_HZ**2,
             snr_db=decibels(tone.snr),
             usable=True,
             **slow_time_amplitude(
