@@ -28,7 +28,7 @@ OVERLAP = 1.0 / 6.0
 # of normal values over their mean.
 SECOND_DIFFERENCE, MEDIAN_SQUARE = 6.0 - 8.0 * OVERLAP, 0.455
 # Other series with so much of a tone's amplitude are asked whether they agree about it.
-MIN_SHARE = 0.2
+MIN_SHARE = 0.1
 
 
 @dataclass(frozen=True, eq=False)

@@ -101,6 +101,9 @@ class PhaseTracker(StftTracker):
             if 1.0 <= abs(x.turns(frame_rate_hz)) <= most and self.settings.line_m in (None, x.m)
         )
 
+    def _beside(self, nominal_hz: float, frame_rate_hz: float, rows: int) -> tuple[Line, ...]:
+        return ()
+
     def _rank(self, fit: LineFit, rate_hz: float) -> tuple[bool, bool, float]:
         """By size: under strong light a mirror image stands out as well as what it mirrors."""
         usable, clear, _ = super()._rank(fit, rate_hz)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from abc import abstractmethod
+from collections import deque
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,7 @@ UNMOVED = (
 )
 MOST_EXCESS = 12.0  # of a phase's stray from an even course over what noise and a grid explain
 EXAMINE_HOPS = 5  # windows that share a look at whether it is mains light
+LOOKS = 2  # in a row, none of which may say that it isn't: their windows overlap
 # Weaker than this (levels) is rounding, not light.
 MIN_AMPLITUDE_LEVEL = 1e-4
 
@@ -73,7 +75,8 @@ class SlidingTracker(EnfMethod):
         self._waiting: list[RowBlock] = []
         self._buffer: SlowTime | None = None
         self._cells: SlowTime | None = None
-        self._examined, self._why = -EXAMINE_HOPS, ""  # hop at which the light was, and what came
+        self._examined = -EXAMINE_HOPS  # hop at which the light was looked at
+        self._looks: deque[str] = deque(maxlen=LOOKS)  # what came of it
         self._header: Header | None = None
         self._hops = 0
         self._rows = self._bands = 0
@@ -187,8 +190,9 @@ class SlidingTracker(EnfMethod):
         elif var_hz2 > self.settings.max_std_hz**2:
             reason = "too uncertain"
         elif self._hops - self._examined >= EXAMINE_HOPS:
-            self._examined, self._why = self._hops, self._why_not_mains(window, found, course)
-        reason = reason or self._why
+            self._examined = self._hops
+            self._looks.append(self._why_not_mains(window, found, course))
+        reason = reason or next(filter(None, self._looks), "")
         if not reason:
             return dataclasses.replace(found, enf_var_hz2=var_hz2)
         return dataclasses.replace(blank, header=found.header, snr_db=found.snr_db, reason=reason)

@@ -65,14 +65,24 @@ class StftTracker(SlidingTracker):
         s = self.settings
         self._finder = ToneFinder(s.window_s, 2.0 * s.search_hz * s.harmonic)
         self._followed: tuple[Line, ...] = ()
-        self._lines: tuple[Line, ...] = ()  # those, and what they are held against near 0 Hz
+        self._lines: tuple[Line, ...] = ()  # those, and what they are held against
         self._ramps: NDArray[np.complex128] = np.empty((0, 0), np.complex128)
         self._chosen: Line | None = None
 
     def _candidates(self, nominal_hz: float, frame_rate_hz: float, rows: int) -> tuple[Line, ...]:
         """Lines that may be followed."""
-        lines = candidate_lines(nominal_hz, self.settings.harmonic, frame_rate_hz, rows)
+        lines = self._beside(nominal_hz, frame_rate_hz, rows)
         return tuple(x for x in lines if self.settings.line_m in (None, x.m))
+
+    def _beside(self, nominal_hz: float, frame_rate_hz: float, rows: int) -> tuple[Line, ...]:
+        """Lines that those are held against: the paper's, and those of a read-out upward."""
+        harmonic = self.settings.harmonic
+        lines = candidate_lines(nominal_hz, harmonic, frame_rate_hz, rows)
+        if rows == 1:
+            return lines
+        first = int(lines[0].turns(frame_rate_hz)) + 1
+        up = (Line(nominal_hz, harmonic, -m) for m in range(first, 2 * first + 1))
+        return (*lines, *(x for x in up if -lines[0].carrier_hz <= x.line_hz(frame_rate_hz) < 0.0))
 
     def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
         s = self.settings
@@ -85,12 +95,7 @@ class StftTracker(SlidingTracker):
                 f"no line {s.line_m} at {frame_rate_hz:.2f} frames/s and harmonic {s.harmonic}",
                 "leave it out to follow the strongest",
             )
-        beside = (
-            line
-            for n in nominals
-            for line in candidate_lines(n, s.harmonic, frame_rate_hz, first.rows)
-            if self._near_zero(line, frame_rate_hz)
-        )
+        beside = (x for n in nominals for x in self._beside(n, frame_rate_hz, first.rows))
         self._lines = tuple(dict.fromkeys((*self._followed, *beside)))
         self._ramps = templates(self._lines, frame_rate_hz, first.rows, self._finder.search_hz)
         return len(self._lines)
@@ -149,8 +154,8 @@ class StftTracker(SlidingTracker):
             return "alias near 0 Hz, where brightness drifts: give the nominal frequency"
         if self._too_near_zero(fit, rate_hz):
             return TOO_NEAR
-        mirrored_hz = -2.0 * fit.line.alias_hz(rate_hz) - tone.offset_hz
-        if near_zero and abs(tone.offset_hz) > max(UNUSUAL_HZ, 2.0 * abs(mirrored_hz)):
+        nearest_hz = 2.0 * abs(self._mirrored_hz(fit, rate_hz))
+        if near_zero and abs(tone.offset_hz) > max(UNUSUAL_HZ, nearest_hz):
             return MIRRORED
         if self._rows > 1 and near_zero and fit.one_sided < MIN_ONE_SIDED:
             return "a slow change of brightness near 0 Hz, not to be told from flicker there"
@@ -171,8 +176,15 @@ class StftTracker(SlidingTracker):
         loudest = max(own, key=lambda fit: fit.tone.amplitude)
         if self._too_near_zero(loudest, rate_hz):
             return TOO_NEAR
-        apart_hz = abs(loudest.tone.offset_hz - best.tone.offset_hz)
+        # Of light that shows on one ramp, the mirror image shows on the ramp the other way.
+        images = loudest.tone.offset_hz, self._mirrored_hz(loudest, rate_hz)
+        apart_hz = min(abs(image_hz - best.tone.offset_hz) for image_hz in images)
         return OVERTONE if apart_hz > 1.0 / self.settings.window_s else ""
+
+    @staticmethod
+    def _mirrored_hz(fit: LineFit, rate_hz: float) -> float:
+        """Offset at which the tone's mirror image shows beside 0 Hz."""
+        return -2.0 * fit.line.alias_hz(rate_hz) - fit.tone.offset_hz
 
     def _too_near_zero(self, fit: LineFit, rate_hz: float) -> bool:
         """Whether the tone, or the nominal frequency's own alias, is hidden by the texture."""
