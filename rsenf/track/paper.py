@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.flicker.lines import alias_hz
+from rsenf.flicker.mains import Light
 from rsenf.messages import EnfEstimate, Header, RowBlock
-from rsenf.track.course import apart_hz2
+from rsenf.track.course import Course, apart_hz2
 from rsenf.track.paper_hypotheses import Hypothesis, hypotheses
 from rsenf.track.paper_spectrum import Complex, Peaks, SlidingSpectrum, peaks
 from rsenf.track.paper_templates import PaperTemplates
@@ -24,6 +25,10 @@ from rsenf.track.settings import TrackSettings
 from rsenf.track.sliding import Window, decibels
 from rsenf.track.stft import DRIFT_MARGIN, SMEAR_STD_HZ, StftTracker
 from rsenf.track.window import LineFit
+
+UPWARD = (
+    "the flicker runs up the rows, and what shows on the paper's lines may be its second harmonic"
+)
 
 
 class PaperTracker(StftTracker):
@@ -100,6 +105,16 @@ class PaperTracker(StftTracker):
         )
         self._sent += len(out)
         return out
+
+    def _why_not_mains(self, found: EnfEstimate, course: Course, light: Light | None) -> str:
+        """Its lines are those of a read-out downward.
+
+        Of light that is read upward they show little, and its second harmonic's image instead.
+        """
+        image_hz = alias_hz(6.0 * found.nominal_hz, found.frame_rate_hz)
+        if light and light.turns < 0.0 and abs(image_hz) < self._finder.search_hz:
+            return UPWARD
+        return super()._why_not_mains(found, course, light)
 
     def _judge_all(
         self, window: Window, blank: EnfEstimate, spectra: list[Complex]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.lines import Line
-from rsenf.flicker.mains import cell_means, is_faint, light_of, tells_cells, why_not
+from rsenf.flicker.mains import CREEPS, Light, cell_means, is_faint, light_of, tells_cells, why_not
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
@@ -34,6 +34,7 @@ UNMOVED = (
     "frequency"
 )
 MOST_EXCESS = 12.0  # of a phase's stray from an even course over what noise and a grid explain
+MOST_UNSEEN = 2.0  # the same where cells can't show what it is
 EXAMINE_HOPS = 5  # windows that share a look at whether it is mains light
 LOOKS = 2  # in a row, none of which may say that it isn't: their windows overlap
 # Weaker than this (levels) is rounding, not light.
@@ -191,26 +192,31 @@ class SlidingTracker(EnfMethod):
             reason = "too uncertain"
         elif self._hops - self._examined >= EXAMINE_HOPS:
             self._examined = self._hops
-            self._looks.append(self._why_not_mains(window, found, course))
+            light = self._light(window, tone_hz)
+            self._looks.append(self._why_not_mains(found, course, light))
         reason = reason or next(filter(None, self._looks), "")
         if not reason:
             return dataclasses.replace(found, enf_var_hz2=var_hz2)
         return dataclasses.replace(blank, header=found.header, snr_db=found.snr_db, reason=reason)
 
-    def _why_not_mains(self, window: Window, found: EnfEstimate, course: Course) -> str:
+    def _light(self, window: Window, tone_hz: float) -> Light | None:
+        """What the cells show of a tone; nothing where they can't."""
+        if self._cells is None or not tells_cells(tone_hz, window.frame_rate_hz):
+            return None
+        part = self._cells.between(window.start_s, window.end_s)
+        usable = self._cells.usable(part)
+        t_s, seen = self._cells.times(part)[usable], self._cells.values(part)[usable]
+        phase = 2.0 * np.pi * tone_hz * t_s
+        return light_of(seen, t_s, phase, self._bands, tone_hz / window.frame_rate_hz)
+
+    def _why_not_mains(self, found: EnfEstimate, course: Course, light: Light | None) -> str:
         """Say why what was found isn't mains light; '' where it may be."""
-        f0_hz, rate_hz, light = 2.0 * found.enf_hz, window.frame_rate_hz, None
-        tone_hz, wander = found.harmonic * f0_hz, course.wander
-        if self._cells is not None and tells_cells(tone_hz, rate_hz):
-            part = self._cells.between(window.start_s, window.end_s)
-            t_s, seen = self._cells.times(part), self._cells.values(part)
-            usable = self._cells.usable(part)
-            t_s, seen = t_s[usable], seen[usable]
-            phase = 2.0 * np.pi * tone_hz * t_s
-            light = light_of(seen, t_s, phase, self._bands, tone_hz / rate_hz)
-        if self._rows == 1 and not (self.settings.nominal_hz or wander.is_seen):
+        if self._rows == 1 and not (self.settings.nominal_hz or course.wander.is_seen):
             return UNMOVED
-        return why_not(f0_hz, found.nominal_hz, rate_hz, wander, light)
+        if self._rows > 1 and light is None and course.excess > MOST_UNSEEN:
+            return CREEPS
+        f0_hz, rate_hz = 2.0 * found.enf_hz, found.frame_rate_hz
+        return why_not(f0_hz, found.nominal_hz, rate_hz, course.wander, light)
 
     def _is_faint(self, amplitude: float, line: Line, offset_hz: float) -> bool:
         """Whether a tone ``a·exp(jφ)``, half of the flicker's own amplitude, is too weak."""
