@@ -125,9 +125,15 @@ def course_of(series: Complex, t_s: Float, tone_hz: float, window_s: float) -> C
     """
     half = int(window_s / 2.0 / STEP_S) - 1
     turning = np.exp(-2j * np.pi * tone_hz * t_s)
-    left, amplitude = _without_constant(series[:, None], turning, hann(t_s, window_s))
+    left, _ = _without_constant(series[:, None], turning, hann(t_s, window_s))
     z, _, filled = averages(left[:, 0] * turning, t_s, STEP_S, max(half, 0))
-    return Course(np.asarray((z / amplitude[0]).imag, np.float64), filled)
+    if half < MIN_HALF:
+        return Course(np.zeros(z.size), filled)
+    # The frequency may be that of a part: what turns on in all of the window is taken off.
+    weights = _usual(half)[0] * filled
+    step = np.angle(np.sum(np.sqrt(weights[1:] * weights[:-1]) * z[1:] * z[:-1].conj()))
+    z = z * np.exp(-1j * step * np.arange(-half, half + 1))
+    return Course(np.asarray((z / (weights @ z / weights.sum())).imag, np.float64), filled)
 
 
 def apart_hz2(series: Complex, own: int, t_s: Float, tone_hz: float, window_s: float) -> float:

@@ -77,6 +77,7 @@ class SlidingTracker(EnfMethod):
         self._buffer: SlowTime | None = None
         self._cells: SlowTime | None = None
         self._examined = -EXAMINE_HOPS  # hop at which the light was looked at
+        self._has_moved = False  # as a grid's frequency does
         self._looks: deque[str] = deque(maxlen=LOOKS)  # what came of it
         self._header: Header | None = None
         self._hops = 0
@@ -211,7 +212,8 @@ class SlidingTracker(EnfMethod):
 
     def _why_not_mains(self, found: EnfEstimate, course: Course, light: Light | None) -> str:
         """Say why what was found isn't mains light; '' where it may be."""
-        if self._rows == 1 and not (self.settings.nominal_hz or course.wander.is_seen):
+        self._has_moved |= course.wander.is_seen
+        if self._rows == 1 and not (self.settings.nominal_hz or self._has_moved):
             return UNMOVED
         if self._rows > 1 and light is None and course.excess > MOST_UNSEEN:
             return CREEPS

@@ -154,15 +154,25 @@ class StftTracker(SlidingTracker):
             return "alias near 0 Hz, where brightness drifts: give the nominal frequency"
         if self._too_near_zero(fit, rate_hz):
             return TOO_NEAR
-        nearest_hz = 2.0 * abs(self._mirrored_hz(fit, rate_hz))
-        if near_zero and abs(tone.offset_hz) > max(UNUSUAL_HZ, nearest_hz):
-            return MIRRORED
+        if near_zero and (why := self._why_image(fit, rate_hz)):
+            return why
         if self._rows > 1 and near_zero and fit.one_sided < MIN_ONE_SIDED:
             return "a slow change of brightness near 0 Hz, not to be told from flicker there"
         limit_hz = self.settings.max_std_hz * 2.0 * self.settings.harmonic
         if tone.offset_var_hz2 > limit_hz**2:
             return "too uncertain"
         return ""
+
+    def _why_image(self, fit: LineFit, rate_hz: float) -> str:
+        """Say why a tone near 0 Hz may be an image of one that is nearer to the nominal."""
+        alias_hz, off_hz = fit.line.alias_hz(rate_hz), abs(fit.tone.offset_hz)
+        if self._rows > 1 and fit.line.line_hz(rate_hz) < 0.0:
+            return MIRRORED
+        if off_hz > max(UNUSUAL_HZ, 2.0 * abs(self._mirrored_hz(fit, rate_hz))):
+            return MIRRORED
+        # The second harmonic turns twice as fast as the first.
+        first_hz = (alias_hz + fit.tone.offset_hz) / 2.0
+        return OVERTONE if abs(first_hz - alias_hz) < off_hz / 2.0 else ""
 
     def _why_another(self, best: LineFit, found: list[LineFit], rate_hz: float) -> str:
         """Say why a tone near 0 Hz isn't the flicker's first: all its lines have one alias.
