@@ -38,6 +38,7 @@ ZERO_CELLS = 1.5
 # Where 0 Hz lies in the search band, drifts of brightness make tones of their own: flicker must
 # stand out so many times more there, and be stronger than its mirror image by this much.
 MIN_ONE_SIDED = 10.0
+OFTEN_HZ = 0.08  # illumination frequencies are often so far off the nominal
 TOO_NEAR = "alias too near 0 Hz, where the picture's texture hides it"
 OVERTONE = (
     "near 0 Hz, and another line shows more at another frequency: an overtone or a mirror image"
@@ -171,8 +172,8 @@ class StftTracker(SlidingTracker):
         if off_hz > max(UNUSUAL_HZ, 2.0 * abs(self._mirrored_hz(fit, rate_hz))):
             return MIRRORED
         # The second harmonic turns twice as fast as the first.
-        first_hz = (alias_hz + fit.tone.offset_hz) / 2.0
-        return OVERTONE if abs(first_hz - alias_hz) < off_hz / 2.0 else ""
+        first_off_hz = abs((alias_hz + fit.tone.offset_hz) / 2.0 - alias_hz)
+        return OVERTONE if off_hz > max(OFTEN_HZ, 2.0 * first_off_hz) else ""
 
     def _why_another(self, best: LineFit, found: list[LineFit], rate_hz: float) -> str:
         """Say why a tone near 0 Hz isn't the flicker's first: all its lines have one alias.
