@@ -92,13 +92,13 @@ class Course:
         basis = prior.basis[::2][self.filled]
         precision = basis.T @ basis / noise + np.eye(basis.shape[1])
         coefficient = np.linalg.solve(precision, basis.T @ self.stray_rad[self.filled] / noise)
-        return wander_of(coefficient, precision, prior.nodes)
+        return wander_of(np.asarray(coefficient, np.float64), precision, prior.nodes)
 
 
 @functools.lru_cache(maxsize=8)
 def _usual(half: int) -> tuple[Float, Float, float]:
     """Weights of a Hann window, the lines through it, and a grid's mean square beside them."""
-    t_s = STEP_S * np.arange(-half, half + 1)
+    t_s = np.asarray(STEP_S * np.arange(-half, half + 1), np.float64)
     weights = hann(t_s, 2.0 * STEP_S * (half + 1))
     line = np.column_stack([np.ones_like(t_s), t_s])
     root = np.sqrt(weights)[:, None]
@@ -154,7 +154,7 @@ def apart_hz2(series: Complex, own: int, t_s: Float, tone_hz: float, window_s: f
     weights = hann(t_s, window_s)
     turning = np.exp(-2j * np.pi * tone_hz * t_s)
     left, amplitude = _without_constant(series, turning, weights)
-    share = np.abs(amplitude) / max(abs(amplitude[own]), 1e-12)
+    share = np.abs(amplitude) / max(float(np.abs(amplitude[own])), 1e-12)
     t_s = t_s - weights @ t_s
     bent = (weights * t_s * turning) @ left
     slope_hz = (bent / (amplitude + 1e-12)).imag / (2.0 * np.pi * (weights @ t_s**2))

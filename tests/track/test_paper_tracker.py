@@ -100,7 +100,7 @@ def test_a_constant_grid_is_read_at_all_lines_that_are_there(nominal_hz, rate_hz
 
 def test_the_tracker_finds_the_grid_for_itself():
     for nominal_hz in (50.0, 60.0):
-        level, t_s = rows_of(RATE_HZ, nominal_hz + 0.02, swing_hz=0.01)
+        level, t_s = rows_of(RATE_HZ, nominal_hz + 0.02, swing_hz=0.003)
         found = hypotheses_of(level, t_s)
         assert len(found) == 1 + 20 * (8 + 8)
         assert {e.nominal_hz for e in found[0] if e.usable} == {nominal_hz}
