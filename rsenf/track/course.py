@@ -154,7 +154,7 @@ def apart_hz2(series: Complex, own: int, t_s: Float, tone_hz: float, window_s: f
     weights = hann(t_s, window_s)
     turning = np.exp(-2j * np.pi * tone_hz * t_s)
     left, amplitude = _without_constant(series, turning, weights)
-    share = np.abs(amplitude) / max(float(np.abs(amplitude[own])), 1e-12)
+    share = np.abs(amplitude) / np.maximum(np.abs(amplitude[own]), 1e-12)
     t_s = t_s - weights @ t_s
     bent = (weights * t_s * turning) @ left
     slope_hz = (bent / (amplitude + 1e-12)).imag / (2.0 * np.pi * (weights @ t_s**2))
