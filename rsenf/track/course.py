@@ -169,7 +169,7 @@ def _without_constant(series: Complex, turning: Complex, weights: Float) -> tupl
     """Series without what is constant beside a tone, and the tone's amplitude in each."""
     overlap = weights @ turning
     mean, tone = weights @ series, (weights * turning) @ series
-    left = max(1.0 - abs(overlap) ** 2, 1e-12)
+    left = max(1.0 - float(np.abs(overlap)) ** 2, 1e-12)
     amplitude = (tone - overlap * mean) / left
     return series - (mean - overlap.conjugate() * amplitude), amplitude
 
