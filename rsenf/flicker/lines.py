@@ -121,4 +121,5 @@ def project(block: RowBlock, ramps: NDArray[np.complex128]) -> NDArray[np.comple
     Strips are averaged; rows in which nothing was steady count as their strip's background.
     """
     profile = block.profiles()
-    return np.asarray(profile @ ramps, np.complex128)
+    # A real matrix times the two parts of a complex one: half the work.
+    return np.asarray(profile @ ramps.view(np.float64)).view(np.complex128)

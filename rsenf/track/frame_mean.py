@@ -11,10 +11,11 @@ a rolling shutter the rows' phases differ and most of the flicker averages out.
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from rsenf.flicker.lines import Line
 from rsenf.messages import EnfEstimate, RowBlock
 from rsenf.track.alias import check_line, is_folded, why_nothing
 from rsenf.track.settings import TrackSettings
@@ -41,9 +42,18 @@ class FrameMeanTracker(StftTracker):
         super().__init__(settings)
         check_line(self.settings, self.name)
 
-    def update(self, message: RowBlock) -> list[Any]:
-        """Take a block of rows; return the estimates whose windows it completes."""
-        return super().update(_frame_means(message))
+    def _candidates(self, nominal_hz: float, frame_rate_hz: float, rows: int) -> tuple[Line, ...]:
+        return super()._candidates(nominal_hz, frame_rate_hz, 1)
+
+    def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
+        return super()._prepare(_frame_means(first), frame_rate_hz)
+
+    def _reduce(self, block: RowBlock) -> NDArray[np.complex128]:
+        return super()._reduce(_frame_means(block))
+
+    def _is_faint(self, amplitude: float, line: Line, offset_hz: float) -> bool:
+        """Whether it is too weak: that the rows' phases average out says nothing of the light."""
+        return False
 
     def _why_unusable(self, fit: LineFit, rate_hz: float) -> str:
         if is_folded(fit.line, rate_hz, self._finder.search_hz):

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.flicker.lines import alias_hz
+from rsenf.flicker.mains import Light
 from rsenf.messages import EnfEstimate, Header, RowBlock
+from rsenf.track.course import Course, apart_hz2
 from rsenf.track.paper_hypotheses import Hypothesis, hypotheses
 from rsenf.track.paper_spectrum import Complex, Peaks, SlidingSpectrum, peaks
 from rsenf.track.paper_templates import PaperTemplates
@@ -23,6 +25,10 @@ from rsenf.track.settings import TrackSettings
 from rsenf.track.sliding import Window, decibels
 from rsenf.track.stft import DRIFT_MARGIN, SMEAR_STD_HZ, StftTracker
 from rsenf.track.window import LineFit
+
+UPWARD = (
+    "the flicker runs up the rows, and what shows on the paper's lines may be its second harmonic"
+)
 
 
 class PaperTracker(StftTracker):
@@ -56,6 +62,7 @@ class PaperTracker(StftTracker):
         self._spectra: list[SlidingSpectrum] = []
         self._sent = 0
         # How far each hypothesis has stood out so far, in dB, summed over the windows.
+        self._best = 0  # the one that has most
         self._standing_db: NDArray[np.float64] = np.zeros(0)
 
     def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
@@ -79,6 +86,9 @@ class PaperTracker(StftTracker):
             )
         return len(self._hypotheses)
 
+    def _tone_series(self, window: Window, found: EnfEstimate) -> Complex:
+        return np.asarray(window.buffer.values(window.part)[:, self._best], np.complex128)
+
     def _reduce(self, block: RowBlock) -> Complex:
         return self._templates.reduce(block)
 
@@ -95,6 +105,16 @@ class PaperTracker(StftTracker):
         )
         self._sent += len(out)
         return out
+
+    def _why_not_mains(self, found: EnfEstimate, course: Course, light: Light | None) -> str:
+        """Its lines are those of a read-out downward.
+
+        Of light that is read upward they show little, and its second harmonic's image instead.
+        """
+        image_hz = alias_hz(6.0 * found.nominal_hz, found.frame_rate_hz)
+        if light and light.turns < 0.0 and abs(image_hz) < self._finder.search_hz:
+            return UPWARD
+        return super()._why_not_mains(found, course, light)
 
     def _judge_all(
         self, window: Window, blank: EnfEstimate, spectra: list[Complex]
@@ -114,18 +134,36 @@ class PaperTracker(StftTracker):
             DRIFT_MARGIN if self._near_zero(h.line, rate_hz) else 1.0 for h in self._hypotheses
         ]
         self._standing_db += 10.0 * np.log10(np.maximum(found.snr, 1e-30) / margin)
-        best = int(np.argmax(self._standing_db))
+        best = self._best = int(np.argmax(self._standing_db))
         fit = LineFit(
             self._hypotheses[best].line, found.tone(best), 0.0, 0.0, float(found.one_sided[best])
         )
         reason = self._why_unusable(fit, rate_hz)
+        own = self._hypotheses[best]
+        ramps = [
+            i
+            for i, h in enumerate(self._hypotheses)
+            if h.line.carrier_hz == own.line.carrier_hz and h.idle_ratio == own.idle_ratio
+        ]
+        apart2 = (
+            apart_hz2(
+                window.buffer.values(window.part)[:, ramps],
+                ramps.index(best),
+                window.buffer.times(window.part) - window.centre_s,
+                fit.line.carrier_hz + fit.tone.offset_hz,
+                self.settings.window_s,
+            )
+            / (2.0 * fit.line.harmonic) ** 2
+        )
         header = blank.header.numbered(self._sent + len(out))
-        own = (
+        claim = (
             dataclasses.replace(blank, header=header, snr_db=out[best].snr_db, reason=reason)
             if reason
-            else dataclasses.replace(out[best], header=header, rank=0)
+            else dataclasses.replace(
+                out[best], header=header, rank=0, enf_var_hz2=out[best].enf_var_hz2 + apart2
+            )
         )
-        return [*out, self._believed(window, blank, own)]
+        return [*out, self._believed(window, blank, claim)]
 
 
 def _fill_in(

@@ -35,6 +35,7 @@ from rsenf.flicker.tone import ToneFinder
 from rsenf.messages import EnfEstimate, RowBlock
 from rsenf.timebase import nanoseconds
 from rsenf.track.alias import is_folded
+from rsenf.track.course import MIN_SHARE, OVERLAP, averages
 from rsenf.track.settings import TrackSettings
 from rsenf.track.sliding import Window
 from rsenf.track.stft import StftTracker
@@ -49,8 +50,6 @@ STEPS_S = (0.25, 0.5, 1.0, 2.0)
 MIN_STEP_SNR = 30.0
 # Steps on either side of the centre that an interval may have.
 HALF_STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 38)
-# Correlation of the noise of Hann windows that overlap by half.
-OVERLAP = 1.0 / 6.0
 # Where noise is measured, away from the tone: beyond what the grid's changes spread it over.
 NOISE_HZ = np.arange(0.4, 1.2, 0.05)
 # Amplitude of the mirror image over the flicker's, above which the other harmonics' images are
@@ -61,8 +60,6 @@ MAX_MIRROR = 0.3
 # first half of a day of the continental grid.
 SMEAR_S = (1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 SMEAR_MHZ = (0.016, 0.056, 0.155, 0.38, 0.74, 1.19, 2.12)
-# Other ramps with so much of the best one's amplitude are asked whether they agree.
-MIN_SHARE = 0.2
 # Length of a parabola over that of a squared one as wide, by their second moments; and over the
 # step, for the Hann window of the averages.
 SPREAD, HANN_SPREAD = np.sqrt(20.0 / 28.0), 1.6
@@ -103,6 +100,9 @@ class PhaseTracker(StftTracker):
             for x in lines
             if 1.0 <= abs(x.turns(frame_rate_hz)) <= most and self.settings.line_m in (None, x.m)
         )
+
+    def _beside(self, nominal_hz: float, frame_rate_hz: float, rows: int) -> tuple[Line, ...]:
+        return ()
 
     def _rank(self, fit: LineFit, rate_hz: float) -> tuple[bool, bool, float]:
         """By size: under strong light a mirror image stands out as well as what it mirrors."""
@@ -154,7 +154,7 @@ class PhaseTracker(StftTracker):
         noise_of_shortest = None
         for step_s in STEPS_S:
             half = int((self.settings.window_s / 2.0) / step_s) - 1
-            z, at_s, filled = _averages(phasors, t_s, step_s, half)
+            z, at_s, filled = averages(phasors, t_s, step_s, half)
             if noise_of_shortest is None:
                 noise_of_shortest = _noise_level2(self._finder, z[filled], at_s[filled])
             noise_z = noise_of_shortest * STEPS_S[0] / step_s
@@ -185,7 +185,7 @@ class PhaseTracker(StftTracker):
         half = int((self.settings.window_s / 2.0) / step_s) - 1
         far = [0.0]
         for c in np.flatnonzero(share > MIN_SHARE):
-            z, at_s, filled = _averages(phasors[:, c], t_s, step_s, half)
+            z, at_s, filled = averages(phasors[:, c], t_s, step_s, half)
             other = _over_interval(z, at_s, filled, m, step_s, 0.0, 1.0)
             if other:
                 far.append(float(share[c]) ** 2 * (other.offset_hz - step.offset_hz) ** 2)
@@ -219,29 +219,6 @@ def _is_mirrored(values: Complex, amplitude: float) -> bool:
     noise = max(float(np.mean(np.abs(values) ** 2)) - power, 0.0)
     image = 0.5 * abs(np.mean(values**2))
     return bool(image > MAX_MIRROR * power + 2.0 * noise / np.sqrt(values.size))
-
-
-def _averages(
-    phasors: Complex, t_s: Float, step_s: float, half: int
-) -> tuple[Complex, Float, NDArray[np.bool_]]:
-    """Hann-weighted averages at ``−half … half`` steps: values, mean times, whether well filled."""
-    count = 2 * half + 1
-    place = t_s / step_s + half
-    before = np.floor(place).astype(np.int64)
-    up = np.sin(0.5 * np.pi * (place - before)) ** 2
-    index = np.concatenate((before, before + 1))
-    weight = np.concatenate((1.0 - up, up))
-    inside = (index >= 0) & (index < count)
-    index, weight = index[inside], weight[inside]
-
-    def total(values: Float) -> Float:
-        return np.asarray(np.bincount(index, weight * np.tile(values, 2)[inside], count), float)
-
-    filled = total(np.ones_like(t_s))
-    usual = np.maximum(np.median(filled), 1e-9)
-    safe = np.maximum(filled, 1e-9)
-    z = np.asarray((total(phasors.real) + 1j * total(phasors.imag)) / safe, np.complex128)
-    return z, total(t_s) / safe, np.asarray(filled >= 0.5 * usual)
 
 
 def _over_interval(

@@ -9,17 +9,18 @@ from __future__ import annotations
 
 import dataclasses
 from abc import abstractmethod
+from collections import deque
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.lines import Line
-from rsenf.flicker.mains import cell_means, is_faint, light_of, tells_cells, why_not
+from rsenf.flicker.mains import CREEPS, Light, cell_means, is_faint, light_of, tells_cells, why_not
 from rsenf.flicker.slow_time import SlowTime
-from rsenf.flicker.wander import Wander
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
+from rsenf.track.course import Course, course_of
 from rsenf.track.method import EnfMethod
 from rsenf.track.settings import TrackSettings
 
@@ -27,7 +28,15 @@ from rsenf.track.settings import TrackSettings
 RATE_NEEDS_S = 1.0
 MIN_FILL_RATIO = 0.8
 NO_FLICKER = "no mains flicker stands out"
+UNEVEN = "the phase doesn't run on evenly: frames lost or shown twice, or another light beside it"
+UNMOVED = (
+    "one mean per frame, and its frequency isn't seen to move as a grid's does: give the nominal "
+    "frequency"
+)
+MOST_EXCESS = 12.0  # of a phase's stray from an even course over what noise and a grid explain
+MOST_UNSEEN = 2.0  # the same where cells can't show what it is
 EXAMINE_HOPS = 5  # windows that share a look at whether it is mains light
+LOOKS = 2  # in a row, none of which may say that it isn't: their windows overlap
 # Weaker than this (levels) is rounding, not light.
 MIN_AMPLITUDE_LEVEL = 1e-4
 
@@ -67,7 +76,9 @@ class SlidingTracker(EnfMethod):
         self._waiting: list[RowBlock] = []
         self._buffer: SlowTime | None = None
         self._cells: SlowTime | None = None
-        self._examined, self._why = -EXAMINE_HOPS, ""  # hop at which the light was, and what came
+        self._examined = -EXAMINE_HOPS  # hop at which the light was looked at
+        self._has_moved = False  # as a grid's frequency does
+        self._looks: deque[str] = deque(maxlen=LOOKS)  # what came of it
         self._header: Header | None = None
         self._hops = 0
         self._rows = self._bands = 0
@@ -88,6 +99,10 @@ class SlidingTracker(EnfMethod):
     def _cells_of(self, block: RowBlock) -> NDArray[Any]:
         """Mean levels by which light is told from patterns, shape (frames, bands, cells)."""
         return cell_means(block.level)
+
+    @abstractmethod
+    def _tone_series(self, window: Window, found: EnfEstimate) -> NDArray[np.complex128]:
+        """Series that a frequency was read from, shape (frames,)."""
 
     @abstractmethod
     def _judge(self, window: Window, blank: EnfEstimate) -> EnfEstimate:
@@ -160,29 +175,50 @@ class SlidingTracker(EnfMethod):
         return [self._believed(window, blank, found)]
 
     def _believed(self, window: Window, blank: EnfEstimate, found: EnfEstimate) -> EnfEstimate:
-        """Return what was found, unless it is no mains light: that is looked up now and then."""
+        """Return what was found with an error that holds, or say why it isn't to be believed.
+
+        Whether it is mains light is looked up now and then.
+        """
         if not found.usable:
             return found
-        if self._hops - self._examined >= EXAMINE_HOPS:
-            self._examined, self._why = self._hops, self._why_not_mains(window, found)
-        if not self._why:
-            return found
-        return dataclasses.replace(
-            blank, header=found.header, snr_db=found.snr_db, reason=self._why
-        )
+        t_s = window.buffer.times(window.part) - window.centre_s
+        tone_hz = 2.0 * found.enf_hz * found.harmonic
+        window_s = window.end_s - window.start_s
+        course = course_of(self._tone_series(window, found), t_s, tone_hz, window_s)
+        var_hz2 = found.enf_var_hz2 * max(course.excess, 1.0)
+        reason = ""
+        if course.excess > MOST_EXCESS:
+            reason = UNEVEN
+        elif var_hz2 > self.settings.max_std_hz**2:
+            reason = "too uncertain"
+        elif self._hops - self._examined >= EXAMINE_HOPS:
+            self._examined = self._hops
+            light = self._light(window, tone_hz)
+            self._looks.append(self._why_not_mains(found, course, light))
+        reason = reason or next(filter(None, self._looks), "")
+        if not reason:
+            return dataclasses.replace(found, enf_var_hz2=var_hz2)
+        return dataclasses.replace(blank, header=found.header, snr_db=found.snr_db, reason=reason)
 
-    def _why_not_mains(self, window: Window, found: EnfEstimate) -> str:
+    def _light(self, window: Window, tone_hz: float) -> Light | None:
+        """What the cells show of a tone; nothing where they can't."""
+        if self._cells is None or not tells_cells(tone_hz, window.frame_rate_hz):
+            return None
+        part = self._cells.between(window.start_s, window.end_s)
+        usable = self._cells.usable(part)
+        t_s, seen = self._cells.times(part)[usable], self._cells.values(part)[usable]
+        phase = 2.0 * np.pi * tone_hz * t_s
+        return light_of(seen, t_s, phase, self._bands, tone_hz / window.frame_rate_hz)
+
+    def _why_not_mains(self, found: EnfEstimate, course: Course, light: Light | None) -> str:
         """Say why what was found isn't mains light; '' where it may be."""
-        f0_hz, rate_hz, light = 2.0 * found.enf_hz, window.frame_rate_hz, None
-        tone_hz = found.harmonic * f0_hz
-        if self._cells is not None and tells_cells(tone_hz, rate_hz):
-            part = self._cells.between(window.start_s, window.end_s)
-            t_s, seen = self._cells.times(part), self._cells.values(part)
-            usable = self._cells.usable(part)
-            t_s, seen = t_s[usable], seen[usable]
-            phase = 2.0 * np.pi * tone_hz * t_s
-            light = light_of(seen, t_s, phase, self._bands, tone_hz / rate_hz)
-        return why_not(f0_hz, found.nominal_hz, rate_hz, Wander(), light)
+        self._has_moved |= course.wander.is_seen
+        if self._rows == 1 and not (self.settings.nominal_hz or self._has_moved):
+            return UNMOVED
+        if self._rows > 1 and light is None and course.excess > MOST_UNSEEN:
+            return CREEPS
+        f0_hz, rate_hz = 2.0 * found.enf_hz, found.frame_rate_hz
+        return why_not(f0_hz, found.nominal_hz, rate_hz, course.wander, light)
 
     def _is_faint(self, amplitude: float, line: Line, offset_hz: float) -> bool:
         """Whether a tone ``a·exp(jφ)``, half of the flicker's own amplitude, is too weak."""

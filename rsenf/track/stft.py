@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.flicker.lines import Line, candidate_lines, project, templates
-from rsenf.flicker.mains import FAINT
+from rsenf.flicker.mains import FAINT, UNUSUAL_HZ
 from rsenf.flicker.tone import AT_EDGE, ToneFinder
 from rsenf.messages import EnfEstimate, RowBlock
+from rsenf.track.course import apart_hz2
 from rsenf.track.settings import TrackSettings
 from rsenf.track.sliding import (
     MIN_AMPLITUDE_LEVEL,
@@ -37,9 +38,14 @@ ZERO_CELLS = 1.5
 # Where 0 Hz lies in the search band, drifts of brightness make tones of their own: flicker must
 # stand out so many times more there, and be stronger than its mirror image by this much.
 MIN_ONE_SIDED = 10.0
+OFTEN_HZ = 0.08  # illumination frequencies are often so far off the nominal
 TOO_NEAR = "alias too near 0 Hz, where the picture's texture hides it"
 OVERTONE = (
     "near 0 Hz, and another line shows more at another frequency: an overtone or a mirror image"
+)
+MIRRORED = (
+    "alias near 0 Hz, and the mirror image is nearer to the nominal frequency: read out from the "
+    "last row to the first?"
 )
 DRIFT_MARGIN = 10.0
 
@@ -60,14 +66,24 @@ class StftTracker(SlidingTracker):
         s = self.settings
         self._finder = ToneFinder(s.window_s, 2.0 * s.search_hz * s.harmonic)
         self._followed: tuple[Line, ...] = ()
-        self._lines: tuple[Line, ...] = ()  # those, and what they are held against near 0 Hz
+        self._lines: tuple[Line, ...] = ()  # those, and what they are held against
         self._ramps: NDArray[np.complex128] = np.empty((0, 0), np.complex128)
         self._chosen: Line | None = None
 
     def _candidates(self, nominal_hz: float, frame_rate_hz: float, rows: int) -> tuple[Line, ...]:
         """Lines that may be followed."""
-        lines = candidate_lines(nominal_hz, self.settings.harmonic, frame_rate_hz, rows)
+        lines = self._beside(nominal_hz, frame_rate_hz, rows)
         return tuple(x for x in lines if self.settings.line_m in (None, x.m))
+
+    def _beside(self, nominal_hz: float, frame_rate_hz: float, rows: int) -> tuple[Line, ...]:
+        """Lines that those are held against: the paper's, and those of a read-out upward."""
+        harmonic = self.settings.harmonic
+        lines = candidate_lines(nominal_hz, harmonic, frame_rate_hz, rows)
+        if rows == 1:
+            return lines
+        first = int(lines[0].turns(frame_rate_hz)) + 1
+        up = (Line(nominal_hz, harmonic, -m) for m in range(first, 2 * first + 1))
+        return (*lines, *(x for x in up if -lines[0].carrier_hz <= x.line_hz(frame_rate_hz) < 0.0))
 
     def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
         s = self.settings
@@ -80,18 +96,18 @@ class StftTracker(SlidingTracker):
                 f"no line {s.line_m} at {frame_rate_hz:.2f} frames/s and harmonic {s.harmonic}",
                 "leave it out to follow the strongest",
             )
-        beside = (
-            line
-            for n in nominals
-            for line in candidate_lines(n, s.harmonic, frame_rate_hz, first.rows)
-            if self._near_zero(line, frame_rate_hz)
-        )
+        beside = (x for n in nominals for x in self._beside(n, frame_rate_hz, first.rows))
         self._lines = tuple(dict.fromkeys((*self._followed, *beside)))
         self._ramps = templates(self._lines, frame_rate_hz, first.rows, self._finder.search_hz)
         return len(self._lines)
 
     def _reduce(self, block: RowBlock) -> NDArray[np.complex128]:
         return project(block, self._ramps)
+
+    def _tone_series(self, window: Window, found: EnfEstimate) -> NDArray[np.complex128]:
+        assert self._chosen is not None
+        column = self._lines.index(self._chosen)
+        return np.asarray(window.buffer.values(window.part)[:, column], np.complex128)
 
     def _judge(self, window: Window, blank: EnfEstimate) -> EnfEstimate:
         rate_hz = window.frame_rate_hz
@@ -139,12 +155,25 @@ class StftTracker(SlidingTracker):
             return "alias near 0 Hz, where brightness drifts: give the nominal frequency"
         if self._too_near_zero(fit, rate_hz):
             return TOO_NEAR
+        if near_zero and (why := self._why_image(fit, rate_hz)):
+            return why
         if self._rows > 1 and near_zero and fit.one_sided < MIN_ONE_SIDED:
             return "a slow change of brightness near 0 Hz, not to be told from flicker there"
         limit_hz = self.settings.max_std_hz * 2.0 * self.settings.harmonic
         if tone.offset_var_hz2 > limit_hz**2:
             return "too uncertain"
         return ""
+
+    def _why_image(self, fit: LineFit, rate_hz: float) -> str:
+        """Say why a tone near 0 Hz may be an image of one that is nearer to the nominal."""
+        alias_hz, off_hz = fit.line.alias_hz(rate_hz), abs(fit.tone.offset_hz)
+        if self._rows > 1 and fit.line.line_hz(rate_hz) < 0.0:
+            return MIRRORED
+        if off_hz > max(UNUSUAL_HZ, 2.0 * abs(self._mirrored_hz(fit, rate_hz))):
+            return MIRRORED
+        # The second harmonic turns twice as fast as the first.
+        first_off_hz = abs((alias_hz + fit.tone.offset_hz) / 2.0 - alias_hz)
+        return OVERTONE if off_hz > max(OFTEN_HZ, 2.0 * first_off_hz) else ""
 
     def _why_another(self, best: LineFit, found: list[LineFit], rate_hz: float) -> str:
         """Say why a tone near 0 Hz isn't the flicker's first: all its lines have one alias.
@@ -158,8 +187,15 @@ class StftTracker(SlidingTracker):
         loudest = max(own, key=lambda fit: fit.tone.amplitude)
         if self._too_near_zero(loudest, rate_hz):
             return TOO_NEAR
-        apart_hz = abs(loudest.tone.offset_hz - best.tone.offset_hz)
+        # Of light that shows on one ramp, the mirror image shows on the ramp the other way.
+        images = loudest.tone.offset_hz, self._mirrored_hz(loudest, rate_hz)
+        apart_hz = min(abs(image_hz - best.tone.offset_hz) for image_hz in images)
         return OVERTONE if apart_hz > 1.0 / self.settings.window_s else ""
+
+    @staticmethod
+    def _mirrored_hz(fit: LineFit, rate_hz: float) -> float:
+        """Offset at which the tone's mirror image shows beside 0 Hz."""
+        return -2.0 * fit.line.alias_hz(rate_hz) - fit.tone.offset_hz
 
     def _too_near_zero(self, fit: LineFit, rate_hz: float) -> bool:
         """Whether the tone, or the nominal frequency's own alias, is hidden by the texture."""
@@ -171,13 +207,21 @@ class StftTracker(SlidingTracker):
         line, tone = best.line, best.tone
         scale = 2.0 * line.harmonic
         column = self._lines.index(line)
+        ramps = [i for i, x in enumerate(self._lines) if x.carrier_hz == line.carrier_hz]
+        apart2 = apart_hz2(
+            window.buffer.values(window.part)[:, ramps],
+            ramps.index(column),
+            window.buffer.times(window.part) - window.centre_s,
+            line.carrier_hz + tone.offset_hz,
+            self.settings.window_s,
+        )
         return dataclasses.replace(
             blank,
             nominal_hz=line.nominal_hz,
             line_m=line.m,
             line_hz=line.line_hz(blank.frame_rate_hz),
             enf_hz=line.nominal_hz + tone.offset_hz / scale,
-            enf_var_hz2=tone.offset_var_hz2 / scale**2 + SMEAR_STD_HZ**2,
+            enf_var_hz2=(tone.offset_var_hz2 + apart2) / scale**2 + SMEAR_STD_HZ**2,
             snr_db=decibels(tone.snr),
             usable=True,
             **slow_time_amplitude(

@@ -125,6 +125,15 @@ class SuperpixelTracker(SlidingTracker):
             usable=True,
         )
 
+    def _tone_series(self, window: Window, found: EnfEstimate) -> NDArray[np.complex128]:
+        """All regions, each by the amplitude and the phase that the tone has in it."""
+        part = window.part
+        t_s, seen = window.buffer.times(part), window.buffer.values(part)
+        weights = self._finder.window(t_s - window.centre_s)
+        seen = seen - weights @ seen
+        turning = np.exp(-4j * np.pi * found.enf_hz * found.harmonic * t_s)
+        return np.asarray(seen @ ((weights * turning) @ seen).conj(), np.complex128)
+
     def _peak(self, window: Window, line: Line) -> _Peak:
         """Sum the regions' spectra near a line's alias, and find their common peak."""
         t_s = window.buffer.times(window.part)

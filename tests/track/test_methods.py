@@ -33,7 +33,7 @@ def blocks_of(level: NDArray[np.float32], t: NDArray[np.float64]) -> list[RowBlo
 @pytest.mark.parametrize(("nominal", "rate_hz"), [(50.0, RATE_HZ), (50.0, 24.0), (60.0, 25.0)])
 def test_constant_frequency_is_found(method: str, nominal: float, rate_hz: float) -> None:
     t = np.arange(int(24 * rate_hz)) / rate_hz
-    for deviation in (-0.13, 0.041):
+    for deviation in (-0.07, 0.041):
         estimates = track(
             *rows_of(nominal + deviation, times=t, idle=0.45, noise=0.05), method=method
         )
@@ -119,9 +119,9 @@ def test_grid_that_one_value_a_frame_can_not_see_is_named() -> None:
 
 def test_frame_means_are_all_that_frame_mean_needs() -> None:
     level, t = rows_of(50.03)
-    from_rows = track(level, t, method="frame_mean")
+    from_rows = track(level, t, method="frame_mean", nominal_hz=50.0)
     means = level.mean(axis=1, dtype=np.float64).astype(np.float32)[:, None]
-    from_means = track(means, t, method="frame_mean")
+    from_means = track(means, t, method="frame_mean", nominal_hz=50.0)
     assert [e.enf_hz for e in from_rows] == [e.enf_hz for e in from_means]
     for e in track(means, t, method="row_concat"):
         assert not e.usable
@@ -180,7 +180,7 @@ def wandering(seconds: float, *, upward: bool = False, idle: float = 0.3) -> tup
     t = np.arange(int(seconds * RATE_HZ)) / RATE_HZ
     down = np.arange(80) / 80 * (1 - idle) / RATE_HZ
     at = t[:, None] + (down[::-1] if upward else down)
-    cycles = 50.0 * at - 0.02 * 16 / (2 * np.pi) * np.cos(2 * np.pi * at / 16)
+    cycles = 50.0 * at - 0.005 * 16 / (2 * np.pi) * np.cos(2 * np.pi * at / 16)
     level = rng.uniform(80, 140, 80) + 5 * np.cos(4 * np.pi * cycles + 1.0)
     return (level + rng.normal(0, 0.1, level.shape)).astype(np.float32), t
 
@@ -188,7 +188,7 @@ def wandering(seconds: float, *, upward: bool = False, idle: float = 0.3) -> tup
 def swing_hz(t_s: float) -> float:
     """Mean of the swinging grid over a second, by its exact integral."""
     edges = np.cos(2 * np.pi * (np.array([t_s - 0.5, t_s + 0.5])) / 16)
-    return float(50.0 - 0.02 * 16 / (2 * np.pi) * (edges[1] - edges[0]))
+    return float(50.0 - 0.005 * 16 / (2 * np.pi) * (edges[1] - edges[0]))
 
 
 @pytest.mark.parametrize("upward", [False, True])
@@ -199,7 +199,7 @@ def test_phase_steps_follow_the_second_whatever_the_read_out(upward: bool, idle:
     smeared = track(level, t, method="stft")
     assert len(steps) == 7
     assert max(abs(e.enf_hz - swing_hz(e.t_s)) for e in steps) < 0.4e-3
-    assert max(abs(e.enf_hz - swing_hz(e.t_s)) for e in smeared) > 5e-3
+    assert max(abs(e.enf_hz - swing_hz(e.t_s)) for e in smeared) > 1.25e-3
     assert max(np.sqrt(e.enf_var_hz2) for e in steps) < 0.2e-3
 
 

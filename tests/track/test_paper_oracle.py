@@ -22,12 +22,12 @@ TOLERANCE_HZ = 0.11e-3
 ROWS = 20
 
 
-def rows_of(rate_hz, grid_hz, *, idle=0.4, seed=0):
-    """Rows under a lamp of two harmonics, on a grid that swings by 40 mHz in half a minute."""
+def rows_of(rate_hz, grid_hz, *, idle=0.4, seed=0, swing_hz=0.04):
+    """Rows under a lamp of two harmonics, on a grid that swings in half a minute."""
     rng = np.random.default_rng(seed)
     t_s = np.arange(int((20 + WINDOWS) * rate_hz)) / rate_hz
     at_s = t_s[:, None] + (1 - idle) / rate_hz * np.arange(ROWS) / ROWS
-    cycles = grid_hz * at_s + 0.04 * 30 / (2 * np.pi) * np.sin(2 * np.pi * at_s / 30 + seed)
+    cycles = grid_hz * at_s + swing_hz * 30 / (2 * np.pi) * np.sin(2 * np.pi * at_s / 30 + seed)
     light = np.cos(4 * np.pi * cycles) + 0.3 * np.cos(8 * np.pi * cycles)
     level = rng.uniform(90, 130, ROWS) + 4 * light + rng.normal(0, 0.2, at_s.shape)
     return level.astype(np.float32), t_s

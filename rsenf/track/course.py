@@ -1,0 +1,197 @@
+"""How the phase of a window's tone runs on: evenly, as a grid's does, or in parts that disagree.
+
+A window's frequency is the slope of one phase through all of it. Where a frame is lost in between
+the phase jumps, and the slope is wrong though both sides are right; where another light beats with
+the tone the phase swings. So the tone's own phase is taken off, what is left is averaged over short
+times, and its mean square is held against what noise and a grid's own changes leave.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.flicker.grid_prior import FREE, NODE_S, phase_prior
+from rsenf.flicker.wander import Wander, wander_of
+
+Float = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+STEP_S = 2.0 * NODE_S  # half the length of the Hann windows: from one average to the next
+MIN_HALF = 5  # steps on either side of the centre, below which a course can't be told
+# Correlation of the noise of Hann windows that overlap by half.
+OVERLAP = 1.0 / 6.0
+# Variance of second differences of such averages' noise, over its own; and the median of squares
+# of normal values over their mean.
+SECOND_DIFFERENCE, MEDIAN_SQUARE = 6.0 - 8.0 * OVERLAP, 0.455
+# Other series with so much of a tone's amplitude are asked whether they agree about it.
+MIN_SHARE = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Phase of a tone beside its own steady course through a window.
+
+    Attributes
+    ----------
+    stray_rad : ndarray, shape (2·half + 1,)
+        At the averages.
+    filled : ndarray of bool, shape (2·half + 1,)
+        Which of them have their frames.
+    """
+
+    stray_rad: Float
+    filled: NDArray[np.bool_]
+
+    @property
+    def half(self) -> int:
+        """Averages on either side of the centre."""
+        return self.stray_rad.size // 2
+
+    @functools.cached_property
+    def _noise_rad2(self) -> float:
+        """Noise of an average. A median: a jump is in few of the differences."""
+        bends = np.diff(self.stray_rad, 2) ** 2
+        known = self.filled[2:] & self.filled[1:-1] & self.filled[:-2]
+        if not known.any():
+            return float("inf")
+        return float(np.median(bends[known])) / (SECOND_DIFFERENCE * MEDIAN_SQUARE) + 1e-10
+
+    @functools.cached_property
+    def _squares_rad2(self) -> tuple[float, float]:
+        """Mean square under the window beside the nearest line, and what a grid leaves of it."""
+        weights, line, usual_rad2 = _usual(self.half)
+        weights = weights * self.filled
+        root = np.sqrt(weights / weights.sum())
+        near, _ = np.linalg.qr(line * root[:, None])
+        seen = self.stray_rad * root
+        return float(np.sum((seen - near @ (near.T @ seen)) ** 2)), usual_rad2
+
+    @property
+    def excess(self) -> float:
+        """Mean square of the stray over what noise and a grid's changes explain: 1 on average."""
+        if self.half < MIN_HALF:
+            return 1.0
+        seen, usual = self._squares_rad2
+        return seen / (usual + self._noise_rad2)
+
+    @property
+    def wander(self) -> Wander:
+        """How it strays in the directions in which a grid's phase does.
+
+        What it strays more than a grid's counts as noise.
+        """
+        if self.half < MIN_HALF:
+            return Wander()
+        seen, usual = self._squares_rad2
+        noise = self._noise_rad2 + max(seen - usual - self._noise_rad2, 0.0)
+        prior = phase_prior(4 * self.half + 1)
+        basis = prior.basis[::2][self.filled]
+        precision = basis.T @ basis / noise + np.eye(basis.shape[1])
+        coefficient = np.linalg.solve(precision, basis.T @ self.stray_rad[self.filled] / noise)
+        return wander_of(np.asarray(coefficient, np.float64), precision, prior.nodes)
+
+
+@functools.lru_cache(maxsize=8)
+def _usual(half: int) -> tuple[Float, Float, float]:
+    """Weights of a Hann window, the lines through it, and a grid's mean square beside them."""
+    t_s = np.asarray(STEP_S * np.arange(-half, half + 1), np.float64)
+    weights = hann(t_s, 2.0 * STEP_S * (half + 1))
+    line = np.column_stack([np.ones_like(t_s), t_s])
+    root = np.sqrt(weights)[:, None]
+    moves = phase_prior(4 * half + 1).basis[::2, FREE:] * root
+    near, _ = np.linalg.qr(line * root)
+    return weights, line, float(np.sum((moves - near @ (near.T @ moves)) ** 2))
+
+
+def hann(t_s: Float, length_s: float) -> Float:
+    """Hann weights at times from the centre, summing to 1."""
+    weights = np.cos(np.pi * np.clip(t_s / length_s, -0.5, 0.5)) ** 2
+    return np.asarray(weights / weights.sum(), np.float64)
+
+
+def course_of(series: Complex, t_s: Float, tone_hz: float, window_s: float) -> Course:
+    """Follow the phase of a series beside a tone's.
+
+    Parameters
+    ----------
+    series : ndarray, shape (frames,)
+    t_s : ndarray, shape (frames,)
+        From the window's centre.
+    tone_hz, window_s : float
+    """
+    half = int(window_s / 2.0 / STEP_S) - 1
+    turning = np.exp(-2j * np.pi * tone_hz * t_s)
+    left, _ = _without_constant(series[:, None], turning, hann(t_s, window_s))
+    z, _, filled = averages(left[:, 0] * turning, t_s, STEP_S, max(half, 0))
+    if half < MIN_HALF:
+        return Course(np.zeros(z.size), filled)
+    # The frequency may be that of a part: what turns on in all of the window is taken off.
+    weights = _usual(half)[0] * filled
+    step = np.angle(np.sum(np.sqrt(weights[1:] * weights[:-1]) * z[1:] * z[:-1].conj()))
+    z = z * np.exp(-1j * step * np.arange(-half, half + 1))
+    return Course(np.asarray((z / (weights @ z / weights.sum())).imag, np.float64), filled)
+
+
+def apart_hz2(series: Complex, own: int, t_s: Float, tone_hz: float, window_s: float) -> float:
+    """How far other series disagree with one about a tone's frequency, mean square.
+
+    Ramps down the rows share the flicker, but not what overtones, their images and other lights
+    leak into it. An error of one is as much smaller in a stronger one.
+
+    Parameters
+    ----------
+    series : ndarray, shape (frames, series)
+    own : int
+        Which of them the frequency was read from.
+    t_s : ndarray, shape (frames,)
+        From the window's centre.
+    tone_hz, window_s : float
+    """
+    weights = hann(t_s, window_s)
+    turning = np.exp(-2j * np.pi * tone_hz * t_s)
+    left, amplitude = _without_constant(series, turning, weights)
+    share = np.abs(amplitude) / np.maximum(np.abs(amplitude[own]), 1e-12)
+    t_s = t_s - weights @ t_s
+    bent = (weights * t_s * turning) @ left
+    slope_hz = (bent / (amplitude + 1e-12)).imag / (2.0 * np.pi * (weights @ t_s**2))
+    others = (share > MIN_SHARE) & (np.arange(share.size) != own)
+    if not others.any():
+        return 0.0
+    error_hz = np.minimum(share, 1.0) * (slope_hz - slope_hz[own])
+    return float(np.mean(error_hz[others] ** 2))
+
+
+def _without_constant(series: Complex, turning: Complex, weights: Float) -> tuple[Complex, Complex]:
+    """Series without what is constant beside a tone, and the tone's amplitude in each."""
+    overlap = weights @ turning
+    mean, tone = weights @ series, (weights * turning) @ series
+    left = max(1.0 - float(np.abs(overlap)) ** 2, 1e-12)
+    amplitude = (tone - overlap * mean) / left
+    return series - (mean - overlap.conjugate() * amplitude), amplitude
+
+
+def averages(
+    phasors: Complex, t_s: Float, step_s: float, half: int
+) -> tuple[Complex, Float, NDArray[np.bool_]]:
+    """Hann-weighted averages at ``−half … half`` steps: values, mean times, whether well filled."""
+    count = 2 * half + 1
+    place = t_s / step_s + half
+    before = np.floor(place).astype(np.int64)
+    up = np.sin(0.5 * np.pi * (place - before)) ** 2
+    index = np.concatenate((before, before + 1))
+    weight = np.concatenate((1.0 - up, up))
+    inside = (index >= 0) & (index < count)
+    index, weight = index[inside], weight[inside]
+
+    def total(values: Float) -> Float:
+        return np.asarray(np.bincount(index, weight * np.tile(values, 2)[inside], count), float)
+
+    filled = total(np.ones_like(t_s))
+    usual = np.maximum(np.median(filled), 1e-9)
+    safe = np.maximum(filled, 1e-9)
+    z = np.asarray((total(phasors.real) + 1j * total(phasors.imag)) / safe, np.complex128)
+    return z, total(t_s) / safe, np.asarray(filled >= 0.5 * usual)
