@@ -22,7 +22,7 @@ from rsenf.flicker.lock import (
     Lock,
     frames_of,
 )
-from rsenf.flicker.mains import bands_of, cell_means
+from rsenf.flicker.mains import CREEPS, bands_of, cell_means
 from rsenf.flicker.picture_news import LAGS, News, find_remade
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.rate_conversion import Conversion, find_conversion
@@ -233,6 +233,9 @@ class FlickerFollower:
         )  # fmt: skip
         lock.settled_s = self._next
         self._why = lock.why_not_mains(start, end)
+        if self._why == CREEPS:  # unless a fit shows that it moves as a grid does
+            lock.extend(self._buffer, start, end)
+            self._why = lock.why_not_mains(start, end)
         if self._why:
             return
         self._nominals, self._ramp, self._lock = (found.nominal_hz,), lock.ramp, lock
