@@ -19,6 +19,8 @@ LEAST_TURNS = 0.5  # a slower ramp is hardly more than the gain
 # What holds the picture back, as a codec does, works against the phase more than on what is seen:
 # errors after x264 at 50 and 150 kbit/s are this many times what the residual alone would give.
 HARM = 2.0
+# Bins over which what a codec leaves of one picture in the next hangs together.
+SLOW_BINS = 8
 # Blocks of the residual that may hang together, as shares of the bins and of the rows.
 BLOCKS = ((10, 12), (20, 12), (30, 24), (240, 12))
 
@@ -38,8 +40,9 @@ def explained(point: Point) -> float:
 def noise_ratio(point: Point) -> float:
     """Variance of the noise that acts on the phases, over white noise's of the same power.
 
-    By the larger of two: the residual along ramps nearby, and along the flicker itself, where its
-    modulus isn't constant; 1 where they are no larger than chance makes them.
+    By the largest of three: the residual along ramps nearby, and along the flicker itself, where
+    its modulus isn't constant; and along ramps nearby that turn with the flicker, over several bins
+    together. 1 where they are no larger than chance makes them.
     """
     data, residual = point.data, point.residual
     variance = point.power / data.freedom(0)
@@ -51,7 +54,13 @@ def noise_ratio(point: Point) -> float:
     along = (light * residual) @ data.row_weight
     modulus = np.mean(along**2 * data.weight / (light**2 @ data.row_weight)) / variance
     chance = 2.0 * np.sqrt(2.0 / data.t_s.size)
-    return float(1.0 + HARM**2 * max(max(near, modulus) - 1.0 - chance, 0.0))
+    fast = 1.0 + HARM**2 * max(max(near, modulus) - 1.0 - chance, 0.0)
+    turning = seen * (np.exp(-1j * point.flicker.phase_rad) * data.weight)[:, None]
+    blocks = np.arange(0, data.t_s.size, SLOW_BINS)
+    sums, weights = (np.add.reduceat(x, blocks) for x in (turning, data.weight))
+    slow = np.mean(np.abs(sums) ** 2 / weights[:, None]) / (variance * data.place.size)
+    slow_chance = chance * np.sqrt(SLOW_BINS)
+    return float(max(fast, slow if slow > 1.0 + slow_chance else 1.0))
 
 
 def standard_error(point: Point, covariance: Float, parameter: int, ratio: float) -> float:
