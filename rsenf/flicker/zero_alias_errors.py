@@ -21,8 +21,9 @@ LEAST_TURNS = 0.5  # a slower ramp is hardly more than the gain
 HARM = 2.0
 # Bins over which what a codec leaves of one picture in the next hangs together.
 SLOW_BINS = 8
-# Blocks of the residual that may hang together, as shares of the bins and of the rows.
-BLOCKS = ((10, 12), (20, 12), (30, 24), (240, 12))
+# Blocks of the residual that may hang together, as shares of the bins and of the rows; all
+# bins at once, since what a codec does to some rows may stay as long as the clip lasts.
+BLOCKS = ((1, 12), (10, 12), (20, 12), (30, 24), (240, 12))
 
 
 def explained(point: Point) -> float:
@@ -66,8 +67,8 @@ def noise_ratio(point: Point) -> float:
 def standard_error(point: Point, covariance: Float, parameter: int, ratio: float) -> float:
     """Standard error of one parameter that isn't a phase, by its place behind the phases.
 
-    The largest of three: by the covariance; by how the parts of the residual that act on the
-    parameter add up over blocks; and by how they would act on it were the flicker's ramp another.
+    By the covariance, unless these say more together: how the parts of the residual that act on the
+    parameter add up over blocks, and how they would act on it were the flicker's ramp another.
 
     Parameters
     ----------
@@ -88,7 +89,8 @@ def standard_error(point: Point, covariance: Float, parameter: int, ratio: float
     acting = point.data.weighted(point.data.without_texture(acting)) * point.residual
     blocks = max(_by_blocks(acting, *block) for block in BLOCKS)
     aside = _by_other_ramps(acting, point.data.place)
-    return float(max(white, blocks, HARM * (aside - white / np.sqrt(ratio))))
+    beyond_white = max(HARM * (aside - white / np.sqrt(ratio)), 0.0)
+    return float(max(white, np.hypot(blocks, beyond_white)))
 
 
 def _by_blocks(acting: Float, over_bins: int, over_rows: int) -> float:
