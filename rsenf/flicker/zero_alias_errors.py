@@ -19,8 +19,11 @@ LEAST_TURNS = 0.5  # a slower ramp is hardly more than the gain
 # What holds the picture back, as a codec does, works against the phase more than on what is seen:
 # errors after x264 at 50 and 150 kbit/s are this many times what the residual alone would give.
 HARM = 2.0
-# Blocks of the residual that may hang together, as shares of the bins and of the rows.
-BLOCKS = ((10, 12), (20, 12), (30, 24), (240, 12))
+# Bins over which what a codec leaves of one picture in the next hangs together.
+SLOW_BINS = 8
+# Blocks of the residual that may hang together, as shares of the bins and of the rows; all
+# bins at once, since what a codec does to some rows may stay as long as the clip lasts.
+BLOCKS = ((1, 12), (10, 12), (20, 12), (30, 24), (240, 12))
 
 
 def explained(point: Point) -> float:
@@ -38,8 +41,9 @@ def explained(point: Point) -> float:
 def noise_ratio(point: Point) -> float:
     """Variance of the noise that acts on the phases, over white noise's of the same power.
 
-    By the larger of two: the residual along ramps nearby, and along the flicker itself, where its
-    modulus isn't constant; 1 where they are no larger than chance makes them.
+    By the largest of three: the residual along ramps nearby, and along the flicker itself, where
+    its modulus isn't constant; and along ramps nearby that turn with the flicker, over several bins
+    together. 1 where they are no larger than chance makes them.
     """
     data, residual = point.data, point.residual
     variance = point.power / data.freedom(0)
@@ -51,14 +55,20 @@ def noise_ratio(point: Point) -> float:
     along = (light * residual) @ data.row_weight
     modulus = np.mean(along**2 * data.weight / (light**2 @ data.row_weight)) / variance
     chance = 2.0 * np.sqrt(2.0 / data.t_s.size)
-    return float(1.0 + HARM**2 * max(max(near, modulus) - 1.0 - chance, 0.0))
+    fast = 1.0 + HARM**2 * max(max(near, modulus) - 1.0 - chance, 0.0)
+    turning = seen * (np.exp(-1j * point.flicker.phase_rad) * data.weight)[:, None]
+    blocks = np.arange(0, data.t_s.size, SLOW_BINS)
+    sums, weights = (np.add.reduceat(x, blocks) for x in (turning, data.weight))
+    slow = np.mean(np.abs(sums) ** 2 / weights[:, None]) / (variance * data.place.size)
+    slow_chance = chance * np.sqrt(SLOW_BINS)
+    return float(max(fast, slow if slow > 1.0 + slow_chance else 1.0))
 
 
 def standard_error(point: Point, covariance: Float, parameter: int, ratio: float) -> float:
     """Standard error of one parameter that isn't a phase, by its place behind the phases.
 
-    The largest of three: by the covariance; by how the parts of the residual that act on the
-    parameter add up over blocks; and by how they would act on it were the flicker's ramp another.
+    By the covariance, unless these say more together: how the parts of the residual that act on the
+    parameter add up over blocks, and how they would act on it were the flicker's ramp another.
 
     Parameters
     ----------
@@ -79,7 +89,8 @@ def standard_error(point: Point, covariance: Float, parameter: int, ratio: float
     acting = point.data.weighted(point.data.without_texture(acting)) * point.residual
     blocks = max(_by_blocks(acting, *block) for block in BLOCKS)
     aside = _by_other_ramps(acting, point.data.place)
-    return float(max(white, blocks, HARM * (aside - white / np.sqrt(ratio))))
+    beyond_white = max(HARM * (aside - white / np.sqrt(ratio)), 0.0)
+    return float(max(white, np.hypot(blocks, beyond_white)))
 
 
 def _by_blocks(acting: Float, over_bins: int, over_rows: int) -> float:

@@ -7,7 +7,7 @@ from rsenf.idle.moments import HARMONICS
 from rsenf.idle.ramp import Profile, find_ramp
 from rsenf.idle.row_tones import coherence, row_tones
 from rsenf.idle.seen import Finding, Seen
-from rsenf.idle.spread import jackknife_var
+from rsenf.idle.spread import bend_var, freedom, jackknife_var
 from rsenf.idle.still import still
 
 BEYOND = 1.05  # of the steepest ramp that a frame has room for: its peak may lie a little outside
@@ -26,5 +26,7 @@ def conclude(seen: Seen) -> Finding:
     if coherence(tone, level, ramp.turns) < MIN_COHERENCE:
         return NO_RAMP
     profile = Profile(seen.moments, HARMONICS, ramp.brightness)
-    variance = max(jackknife_var(profile, ramp.turns), ramp.bound_var)
-    return Finding.of_turns(ramp.turns, variance, seen.f0_hz)
+    variance = max(
+        jackknife_var(profile, ramp.turns), bend_var(profile, ramp.turns), ramp.bound_var
+    )
+    return Finding.of_turns(ramp.turns, variance, seen.f0_hz, freedom(ramp.brightness.size))

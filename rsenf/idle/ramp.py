@@ -103,7 +103,20 @@ class Profile:
 
     def explained(self, turns: Float) -> Float:
         """Sum of squares that the best amplitudes explain, for each of some turns."""
-        return _explained(*self._solve(turns, _all))
+        return _explained(*self._solve(self._straight(turns), _all))
+
+    def bent(self, turns: float, shapes: Float) -> Float:
+        """Return the same for a ramp a little bent, by steps :data:`THREE`: shape (3, shapes).
+
+        Parameters
+        ----------
+        turns : float
+        shapes : ndarray, shape (shapes, rows)
+            By how many turns a bend of size 1 changes each row.
+        """
+        bends = (THREE[:, None, None] * shapes).reshape(-1, self._place.size)
+        courses = self._straight(np.array([turns])) + bends
+        return _explained(*self._solve(courses, _all)).reshape(3, -1)
 
     def without_each(self, turns: Float, starts: NDArray[np.int64]) -> Float:
         """Return the same without one band of rows after another, shape (turns, bands).
@@ -119,22 +132,27 @@ class Profile:
             own = np.add.reduceat(ramp * rows, starts, axis=1)
             return np.asarray((own.sum(axis=1, keepdims=True) - own).ravel())
 
-        return _explained(*self._solve(turns, others)).reshape(turns.size, -1)
+        return _explained(*self._solve(self._straight(turns), others)).reshape(turns.size, -1)
 
     def amplitude(self, turns: float) -> Complex:
         """``a_k`` of the positive orders."""
-        _, found = self._solve(np.array([turns]), _all)
+        _, found = self._solve(self._straight(np.array([turns])), _all)
         return np.asarray(2.0 * found[0, self.orders > 0])
 
+    def _straight(self, turns: Float) -> Float:
+        """Turns at each row of straight ramps, shape (ramps, rows)."""
+        return np.outer(turns, self._place)
+
     def _solve(
-        self, turns: Float, added: Callable[[Complex, Complex], Complex]
+        self, courses: Float, added: Callable[[Complex, Complex], Complex]
     ) -> tuple[Complex, Complex]:
         """Right-hand sides and solutions, each (cases, orders).
 
-        ``added`` adds up a ramp (turns, rows) times what rows tell (rows,), to (cases,).
+        ``courses`` are turns at each row, shape (ramps, rows); ``added`` adds up a ramp (ramps,
+        rows) times what rows tell (rows,), to (cases,).
         """
         count = self.orders.size
-        once = turning(2.0 * np.pi * np.outer(turns, self._place))
+        once = turning(2.0 * np.pi * courses)
         spread, pulls = [], {}
         ramp = np.ones_like(once)  # its powers
         for d in range(count + 1):

@@ -38,8 +38,6 @@ GROWN, LONGEST_S = 0.125, 20.0
 # Where the alias of every grid that it may be is farther from 0 Hz, no rows are kept: not so near
 # as flicker stands still, for a frame rate may change a little.
 MAY_STAND_HZ = 3.0
-# Half-width of the 95 % interval in standard errors: Student's t for a dozen bands of rows.
-INTERVAL_STDS = 2.2
 
 
 class IdleStage:
@@ -244,7 +242,8 @@ def _with_numbers(blank: IdleEstimate, finding: Finding) -> IdleEstimate:
     """Put the numbers in: ``T_ro = |q|/f_0`` and ``ρ = 1 − T_ro·F_r``."""
     idle = 1.0 - finding.read_out_s * blank.frame_rate_hz
     std = finding.read_out_std_s * blank.frame_rate_hz
-    low, high = np.clip([idle - INTERVAL_STDS * std, idle + INTERVAL_STDS * std], 0.0, 1.0)
+    half = finding.interval_stds * std
+    low, high = np.clip([idle - half, idle + half], 0.0, 1.0)
     return dataclasses.replace(
         blank,
         idle_ratio=max(idle, 0.0),

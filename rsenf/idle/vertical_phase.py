@@ -24,7 +24,7 @@ from rsenf.idle.limits import (
 )
 from rsenf.idle.row_tones import coherence, row_tones
 from rsenf.idle.seen import Finding, Seen
-from rsenf.idle.spread import left_out
+from rsenf.idle.spread import bends, freedom, left_out
 
 Float = NDArray[np.float64]
 
@@ -48,8 +48,11 @@ def conclude(seen: Seen) -> Finding:
         return NO_RAMP
     without = _slopes(phase, weight * left_out(phase.size))
     scale = phase.size / (2.0 * np.pi)
-    variance = (len(without) - 1) * float(np.var(without))
-    return Finding.of_turns(float(slope) * scale, variance * scale**2, seen.f0_hz)
+    jackknife_var = (len(without) - 1) * float(np.var(without))
+    shapes = weight * bends(weight)
+    bent = (shapes @ phase)[1:] / (shapes[0] @ bends(weight)[0])
+    variance = max(jackknife_var * scale**2, float(np.mean(bent**2)) / (2.0 * np.pi) ** 2)
+    return Finding.of_turns(float(slope) * scale, variance, seen.f0_hz, freedom(phase.size))
 
 
 def _slopes(phase: Float, weight: Float) -> Float:

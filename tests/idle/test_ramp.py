@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from rsenf.idle.bound import idle_ratio_bound
 from rsenf.idle.moments import HARMONICS, Moments
 from rsenf.idle.ramp import Profile, Ramp, find_ramp
-from rsenf.idle.spread import bands, jackknife_var, left_out
+from rsenf.idle.seen import Finding
+from rsenf.idle.spread import bands, bend_var, bends, freedom, jackknife_var, left_out
 from tests.oracle.ramp_search import explained_by_ramp
 
 Float = NDArray[np.float64]
@@ -99,12 +101,15 @@ def test_flicker_that_hardly_turns_is_told_from_texture() -> None:
 
 
 def test_standard_errors_are_true_for_white_noise() -> None:
-    scores, ratios = [], []
+    scores, ratios, bent = [], [], []
     for seed in range(30):
         level, phase, _ = clip(2.3, noise=2.0, seed=seed, frames=120)
         ramp, variance = fit(level, phase)
         scores.append((ramp.turns - 2.3) / np.sqrt(max(variance, ramp.bound_var)))
+        profile = Profile(moments_of(level, phase), HARMONICS, ramp.brightness)
         ratios.append(variance / ramp.bound_var)
+        bent.append(bend_var(profile, ramp.turns) / ramp.bound_var)
+    assert 0.7 < np.mean(bent) < 1.4
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.4
     assert 0.7 < np.mean(ratios) < 1.6
 
@@ -121,6 +126,33 @@ def test_standard_errors_are_true_for_errors_of_whole_bands() -> None:
         scores.append((ramp.turns - 2.3) / np.sqrt(variance))
         assert variance > 20 * ramp.bound_var
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.4
+
+
+def test_ramp_is_as_uncertain_as_it_is_bent() -> None:
+    """One of six bends, of so many turns, is what the straight line may be wrong by as well."""
+    rows, turns = 240, 0.02
+    _, phase, brightness = clip(2.3, noise=0.0, frames=60, rows=rows)
+    course = 2.3 * np.arange(rows) / rows + turns * bends(brightness**2)[3]
+    at = phase[:, None] + 2 * np.pi * course
+    moments = moments_of(brightness * (1 + 0.08 * np.cos(at)), phase)
+    ramp = find_ramp(moments, 4.0)
+    profile = Profile(moments, HARMONICS, ramp.brightness)
+    assert bend_var(profile, ramp.turns) == pytest.approx(turns**2 / 6, rel=0.05)
+
+
+def test_bends_are_orthogonal_and_of_the_straight_lines_size() -> None:
+    weight = np.random.default_rng(0).uniform(0.2, 1.0, 240)
+    shapes = bends(weight)
+    gram = (shapes * weight) @ shapes.T
+    assert gram == pytest.approx(gram[0, 0] * np.eye(len(shapes)), abs=1e-9)
+    assert np.ptp(np.diff(shapes[0])) < 1e-12
+    assert np.abs(np.diff(shapes[0])).mean() == pytest.approx(1 / 240)
+
+
+@pytest.mark.parametrize("rows", [240, 480, 720, 1080, 2160])
+def test_interval_is_that_of_students_t(rows: int) -> None:
+    finding = Finding(verdict="estimated", freedom=freedom(rows))
+    assert finding.interval_stds == pytest.approx(stdtrit(freedom(rows), 0.975), rel=2e-3)
 
 
 def test_bands_cover_all_rows_once() -> None:
