@@ -22,6 +22,7 @@ Float = NDArray[np.float64]
 LAGS = (1, 2)  # frames between the pictures that are compared
 ORDER = 4  # of the difference from row to row, in which flicker is nothing beside noise
 BLENDED_PLACES, DOUBLED_PLACES = 24, 240  # of the beat that are tried
+LEAST_LEVEL = 1.0  # of a row that is brought to another brightness
 SAME = 1e-3  # share by which places are no better than others: where the beat is short
 SAME_RATIO = 3e-4  # rates that differ by less beat too slowly
 OFF_RATIO = (0.0, -3e-4, 3e-4)  # by which cameras are off their nominal rate
@@ -38,6 +39,7 @@ class News:
 
     def __init__(self) -> None:
         self._last: Float | None = None
+        self._first: Float | None = None  # levels of the first picture
         self.chance = 0.0  # variance of what comes out, relative to its square, by chance alone
 
     def of(self, level: NDArray[np.floating]) -> Float:
@@ -49,7 +51,12 @@ class News:
         """
         if level.shape[1] <= ORDER:  # too few rows to tell
             return np.zeros((len(level), len(LAGS)))
-        sharp = np.diff(np.asarray(level, np.float64), ORDER, axis=1)
+        # What is left of a texture beats with the flicker's alias, as conversions beat, unless
+        # each row is brought to the same brightness.
+        bright = np.maximum(level[:, ORDER // 2 : -ORDER // 2], LEAST_LEVEL)
+        if self._first is None or self._first.shape != bright.shape[1:]:
+            self._first = np.asarray(bright[0], np.float64)
+        sharp = np.diff(np.asarray(level, np.float64), ORDER, axis=1) * (self._first / bright)
         before, self.chance = max(LAGS), CHANCE / max(sharp[0].size, 1)
         if self._last is None or self._last.shape[1:] != sharp.shape[1:]:
             self._last = np.repeat(sharp[:1], before, axis=0)

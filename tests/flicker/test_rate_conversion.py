@@ -15,12 +15,12 @@ RATES = {"24": 24.0, "25": 25.0, "30": 30.0, "30000/1001": 30e3 / 1001, "60": 60
 
 
 def made_from(source_hz: float, shown_hz: float, place: float, *, blended: bool) -> np.ndarray:
-    """Noise of a still picture, 20 s of it, that a converter has made of a camera's frames."""
+    """A still, even picture with noise, 20 s of it, that a converter has made of a camera's frames."""
     rng = np.random.default_rng([round(1e3 * source_hz), round(1e3 * shown_hz)])
     shown = np.arange(round(20 * shown_hz)) * source_hz / shown_hz + place
     frames = rng.standard_normal((int(shown[-1]) + 2, 120, 2))
     whole, share = shown.astype(int), (shown % 1.0)[:, None, None] * blended
-    return np.asarray((1.0 - share) * frames[whole] + share * frames[whole + 1])
+    return np.asarray(100.0 + (1.0 - share) * frames[whole] + share * frames[whole + 1])
 
 
 @pytest.mark.parametrize(("source", "shown"), [("24", "30"), ("25", "30000/1001")])

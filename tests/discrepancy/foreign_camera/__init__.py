@@ -2,8 +2,8 @@
 
 `film` turns a `Case` into row levels, stamps and the truth; `as_video` makes a file of it.
 `EFFECTS` and `UNKNOWN` are what a case can hide, for who looks for effects, and `HARD` what is hard
-on estimators; `FILTERS` are FFmpeg's own, that a file can go through; `trial` draws a case for these, of a kind in `KINDS`. `simple` is an older, plainer
-camera.
+on estimators; `FILTERS` are FFmpeg's own, which its file can go through; `trial` draws a case for
+these, of a kind in `KINDS`. `simple` is an older, plainer camera.
 """
 
 from .cases import Case, Filmed, draw_case, film, shoot
