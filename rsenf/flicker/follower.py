@@ -268,10 +268,9 @@ class FlickerFollower:
         """Look for a conversion to another frame rate; whether pictures prove it, or light only."""
         stamp_s, news = frames_of(self._new, *span_s)
         remade = find_remade(stamp_s, news, self._rate_hz, self._news.chance)
-        self._is_blended = remade is not None and remade.blended
-        if remade is None:
-            return find_conversion(self._nominals, t_s, columns, self._rate_hz), False
-        return (None if remade.blended else remade.conversion), not remade.blended
+        found = remade or find_conversion(self._nominals, t_s, columns, self._rate_hz)
+        self._is_blended = found is not None and found.blended
+        return (None if self._is_blended else found), remade is not None
 
 
 def _fits(end: int) -> bool:

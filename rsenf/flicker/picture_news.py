@@ -10,12 +10,11 @@ compared with what each usual conversion would make of them.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.rate_conversion import RATES_HZ, Conversion, round_rate
+from rsenf.flicker.rate_conversion import OFF_RATIO, RATES_HZ, Conversion, round_rate
 
 Float = NDArray[np.float64]
 
@@ -25,7 +24,6 @@ BLENDED_PLACES, DOUBLED_PLACES = 24, 240  # of the beat that are tried
 LEAST_LEVEL = 1.0  # of a row that is brought to another brightness
 SAME = 1e-3  # share by which places are no better than others: where the beat is short
 SAME_RATIO = 3e-4  # rates that differ by less beat too slowly
-OFF_RATIO = (0.0, -3e-4, 3e-4)  # by which cameras are off their nominal rate
 # Variance of a mean square of so many differences times their number: neighbours share rows.
 CHANCE = 5.3
 # Share of what changes, beyond chance, that doubled or blended frames have to explain, and how much
@@ -72,25 +70,7 @@ class News:
         )
 
 
-@dataclass(frozen=True)
-class Remade:
-    """How pictures were made from others.
-
-    Attributes
-    ----------
-    conversion : Conversion
-    blended : bool
-        Whether neighbours are mixed; else some are shown twice.
-    explained : float
-        Share of what changes in the news.
-    """
-
-    conversion: Conversion
-    blended: bool
-    explained: float
-
-
-def find_remade(stamp_s: Float, news: Float, shown_hz: float, chance: float) -> Remade | None:
+def find_remade(stamp_s: Float, news: Float, shown_hz: float, chance: float) -> Conversion | None:
     """Find how pictures were doubled or blended to give their rate, if they were.
 
     Parameters
@@ -114,22 +94,22 @@ def find_remade(stamp_s: Float, news: Float, shown_hz: float, chance: float) -> 
     power = float(np.sum(seen**2)) - chance * seen.size
     if power < max(MIN_CHANGE**2, chance) * seen.size:
         return None
-    best: Remade | None = None
+    best, found = 0.0, None
     for source_hz, blended in _tried(shown_hz):
         places = np.arange(BLENDED_PLACES if blended else DOUBLED_PLACES)
         explained = np.zeros(places.size)
         for k in places:
-            tried = Conversion(source_hz, shown_hz, float(k / places.size))
-            like = _expected(tried.source_frames(stamp_s), blended=blended)[own]
+            tried = Conversion(source_hz, shown_hz, float(k / places.size), blended)
+            like = _expected(tried, stamp_s)[own]
             like -= like.mean(axis=0)
             size, both = float(np.sum(like**2)), float(np.sum(like * seen))
             if size > 0.0 and both > 0.0:
                 explained[k] = both**2 / (size * power)
         top = float(explained.max())
-        if top > max(MIN_BLENDED if blended else MIN_DOUBLED, best.explained if best else 0.0):
+        if top > max(MIN_BLENDED if blended else MIN_DOUBLED, best):
             place = _middle(explained > (1.0 - SAME) * top) / places.size
-            best = Remade(Conversion(source_hz, shown_hz, place), blended, top)
-    return best
+            best, found = top, Conversion(source_hz, shown_hz, place, blended)
+    return found
 
 
 def _tried(shown_hz: float) -> Iterator[tuple[float, bool]]:
@@ -151,13 +131,12 @@ def _middle(same: NDArray[np.bool_]) -> float:
     return float((row.mean() + first) % same.size)
 
 
-def _expected(source: Float, *, blended: bool) -> Float:
-    """Mean squares by which pictures differ, of those that come from a source's frames."""
-    whole = np.floor(source)
-    share = source - whole if blended else np.zeros(source.size)
-    out = np.zeros((source.size, len(LAGS)))
+def _expected(tried: Conversion, stamp_s: Float) -> Float:
+    """Mean squares by which pictures differ that were converted so."""
+    whole, share = np.floor(tried.source_frames(stamp_s)), tried.shares(stamp_s)
+    out = np.zeros((stamp_s.size, len(LAGS)))
     for column, lag in enumerate(LAGS):
-        apart = np.full(source.size, 9.0)
+        apart = np.full(stamp_s.size, 9.0)
         apart[lag:] = whole[lag:] - whole[:-lag]
         before = np.concatenate([share[:lag], share[:-lag]])
         # Weights 1 − s and s of a frame and the next: their own, less what both have in common.

@@ -20,7 +20,8 @@ class Filter:
     Attributes
     ----------
     passes : tuple of str
-        All but the last measure only. ``{folder}`` stands for a folder of their own.
+        All but the last measure only. ``{folder}`` stands for a folder of their own, ``{rate}``
+        for the file's rate.
     rate : callable
         Rate of the file by that of the sensor.
     speed : float
@@ -53,8 +54,12 @@ FILTERS = {
     "interleave": Filter(passes=("tinterlace=interleave_top",), rate=_times(0.5)),
     "merge": Filter(passes=("tinterlace=merge",), rate=_times(0.5)),
     "telecine": Filter(passes=("telecine",), rate=_times(1.25)),
-    "faster by 1 %": Filter(passes=("setpts=PTS/1.01",), rate=_times(1.01), speed=1.01),
-    "faster by 25/24": Filter(passes=("setpts=PTS*24/25",), rate=_times(25 / 24), speed=25 / 24),
+    **{
+        f"{speed} times faster": Filter(
+            passes=(f"setpts=PTS/{speed},fps={{rate}}",), rate=_times(speed), speed=speed
+        )
+        for speed in (1.01, 25 / 24)
+    },
     "dejudder": Filter(passes=("dejudder",)),
     "deflicker": Filter(passes=("deflicker",)),
     "mean of 3": Filter(passes=("tmix=frames=3",)),
@@ -62,7 +67,7 @@ FILTERS = {
     "vidstab": Filter(
         passes=(
             "vidstabdetect=result={folder}/shifts",
-            "vidstabtransform=input={folder}/shifts:crop=black",
+            "vidstabtransform=input={folder}/shifts:crop=black:optzoom=0",
         )
     ),
     "mpdecimate": Filter(passes=("mpdecimate",)),

@@ -65,7 +65,9 @@ def as_video(
     with tempfile.TemporaryDirectory(prefix="filtered-") as folder:
         plain = Path(folder) / "plain.mp4"
         _film_into(case, plain, columns, CODINGS["lossless"])
-        *before, last = (chain.format(folder=folder) for chain in FILTERS[case.filtered].passes)
+        rate = Fraction(plan_of(case)[0].file_rate).limit_denominator(100000)
+        passes = FILTERS[case.filtered].passes
+        *before, last = (chain.format(folder=folder, rate=rate) for chain in passes)
         for chain in before:
             _run(["-i", str(plain), "-vf", chain, "-f", "null", "-"])
         # FFmpeg decodes full-range luma as yuvj420p; anything else would squeeze it.
