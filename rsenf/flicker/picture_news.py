@@ -27,8 +27,8 @@ SAME_RATIO = 3e-4  # rates that differ by less beat too slowly
 # Variance of a mean square of so many differences times their number: neighbours share rows.
 CHANCE = 5.3
 # Share of what changes, beyond chance, that doubled or blended frames have to explain, and how much
-# there has to be of it: codecs make changes of their own, and so does what is left of the flicker.
-MIN_DOUBLED, MIN_BLENDED, MIN_CHANGE = 0.6, 0.85, 0.05
+# there has to be of it: codecs make changes of their own.
+MIN_EXPLAINED, MIN_CHANGE = 0.6, 0.05
 MOST = 4.0  # times the median: what differs by more is a cut, or a key frame
 
 
@@ -106,7 +106,7 @@ def find_remade(stamp_s: Float, news: Float, shown_hz: float, chance: float) -> 
             if size > 0.0 and both > 0.0:
                 explained[k] = both**2 / (size * power)
         top = float(explained.max())
-        if top > max(MIN_BLENDED if blended else MIN_DOUBLED, best):
+        if top > max(MIN_EXPLAINED, best):
             place = _middle(explained > (1.0 - SAME) * top) / places.size
             best, found = top, Conversion(source_hz, shown_hz, place, blended)
     return found

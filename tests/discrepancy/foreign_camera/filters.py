@@ -60,7 +60,7 @@ FILTERS = {
         )
         for speed in (1.01, 25 / 24)
     },
-    "dejudder": Filter(passes=("dejudder",)),
+    "dejudder": Filter(passes=("dejudder",), rate=_times(8)),  # each frame is shown eight times
     "deflicker": Filter(passes=("deflicker",)),
     "mean of 3": Filter(passes=("tmix=frames=3",)),
     "deshake": Filter(passes=("deshake",)),
