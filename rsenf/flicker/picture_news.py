@@ -29,6 +29,8 @@ CHANCE = 5.3
 # Share of what changes, beyond chance, that doubled or blended frames have to explain, and how much
 # there has to be of it: codecs make changes of their own.
 MIN_EXPLAINED, MIN_CHANGE = 0.6, 0.05
+# And where they beat as slowly as levels and gains change.
+SLOW_RATIO, MIN_OF_SLOW = 3e-3, 0.85
 MOST = 4.0  # times the median: what differs by more is a cut, or a key frame
 
 
@@ -106,7 +108,8 @@ def find_remade(stamp_s: Float, news: Float, shown_hz: float, chance: float) -> 
             if size > 0.0 and both > 0.0:
                 explained[k] = both**2 / (size * power)
         top = float(explained.max())
-        if top > max(MIN_EXPLAINED, best):
+        beat = abs(source_hz / shown_hz - max(round(source_hz / shown_hz), 1))
+        if top > max(MIN_OF_SLOW if beat < SLOW_RATIO else MIN_EXPLAINED, best):
             place = _middle(explained > (1.0 - SAME) * top) / places.size
             best, found = top, Conversion(source_hz, shown_hz, place, blended)
     return found

@@ -26,7 +26,6 @@ RATES_HZ = (24e3 / 1001, 24.0, 25.0, 30e3 / 1001, 30.0, 48.0, 50.0, 60e3 / 1001,
 SAME_RATIO = 3e-3  # rates that differ by less drift apart too slowly for a window
 PARTS = 4  # of the pictures' change, the strongest, in which light is looked for
 OFFSETS_HZ = 0.4  # of the illumination's frequency from its nominal
-HARMONICS = 3
 PLACES, FINE = 16, 33  # of the beat that are tried, and around the best
 OFF_RATIO = (0.0, -3e-4, 3e-4)  # by which cameras are off their nominal rate
 PADDED = 4  # length of a spectrum over that of the stretch

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.flicker.conversions import BLENDED
 from rsenf.flicker.frame_slips import slip_words
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.shared import Follower
@@ -16,6 +17,7 @@ from rsenf.idle.frame_clock import FrameClock
 from rsenf.idle.limits import (
     CROP,
     NO_ROWS,
+    REMADE,
     SAWTOOTH,
     TOO_SHORT,
     are_alike,
@@ -163,6 +165,8 @@ class IdleStage:
             return NO_ROWS
         if self._sawtooth.found:
             return SAWTOOTH
+        if BLENDED in self._pairing.reasons:
+            return REMADE
         seen = Seen(
             moments=self._moments,
             still_rows=self._still_rows,

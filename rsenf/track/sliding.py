@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.flicker.conversions import Conversions
 from rsenf.flicker.lines import Line
 from rsenf.flicker.mains import cell_means, is_faint, light_of, tells_cells, why_not
 from rsenf.flicker.slow_time import SlowTime
@@ -67,6 +68,7 @@ class SlidingTracker(EnfMethod):
         self._waiting: list[RowBlock] = []
         self._buffer: SlowTime | None = None
         self._cells: SlowTime | None = None
+        self._conversions: Conversions | None = None
         self._examined, self._why = -EXAMINE_HOPS, ""  # hop at which the light was, and what came
         self._header: Header | None = None
         self._hops = 0
@@ -123,6 +125,10 @@ class SlidingTracker(EnfMethod):
         if first.rows > 1:
             _, self._bands, strips = self._cells_of(first).shape
             self._cells = SlowTime(self._bands * strips, int(first.frame_pts_ns[0]), np.float32)
+        nominal_hz = self.settings.nominal_hz
+        self._conversions = Conversions(
+            (nominal_hz,) if nominal_hz else (50.0, 60.0), first, rate_hz
+        )
         self._buffer = SlowTime(self._prepare(first, rate_hz), int(first.frame_pts_ns[0]))
         for block in self._waiting:
             self._take(self._buffer, block)
@@ -131,6 +137,8 @@ class SlidingTracker(EnfMethod):
     def _take(self, buffer: SlowTime, block: RowBlock) -> None:
         if self._fits(block):
             buffer.append(block, self._reduce(block))
+            if self._conversions is not None:
+                self._conversions.add(block)
             if self._cells is not None:
                 self._cells.append(block, self._cells_of(block).reshape(block.frames, -1))
 
@@ -150,8 +158,9 @@ class SlidingTracker(EnfMethod):
                 return out
             out += self._estimates(Window(buffer, start_s, end_s, rate_hz))
             self._hops += 1
-            for one in filter(None, (buffer, self._cells)):
-                one.forget_before(start_s + s.hop_s)
+            for one in (buffer, self._cells, self._conversions):
+                if one is not None:
+                    one.forget_before(start_s + s.hop_s)
 
     def _estimates(self, window: Window) -> list[EnfEstimate]:
         """Judge a window that has its frames; say so when it hasn't."""
@@ -163,6 +172,9 @@ class SlidingTracker(EnfMethod):
         """Return what was found, unless it is no mains light: that is looked up now and then."""
         if not found.usable:
             return found
+        why = self._conversions.why_not(window.start_s, window.end_s) if self._conversions else ""
+        if why:
+            return dataclasses.replace(blank, header=found.header, reason=why)
         if self._hops - self._examined >= EXAMINE_HOPS:
             self._examined, self._why = self._hops, self._why_not_mains(window, found)
         if not self._why:

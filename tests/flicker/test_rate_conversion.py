@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.flicker.follower import BLENDED
+from rsenf.flicker.conversions import BLENDED
 from rsenf.flicker.picture_news import News, find_remade
 from rsenf.flicker.rate_conversion import Conversion
 from tests.discrepancy.foreign_camera import Case, trial
