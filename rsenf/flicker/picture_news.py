@@ -99,14 +99,11 @@ def find_remade(stamp_s: Float, news: Float, shown_hz: float, chance: float) -> 
     best, found = 0.0, None
     for source_hz, blended in _tried(shown_hz):
         places = np.arange(BLENDED_PLACES if blended else DOUBLED_PLACES)
-        explained = np.zeros(places.size)
-        for k in places:
-            tried = Conversion(source_hz, shown_hz, float(k / places.size), blended)
-            like = _expected(tried, stamp_s)[own]
-            like -= like.mean(axis=0)
-            size, both = float(np.sum(like**2)), float(np.sum(like * seen))
-            if size > 0.0 and both > 0.0:
-                explained[k] = both**2 / (size * power)
+        first = Conversion(source_hz, shown_hz, 0.0).source_frames(stamp_s[None])
+        like = _expected(first + (places / places.size)[:, None], blended=blended)[:, own]
+        like -= like.mean(axis=1, keepdims=True)
+        size, both = np.sum(like**2, axis=(1, 2)), np.sum(like * seen, axis=(1, 2))
+        explained = np.maximum(both, 0.0) ** 2 / (np.where(size > 0.0, size, 1.0) * power)
         top = float(explained.max())
         beat = abs(source_hz / shown_hz - max(round(source_hz / shown_hz), 1))
         if top > max(MIN_OF_SLOW if beat < SLOW_RATIO else MIN_EXPLAINED, best):
@@ -134,17 +131,21 @@ def _middle(same: NDArray[np.bool_]) -> float:
     return float((row.mean() + first) % same.size)
 
 
-def _expected(tried: Conversion, stamp_s: Float) -> Float:
-    """Mean squares by which pictures differ that were converted so."""
-    whole, share = np.floor(tried.source_frames(stamp_s)), tried.shares(stamp_s)
-    out = np.zeros((stamp_s.size, len(LAGS)))
+def _expected(source: Float, *, blended: bool) -> Float:
+    """Mean squares by which pictures differ, of those that come from a source's frames.
+
+    Of shape (places, frames, lags) for frames of shape (places, frames).
+    """
+    whole = np.floor(source)
+    share = source - whole if blended else np.zeros(source.shape)
+    out = np.zeros((*source.shape, len(LAGS)))
     for column, lag in enumerate(LAGS):
-        apart = np.full(stamp_s.size, 9.0)
-        apart[lag:] = whole[lag:] - whole[:-lag]
-        before = np.concatenate([share[:lag], share[:-lag]])
+        apart = np.full(source.shape, 9.0)
+        apart[:, lag:] = whole[:, lag:] - whole[:, :-lag]
+        before = np.concatenate([share[:, :lag], share[:, :-lag]], axis=1)
         # Weights 1 − s and s of a frame and the next: their own, less what both have in common.
         alone = (1 - share) ** 2 + share**2 + (1 - before) ** 2 + before**2
         common = (apart == 0) * ((1 - share) * (1 - before) + share * before)
         common += (apart == 1) * (1 - share) * before
-        out[:, column] = alone - 2.0 * common
+        out[..., column] = alone - 2.0 * common
     return out

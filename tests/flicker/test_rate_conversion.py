@@ -7,8 +7,11 @@ import pytest
 
 from rsenf.flicker.conversions import BLENDED
 from rsenf.flicker.picture_news import News, find_remade
-from rsenf.flicker.rate_conversion import Conversion
-from tests.discrepancy.foreign_camera import Case, trial
+from rsenf.flicker.profile import ProfileBasis
+from rsenf.flicker.rate_conversion import Conversion, find_conversion
+from rsenf.messages import Header
+from rsenf.rows.luminance import blocks_from_luminance
+from tests.discrepancy.foreign_camera import Case, shoot, trial
 from tests.flicker.foreign_rows import follow
 
 RATES = {"24": 24.0, "25": 25.0, "30": 30.0, "30000/1001": 30e3 / 1001, "60": 60.0}
@@ -99,3 +102,33 @@ def test_nothing_is_said_to_be_converted_that_is_not(kind: str) -> None:
         clip = follow(trial(kind, seed, duration_s=25.0))
         assert not clip.converted, seed
         assert clip.seconds[-1].reason != BLENDED, seed
+
+
+@pytest.mark.parametrize("seed", [9007, 9019, 9031])
+def test_flicker_on_a_texture_is_no_blending(seed: int) -> None:
+    """It repeats every three frames, as 30 frames/s that were blended of 50 would."""
+    clip = follow(trial("magnetic", seed, rate="30", nominal_hz=50.0, duration_s=15.0))
+    assert clip.z.size >= 14
+
+
+@pytest.mark.parametrize("kind", ["gain steps", "key dimming"])
+def test_gains_that_change_are_no_blending(kind: str) -> None:
+    for seed in (9058, 9064):
+        clip = follow(trial(kind, seed, rate="30", nominal_hz=50.0, duration_s=15.0))
+        assert clip.seconds[-1].reason != BLENDED
+
+
+@pytest.mark.parametrize(("seed", "rate"), [(2, "30"), (5, "30000/1001"), (4, "60"), (7, "30.01")])
+def test_light_tells_a_blend_where_no_noise_is_left(seed: int, rate: str) -> None:
+    case = Case(
+        hidden=("blended",), seed=seed, rate=rate, nominal_hz=50.0, rows=240, strips=1,
+        duration_s=20.0, lamp="led",
+    )  # fmt: skip
+    filmed = shoot(case, noisy=False)
+    shown_hz, source_hz = filmed.truth["file_rate"], filmed.truth["frame_rate"]
+    basis = ProfileBasis(240, 360.0 / shown_hz)
+    (block,) = blocks_from_luminance(filmed.level, filmed.stamp_s, Header(), block_frames=2000)
+    found = find_conversion((50.0, 60.0), filmed.stamp_s, basis.reduce(block), shown_hz)
+    assert found is not None
+    assert found.blended
+    assert found.source_hz == pytest.approx(source_hz, rel=5e-4)
