@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, Found, acquire
+from rsenf.flicker.conversions import BLENDED, Conversions
 from rsenf.flicker.frame_clock import frame_periods, usual_gap_ns
 from rsenf.flicker.lock import (
     AHEAD_S,
@@ -20,12 +21,9 @@ from rsenf.flicker.lock import (
     TOO_FEW,
     WINDOW_S,
     Lock,
-    frames_of,
 )
 from rsenf.flicker.mains import CREEPS, bands_of, cell_means
-from rsenf.flicker.picture_news import LAGS, News, find_remade
 from rsenf.flicker.profile import ProfileBasis
-from rsenf.flicker.rate_conversion import Conversion, find_conversion
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.flicker.still import EVERY_S, SHORTEST_S, SPAN_S, StillFlicker, may_stand_still
@@ -35,7 +33,6 @@ from rsenf.timebase import nanoseconds
 Float = NDArray[np.float64]
 
 NOMINALS_HZ = (50.0, 60.0)
-HARMONICS = 3
 # Frames held back until the frame rate is known well enough.
 RATE_NEEDS_S = 1.0
 LEAST_RATE_HZ, MOST_RATE_HZ = 0.1, 1e5  # beyond these it is no camera's
@@ -43,7 +40,6 @@ LOOK_S = 20  # window in which flicker is looked for, if the clip isn't shorter
 HOLD_S = 60  # seconds are held back so long while nothing is found
 GIVE_UP_S = 30  # seconds without the tone after which it is looked for anew
 MIN_FILL_RATIO = 0.8
-BLENDED = "neighbouring frames are blended: another frame rate was made of them"
 
 
 class FlickerFollower:
@@ -63,8 +59,8 @@ class FlickerFollower:
         self._min_snr = min_snr
         self._waiting: list[RowBlock] = []
         self._basis: ProfileBasis | None = None
-        self._buffer = self._cells = self._new = SlowTime(1, 0)
-        self._news = News()
+        self._buffer = self._cells = SlowTime(1, 0)
+        self._conversions: Conversions | None = None
         self._rate_hz = float("nan")  # of the camera
         self._come_hz = float("nan")  # of the frames that came
         self._reached = 0  # whole seconds that have been looked at
@@ -86,8 +82,8 @@ class FlickerFollower:
             self._waiting.append(block)
             if not self._begin(final=False):
                 return []
-        elif block.rows == self._basis.rows:
-            self._append(self._basis, block)
+        elif self._conversions and block.rows == self._basis.rows:
+            self._append(self._conversions, block)
         return self._advance(final=False)
 
     def flush(self) -> list[FlickerSecond]:
@@ -119,25 +115,22 @@ class FlickerFollower:
         pts, numbers = pts[: enough + 1], numbers[: enough + 1]
         periods = frame_periods(pts, numbers, usual_gap_ns(pts))
         self._rate_hz = float(periods * 1e9 / lasted_ns)
-        most_turns = HARMONICS * 2.0 * max(self._nominals) / self._rate_hz
-        self._basis = ProfileBasis(self._waiting[0].rows, most_turns)
         first = self._waiting[0]
-        self._buffer = SlowTime(self._basis.columns, int(pts[0]), np.float64)
+        self._conversions = Conversions(self._nominals, first, self._rate_hz)
+        self._basis, self._buffer = self._conversions.basis, self._conversions.columns
         self._cells = SlowTime(bands_of(first.rows) * first.strips, int(pts[0]), np.float32)
-        self._new = SlowTime(len(LAGS), int(pts[0]), np.float64)
         for nominal_hz in self._nominals:
             if may_stand_still(nominal_hz, self._rate_hz, self._basis.rows):
                 self._still = StillFlicker(nominal_hz)
         for block in self._waiting:
             if block.rows == self._basis.rows:
-                self._append(self._basis, block)
+                self._append(self._conversions, block)
         self._waiting = []
         return True
 
-    def _append(self, basis: ProfileBasis, block: RowBlock) -> None:
-        self._buffer.append(block, basis.reduce(block))
+    def _append(self, rows: Conversions, block: RowBlock) -> None:
+        rows.add(block)
         self._cells.append(block, cell_means(block.level).reshape(block.frames, -1))
-        self._new.append(block, self._news.of(block.level))
         if self._still is not None:
             self._still.add(block, self._buffer.origin_ns)
 
@@ -172,8 +165,9 @@ class FlickerFollower:
         while self._ready and self._ready[0].index < due:
             out.append(self._ready.popleft())
         kept_s = WINDOW_S if self._lock else 0
-        for buffer in (self._buffer, self._cells, self._new):
-            buffer.forget_before(min(self._next, end - LOOK_S) - kept_s)
+        for one in (self._conversions, self._cells):
+            if one is not None:
+                one.forget_before(min(self._next, end - LOOK_S) - kept_s)
         return out
 
     def _look_still(self, end: int, *, final: bool) -> None:
@@ -219,7 +213,7 @@ class FlickerFollower:
     def _look(self, start: int, end: int) -> None:
         """Look for flicker, and go back along it to the first second that isn't out yet."""
         assert self._basis is not None
-        t_s, columns = frames_of(self._buffer, start, end)
+        t_s, columns = self._buffer.usable_of(start, end)
         if t_s.size < MIN_FILL_RATIO * self._shown_hz * (end - start):
             self._why = TOO_FEW
             return
@@ -253,17 +247,19 @@ class FlickerFollower:
     def _found(self, t_s: Float, columns: Float, span_s: tuple[int, int]) -> Found | str:
         """Look for flicker by the times at which frames were taken; say why there is none."""
         assert self._basis is not None
+        assert self._conversions is not None
         if self._buffer.conversion is None and span_s[1] >= self._try_again:
             self._try_again = span_s[1] + LOOK_S
-            conversion, is_proven = self._conversion(t_s, columns, span_s)
-            if conversion is not None:
+            conversion, is_proven = self._conversions.find(*span_s)
+            self._is_blended = conversion is not None and conversion.blended
+            if conversion is not None and not conversion.blended:
                 taken_s, source_hz = conversion.taken_s(t_s), conversion.source_hz
                 found = acquire(
                     self._nominals, self._basis, taken_s, columns, source_hz, span_s, self._min_snr
                 )
                 if is_proven or not isinstance(found, str):
-                    for values in (self._buffer, self._cells, self._new):
-                        values.convert(conversion)
+                    self._conversions.undo(conversion)
+                    self._cells.convert(conversion)
                     self._rate_hz, self._still = source_hz, None
                     return found
         if self._is_blended:
@@ -271,17 +267,6 @@ class FlickerFollower:
         return acquire(
             self._nominals, self._basis, t_s, columns, self._rate_hz, span_s, self._min_snr
         )
-
-    def _conversion(
-        self, t_s: Float, columns: Float, span_s: tuple[int, int]
-    ) -> tuple[Conversion | None, bool]:
-        """Look for a conversion to another frame rate; whether pictures prove it, or light only."""
-        stamp_s, news = frames_of(self._new, *span_s)
-        remade = find_remade(stamp_s, news, self._rate_hz, self._news.chance)
-        self._is_blended = remade is not None and remade.blended
-        if remade is None:
-            return find_conversion(self._nominals, t_s, columns, self._rate_hz), False
-        return (None if remade.blended else remade.conversion), not remade.blended
 
 
 def _fits(end: int) -> bool:

@@ -120,7 +120,7 @@ class Lock:
 
     def _fitted(self, buffer: SlowTime, start: int, end: int, guess_rad: Float) -> PhaseFit | None:
         """Fit the phase near a guess; find the frames that slip, until both go together."""
-        t_s, columns = frames_of(buffer, start, end)
+        t_s, columns = buffer.usable_of(start, end)
         if t_s.size <= (end - start) / 2:
             return None
         part = buffer.between(start, end)
@@ -226,7 +226,7 @@ class Lock:
         return self._checked[1]
 
     def _checked_anew(self, buffer: SlowTime, start: int, end: int) -> tuple[Tone, str]:
-        t_s, columns = frames_of(buffer, start, end)
+        t_s, columns = buffer.usable_of(start, end)
         if t_s.size < MIN_FILL_RATIO * self._shown_hz * (end - start):
             return _NO_TONE, TOO_FEW
         finder, t_mid = ToneFinder(float(end - start), SEARCH_HZ), t_s - (start + end) / 2.0
@@ -253,7 +253,7 @@ class Lock:
         light = None
         if self._basis.rows > 1:
             look = light_of if tells_cells(f0_hz, self._rate_hz) else still_light_of
-            t_s, seen = frames_of(self._cells, start, end)
+            t_s, seen = self._cells.usable_of(start, end)
             phase = 4.0 * np.pi * self.nominal_hz * t_s + at_frames(t_s - start, psi)
             light = look(seen, t_s, phase, bands_of(self._basis.rows), f0_hz / self._rate_hz)
             self._apart_turns = light.apart_turns
@@ -308,13 +308,6 @@ def _middle(index: int) -> int:
     """Middle of the seconds that share a window with one of them, wherever one ends."""
     first = index - (index + 1 + AHEAD_S - WINDOW_S) % TOGETHER_S
     return first + TOGETHER_S // 2
-
-
-def frames_of(buffer: SlowTime, start: int, end: int) -> tuple[Float, Float]:
-    """Times and columns of the usable frames of some seconds."""
-    part = buffer.between(start, end)
-    usable = buffer.usable(part)
-    return buffer.times(part)[usable], buffer.values(part)[usable]
 
 
 def _decibels(ratio: float) -> float:

@@ -10,26 +10,27 @@ compared with what each usual conversion would make of them.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.rate_conversion import RATES_HZ, Conversion, round_rate
+from rsenf.flicker.rate_conversion import OFF_RATIO, RATES_HZ, Conversion, round_rate
 
 Float = NDArray[np.float64]
 
 LAGS = (1, 2)  # frames between the pictures that are compared
 ORDER = 4  # of the difference from row to row, in which flicker is nothing beside noise
 BLENDED_PLACES, DOUBLED_PLACES = 24, 240  # of the beat that are tried
+LEAST_LEVEL = 1.0  # of a row that is brought to another brightness
 SAME = 1e-3  # share by which places are no better than others: where the beat is short
 SAME_RATIO = 3e-4  # rates that differ by less beat too slowly
-OFF_RATIO = (0.0, -3e-4, 3e-4)  # by which cameras are off their nominal rate
 # Variance of a mean square of so many differences times their number: neighbours share rows.
 CHANCE = 5.3
 # Share of what changes, beyond chance, that doubled or blended frames have to explain, and how much
-# there has to be of it: codecs make changes of their own, and so does what is left of the flicker.
-MIN_DOUBLED, MIN_BLENDED, MIN_CHANGE = 0.6, 0.85, 0.05
+# there has to be of it: codecs make changes of their own.
+MIN_EXPLAINED, MIN_CHANGE = 0.6, 0.05
+# And where they beat as slowly as levels and gains change.
+SLOW_RATIO, MIN_OF_SLOW = 3e-3, 0.85
 MOST = 4.0  # times the median: what differs by more is a cut, or a key frame
 
 
@@ -38,6 +39,7 @@ class News:
 
     def __init__(self) -> None:
         self._last: Float | None = None
+        self._first: Float | None = None  # levels of the first picture
         self.chance = 0.0  # variance of what comes out, relative to its square, by chance alone
 
     def of(self, level: NDArray[np.floating]) -> Float:
@@ -49,7 +51,12 @@ class News:
         """
         if level.shape[1] <= ORDER:  # too few rows to tell
             return np.zeros((len(level), len(LAGS)))
-        sharp = np.diff(np.asarray(level, np.float64), ORDER, axis=1)
+        # What is left of a texture beats with the flicker's alias, as conversions beat, unless
+        # each row is brought to the same brightness.
+        bright = np.maximum(level[:, ORDER // 2 : -ORDER // 2], LEAST_LEVEL)
+        if self._first is None or self._first.shape != bright.shape[1:]:
+            self._first = np.asarray(bright[0], np.float64)
+        sharp = np.diff(np.asarray(level, np.float64), ORDER, axis=1) * (self._first / bright)
         before, self.chance = max(LAGS), CHANCE / max(sharp[0].size, 1)
         if self._last is None or self._last.shape[1:] != sharp.shape[1:]:
             self._last = np.repeat(sharp[:1], before, axis=0)
@@ -65,25 +72,7 @@ class News:
         )
 
 
-@dataclass(frozen=True)
-class Remade:
-    """How pictures were made from others.
-
-    Attributes
-    ----------
-    conversion : Conversion
-    blended : bool
-        Whether neighbours are mixed; else some are shown twice.
-    explained : float
-        Share of what changes in the news.
-    """
-
-    conversion: Conversion
-    blended: bool
-    explained: float
-
-
-def find_remade(stamp_s: Float, news: Float, shown_hz: float, chance: float) -> Remade | None:
+def find_remade(stamp_s: Float, news: Float, shown_hz: float, chance: float) -> Conversion | None:
     """Find how pictures were doubled or blended to give their rate, if they were.
 
     Parameters
@@ -107,22 +96,20 @@ def find_remade(stamp_s: Float, news: Float, shown_hz: float, chance: float) -> 
     power = float(np.sum(seen**2)) - chance * seen.size
     if power < max(MIN_CHANGE**2, chance) * seen.size:
         return None
-    best: Remade | None = None
+    best, found = 0.0, None
     for source_hz, blended in _tried(shown_hz):
         places = np.arange(BLENDED_PLACES if blended else DOUBLED_PLACES)
-        explained = np.zeros(places.size)
-        for k in places:
-            tried = Conversion(source_hz, shown_hz, float(k / places.size))
-            like = _expected(tried.source_frames(stamp_s), blended=blended)[own]
-            like -= like.mean(axis=0)
-            size, both = float(np.sum(like**2)), float(np.sum(like * seen))
-            if size > 0.0 and both > 0.0:
-                explained[k] = both**2 / (size * power)
+        first = Conversion(source_hz, shown_hz, 0.0).source_frames(stamp_s[None])
+        like = _expected(first + (places / places.size)[:, None], blended=blended)[:, own]
+        like -= like.mean(axis=1, keepdims=True)
+        size, both = np.sum(like**2, axis=(1, 2)), np.sum(like * seen, axis=(1, 2))
+        explained = np.maximum(both, 0.0) ** 2 / (np.where(size > 0.0, size, 1.0) * power)
         top = float(explained.max())
-        if top > max(MIN_BLENDED if blended else MIN_DOUBLED, best.explained if best else 0.0):
+        beat = abs(source_hz / shown_hz - max(round(source_hz / shown_hz), 1))
+        if top > max(MIN_OF_SLOW if beat < SLOW_RATIO else MIN_EXPLAINED, best):
             place = _middle(explained > (1.0 - SAME) * top) / places.size
-            best = Remade(Conversion(source_hz, shown_hz, place), blended, top)
-    return best
+            best, found = top, Conversion(source_hz, shown_hz, place, blended)
+    return found
 
 
 def _tried(shown_hz: float) -> Iterator[tuple[float, bool]]:
@@ -145,17 +132,20 @@ def _middle(same: NDArray[np.bool_]) -> float:
 
 
 def _expected(source: Float, *, blended: bool) -> Float:
-    """Mean squares by which pictures differ, of those that come from a source's frames."""
+    """Mean squares by which pictures differ, of those that come from a source's frames.
+
+    Of shape (places, frames, lags) for frames of shape (places, frames).
+    """
     whole = np.floor(source)
-    share = source - whole if blended else np.zeros(source.size)
-    out = np.zeros((source.size, len(LAGS)))
+    share = source - whole if blended else np.zeros(source.shape)
+    out = np.zeros((*source.shape, len(LAGS)))
     for column, lag in enumerate(LAGS):
-        apart = np.full(source.size, 9.0)
-        apart[lag:] = whole[lag:] - whole[:-lag]
-        before = np.concatenate([share[:lag], share[:-lag]])
+        apart = np.full(source.shape, 9.0)
+        apart[:, lag:] = whole[:, lag:] - whole[:, :-lag]
+        before = np.concatenate([share[:, :lag], share[:, :-lag]], axis=1)
         # Weights 1 − s and s of a frame and the next: their own, less what both have in common.
         alone = (1 - share) ** 2 + share**2 + (1 - before) ** 2 + before**2
         common = (apart == 0) * ((1 - share) * (1 - before) + share * before)
         common += (apart == 1) * (1 - share) * before
-        out[:, column] = alone - 2.0 * common
+        out[..., column] = alone - 2.0 * common
     return out

@@ -1,16 +1,20 @@
-"""Clips converted to another frame rate by dropping or doubling frames.
+"""Clips converted to another frame rate by dropping, doubling or blending frames.
 
 A converter shows, at each of its own times, the newest frame that the camera had taken by then: of
 ``F`` frames a second that are shown at a rate ``R``, picture ``m`` is number ``⌊m·F/R + a⌋``. What
 its time stamp says is late by up to a frame period of the camera's, at a regular beat, and light
-that is one tone by the frames' own times is several by the stamps. So the light is looked for by
-the times that each usual camera's rate would give, and by the stamps as they are: whichever leaves
-much less of the pictures' change unexplained is right (a likelihood ratio with the noise unknown).
+that is one tone by the frames' own times is several by the stamps. So it is where neighbours are
+blended, by how near each is. So the light is looked for by the times that each usual camera's rate
+would give, and by the stamps as they are: whichever leaves much less of the pictures' change
+unexplained is right (a likelihood ratio with the noise unknown).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +26,8 @@ RATES_HZ = (24e3 / 1001, 24.0, 25.0, 30e3 / 1001, 30.0, 48.0, 50.0, 60e3 / 1001,
 SAME_RATIO = 3e-3  # rates that differ by less drift apart too slowly for a window
 PARTS = 4  # of the pictures' change, the strongest, in which light is looked for
 OFFSETS_HZ = 0.4  # of the illumination's frequency from its nominal
-HARMONICS = 3
 PLACES, FINE = 16, 33  # of the beat that are tried, and around the best
+OFF_RATIO = (0.0, -3e-4, 3e-4)  # by which cameras are off their nominal rate
 PADDED = 4  # length of a spectrum over that of the stretch
 ORDERS = (1.0, 2.0, 3.0, 0.5, 1.5)  # harmonics; half-wave lamps have halves of the first
 STILL_HZ = 1.0  # light whose alias is nearer to 0 Hz stands nearly still
@@ -50,11 +54,14 @@ class Conversion:
         Rate at which they are shown.
     place : float
         The beat's: ``a``, 0 to 1.
+    blended : bool
+        Whether neighbours are mixed; else whole frames are dropped or doubled.
     """
 
     source_hz: float
     shown_hz: float
     place: float
+    blended: bool = False
 
     def source_frames(self, stamp_s: Float) -> Float:
         """Frames of the camera since the first one shown, not yet rounded down."""
@@ -64,6 +71,15 @@ class Conversion:
     def taken_s(self, stamp_s: Float) -> Float:
         """When frames were taken, since the first one, by their time stamps since the first."""
         return np.asarray(np.floor(self.source_frames(stamp_s)) / self.source_hz)
+
+    def shares(self, stamp_s: Float) -> Float:
+        """Share of the frame after the one taken then, in what is shown."""
+        return self.source_frames(stamp_s) % 1.0 if self.blended else np.zeros(stamp_s.size)
+
+    def seen(self, stamp_s: Float, light_rad: Float, step_rad: float) -> Complex:
+        """Return what is seen of light with a phase at the frames, and a step to the next."""
+        share = self.shares(stamp_s)
+        return np.asarray(np.exp(1j * light_rad) * (1.0 - share + share * np.exp(1j * step_rad)))
 
     def unsure(self, stamp_s: Float) -> NDArray[np.bool_]:
         """Whether it is uncertain which frame is shown."""
@@ -92,31 +108,32 @@ def find_conversion(
     shown = round_rate(shown_hz)
     place = np.rint((t_s - t_s[0]) * shown).astype(np.int64)
     plain_rad = _strongest_tone(parts, t_s, place, shown)
-    by_stamps = max(
-        _explained(parts, plain_rad, ORDERS, place % 2), _nearly_still(parts, place, shown)
-    )
+    by_stamps = _explained(parts, plain_rad, partial(_by_stamps, place % 2))
+    by_stamps = max(by_stamps, _nearly_still(parts, place, shown))
     left = seen - by_stamps
     if not MIN_BY_STAMPS * seen < by_stamps < (1.0 - CLEAN_RATIO) * seen:
         return None
     best, found = max(MIN_EXPLAINED * seen, by_stamps + MIN_OF_REST * left), None
-    for source_hz in RATES_HZ:
+    for source_hz, blended, nominal_hz in product(RATES_HZ, (False, True), nominals_hz):
         ratio = source_hz / shown
         if abs(ratio - max(round(ratio), 1)) < SAME_RATIO:
             continue  # every frame, or every so manieth: no beat
-        for nominal_hz in nominals_hz:
-            beat = np.arange(PLACES) / PLACES
-            tried, power, _ = _tried(parts, t_s, place, source_hz, shown, beat, nominal_hz)
-            if power.max() < MIN_FIRST * seen:
-                continue
-            beat = tried[int(power.argmax())].place + np.linspace(-1.0, 1.0, FINE) / PLACES
-            tried, power, hz = _tried(parts, t_s, place, source_hz, shown, beat, nominal_hz)
+        tries = [Conversion(source_hz, shown, k / PLACES, blended) for k in range(PLACES)]
+        power, _ = _first_harmonic(parts, t_s, place, tries, nominal_hz)
+        if power.max() < MIN_FIRST * seen:
+            continue
+        near = tries[int(power.argmax())]
+        for off in OFF_RATIO:
+            tries = _around(near, off, float(place.mean()))
+            power, hz = _first_harmonic(parts, t_s, place, tries, nominal_hz)
             # Where the beat is short, places between two of its steps are the same.
             same = np.flatnonzero(power > (1.0 - SAME_POWER) * power.max())
             top = int(same[same.size // 2])
-            light_rad = 2.0 * np.pi * hz[top] * tried[top].taken_s(t_s)
-            explained = _explained(parts, light_rad, ORDERS)
-            if explained > best:
-                best, found = explained, tried[top]
+            light_rad = 2.0 * np.pi * hz[top] * tries[top].taken_s(t_s)
+            waves_of = partial(_converted, tries[top], t_s, hz[top])
+            explained = _explained(parts, light_rad, waves_of)
+            if explained > best + (MIN_OF_REST * (seen - best) if off else 0.0):
+                best, found = explained, tries[top]
     return found
 
 
@@ -155,55 +172,72 @@ def _nearly_still(parts: Float, place: NDArray[np.int64], shown_hz: float) -> fl
     return float(power[:, near].sum() / held.shape[1])
 
 
-def _tried(
-    parts: Float, t_s: Float, place: NDArray[np.int64], source_hz: float, shown_hz: float,
-    beat: Float, nominal_hz: float,
-) -> tuple[list[Conversion], Float, Float]:  # fmt: skip
-    """Conversions with some places of the beat, and the light's first harmonic by each.
+def _around(near: Conversion, off_ratio: float, middle: float) -> list[Conversion]:
+    """Conversions from a slightly other rate, of nearly the same place in the stretch's middle."""
+    moved = near.place - off_ratio * near.source_hz / near.shown_hz * middle
+    return [
+        replace(near, source_hz=near.source_hz * (1.0 + off_ratio), place=float(place % 1.0))
+        for place in moved + np.linspace(-1.0, 1.0, FINE) / PLACES
+    ]
 
-    Its power and its frequency (Hz), shapes (places,).
-    """
-    tried = [Conversion(source_hz, shown_hz, float(a)) for a in beat % 1.0]
+
+def _first_harmonic(
+    parts: Float, t_s: Float, place: NDArray[np.int64], tries: list[Conversion], nominal_hz: float
+) -> tuple[Float, Float]:
+    """Power and frequency (Hz) of the light's first harmonic by each conversion."""
+    shown_hz = tries[0].shown_hz
     size = PADDED * (int(place[-1]) + 1)
-    turn = np.exp(-4j * np.pi * nominal_hz * np.array([c.taken_s(t_s) for c in tried]))
-    power: Float = np.zeros((len(tried), size))
+    turn = np.array([
+        one.seen(t_s, 4.0 * np.pi * nominal_hz * one.taken_s(t_s),
+                 4.0 * np.pi * nominal_hz / one.source_hz)
+        for one in tries
+    ])  # fmt: skip
+    power: Float = np.zeros((len(tries), size))
     for part in parts.T:
-        held = np.zeros((len(tried), int(place[-1]) + 1), np.complex128)
-        held[:, place] = turn * part
+        held = np.zeros((len(tries), int(place[-1]) + 1), np.complex128)
+        held[:, place] = turn.conj() * part
         power += np.abs(np.fft.fft(held, size)) ** 2
     reach = max(int(OFFSETS_HZ * size / shown_hz), 1)
     near = np.concatenate([power[:, -reach:], power[:, : reach + 1]], axis=1)
     top = near.argmax(axis=1)
     offset_hz = (top - reach) * shown_hz / size
-    return tried, 2.0 * near[np.arange(top.size), top] / t_s.size, 2.0 * nominal_hz + offset_hz
+    heard = np.sum(np.abs(turn) ** 2, axis=1)
+    return 2.0 * near[np.arange(top.size), top] / heard, 2.0 * nominal_hz + offset_hz
 
 
-def _explained(
-    parts: Float, light_rad: Float, orders: tuple[float, ...], odd: NDArray[np.int64] | None = None
-) -> float:
+def _converted(how: Conversion, stamp_s: Float, hz: float, light_rad: Float) -> list[Complex]:
+    """Waves that converted light shows, harmonic by harmonic."""
+    step_rad = 2.0 * np.pi * hz / how.source_hz
+    return [how.seen(stamp_s, order * light_rad, order * step_rad) for order in ORDERS]
+
+
+def _by_stamps(odd: NDArray[np.int64], light_rad: Float) -> list[Complex]:
+    """Waves of light by its alias: of that, a half is known up to half the frame rate only."""
+    waves = [np.exp(1j * order * light_rad) for order in ORDERS]
+    other = 1.0 - 2.0 * odd
+    return [*waves, *(w * other for w, order in zip(waves, ORDERS, strict=True) if order % 1.0)]
+
+
+def _explained(parts: Float, light_rad: Float, waves_of: Callable[[Float], list[Complex]]) -> float:
     """Power that light explains, whose phase is nearly known.
 
     Parameters
     ----------
     parts : ndarray, shape (frames, parts)
     light_rad : ndarray, shape (frames,)
-    orders : tuple of float
-        Harmonics, halves of one among them.
-    odd : ndarray of int, shape (frames,), optional
-        1 for every other picture: an alias' half is known up to half the rate only.
+    waves_of : callable
+        Waves that light of some phase shows, its first harmonic before others.
     """
     x = np.linspace(-1.0, 1.0, light_rad.size)
     explained = 0.0
     for _ in range(ROUNDS):
-        angles = [order * light_rad for order in orders]
-        if odd is not None:
-            angles += [order * light_rad + np.pi * odd for order in orders if order % 1.0]
-        waves = np.column_stack([f(angle) for angle in angles for f in (np.cos, np.sin)])
+        first, *others = waves_of(light_rad)
+        waves = np.column_stack([f for w in (first, *others) for f in (w.real, w.imag)])
         share = np.linalg.lstsq(waves, parts, rcond=1e-6)[0]
         explained = float(np.sum(parts**2) - np.sum((parts - waves @ share) ** 2))
         # How the first harmonic's phase strays: the grid drifts.
         own = parts - waves[:, 2:] @ share[2:]
-        light = (own @ (share[0] + 1j * share[1])) * np.exp(-1j * light_rad)
+        light = (own @ (share[0] + 1j * share[1])) * first.conj()
         blocks = np.array_split(np.arange(x.size), BLOCKS)
         phase = np.unwrap([float(np.angle(light[block].sum())) for block in blocks])
         light_rad = light_rad + np.polyval(np.polyfit([x[b].mean() for b in blocks], phase, 3), x)

@@ -122,6 +122,12 @@ class SlowTime:
         """Number of each frame."""
         return self._number[part].copy()
 
+    def usable_of(self, start_s: float, end_s: float) -> tuple[NDArray[np.float64], NDArray[Any]]:
+        """Times and values of the usable frames of a stretch."""
+        part = self.between(start_s, end_s)
+        usable = self._usable[part]
+        return self._t_s[part][usable], self._value[part][usable]
+
     def usable_ratio(self, part: slice) -> float:
         """Share of the frames whose rows are usable."""
         return float(np.mean(self._usable[part])) if part.stop > part.start else 0.0

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.flicker.conversions import BLENDED
 from rsenf.flicker.frame_clock import FrameClock
 from rsenf.flicker.frame_slips import slip_words
 from rsenf.flicker.lines import alias_hz
@@ -16,6 +17,7 @@ from rsenf.flicker.shared import Follower
 from rsenf.idle.limits import (
     CROP,
     NO_ROWS,
+    REMADE,
     SAWTOOTH,
     TOO_SHORT,
     are_alike,
@@ -161,6 +163,8 @@ class IdleStage:
             return NO_ROWS
         if self._sawtooth.found:
             return SAWTOOTH
+        if BLENDED in self._pairing.reasons:
+            return REMADE
         seen = Seen(
             moments=self._moments,
             still_rows=self._still_rows,

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.flicker.conversions import Conversions
 from rsenf.flicker.lines import Line
 from rsenf.flicker.mains import CREEPS, Light, cell_means, is_faint, light_of, tells_cells, why_not
 from rsenf.flicker.slow_time import SlowTime
@@ -76,6 +77,7 @@ class SlidingTracker(EnfMethod):
         self._waiting: list[RowBlock] = []
         self._buffer: SlowTime | None = None
         self._cells: SlowTime | None = None
+        self._conversions: Conversions | None = None
         self._examined = -EXAMINE_HOPS  # hop at which the light was looked at
         self._has_moved = False  # as a grid's frequency does
         self._looks: deque[str] = deque(maxlen=LOOKS)  # what came of it
@@ -138,6 +140,10 @@ class SlidingTracker(EnfMethod):
         if first.rows > 1:
             _, self._bands, strips = self._cells_of(first).shape
             self._cells = SlowTime(self._bands * strips, int(first.frame_pts_ns[0]), np.float32)
+        nominal_hz = self.settings.nominal_hz
+        self._conversions = Conversions(
+            (nominal_hz,) if nominal_hz else (50.0, 60.0), first, rate_hz
+        )
         self._buffer = SlowTime(self._prepare(first, rate_hz), int(first.frame_pts_ns[0]))
         for block in self._waiting:
             self._take(self._buffer, block)
@@ -146,6 +152,8 @@ class SlidingTracker(EnfMethod):
     def _take(self, buffer: SlowTime, block: RowBlock) -> None:
         if self._fits(block):
             buffer.append(block, self._reduce(block))
+            if self._conversions is not None:
+                self._conversions.add(block)
             if self._cells is not None:
                 self._cells.append(block, self._cells_of(block).reshape(block.frames, -1))
 
@@ -165,8 +173,9 @@ class SlidingTracker(EnfMethod):
                 return out
             out += self._estimates(Window(buffer, start_s, end_s, rate_hz))
             self._hops += 1
-            for one in filter(None, (buffer, self._cells)):
-                one.forget_before(start_s + s.hop_s)
+            for one in (buffer, self._cells, self._conversions):
+                if one is not None:
+                    one.forget_before(start_s + s.hop_s)
 
     def _estimates(self, window: Window) -> list[EnfEstimate]:
         """Judge a window that has its frames; say so when it hasn't."""
@@ -186,12 +195,14 @@ class SlidingTracker(EnfMethod):
         window_s = window.end_s - window.start_s
         course = course_of(self._tone_series(window, found), t_s, tone_hz, window_s)
         var_hz2 = found.enf_var_hz2 * max(course.excess, 1.0)
-        reason = ""
-        if course.excess > MOST_EXCESS:
+        reason = (
+            self._conversions.why_not(window.start_s, window.end_s) if self._conversions else ""
+        )
+        if not reason and course.excess > MOST_EXCESS:
             reason = UNEVEN
-        elif var_hz2 > self.settings.max_std_hz**2:
+        elif not reason and var_hz2 > self.settings.max_std_hz**2:
             reason = "too uncertain"
-        elif self._hops - self._examined >= EXAMINE_HOPS:
+        elif not reason and self._hops - self._examined >= EXAMINE_HOPS:
             self._examined = self._hops
             light = self._light(window, tone_hz)
             self._looks.append(self._why_not_mains(found, course, light))

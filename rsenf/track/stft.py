@@ -215,13 +215,14 @@ class StftTracker(SlidingTracker):
             line.carrier_hz + tone.offset_hz,
             self.settings.window_s,
         )
+        beyond_noise_hz2 = max(apart2 - 2.0 * tone.offset_var_hz2, 0.0)
         return dataclasses.replace(
             blank,
             nominal_hz=line.nominal_hz,
             line_m=line.m,
             line_hz=line.line_hz(blank.frame_rate_hz),
             enf_hz=line.nominal_hz + tone.offset_hz / scale,
-            enf_var_hz2=(tone.offset_var_hz2 + apart2) / scale**2 + SMEAR_STD_HZ**2,
+            enf_var_hz2=(tone.offset_var_hz2 + beyond_noise_hz2) / scale**2 + SMEAR_STD_HZ**2,
             snr_db=decibels(tone.snr),
             usable=True,
             **slow_time_amplitude(

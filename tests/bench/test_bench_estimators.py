@@ -21,8 +21,13 @@ PATH = Path(__file__).resolve().parents[2] / CAMERA
 
 def test_kinds_rates_and_grids_take_turns() -> None:
     camera = camera_at(PATH, NEEDED)
-    cases = EstimatorPlan(raw=300, coded=30, nothing=300, first_seed=70).cases(camera)
-    lit, dark = ([c for c in cases if c.mains is mains] for mains in (True, False))
+    cases = EstimatorPlan(raw=300, coded=30, nothing=300, filtered=60, first_seed=70).cases(camera)
+    filtered = [c for c in cases if camera.KINDS[c.kind].filtered]
+    assert {c.kind for c in filtered} == set(camera.FILTERS)
+    assert {c.coding for c in filtered} == {"lossless", "camera"}
+    assert len(filtered) == 60
+    whole = [c for c in cases if c not in filtered]
+    lit, dark = ([c for c in whole if c.mains is mains] for mains in (True, False))
     raw, coded = ([c for c in lit if (c.coding == RAW) is is_raw] for is_raw in (True, False))
     assert [len(some) for some in (raw, coded, dark)] == [300, 30, 300]
     assert {c.kind for c in cases} == set(camera.KINDS)

@@ -16,12 +16,14 @@ from numpy.typing import NDArray
 
 from tests.discrepancy.foreign_camera import (
     CODINGS,
+    FILTERS,
     GRIDS,
     HARD,
     KINDS,
     RATES,
     Case,
     Filmed,
+    Filter,
     as_video,
     film,
     shoot,
@@ -305,15 +307,17 @@ def test_a_converted_film_is_a_file(tmp_path: Path, coding: str) -> None:
 @pytest.mark.external
 @needs_ffmpeg
 @pytest.mark.parametrize(("name", "seed"), [("converted", 0), ("converted", 3), ("blended", 5)])
-def test_ffmpeg_converts_as_the_camera_does(tmp_path: Path, name: str, seed: int) -> None:
+def test_ffmpeg_converts_as_the_camera_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, seed: int
+) -> None:
     case = Case(hidden=(name,), seed=seed, duration_s=4.0, rows=160, rate="30000/1001", strips=1)
     made = shoot(case, noisy=False)
     assert made.hidden[name].get("form") in ("last", None)
     rate = Fraction(made.truth["file_rate"]).limit_denominator(1001)
     chain = f"fps={rate}" if name == "converted" else f"minterpolate=fps={rate}:mi_mode=blend"
+    monkeypatch.setitem(FILTERS, "theirs", Filter(passes=(chain,)))
     as_video(case, tmp_path / "ours.mp4", columns=64)
-    plain = replace(case, hidden=())
-    as_video(plain, tmp_path / "theirs.mp4", columns=64, filters=chain)
+    as_video(replace(case, hidden=(), filtered="theirs"), tmp_path / "theirs.mp4", columns=64)
     ours, theirs = (_luma(tmp_path / f"{who}.mp4", 160, 64) for who in ("ours", "theirs"))
     count = min(len(ours), len(theirs))
     assert count > 3.8 * rate

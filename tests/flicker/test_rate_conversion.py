@@ -5,22 +5,25 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.flicker.follower import BLENDED
+from rsenf.flicker.conversions import BLENDED
 from rsenf.flicker.picture_news import News, find_remade
-from rsenf.flicker.rate_conversion import Conversion
-from tests.discrepancy.foreign_camera import Case, trial
+from rsenf.flicker.profile import ProfileBasis
+from rsenf.flicker.rate_conversion import Conversion, find_conversion
+from rsenf.messages import Header
+from rsenf.rows.luminance import blocks_from_luminance
+from tests.discrepancy.foreign_camera import Case, shoot, trial
 from tests.flicker.foreign_rows import follow
 
 RATES = {"24": 24.0, "25": 25.0, "30": 30.0, "30000/1001": 30e3 / 1001, "60": 60.0}
 
 
 def made_from(source_hz: float, shown_hz: float, place: float, *, blended: bool) -> np.ndarray:
-    """Noise of a still picture, 20 s of it, that a converter has made of a camera's frames."""
+    """Even pictures with noise, 20 s of them, that a converter has made of a camera's frames."""
     rng = np.random.default_rng([round(1e3 * source_hz), round(1e3 * shown_hz)])
     shown = np.arange(round(20 * shown_hz)) * source_hz / shown_hz + place
     frames = rng.standard_normal((int(shown[-1]) + 2, 120, 2))
     whole, share = shown.astype(int), (shown % 1.0)[:, None, None] * blended
-    return np.asarray((1.0 - share) * frames[whole] + share * frames[whole + 1])
+    return np.asarray(100.0 + (1.0 - share) * frames[whole] + share * frames[whole + 1])
 
 
 @pytest.mark.parametrize(("source", "shown"), [("24", "30"), ("25", "30000/1001")])
@@ -34,7 +37,7 @@ def test_doubled_pictures_tell_which_are(source: str, shown: str, place: float) 
     assert found is not None
     assert not found.blended
     true = Conversion(source_hz, shown_hz, place)
-    wrong = found.conversion.taken_s(stamp_s) != true.taken_s(stamp_s)
+    wrong = found.taken_s(stamp_s) != true.taken_s(stamp_s)
     assert np.mean(wrong) < 0.01
 
 
@@ -99,3 +102,33 @@ def test_nothing_is_said_to_be_converted_that_is_not(kind: str) -> None:
         clip = follow(trial(kind, seed, duration_s=25.0))
         assert not clip.converted, seed
         assert clip.seconds[-1].reason != BLENDED, seed
+
+
+@pytest.mark.parametrize("seed", [9007, 9019, 9031])
+def test_flicker_on_a_texture_is_no_blending(seed: int) -> None:
+    """It repeats every three frames, as 30 frames/s that were blended of 50 would."""
+    clip = follow(trial("magnetic", seed, rate="30", nominal_hz=50.0, duration_s=15.0))
+    assert clip.z.size >= 14
+
+
+@pytest.mark.parametrize("kind", ["gain steps", "key dimming"])
+def test_gains_that_change_are_no_blending(kind: str) -> None:
+    for seed in (9058, 9064):
+        clip = follow(trial(kind, seed, rate="30", nominal_hz=50.0, duration_s=15.0))
+        assert clip.seconds[-1].reason != BLENDED
+
+
+@pytest.mark.parametrize(("seed", "rate"), [(2, "30"), (5, "30000/1001"), (4, "60"), (7, "30.01")])
+def test_light_tells_a_blend_where_no_noise_is_left(seed: int, rate: str) -> None:
+    case = Case(
+        hidden=("blended",), seed=seed, rate=rate, nominal_hz=50.0, rows=240, strips=1,
+        duration_s=20.0, lamp="led",
+    )  # fmt: skip
+    filmed = shoot(case, noisy=False)
+    shown_hz, source_hz = filmed.truth["file_rate"], filmed.truth["frame_rate"]
+    basis = ProfileBasis(240, 360.0 / shown_hz)
+    (block,) = blocks_from_luminance(filmed.level, filmed.stamp_s, Header(), block_frames=2000)
+    found = find_conversion((50.0, 60.0), filmed.stamp_s, basis.reduce(block), shown_hz)
+    assert found is not None
+    assert found.blended
+    assert found.source_hz == pytest.approx(source_hz, rel=5e-4)

@@ -4,8 +4,8 @@ The camera is a Python package, or one file, that is loaded by its path and know
 It has
 
 ``KINDS``
-    By name: ``mains`` (whether there is an ENF to find) and ``filmable`` (whether it can be a
-    file) of each.
+    By name: ``mains`` (whether there is an ENF to find), ``filmable`` (whether it can be a file)
+    and ``filtered`` (what its file goes through before it is coded, if anything) of each.
 ``RATES``, ``GRIDS``, ``CODINGS``
     Names of frame rates, of kinds of grid and of codings, the first of which loses nothing.
 ``trial(kind, seed, rate=, nominal_hz=, grid=, duration_s=)``
@@ -99,6 +99,8 @@ class EstimatorPlan:
         Of such films, coded and decoded.
     nothing : int
         Without any mains light, rows as well.
+    filtered : int
+        Of films that go through a filter before they are coded, without loss and as a camera does.
     first_seed : int
         Seed of the first case.
     duration_s : float
@@ -110,6 +112,7 @@ class EstimatorPlan:
     raw: int = 300
     coded: int = 30
     nothing: int = 300
+    filtered: int = 0
     first_seed: int = 0
     duration_s: float = 60.0
     kinds: tuple[str, ...] = ()
@@ -125,16 +128,19 @@ class EstimatorPlan:
         if unknown := set(self.kinds) - set(camera.KINDS):
             raise UsageError(f"no kind {min(unknown)!r}", f"one of {', '.join(camera.KINDS)}")
         kinds = {name: camera.KINDS[name] for name in self.kinds or camera.KINDS}
-        lit = [name for name, kind in kinds.items() if kind.mains]
+        whole = [name for name, kind in kinds.items() if not kind.filtered]
+        lit = [name for name in whole if kinds[name].mains]
         files = [name for name in lit if kinds[name].filmable]
-        dark = [name for name in kinds if name not in lit]
-        codings = list(camera.CODINGS)[1:]
+        dark = [name for name in whole if name not in lit]
+        filtered = [name for name in kinds if name not in whole]
+        lossless, *codings = camera.CODINGS
         return [
             self._case(camera, names[n % len(names)], n // len(names), coding[n % len(coding)], n)
             for names, count, coding in (
                 (lit, self.raw, [RAW]),
                 (dark, self.nothing, [RAW]),
                 (files, self.coded, codings),
+                (filtered, self.filtered, [lossless, codings[0]]),
             )
             for n in range(count if names else 0)
         ]

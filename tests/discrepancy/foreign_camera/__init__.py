@@ -2,18 +2,20 @@
 
 `film` turns a `Case` into row levels, stamps and the truth; `as_video` makes a file of it.
 `EFFECTS` and `UNKNOWN` are what a case can hide, for who looks for effects, and `HARD` what is hard
-on estimators; `trial` draws a case for these, of a kind in `KINDS`. `simple` is an older, plainer
-camera.
+on estimators; `FILTERS` are FFmpeg's own, which its file can go through; `trial` draws a case for
+these, of a kind in `KINDS`. `simple` is an older, plainer camera.
 """
 
 from .cases import Case, Filmed, draw_case, film, shoot
 from .effects import EFFECTS, HARD, NEUTRAL, UNKNOWN, Effect, go_together
+from .filters import FILTERS, Filter
 from .trials import GRIDS, KINDS, RATES, Kind, trial
 from .video import CODINGS, as_video, video_case
 
 __all__ = [
     "CODINGS",
     "EFFECTS",
+    "FILTERS",
     "GRIDS",
     "HARD",
     "KINDS",
@@ -23,6 +25,7 @@ __all__ = [
     "Case",
     "Effect",
     "Filmed",
+    "Filter",
     "Kind",
     "as_video",
     "draw_case",

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from .camera import take
 from .effects import EFFECTS, HARD, NEUTRAL, UNKNOWN, Effect, go_together
+from .filters import FILTERS
 from .light import LAMPS, Array, draw_grid, draw_lamp
 from .plan import Plan, Sensor, Shining
 from .rest import leave_rest
@@ -55,6 +56,8 @@ class Case:
         Strength of a small rest that has no name: at 1, each part of it is about 1e-4.
     rough_hz : float
         Second difference of the grid's means over seconds, rms; 0 leaves it as it is drawn.
+    filtered : str
+        Name in `FILTERS` of what its file goes through; rows are what they were before.
     """
 
     hidden: tuple[str, ...] = ()
@@ -68,12 +71,15 @@ class Case:
     nominal_hz: float = 0.0
     rest: float = 0.0
     rough_hz: float = 0.0
+    filtered: str = ""
 
     def __post_init__(self) -> None:
         if unknown := set(self.hidden) - set(HIDEABLE):
             raise ValueError(f"nothing of that name can be hidden: {', '.join(sorted(unknown))}")
         if self.lamp and self.lamp not in LAMPS:
             raise ValueError(f"no lamp of kind {self.lamp!r}; there are {', '.join(LAMPS)}")
+        if self.filtered and self.filtered not in FILTERS:
+            raise ValueError(f"no filter {self.filtered!r}; there are {', '.join(FILTERS)}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +156,10 @@ def plan_of(case: Case) -> tuple[Plan, dict[str, dict[str, Any]]]:
     for name in sorted(case.hidden, key=list(HIDEABLE).index):
         effect = HIDEABLE[name]
         hidden[name] = effect.hide(plan, effect.size(case.times), drawn_for(case, name))
+    if case.filtered:
+        done = FILTERS[case.filtered]
+        plan.file_rate = done.rate(plan.file_rate or sensor.frame_rate)
+        plan.speed = done.speed
     if case.rest:
         leave_rest(plan, case.rest, drawn_for(case, "rest"))
     return plan, hidden
@@ -217,7 +227,7 @@ def _truth(case: Case, plan: Plan) -> dict[str, Any]:
     readout_s *= float(plan.readout_s.mean())
     file_rate = plan.file_rate or sensor.frame_rate
     fields = 2 if "interlace" in case.hidden else 1
-    rates = sensor.frame_rate, file_rate, fields * file_rate
+    rates = sensor.frame_rate, file_rate / plan.speed, fields * file_rate / plan.speed
     return {
         "frame_rate": sensor.frame_rate,
         "file_rate": file_rate,
@@ -225,7 +235,7 @@ def _truth(case: Case, plan: Plan) -> dict[str, Any]:
         "mains": bool(plan.lamps),
         "idle_ratio": 1.0 - readout_s * sensor.frame_rate,
         "idle_ratios": [1.0 - readout_s * rate for rate in dict.fromkeys(rates)],
-        "readout_s": readout_s,
+        "readout_s": readout_s,  # of the sensor
         "direction": "forward" if plan.line[-1] > plan.line[0] else "reverse",
         "exposure_s": sensor.exposure_s,
         **_light(plan),

@@ -147,6 +147,8 @@ class Plan:
         Of the file, hertz; 0 is the sensor's.
     knots_s : tuple, optional
         What the file's clock says at some true times, and those; it runs right otherwise.
+    speed : float
+        How many seconds of that clock a second of the file lasts, once it is filtered.
     """
 
     grid: Grid
@@ -168,6 +170,7 @@ class Plan:
     mix: tuple[Frames, Array] | None = None
     file_rate: float = 0.0
     knots_s: tuple[Array, Array] | None = None
+    speed: float = 1.0
 
     @property
     def frames(self) -> int:
@@ -194,8 +197,9 @@ class Plan:
 
         Where the clock jumps, since frames are missing, it is the mean over the time that passed.
         """
-        begin, end = self._true_s(begin_s), self._true_s(end_s)
-        return np.asarray((self.grid.turns(end) - self.grid.turns(begin)) / (end - begin))
+        begin, end = self._true_s(self.speed * begin_s), self._true_s(self.speed * end_s)
+        turns = self.grid.turns(end) - self.grid.turns(begin)
+        return np.asarray(self.speed * turns / (end - begin))
 
     def _true_s(self, file_s: Array) -> Array:
         if self.knots_s is None:

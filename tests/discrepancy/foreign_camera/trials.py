@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .cases import Case
+from .filters import FILTERS
 from .light import COMMON
 
 RATES = ("24000/1001", "24", "25", "30000/1001", "30", "30.01", "60000/1001", "60", "60.02")
@@ -26,11 +27,14 @@ class Kind:
         Its strength, as `Case` takes it.
     lamp : str
         Kind of the first lamp; empty draws one.
+    filtered : str
+        What its file goes through, as `Case` takes it.
     """
 
     hidden: tuple[str, ...] = ()
     times: float = 3.0
     lamp: str = ""
+    filtered: str = ""
 
     @property
     def mains(self) -> bool:
@@ -74,6 +78,7 @@ KINDS: dict[str, Kind] = {
     "moving object alone": Kind(hidden=("moving_object", "no_lamp"), times=30.0),
     "gain steps alone": Kind(hidden=("gain_steps", "no_lamp")),
     "key dimming alone": Kind(hidden=("key_dimming", "no_lamp")),
+    **{name: Kind(filtered=name) for name in FILTERS},
 }
 
 
@@ -109,4 +114,5 @@ def trial(
         rate=rate or rates,
         nominal_hz=nominal_hz or nominals,
         rough_hz=GRIDS[grid or ("rough" if is_rough else "continental")],
+        filtered=given.filtered,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+import tempfile
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -12,6 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from .camera import FULL, take
 from .cases import Case, drawn_for, plan_of
+from .filters import FILTERS
 
 LEAST_ROWS, MOST_ROWS, COLUMNS, CHUNK = 160, 240, 128, 64
 # How a film is coded, in FFmpeg's words, at sizes of some 100 000 pixels.
@@ -41,7 +43,6 @@ def as_video(
     *,
     columns: int = COLUMNS,
     coding: str = "lossless",
-    filters: str = "",
 ) -> None:
     """Film a case into a file, as 8-bit luma.
 
@@ -55,11 +56,38 @@ def as_video(
     columns : int
         Of the picture, even.
     coding : str
-        Name in `CODINGS`; without loss unless asked.
-    filters : str
-        Chain of FFmpeg's filters before that, such as ``fps=25``; of that the truth knows nothing.
+        Name in `CODINGS`; without loss unless asked. What is filtered is filmed without loss, and
+        coded thereafter.
     """
-    case = video_case(case)
+    if not case.filtered:
+        _film_into(case, path, columns, CODINGS[coding])
+        return
+    with tempfile.TemporaryDirectory(prefix="filtered-") as folder:
+        plain = Path(folder) / "plain.mp4"
+        _film_into(case, plain, columns, CODINGS["lossless"])
+        rate = Fraction(plan_of(case)[0].file_rate).limit_denominator(100000)
+        passes = FILTERS[case.filtered].passes
+        *before, last = (chain.format(folder=folder, rate=rate) for chain in passes)
+        for chain in before:
+            _run(["-i", str(plain), "-vf", chain, "-f", "null", "-"])
+        # FFmpeg decodes full-range luma as yuvj420p; anything else would squeeze it.
+        _run(["-i", str(plain), "-vf", last, *_coded(CODINGS[coding], path, "yuvj420p")])
+
+
+def _coded(coding: str, path: Path | str, pixels: str = "yuv420p") -> list[str]:
+    return [*coding.split(), "-pix_fmt", pixels, "-color_range", "pc", str(path)]
+
+
+def _run(words: list[str]) -> None:
+    done = subprocess.run(
+        ["ffmpeg", "-loglevel", "error", "-y", *words], capture_output=True, check=False
+    )
+    if done.returncode:
+        raise RuntimeError(f"ffmpeg: {done.stderr.decode(errors='replace').strip()}")
+
+
+def _film_into(case: Case, path: Path | str, columns: int, coding: str) -> None:
+    case = video_case(replace(case, filtered=""))
     plan, _ = plan_of(case)
     file_rate = plan.file_rate or plan.sensor.frame_rate
     regular_s = np.arange(len(plan.stamp_s)) / file_rate
@@ -87,8 +115,7 @@ def as_video(
     rate = Fraction(file_rate).limit_denominator(1001)
     command = ["ffmpeg", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "yuv420p"]
     command += ["-color_range", "pc", "-s", f"{columns}x{plan.rows}", "-r", str(rate), "-i", "-"]
-    command += ["-vf", filters] if filters else []
-    command += [*CODINGS[coding].split(), "-pix_fmt", "yuv420p", "-color_range", "pc", str(path)]
+    command += _coded(coding, path)
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as encoder:
         assert encoder.stdin is not None
         for index, frame in enumerate(arrive.tolist()):

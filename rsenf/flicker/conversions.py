@@ -1,0 +1,89 @@
+"""Was a stream converted to another frame rate? By its pictures, and where these don't tell, light.
+
+One decision for all who go by frame times: who can undo a conversion does so, others say nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.flicker.picture_news import LAGS, News, find_remade
+from rsenf.flicker.profile import ProfileBasis
+from rsenf.flicker.rate_conversion import Conversion, find_conversion
+from rsenf.flicker.slow_time import SlowTime
+from rsenf.messages import RowBlock
+
+Float = NDArray[np.float64]
+
+HARMONICS = 3
+AGAIN_S = 60.0  # after which it is looked whether there is one, where there was none
+BLENDED = "neighbouring frames are blended: another frame rate was made of them"
+
+
+class Conversions:
+    """Looks for conversions in a stream of rows, which it keeps.
+
+    Parameters
+    ----------
+    nominals_hz : tuple of float
+        Grids whose light is looked for.
+    first : RowBlock
+        First of the stream.
+    rate_hz : float
+        Frame rate by the stamps.
+
+    Attributes
+    ----------
+    basis : ProfileBasis
+    columns : SlowTime
+        Reduced profiles.
+    """
+
+    def __init__(self, nominals_hz: tuple[float, ...], first: RowBlock, rate_hz: float) -> None:
+        self._nominals_hz, self._rate_hz = nominals_hz, rate_hz
+        origin_ns = int(first.frame_pts_ns[0])
+        self.basis = ProfileBasis(first.rows, HARMONICS * 2.0 * max(nominals_hz) / rate_hz)
+        self.columns = SlowTime(self.basis.columns, origin_ns, np.float64)
+        self._new, self._news = SlowTime(len(LAGS), origin_ns, np.float64), News()
+        self._again_s, self._why = -np.inf, ""
+
+    def add(self, block: RowBlock) -> None:
+        """Take a block of as many rows as the first."""
+        self.columns.append(block, self.basis.reduce(block))
+        self._new.append(block, self._news.of(block.level))
+
+    def forget_before(self, t_s: float) -> None:
+        """Drop the frames before a time."""
+        for values in (self.columns, self._new):
+            values.forget_before(t_s)
+
+    def find(self, start_s: float, end_s: float) -> tuple[Conversion | None, bool]:
+        """Find how a stretch was converted, if it was; whether pictures prove it, or light only."""
+        stamp_s, news = self._new.usable_of(start_s, end_s)
+        proven = find_remade(stamp_s, news, self._rate_hz, self._news.chance)
+        if proven is not None:
+            return proven, True
+        t_s, columns = self.columns.usable_of(start_s, end_s)
+        return find_conversion(self._nominals_hz, t_s, columns, self._rate_hz), False
+
+    def why_not(self, start_s: float, end_s: float) -> str:
+        """Say why frame times can't be gone by; '' where they can. Looked up now and then."""
+        if end_s >= self._again_s:
+            found, _ = self.find(start_s, end_s)
+            self._again_s = end_s + AGAIN_S
+            self._why = words_of(found) if found else ""
+        return self._why
+
+    def undo(self, conversion: Conversion) -> None:
+        """Go by the times at which frames were taken from now on."""
+        for values in (self.columns, self._new):
+            values.convert(conversion)
+
+
+def words_of(conversion: Conversion) -> str:
+    """Say to a reader why frame times can't be gone by."""
+    return BLENDED if conversion.blended else (
+        "frames were dropped or doubled to convert the rate from "
+        f"{conversion.source_hz:.6g} frames/s: only projection undoes that"
+    )  # fmt: skip

@@ -1,0 +1,42 @@
+"""Windows of a fixed length on films converted to another frame rate: nothing is said."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+from rsenf.flicker.conversions import BLENDED
+from rsenf.messages import EnfEstimate, Header
+from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.track import TrackSettings, make_tracker
+from tests.discrepancy.foreign_camera import Case, film
+
+METHODS = ("stft", "phase", "superpixel", "row_concat")
+
+
+def _tracked(method: str, *hidden: str, seed: int) -> list[EnfEstimate]:
+    case = Case(
+        hidden=hidden, seed=seed, rate="30", nominal_hz=50.0, rows=240, strips=2, duration_s=22.0,
+        lamp="led",
+    )  # fmt: skip
+    filmed = film(case)
+    tracker = make_tracker(TrackSettings(method=method))
+    blocks = blocks_from_luminance(filmed.level, filmed.stamp_s, Header())
+    said = [*itertools.chain.from_iterable(map(tracker.update, blocks)), *tracker.flush()]
+    return [m for m in said if isinstance(m, EnfEstimate)]
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("hidden", "seed"), [("converted", 1), ("converted", 3), ("blended", 5)])
+def test_nothing_is_said_of_a_converted_film(method: str, hidden: str, seed: int) -> None:
+    said = _tracked(method, hidden, seed=seed)
+    assert said
+    assert not any(m.usable for m in said)
+    told = BLENDED if hidden == "blended" else "frames were dropped or doubled"
+    assert any(m.reason.startswith(told) for m in said)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_is_not_converted_is_answered(method: str) -> None:
+    assert any(m.usable for m in _tracked(method, seed=2))
