@@ -101,6 +101,10 @@ class IdleResult(Result):
         Why no value is given.
     warnings : list of str
         All that a reader should know, what could not be read among it.
+    rate_hypotheses : list of dict
+        Frame rates that the light goes with, each with ``frame_rate_hz``, ``nominal_hz``,
+        ``idle_ratio``, ``read_out_s``, ``direction`` and ``is_common``, the likeliest first; empty
+        where the rate is known.
     """
 
     verdict: str
@@ -118,6 +122,7 @@ class IdleResult(Result):
     slips: int
     reason: str | None
     warnings: list[str]
+    rate_hypotheses: list[dict[str, Any]]
 
     def __str__(self) -> str:
         return idle_words(self.analysis.idle)

@@ -22,8 +22,9 @@ from rsenf.api.shared import (
     table,
     track_settings,
 )
+from rsenf.flicker.frame_rate import IS_IT_WRONG, likely
 from rsenf.flicker.frame_slips import FrameSlip, slip_words
-from rsenf.messages import EnfEstimate
+from rsenf.messages import EnfEstimate, RateHypothesis
 from rsenf.report.verdict import number
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import Analysis, analyse
@@ -125,6 +126,8 @@ class TrackResult(Result):
     camera_hz : float or None
         Rate from which the recording was converted by dropping or doubling frames, if it was.
     warnings : list of str
+    rate_hypotheses : tuple of RateHypothesis
+        Frame rates that the light goes with, the likeliest first; empty where the rate is known.
     """
 
     t_s: FloatArray
@@ -138,6 +141,7 @@ class TrackResult(Result):
     slips: list[FrameSlip]
     camera_hz: float | None
     warnings: list[str]
+    rate_hypotheses: tuple[RateHypothesis, ...]
 
     def to_dict(self) -> dict[str, Any]:
         """Return ``estimates``, the lines of ``rsenf track --json``, and what is said of all."""
@@ -163,6 +167,7 @@ class TrackResult(Result):
             "slips": [dataclasses.asdict(slip) for slip in self.slips],
             "camera_hz": self.camera_hz,
             "warnings": self.warnings,
+            "rate_hypotheses": [dataclasses.asdict(h) for h in self.rate_hypotheses],
         }
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -209,6 +214,9 @@ def track_result(name: str, analysis: Analysis) -> TrackResult:
     slips = [slip for estimate in estimates for slip in _slips(estimate)]
     camera_hz = next((e.frame_rate_hz for e in estimates if e.converted), None)
 
+    is_read = any(e.usable for e in estimates)
+    rates = () if is_read or not estimates else estimates[-1].rate_hypotheses
+
     def column(values: list[Any], dtype: Any = np.float64) -> NDArray[Any]:
         return read_only(np.array(values, dtype))
 
@@ -231,7 +239,9 @@ def track_result(name: str, analysis: Analysis) -> TrackResult:
             *analysis.warnings,
             *slip_words(slips, camera_hz),
             *_direction_words([e.mirror_hz for e in estimates if e.usable]),
+            *([f"{IS_IT_WRONG} Light is seen that goes with {likely(rates)}"] if rates else []),
         ],
+        rate_hypotheses=rates,
     )
 
 

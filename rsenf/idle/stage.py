@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections import Counter
 from collections.abc import Callable
 from typing import Any
@@ -11,6 +12,15 @@ import numpy as np
 
 from rsenf.flicker.conversions import BLENDED
 from rsenf.flicker.frame_clock import FrameClock
+from rsenf.flicker.frame_rate import (
+    DOUBTFUL,
+    GIVE_RATE,
+    IS_IT_WRONG,
+    UNTIMED,
+    FrameRateFinder,
+    PerFrame,
+    likely,
+)
 from rsenf.flicker.frame_slips import slip_words
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.shared import Follower
@@ -30,7 +40,7 @@ from rsenf.idle.sawtooth import Sawtooth
 from rsenf.idle.seen import STILL_HZ, Finding, Seen
 from rsenf.idle.settings import IdleSettings
 from rsenf.idle.still_rows import StillRows
-from rsenf.messages import IdleEstimate, RowBlock
+from rsenf.messages import IdleEstimate, RateBasis, RowBlock
 from rsenf.timebase import NS_PER_S
 
 MIN_ROWS = 16
@@ -73,6 +83,7 @@ class IdleStage:
         self._rows, self._strips, self._frames = 0, 0, 0
         self._newest: RowBlock | None = None
         self._published, self._due = 0, 1
+        self._rates = FrameRateFinder(given)
 
     def update(self, message: RowBlock) -> list[Any]:
         """Take a block of rows; return the estimate that is due, if any."""
@@ -105,6 +116,7 @@ class IdleStage:
         self._newest = block
         self._clock.add(block)
         self._frames += block.frames
+        self._rates.add(block)
         if not block.usable:
             self._unusable[block.reason] += block.frames
             return
@@ -189,6 +201,22 @@ class IdleStage:
             return look_alike(rate_hz)
         return finding
 
+    def _timed(self, finding: Finding) -> tuple[Finding, PerFrame | None]:
+        """Return a finding that needs no frame times which aren't known, and what goes without."""
+        assert self._first is not None
+        is_assumed = self._first.header.rate_basis == RateBasis.ASSUMED
+        if not (is_assumed or finding.reason in DOUBTFUL):
+            return finding, None
+        found = self._rates.found()
+        told = f"{found.words}: {likely(found.hypotheses)}" if found else ""
+        if is_assumed and (found or finding.verdict in ("estimated", "ambiguous")):
+            reason = "; ".join(filter(None, [UNTIMED, told, GIVE_RATE]))
+            return Finding(verdict="ambiguous", reason=reason), found
+        if not found:
+            return finding, None
+        warnings = (*finding.warnings, f"{IS_IT_WRONG} {told}")
+        return dataclasses.replace(finding, warnings=warnings), found
+
     def _nominal_hz(self, rate_hz: float) -> float:
         """Nominal grid frequency: the one followed, or one whose flicker would stand still.
 
@@ -212,7 +240,7 @@ class IdleStage:
         assert self._first is not None
         assert self._newest is not None
         rate_hz, slips = self._rate_hz, self._pairing.slips
-        finding = self._finding(rate_hz)
+        finding, per_frame = self._timed(self._finding(rate_hz))
         first, last = self._first.header, self._newest.header
         header = dataclasses.replace(
             last,
@@ -223,6 +251,7 @@ class IdleStage:
         )
         self._published += 1
         claims = finding.verdict == "estimated"
+        known_hz = math.nan if first.rate_basis == RateBasis.ASSUMED else self._pairing.nominal_hz
         blank = IdleEstimate(
             header=header,
             method=self._settings.method,
@@ -230,7 +259,8 @@ class IdleStage:
             reason=finding.reason,
             direction=finding.direction,
             frame_rate_hz=rate_hz,
-            nominal_hz=self._nominal_hz(rate_hz) if claims else self._pairing.nominal_hz,
+            nominal_hz=self._nominal_hz(rate_hz) if claims else known_hz,
+            rate_hypotheses=per_frame.hypotheses if per_frame else (),
             warnings=(
                 *finding.warnings,
                 *slip_words(slips, self._camera_hz),

@@ -21,6 +21,7 @@ from rsenf.messages.header import Header, Mark, RateBasis
 from rsenf.messages.health import Health
 from rsenf.messages.idle_estimate import IdleEstimate
 from rsenf.messages.match_result import Candidate, MatchResult
+from rsenf.messages.rate_hypothesis import RateHypothesis
 from rsenf.messages.reference_block import ReferenceBlock
 from rsenf.messages.row_block import RowBlock
 from rsenf.messages.verdicts import Alarm, DiscoveryVerdict, FoundEffect, Liveness
@@ -39,6 +40,7 @@ __all__ = [
     "Mark",
     "MatchResult",
     "RateBasis",
+    "RateHypothesis",
     "ReferenceBlock",
     "RowBlock",
     "VideoPacket",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rsenf.messages.header import Header
+from rsenf.messages.rate_hypothesis import RateHypothesis
 from rsenf.messages.schema import FloatArray, Int64Array, field, message
 
 
@@ -76,6 +77,9 @@ class EnfEstimate:
 
     direction: str = field(
         31, "read-out that it rests on, 'forward' or 'reverse'; empty where it rests on none", ""
+    )
+    rate_hypotheses: tuple[RateHypothesis, ...] = field(
+        32, "frame rates that the light goes with, where the rate isn't known or seems wrong", ()
     )
 
     @property

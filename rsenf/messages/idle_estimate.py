@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from rsenf.messages.header import Header
+from rsenf.messages.rate_hypothesis import RateHypothesis
 from rsenf.messages.schema import field, message
 
 NAN = float("nan")
@@ -34,6 +35,9 @@ class IdleEstimate:
         15, "whether frames were dropped or doubled to give another rate than frame_rate_hz", False
     )
     slips: int = field(16, "places where frames are lost or shown again, the stamps silent", 0)
+    rate_hypotheses: tuple[RateHypothesis, ...] = field(
+        17, "frame rates that the light goes with, where the rate isn't known or seems wrong", ()
+    )
 
     @property
     def idle_ratio_std(self) -> float:

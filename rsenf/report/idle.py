@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -54,6 +55,7 @@ def idle_json(estimate: IdleEstimate, warnings: list[str]) -> dict[str, Any]:
         "slips": estimate.slips,
         "reason": estimate.reason or None,
         "warnings": warnings,
+        "rate_hypotheses": [dataclasses.asdict(h) for h in estimate.rate_hypotheses],
     }
 
 

@@ -6,7 +6,9 @@ from typing import Any
 
 from rsenf.flicker.shared import Follower
 from rsenf.registry import Registry
+from rsenf.stage import Stage
 from rsenf.track.method import EnfMethod, check_method
+from rsenf.track.rate_check import RateCheck
 from rsenf.track.settings import TrackSettings
 
 METHODS: Registry[type[EnfMethod]] = Registry(
@@ -25,7 +27,7 @@ METHODS: Registry[type[EnfMethod]] = Registry(
 )
 
 
-def make_tracker(settings: TrackSettings, follower: Follower | None = None) -> EnfMethod:
+def make_tracker(settings: TrackSettings, follower: Follower | None = None) -> Stage:
     """Build the estimator that the settings name.
 
     Parameters
@@ -41,7 +43,7 @@ def make_tracker(settings: TrackSettings, follower: Follower | None = None) -> E
     """
     method = METHODS.find(settings.method)
     shared: dict[str, Any] = {"follower": follower} if follower and method.shares_follower else {}
-    return method(settings, **shared)
+    return RateCheck(method(settings, **shared))
 
 
 __all__ = ["METHODS", "EnfMethod", "TrackSettings", "make_tracker"]

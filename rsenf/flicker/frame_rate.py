@@ -1,0 +1,229 @@
+"""Which frame rates would the flicker go with, where frames have no times?
+
+Rows without times tell two things of mains light: the cycles ``a`` by which its phase advances
+from frame to frame, whole cycles left out and the sign unknown, and the turns ``q`` of its phase
+down the rows. Light at ``f_0`` in truth advances by ``c = f_0/F = k + a`` cycles at ``F`` frames/s,
+or by ``c = k − a`` with the ramp the other way. A read-out of ``|q|/f_0`` must fit in the frame's
+time, so that the idle ratio ``1 − |q|/c`` is not below 0; it needs ``k``, and no frame rate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, TURNS_STEP, strongest
+from rsenf.flicker.mains import NO_GRID, PATTERN, TOO_LONG, bands_of, cell_means, light_of
+from rsenf.flicker.profile import ProfileBasis
+from rsenf.flicker.tone import AT_EDGE, ToneFinder
+from rsenf.messages import RateHypothesis, RowBlock
+
+Float = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+MIN_FRAMES, MOST_FRAMES = 120, 600
+MIN_ROWS = 16
+MOST_TURNS = 8.0  # 120 Hz, read out in all of a frame at 15 frames/s
+TRIED = 6  # tones looked at, the strongest first
+APART_CELLS = 2.0  # between them; and from 0 and half a cycle a frame, where mirror images meet
+COMMON_HZ = (24 / 1.001, 24.0, 25.0, 30 / 1.001, 30.0, 50.0, 60 / 1.001, 60.0)
+COMMON_RATIO = 2e-3
+LEAST_HZ, MOST_HZ = 5.0, 240.0
+SLACK_RATIO = 0.02  # of the frame's time, by which a read-out may seem too long
+SHOWN = 4  # hypotheses in words
+UNTIMED = "no frame times, so that the frame rate is only assumed"
+GIVE_RATE, IS_IT_WRONG = "give --frame-rate", "is the frame rate wrong?"
+# Reasons that a wrong frame rate gives.
+DOUBTFUL = (NO_FLICKER, AT_EDGE, NO_GRID, TOO_LONG)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PerFrame:
+    """What rows tell of the light without frame times, and the frame rates that go with it.
+
+    Attributes
+    ----------
+    cycles, cycles_std : float
+        By which the light's phase advances from frame to frame, 0 to 0.5; its standard error.
+    turns, turns_std : float
+        Of the same phase down the rows of a frame.
+    hypotheses : tuple of RateHypothesis
+        Common rates first, then by how near they are to the rate by the frames' times.
+    """
+
+    cycles: float
+    cycles_std: float
+    turns: float
+    turns_std: float
+    hypotheses: tuple[RateHypothesis, ...]
+
+    @property
+    def words(self) -> str:
+        """What was measured, for a person."""
+        return (
+            f"the light turns {self.cycles:.5f} ± {self.cycles_std:.1g} cycles a frame, "
+            f"{self.turns:.3f} ± {self.turns_std:.1g} turns down the rows"
+        )
+
+
+def likely(rates: tuple[RateHypothesis, ...]) -> str:
+    """Say the first of some hypotheses to a person."""
+    said = [
+        f"{2 * h.nominal_hz:.0f} Hz if the rate is {h.frame_rate_hz:.2f} (idle "
+        f"{100 * h.idle_ratio:.1f} %, {h.direction})"
+        for h in rates[:SHOWN]
+    ]
+    more = [f"{len(rates) - SHOWN} more"] if len(rates) > SHOWN else []
+    return "; ".join([*said, *more])
+
+
+class FrameRateFinder:
+    """Keeps the first frames of a stream, and looks for light in them when asked.
+
+    Parameters
+    ----------
+    nominal_hz : float, optional
+        Of the grid, where it is known.
+    """
+
+    def __init__(self, nominal_hz: float | None) -> None:
+        self._nominals_hz = (nominal_hz,) if nominal_hz else (50.0, 60.0)
+        self._blocks: list[RowBlock] = []
+        self._frames = 0
+        self._looked = 0  # frames that were looked at
+        self._found: PerFrame | None = None
+
+    def add(self, block: RowBlock) -> None:
+        """Take a block of rows, as long as more are needed."""
+        if not block.frames or not block.usable or self._frames >= MOST_FRAMES:
+            return
+        if self._blocks and block.level.shape[1:] != self._blocks[0].level.shape[1:]:
+            return
+        self._blocks.append(block)
+        self._frames += block.frames
+
+    def found(self) -> PerFrame | None:
+        """Return what the frames so far tell; None where no light is found.
+
+        Of few frames it is looked up anew when they are twice as many.
+        """
+        enough = max(MIN_FRAMES, min(2 * self._looked, MOST_FRAMES))
+        if self._looked < enough <= self._frames:
+            self._looked, self._found = self._frames, self._look()
+        return self._found
+
+    def _look(self) -> PerFrame | None:
+        """Try the strongest tones of all, until one is light, or surely a pattern.
+
+        A pattern's overtones may pass for light by chance.
+        """
+        first = self._blocks[0]
+        if first.rows < MIN_ROWS:
+            return None
+        basis, bands = ProfileBasis(first.rows, MOST_TURNS), bands_of(first.rows)
+        columns = np.concatenate([basis.reduce(b) for b in self._blocks])
+        cells = np.concatenate([cell_means(b.level).reshape(b.frames, -1) for b in self._blocks])
+        numbers = np.concatenate([b.frame_number for b in self._blocks])
+        stamps = np.concatenate([b.frame_pts_ns for b in self._blocks])
+        counted_hz = float((numbers[-1] - numbers[0]) * 1e9 / (stamps[-1] - stamps[0]))
+        n = numbers.astype(np.float64)
+        n -= (n[0] + n[-1]) / 2.0
+        finder = ToneFinder(float(n[-1] - n[0] + 1.0), 0.25)
+        cell = 1.0 / finder.window_s
+        turns = np.arange(-MOST_TURNS, MOST_TURNS + TURNS_STEP, TURNS_STEP)
+        carrier = np.exp(-0.5j * np.pi * n)  # a quarter of a cycle a frame
+        series = columns @ basis.ramps(turns).conj() * carrier[:, None]
+        _, power = finder.periodograms(series, carrier, n)
+        alias = 0.25 + finder.offsets_hz
+        power[(alias < APART_CELLS * cell) | (alias > 0.5 - APART_CELLS * cell)] = 0.0
+        left = power.copy()
+        for _ in range(TRIED):
+            at, ramp = np.unravel_index(int(np.argmax(left)), left.shape)
+            tone = strongest(finder, left[:, ramp], n)
+            left[np.abs(alias - alias[at]) < APART_CELLS * cell] = 0.0
+            if tone.snr < MIN_SNR or tone.at_edge:
+                continue
+            cycles = 0.25 + tone.offset_hz
+            phase = 2.0 * np.pi * cycles * n
+            light = light_of(cells, n, phase, bands, MOST_TURNS)
+            why_not = light.why_not(MOST_TURNS, is_steady=True)
+            if why_not == PATTERN:
+                return None
+            if why_not:
+                continue
+            slope, slope_std = _slope(cells, n, phase, bands, light.turns)
+            return PerFrame(
+                cycles=cycles,
+                cycles_std=float(np.sqrt(tone.offset_var_hz2)),
+                turns=slope,
+                turns_std=slope_std,
+                hypotheses=hypotheses(cycles, slope, counted_hz, self._nominals_hz),
+            )
+        return None
+
+
+def hypotheses(
+    cycles: float, turns: float, counted_hz: float, nominals_hz: tuple[float, ...]
+) -> tuple[RateHypothesis, ...]:
+    """Frame rates at which a grid's light would show so.
+
+    Parameters
+    ----------
+    cycles : float
+        A frame, between 0 and 0.5.
+    turns : float
+        Down the rows, of the phase that advances by ``cycles``.
+    counted_hz : float
+        Rate at which the frames' times say that they come.
+    nominals_hz : tuple of float
+    """
+    found = []
+    for nominal_hz in nominals_hz:
+        f0_hz = 2.0 * nominal_hz
+        for sign in (1, -1):
+            for whole in range(int(f0_hz / LEAST_HZ) + 1):
+                true_cycles = whole + sign * cycles
+                if not f0_hz <= true_cycles * MOST_HZ <= f0_hz * MOST_HZ / LEAST_HZ:
+                    continue
+                idle = 1.0 - abs(turns) / true_cycles
+                if idle < -SLACK_RATIO:
+                    continue
+                rate_hz = f0_hz / true_cycles
+                found.append(
+                    RateHypothesis(
+                        frame_rate_hz=rate_hz,
+                        nominal_hz=nominal_hz,
+                        idle_ratio=max(idle, 0.0),
+                        read_out_s=abs(turns) / f0_hz,
+                        direction="forward" if sign * turns >= 0.0 else "reverse",
+                        is_common=any(abs(rate_hz / hz - 1.0) < COMMON_RATIO for hz in COMMON_HZ),
+                    )
+                )
+    found.sort(key=lambda h: (not h.is_common, abs(np.log(h.frame_rate_hz / counted_hz))))
+    return tuple(found)
+
+
+def _slope(cells: Float, n: Float, phase: Float, bands: int, turns: float) -> tuple[float, float]:
+    """Turns down the rows by the cells' phases, near a guess, and their standard error.
+
+    Each strip's phase has a constant of its own.
+    """
+    weight = np.cos(np.pi * n / (n[-1] - n[0])) ** 2 * np.exp(-1j * phase)
+    tone = (weight @ (cells - cells.mean(axis=0))).reshape(bands, -1)
+    place = (np.arange(bands) + 0.5)[:, None] / bands
+    tone = tone * np.exp(-2j * np.pi * turns * place)
+    tone = tone * np.exp(-1j * np.angle(tone.sum(axis=0)))
+    power, left = np.abs(tone) ** 2, np.angle(tone) / (2.0 * np.pi)
+    share = power / power.sum(axis=0)
+    down = place - (share * place).sum(axis=0)
+    spread = np.sum(power * down**2)
+    slope = np.sum(power * down * left) / spread
+    left = left - (share * left).sum(axis=0) - slope * down
+    # Strips by themselves: what bends the phase of one bends that of all its bands.
+    by_strip = np.sum(power * down * left, axis=0) / spread
+    strips = by_strip.size
+    noise = np.sum((power * down * left) ** 2) / spread**2
+    var = max(noise, strips / (strips - 1) * np.sum(by_strip**2) if strips > 1 else 0.0)
+    return turns + float(slope), float(np.sqrt(var))

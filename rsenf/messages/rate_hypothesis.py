@@ -1,0 +1,22 @@
+"""A frame rate that the flicker in rows without frame times would go with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rsenf.messages.schema import field, message
+
+NAN = float("nan")
+
+
+@message(version=1)
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RateHypothesis:
+    """A frame rate, and what the camera would be at it."""
+
+    frame_rate_hz: float = field(1, "with the grid at its nominal frequency", NAN)
+    nominal_hz: float = field(2, "50 or 60", NAN)
+    idle_ratio: float = field(3, "0 to 1", NAN)
+    read_out_s: float = field(4, "time from the first row to the last and one more", NAN)
+    direction: str = field(5, "of read-out, 'forward' or 'reverse'", "")
+    is_common: bool = field(6, "whether cameras often have this rate", False)
