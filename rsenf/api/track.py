@@ -22,7 +22,7 @@ from rsenf.api.shared import (
     table,
     track_settings,
 )
-from rsenf.flicker.frame_rate import IS_IT_WRONG, likely
+from rsenf.flicker.frame_rate import GIVE_RATE, IS_IT_WRONG, likely
 from rsenf.flicker.frame_slips import FrameSlip, slip_words
 from rsenf.messages import EnfEstimate, RateHypothesis
 from rsenf.report.verdict import number
@@ -239,7 +239,7 @@ def track_result(name: str, analysis: Analysis) -> TrackResult:
             *analysis.warnings,
             *slip_words(slips, camera_hz),
             *_direction_words([e.mirror_hz for e in estimates if e.usable]),
-            *([f"{IS_IT_WRONG} Light is seen that goes with {likely(rates)}"] if rates else []),
+            *([f"{IS_IT_WRONG} There is light of {likely(rates)}; {GIVE_RATE}"] if rates else []),
         ],
         rate_hypotheses=rates,
     )

@@ -27,6 +27,7 @@ MIN_FRAMES, MOST_FRAMES = 120, 600
 MIN_ROWS = 16
 MOST_TURNS = 8.0  # 120 Hz, read out in all of a frame at 15 frames/s
 TRIED = 6  # tones looked at, the strongest first
+PEAK_CELLS = 1e-3  # error of a peak's interpolation
 APART_CELLS = 2.0  # between them; and from 0 and half a cycle a frame, where mirror images meet
 COMMON_HZ = (24 / 1.001, 24.0, 25.0, 30 / 1.001, 30.0, 50.0, 60 / 1.001, 60.0)
 COMMON_RATIO = 2e-3
@@ -105,12 +106,8 @@ class FrameRateFinder:
         self._frames += block.frames
 
     def found(self) -> PerFrame | None:
-        """Return what the frames so far tell; None where no light is found.
-
-        Of few frames it is looked up anew when they are twice as many.
-        """
-        enough = max(MIN_FRAMES, min(2 * self._looked, MOST_FRAMES))
-        if self._looked < enough <= self._frames:
+        """Return what the frames so far tell; None where no light is found."""
+        if MIN_FRAMES <= self._frames != self._looked:
             self._looked, self._found = self._frames, self._look()
         return self._found
 
@@ -156,7 +153,7 @@ class FrameRateFinder:
             slope, slope_std = _slope(cells, n, phase, bands, light.turns)
             return PerFrame(
                 cycles=cycles,
-                cycles_std=float(np.sqrt(tone.offset_var_hz2)),
+                cycles_std=float(np.hypot(np.sqrt(tone.offset_var_hz2), PEAK_CELLS * cell)),
                 turns=slope,
                 turns_std=slope_std,
                 hypotheses=hypotheses(cycles, slope, counted_hz, self._nominals_hz),

@@ -1,4 +1,4 @@
-"""No frequency in Hz where the frame rate is only assumed; and other rates where nothing is found."""
+"""No Hz where the frame rate is only assumed; and other rates where nothing is found at one."""
 
 from __future__ import annotations
 
