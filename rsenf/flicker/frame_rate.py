@@ -15,7 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, TURNS_STEP, strongest
-from rsenf.flicker.mains import NO_GRID, PATTERN, TOO_LONG, bands_of, cell_means, light_of
+from rsenf.flicker.mains import (
+    AT_ONCE,
+    NO_GRID,
+    PATTERN,
+    TOO_LONG,
+    bands_of,
+    cell_means,
+    light_of,
+)
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.tone import AT_EDGE, ToneFinder
 from rsenf.messages import RateHypothesis, RowBlock
@@ -148,14 +156,14 @@ class FrameRateFinder:
             why_not = light.why_not(MOST_TURNS, is_steady=True)
             if why_not == PATTERN:
                 return None
-            if why_not:
+            if why_not or abs(light.turns) < AT_ONCE:  # all rows at once: anything that blinks
                 continue
             slope, slope_std = _slope(cells, n, phase, bands, light.turns)
             return PerFrame(
                 cycles=cycles,
                 cycles_std=float(np.hypot(np.sqrt(tone.offset_var_hz2), PEAK_CELLS * cell)),
                 turns=slope,
-                turns_std=slope_std,
+                turns_std=float(np.hypot(slope_std, light.apart_turns)),
                 hypotheses=hypotheses(cycles, slope, counted_hz, self._nominals_hz),
             )
         return None
@@ -218,9 +226,11 @@ def _slope(cells: Float, n: Float, phase: Float, bands: int, turns: float) -> tu
     spread = np.sum(power * down**2)
     slope = np.sum(power * down * left) / spread
     left = left - (share * left).sum(axis=0) - slope * down
-    # Strips by themselves: what bends the phase of one bends that of all its bands.
-    by_strip = np.sum(power * down * left, axis=0) / spread
-    strips = by_strip.size
-    noise = np.sum((power * down * left) ** 2) / spread**2
-    var = max(noise, strips / (strips - 1) * np.sum(by_strip**2) if strips > 1 else 0.0)
+    # What bends the phase of one band of a strip bends that of its others.
+    pull = power * down * left / spread
+    var = max(
+        np.sum(part**2) * part.size / (part.size - 1)
+        for part in (pull.ravel(), pull.sum(axis=0))
+        if part.size > 1
+    )
     return turns + float(slope), float(np.sqrt(var))
