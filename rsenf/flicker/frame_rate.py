@@ -117,6 +117,8 @@ class FrameRateFinder:
         """Return what the frames so far tell; None where no light is found."""
         if MIN_FRAMES <= self._frames != self._looked:
             self._looked, self._found = self._frames, self._look()
+            if self._frames >= MOST_FRAMES:
+                self._blocks.clear()
         return self._found
 
     def _look(self) -> PerFrame | None:

@@ -83,7 +83,7 @@ class IdleStage:
         self._rows, self._strips, self._frames = 0, 0, 0
         self._newest: RowBlock | None = None
         self._published, self._due = 0, 1
-        self._rates = FrameRateFinder(given)
+        self._rates: FrameRateFinder | None = FrameRateFinder(given)
 
     def update(self, message: RowBlock) -> list[Any]:
         """Take a block of rows; return the estimate that is due, if any."""
@@ -116,7 +116,10 @@ class IdleStage:
         self._newest = block
         self._clock.add(block)
         self._frames += block.frames
-        self._rates.add(block)
+        if self._pairing.usable and not self._is_assumed:
+            self._rates = None  # the rate is right, or near it
+        if self._rates is not None:
+            self._rates.add(block)
         if not block.usable:
             self._unusable[block.reason] += block.frames
             return
@@ -201,11 +204,15 @@ class IdleStage:
             return look_alike(rate_hz)
         return finding
 
+    @property
+    def _is_assumed(self) -> bool:
+        """Whether nothing says what the frame rate is."""
+        return self._first is not None and self._first.header.rate_basis == RateBasis.ASSUMED
+
     def _timed(self, finding: Finding) -> tuple[Finding, PerFrame | None]:
         """Return a finding that needs no frame times which aren't known, and what goes without."""
-        assert self._first is not None
-        is_assumed = self._first.header.rate_basis == RateBasis.ASSUMED
-        if not (is_assumed or finding.reason in DOUBTFUL):
+        is_assumed = self._is_assumed
+        if self._rates is None or not (is_assumed or finding.reason in DOUBTFUL):
             return finding, None
         found = self._rates.found()
         told = f"{found.words}: {likely(found.hypotheses)}" if found else ""
@@ -251,7 +258,7 @@ class IdleStage:
         )
         self._published += 1
         claims = finding.verdict == "estimated"
-        known_hz = math.nan if first.rate_basis == RateBasis.ASSUMED else self._pairing.nominal_hz
+        known_hz = math.nan if self._is_assumed else self._pairing.nominal_hz
         blank = IdleEstimate(
             header=header,
             method=self._settings.method,
