@@ -13,7 +13,7 @@ from rsenf.flicker.lines import Line, candidate_lines, project, templates
 from rsenf.flicker.tone import ToneFinder
 from rsenf.messages import EnfEstimate, Header, RowBlock, canonical
 from rsenf.rows.luminance import blocks_from_luminance
-from rsenf.track import TrackSettings, make_tracker
+from rsenf.track import METHODS, TrackSettings, make_tracker
 from rsenf.track.stft import SMEAR_STD_HZ
 from tests.oracle.tone_search import tone_frequency
 
@@ -184,7 +184,7 @@ def test_variable_frame_times_do_not_matter() -> None:
 
 
 def test_memory_is_bounded() -> None:
-    stage = make_tracker(TrackSettings(method="stft"))
+    stage = METHODS.find("stft")(TrackSettings(method="stft"))
     level, t = rows_of(50.0, seconds=200.0, rows=4)
     for block in blocks_from_luminance(level[:, :, None], t, Header()):
         stage.update(block)
