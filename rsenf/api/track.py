@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
     from rsenf.messages.schema import FloatArray
 
+NTSC_OFF = 0.8e-3, 1.2e-3  # off the nominal, as a ratio
 COLUMNS = ("t_s", "enf_hz", "enf_std_hz", "snr_db", "usable", "reason", "epoch", "mirror_hz")
 
 
@@ -231,8 +232,20 @@ def track_result(name: str, analysis: Analysis) -> TrackResult:
             *analysis.warnings,
             *slip_words(slips, camera_hz),
             *_direction_words([e.mirror_hz for e in estimates if e.usable]),
+            *_rate_words([e.enf_hz / e.nominal_hz for e in estimates if e.usable]),
         ],
     )
+
+
+def _rate_words(ratio: list[float]) -> list[str]:
+    """Say that the frame rate may be another, where the ENF is off as rates of 30 and 29.97 are."""
+    low, high = NTSC_OFF
+    if not ratio or not low < abs(float(np.median(ratio)) - 1.0) < high:
+        return []
+    return [
+        "the ENF is off its nominal by 0.1 %, as it is where 30 frames/s are taken for 29.97: check "
+        "the frame rate"
+    ]
 
 
 def _direction_words(mirror_hz: list[float]) -> list[str]:
