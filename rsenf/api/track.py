@@ -243,8 +243,8 @@ def _rate_words(ratio: list[float]) -> list[str]:
     if not ratio or not low < abs(float(np.median(ratio)) - 1.0) < high:
         return []
     return [
-        "the ENF is off its nominal by 0.1 %, as it is where 30 frames/s are taken for 29.97: check "
-        "the frame rate"
+        "the ENF is off its nominal by 0.1 %, as where 30 frames/s are taken for 29.97: check the "
+        "frame rate"
     ]
 
 
