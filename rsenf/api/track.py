@@ -225,7 +225,7 @@ def track_result(name: str, analysis: Analysis) -> TrackResult:
         usable=column([e.usable for e in estimates], np.bool_),
         reason=column([e.reason for e in estimates], np.str_),
         epoch=column([e.header.epoch for e in estimates], np.int64),
-        mirror_hz=column([e.mirror_hz for e in estimates]),
+        mirror_hz=column([e.mirror_hz or math.nan for e in estimates]),
         slips=slips,
         camera_hz=camera_hz,
         warnings=[
@@ -250,7 +250,7 @@ def _rate_words(ratio: list[float]) -> list[str]:
 
 def _direction_words(mirror_hz: list[float]) -> list[str]:
     """Say that the sign of the ENF's deviation is assumed, where it is."""
-    either = [hz for hz in mirror_hz if math.isfinite(hz)]
+    either = [hz for hz in mirror_hz if hz]
     if not either:
         return []
     return [
