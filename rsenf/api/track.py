@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from rsenf.messages.schema import FloatArray
 
+NTSC_OFF = 0.8e-3, 1.2e-3  # off the nominal, as a ratio
 COLUMNS = ("t_s", "enf_hz", "enf_std_hz", "snr_db", "usable", "reason", "epoch", "mirror_hz")
 
 
@@ -232,7 +233,7 @@ def track_result(name: str, analysis: Analysis) -> TrackResult:
         usable=column([e.usable for e in estimates], np.bool_),
         reason=column([e.reason for e in estimates], np.str_),
         epoch=column([e.header.epoch for e in estimates], np.int64),
-        mirror_hz=column([e.mirror_hz for e in estimates]),
+        mirror_hz=column([e.mirror_hz or math.nan for e in estimates]),
         slips=slips,
         camera_hz=camera_hz,
         warnings=[
@@ -240,14 +241,26 @@ def track_result(name: str, analysis: Analysis) -> TrackResult:
             *slip_words(slips, camera_hz),
             *_direction_words([e.mirror_hz for e in estimates if e.usable]),
             *([f"{IS_IT_WRONG} There is light of {likely(rates)}; {GIVE_RATE}"] if rates else []),
+            *_rate_words([e.enf_hz / e.nominal_hz for e in estimates if e.usable]),
         ],
         rate_hypotheses=rates,
     )
 
 
+def _rate_words(ratio: list[float]) -> list[str]:
+    """Say that the frame rate may be another, where the ENF is off as rates of 30 and 29.97 are."""
+    low, high = NTSC_OFF
+    if not ratio or not low < abs(float(np.median(ratio)) - 1.0) < high:
+        return []
+    return [
+        "the ENF is off its nominal by 0.1 %, as where 30 frames/s are taken for 29.97: check the "
+        "frame rate"
+    ]
+
+
 def _direction_words(mirror_hz: list[float]) -> list[str]:
     """Say that the sign of the ENF's deviation is assumed, where it is."""
-    either = [hz for hz in mirror_hz if math.isfinite(hz)]
+    either = [hz for hz in mirror_hz if hz]
     if not either:
         return []
     return [

@@ -18,7 +18,14 @@ from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found, stands_out, stro
 from rsenf.flicker.frame_slips import FrameSlip
 from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
 from rsenf.flicker.lines import SURE_LOG_ODDS, alias_hz, mirror_hz, usual_log_odds
-from rsenf.flicker.mains import bands_of, light_of, still_light_of, tells_cells, why_not
+from rsenf.flicker.mains import (
+    SECOND,
+    bands_of,
+    light_of,
+    still_light_of,
+    tells_cells,
+    why_not,
+)
 from rsenf.flicker.node_sums import at_frames
 from rsenf.flicker.phase_fit import PhaseFit
 from rsenf.flicker.phase_path import PhasePath
@@ -57,6 +64,15 @@ LEAST_SURE, SURE_STD_HZ = 3.0, 1e-3
 END_S = 5
 # Second harmonic of a lamp over its first: rarely more, and half of light at half the frequency.
 MOST_SECOND = 0.35
+# By how much, as a ratio, a frequency is off where 30 and 29.97 frames/s are taken for each other,
+# on a grid that is off by a little.
+NTSC_RATIO = 0.6e-3, 1.4e-3
+SEAMS = (
+    "frames slip, and the frequency is off by 0.1 %: was the frame rate converted between 29.97 "
+    "and 30, or alike?"
+)
+# Of light at the grid's own frequency, where that may as well be the first harmonic.
+MOST_HALF = 0.1
 HALF = "light at the grid's own frequency, or a read-out from the last row to the first: which?"
 
 
@@ -158,7 +174,7 @@ class Lock:
         self._path.forget_before(start)
         if not reason:
             self._learn(fit)
-            reason = self._why_half(fit)
+            reason = self._why_mirrored(fit) or self._why_converted(buffer, fit, start, stop)
         blank = dataclasses.replace(
             blank,
             turns=self.turns,
@@ -269,16 +285,37 @@ class Lock:
         precision.flat[:: len(precision) + 1] += 1.0
         return wander_of(prior.nearest(fit.psi_rad), precision, prior.nodes)
 
-    def _why_half(self, fit: PhaseFit) -> str:
-        """Say why it may be light at the grid's own frequency that is followed, in a mirror.
+    def _why_mirrored(self, fit: PhaseFit) -> str:
+        """Say why another order of the light may be followed, in a mirror.
 
         At 30 frames/s light at 50 Hz has the alias of 100 Hz with its sign reversed, and makes half
         the turns: it looks like flicker read out from the last row to the first, the true flicker
-        like its second harmonic.
+        like its second harmonic. So does light at 200 Hz, of twice the turns, and the true flicker
+        like a part at half its frequency.
         """
-        beside_hz = alias_hz(3.0 * self.nominal_hz, self._rate_hz)
-        mirrored = abs(beside_hz) < SEARCH_HZ and self.turns < 0.0
-        return HALF if mirrored and fit.second_ratio > MOST_SECOND else ""
+        if self.turns >= 0.0:
+            return ""
+        for order, ratio, most, reason in (
+            (0.5, fit.second_ratio, MOST_SECOND, HALF),
+            (2.0, fit.half_ratio, MOST_HALF, SECOND),
+        ):
+            apart_hz = alias_hz(2.0 * self.nominal_hz * (1.0 + order), self._rate_hz)
+            if abs(apart_hz) < SEARCH_HZ and ratio > most:
+                return reason
+        return ""
+
+    def _why_converted(self, buffer: SlowTime, fit: PhaseFit, start: int, stop: int) -> str:
+        """Say why the frame rate may have been converted between 30 and 29.97 frames/s or alike.
+
+        Then the frequency is off by 0.1 %, and now and then a frame is lost or shown again.
+        """
+        turns = float(fit.psi_rad[-1] - fit.psi_rad[0]) / (2.0 * np.pi)
+        off_ratio = abs(turns) / ((stop - start) * 2.0 * self.nominal_hz)
+        low, high = NTSC_RATIO
+        if not low < off_ratio < high:
+            return ""
+        numbers = buffer.numbers(buffer.between(start, stop))
+        return SEAMS if any(slip.frame_number in numbers for slip in buffer.slips) else ""
 
     def _aligned(self, fit: PhaseFit) -> PhaseFit:
         """Return a fit whose template is in phase with the ramp: what no fit can know by itself."""

@@ -205,7 +205,8 @@ def is_second_harmonic(f0_hz: float, nominal_hz: float, frame_rate_hz: float, tu
     for sign in (1.0, -1.0) if turns < 0.0 else (1.0,):
         times = round((2.0 * carrier_hz - sign * f0_hz) / frame_rate_hz)
         first_hz = (times * frame_rate_hz + sign * f0_hz) / 2.0
-        if off_hz > UNUSUAL_HZ and abs(first_hz - carrier_hz) < off_hz / 2.0:
+        # A second harmonic is off by twice as much as the first, where that is it.
+        if off_hz > UNUSUAL_HZ and abs(first_hz - carrier_hz) < 0.6 * off_hz:
             return True
     return False
 

@@ -85,6 +85,8 @@ class PhaseFit:
         change of size, its imaginary part of phase.
     second_ratio : float
         Size of the second harmonic relative to the first.
+    half_ratio : float
+        The same of the part at half its frequency.
     """
 
     psi_rad: Float
@@ -96,6 +98,7 @@ class PhaseFit:
     t_s: Float
     deviation: Complex
     second_ratio: float
+    half_ratio: float
 
 
 def fit_phase(
@@ -167,7 +170,8 @@ def _alone(frames: Frames, gathered: Gathered, settled: _Settled) -> PhaseFit:
             amplitude.harmonic[0],
             amplitude.weights[0],
         ),
-        second_ratio=_second_ratio(amplitude.harmonic),
+        second_ratio=_size_ratio(amplitude.harmonic, (1, 2, 3), 2),
+        half_ratio=0.0,
     )
 
 
@@ -191,13 +195,17 @@ def _together(
         deviation=_deviation(
             gathered, psi_rad, settled.orders, joint.state.found, template, weights
         ),
-        second_ratio=_second_ratio(joint.state.amplitude),
+        second_ratio=_size_ratio(joint.state.amplitude, settled.orders, 2),
+        half_ratio=_size_ratio(joint.state.amplitude, settled.orders, 0.5),
     )
 
 
-def _second_ratio(amplitude: Complex) -> float:
-    first, second = np.linalg.norm(amplitude[:2], axis=1).tolist()
-    return second / first if first else 0.0
+def _size_ratio(amplitude: Complex, orders: tuple[float, ...], order: float) -> float:
+    """Size of an order relative to the first harmonic; 0 where it isn't fitted."""
+    if order not in orders:
+        return 0.0
+    first, other = (np.linalg.norm(amplitude[orders.index(k)]) for k in (1, order))
+    return float(other / first) if first else 0.0
 
 
 def _second_var_hz2(prior: PhasePrior, covariance: Float) -> Float:

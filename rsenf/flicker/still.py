@@ -42,6 +42,8 @@ NOT_FLICKER = "no mains flicker stands out"
 FORWARD_LOG_ODDS = 2.0  # prior odds, as a logarithm, that a camera reads its first row first
 MODEL_STD_HZ = 4e-5
 HOLE_FRAMES = 0.5  # by which time and numbers part from bin to bin where some are missing
+MOST_STRETCHES = 0.2  # over bins: holes are few
+MOST_ALIKE = 0.98  # correlation of neighbouring bins' times
 MISFIT_S, LEAST_MISFIT = 0.5, 3.0  # seconds beside one, and the chi-squared that counts
 # Mean squares of the prior's ten and forty largest directions, beside the free ones, are 1 for a
 # grid.
@@ -169,7 +171,13 @@ def frame_rate(t_s: Float, numbers: Float) -> tuple[float, float]:
         return usual_hz, np.inf
     rate_hz = float(t @ n) / square
     left = n - rate_hz * t
-    return rate_hz, float(np.sqrt(left @ left / max(t.size - count.size - 1, 1) / square))
+    var = float(left @ left) / max(t.size - count.size - 1, 1)
+    if var > HOLE_FRAMES**2 or count.size > MOST_STRETCHES * t.size:
+        return rate_hz, np.inf  # a rate that varies
+    # Of a rate that varies slowly neighbours are off alike, and tell less (an AR(1) process).
+    alike = float(left[1:] @ left[:-1]) / max(float(left @ left), 1e-30)
+    alike = min(max(alike, 0.0), MOST_ALIKE)
+    return rate_hz, float(np.sqrt(var / square * (1.0 + alike) / (1.0 - alike)))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -19,8 +19,8 @@ FEW_TURNS, FEW_STD_RATIO = 0.5, 1e-3
 MAX_STD_RATIO = 0.035  # standard error of the idle ratio
 # Where lamps of several phases mix, their mixture turns down the rows as well: by some three times
 # as much, at worst, as the phase strays from one ramp across the picture. One lamp's strays by less
-# than a hundredth of a turn.
-MIXED, ONE_TURNS = 3.0, 0.01
+# than a hundredth of a turn; a still one is known less well.
+MIXED, ONE_TURNS, ONE_STILL_TURNS = 3.0, 0.01, 0.03
 # Of the frame period: a read-out can't take longer, an estimate may by its error.
 SLACK_RATIO = 0.02
 # Of the rows' tones, the least share that adds up along the ramp.
@@ -89,9 +89,9 @@ def checked(seen: Seen, finding: Finding) -> Finding:
 def _apart_turns(seen: Seen) -> float:
     """Stray of the light's phase from one ramp, where it is more than one lamp's."""
     light = seen.still_rows.light
-    still_turns = light.apart_turns if light else 0.0
-    apart_turns = still_turns if seen.stands_still else seen.apart_turns
-    return apart_turns if apart_turns > ONE_TURNS else 0.0
+    if seen.stands_still:
+        return light.apart_turns if light and light.apart_turns > ONE_STILL_TURNS else 0.0
+    return seen.apart_turns if seen.apart_turns > ONE_TURNS else 0.0
 
 
 def is_weak(seen: Seen, flicker_ratio: float) -> bool:

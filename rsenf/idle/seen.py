@@ -12,6 +12,7 @@ from rsenf.idle.moments import Moments
 from rsenf.idle.still_rows import StillRows
 
 NAN = float("nan")
+NORMAL_STDS = 1.959964  # half-width of the 95 % interval of a normal law
 FREEDOM = 11.0  # of a variance that nothing is known about: a dozen parts that scatter
 # The follower's sums are of use from here on.
 MIN_FRAMES = 100
@@ -148,7 +149,7 @@ class Finding:
 
         By its expansion (Abramowitz & Stegun 26.7.5), to 0.2 % from five degrees of freedom on.
         """
-        z, n = 1.959964, self.freedom
+        z, n = NORMAL_STDS, self.freedom
         second = (5.0 * z**5 + 16.0 * z**3 + 3.0 * z) / 96.0
         third = (3.0 * z**7 + 19.0 * z**5 + 17.0 * z**3 - 15.0 * z) / 384.0
         return z + (z**3 + z) / (4.0 * n) + second / n**2 + third / n**3

@@ -75,7 +75,7 @@ class Judge:
         assert self.evidence is not None
         last, lag_s = self.evidence.last, self.evidence.follows.lag_s
         fits = self._grid.nominal_hz == estimate.nominal_hz
-        is_open = math.isfinite(estimate.mirror_hz)  # the deviation may have the other sign
+        is_open = estimate.mirror_hz > 0.0  # the deviation may have the other sign
         if last is None or tick.offset_ns is None or not fits or is_open:
             return None
         passed_s = seconds(phase.t_ns - last.t_ns)
@@ -145,7 +145,7 @@ class Judge:
         newest = self._seen[-1]
         if newest.usable and newest.nominal_hz != self._grid.nominal_hz:
             return f"light of a {newest.nominal_hz:.0f} Hz grid, reference of another"
-        if newest.usable and math.isfinite(newest.mirror_hz):
+        if newest.usable and newest.mirror_hz > 0.0:
             return "the direction of read-out isn't known yet, nor the sign of the ENF's deviation"
         if newest.usable and _phase_of(newest) is None:
             return f"estimates by {newest.method!r} carry no phase"

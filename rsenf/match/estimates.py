@@ -95,8 +95,8 @@ def _row(e: EnfEstimate, said: int) -> tuple[Any, ...]:
     h = e.header
     return (
         e.start_pts_ns, e.end_pts_ns, e.origin_pts_ns,
-        e.t_s, e.enf_hz, e.enf_var_hz2, e.nominal_hz, e.mirror_hz, *_phase(e),
-        e.usable, e.direction == "reverse", said,
+        e.t_s, e.enf_hz, e.enf_var_hz2, e.nominal_hz, e.mirror_hz or np.nan, *_phase(e),
+        e.usable, e.is_reverse, said,
         h.frame_first, h.frame_last, h.pts_ns, h.camera_time_ns, h.arrival_time_ns,
     )  # fmt: skip
 

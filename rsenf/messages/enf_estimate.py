@@ -70,13 +70,12 @@ class EnfEstimate:
 
     mirror_hz: float = field(
         30,
-        "ENF that enf_hz is mirrored about if the read-out runs the other way than assumed; NaN "
-        "where its direction is known",
-        float("nan"),
+        "ENF that enf_hz is mirrored about if the read-out runs the other way; 0 where its "
+        "direction is known",
+        0.0,
     )
-
-    direction: str = field(
-        31, "read-out that it rests on, 'forward' or 'reverse'; empty where it rests on none", ""
+    is_reverse: bool = field(
+        31, "whether it rests on a read-out from the last row to the first", False
     )
     rate_hypotheses: tuple[RateHypothesis, ...] = field(
         32, "frame rates that the light goes with, where the rate isn't known or seems wrong", ()

@@ -22,8 +22,6 @@ from rsenf.timebase import nanoseconds
 from rsenf.track.method import EnfMethod
 from rsenf.track.settings import TrackSettings
 
-DIRECTIONS = {1: "forward", -1: "reverse", 0: ""}  # by the sign of the turns down the rows
-
 
 class ProjectionTracker(EnfMethod):
     """Coherent projection.
@@ -75,8 +73,8 @@ class ProjectionTracker(EnfMethod):
             blank,
             enf_hz=second.f0_hz / 2.0,
             enf_var_hz2=enf_var_hz2,
-            mirror_hz=second.mirror_hz / 2.0,
-            direction=DIRECTIONS[int(np.sign(second.turns))],
+            mirror_hz=second.mirror_hz / 2.0 if math.isfinite(second.mirror_hz) else 0.0,
+            is_reverse=second.turns < 0.0,
             idle_ratio=_idle_ratio(second),
             usable=True,
             **_amplitude(second, blank.origin_pts_ns),
