@@ -70,7 +70,8 @@ def _waves(nodes: int, band_hz: tuple[float, float], fewest: int) -> Float:
     Cosines first, then as many sines: shape (nodes, 2·frequencies).
     """
     freq_hz = np.fft.fftfreq(nodes, NODE_S)[: (nodes + 1) // 2]
-    first, end = np.searchsorted(freq_hz, band_hz[0]), np.searchsorted(freq_hz, band_hz[1], "right")
+    first = int(np.searchsorted(freq_hz, band_hz[0]))
+    end = int(np.searchsorted(freq_hz, band_hz[1], "right"))
     among = np.arange(first, min(max(end, first + fewest), freq_hz.size))
     angle = 2.0 * np.pi * np.outer(np.arange(nodes), among) / nodes
     return np.hstack([np.cos(angle), -np.sin(angle)])
