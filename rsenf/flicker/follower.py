@@ -22,7 +22,7 @@ from rsenf.flicker.lock import (
     WINDOW_S,
     Lock,
 )
-from rsenf.flicker.mains import CREEPS, bands_of, cell_means
+from rsenf.flicker.mains import BRIEF_S, CREEPS, TOO_BRIEF, bands_of, cell_means
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slow_time import SlowTime
@@ -40,6 +40,7 @@ LOOK_S = 20  # window in which flicker is looked for, if the clip isn't shorter
 HOLD_S = 60  # seconds are held back so long while nothing is found
 GIVE_UP_S = 30  # seconds without the tone after which it is looked for anew
 MIN_FILL_RATIO = 0.8
+TOO_SHORT = "too short to tell which frame rate this one was made of"
 
 
 class FlickerFollower:
@@ -147,7 +148,7 @@ class FlickerFollower:
     def _at(self, end: int, *, final: bool) -> list[FlickerSecond]:
         """Do what can be done with the frames before second ``end``; at the end, all of it."""
         look_s = min(LOOK_S, end)
-        if self._lock is None and (look_s == LOOK_S or (final and look_s >= SHORT_S)):
+        if self._lock is None and (look_s == LOOK_S or (final and look_s >= self._shortest_s)):
             self._look(end - look_s, end)
         if self._lock is not None:
             self._still = None
@@ -227,7 +228,7 @@ class FlickerFollower:
         )  # fmt: skip
         lock.settled_s = self._next
         self._why = lock.why_not_mains(start, end)
-        if self._why == CREEPS:  # unless a fit shows that it moves as a grid does
+        if self._why in (CREEPS, TOO_BRIEF):  # unless a fit shows that it moves as a grid does
             lock.extend(self._buffer, start, end)
             self._why = lock.why_not_mains(start, end)
         if self._why:
@@ -237,6 +238,11 @@ class FlickerFollower:
         first = int(self._buffer.first_t_s)
         for before in range(start - 1, first - 1, -1):
             lock.extend(self._buffer, before, before + LOOK_S)
+
+    @property
+    def _shortest_s(self) -> float:
+        """Least time that flicker is looked for in: more where no rows say what it is."""
+        return SHORT_S if self._basis and self._basis.rows > 1 else BRIEF_S
 
     @property
     def _shown_hz(self) -> float:
@@ -253,6 +259,8 @@ class FlickerFollower:
             conversion, is_proven = self._conversions.find(*span_s)
             self._is_blended = conversion is not None and conversion.blended
             if conversion is not None and not conversion.blended:
+                if span_s[1] - span_s[0] < BRIEF_S:
+                    return TOO_SHORT
                 taken_s, source_hz = conversion.taken_s(t_s), conversion.source_hz
                 found = acquire(
                     self._nominals, self._basis, taken_s, columns, source_hz, span_s, self._min_snr

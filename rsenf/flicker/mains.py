@@ -42,6 +42,9 @@ APART_HZ = 0.5
 # 0.74 in a film of dashes on a road.
 LEAST_EXPLAINED, USUALLY_EXPLAINED = 0.8, 0.93
 LEAST_SNR, MOST_STD = 10.0, 0.15
+# Shorter windows seldom tell whether it wanders, and patterns last through them: light has to be
+# clear there.
+BRIEF_S, CLEARLY_EXPLAINED, CLEAR_STD = 8.0, 0.87, 0.03
 # A pattern that is added leaves so much less unexplained without the texture, and no light does;
 # light that shows on bright and dark leaves so much less with it. Below a share neither counts.
 ADDED, MULTIPLIED = 1.5, 2.0
@@ -75,6 +78,7 @@ NO_GRID = (
 )
 SECOND = "what was followed is likelier the second harmonic of the light than the first"
 TOO_STEADY = "its frequency never moves, as a grid's does: a pattern, a monitor, or a dimmed lamp"
+TOO_BRIEF = "too short to tell whether a grid drives it or a quartz: a monitor, or a dimmed lamp"
 CREEPS = "it hardly moves from frame to frame, and nothing shows that it is light: a slow pattern?"
 FAINT = (
     "hardly any flicker: an exposure of a whole number of its periods (anti-flicker), or a nearly "
@@ -100,6 +104,8 @@ class Light:
     apart_turns : float
         By how much its phase strays from one ramp that all strips share, rms: where the light of
         several lamps in several phases mixes differently.
+    is_brief : bool
+        Whether hardly any time was looked at.
     """
 
     turns: float
@@ -108,6 +114,7 @@ class Light:
     added: float
     snr: float
     apart_turns: float
+    is_brief: bool
 
     @property
     def is_added(self) -> bool:
@@ -132,9 +139,10 @@ class Light:
         is_steady : bool
             Whether its frequency rests, as a grid's doesn't.
         """
-        if self.snr < LEAST_SNR or self.explained_std > MOST_STD:
+        if self.snr < LEAST_SNR or self.explained_std > (CLEAR_STD if self.is_brief else MOST_STD):
             return NOT_ONE
-        least = USUALLY_EXPLAINED if is_steady else LEAST_EXPLAINED
+        least = CLEARLY_EXPLAINED if self.is_brief else LEAST_EXPLAINED
+        least = USUALLY_EXPLAINED if is_steady else least
         if self.explained + self.explained_std < least or self.is_added:
             return PATTERN
         if abs(self.turns) > BEYOND_FRAME * most_turns + TURNS_STD:
@@ -166,6 +174,8 @@ def why_not(
         return TOO_STEADY
     if light is None:
         return ""
+    if light.is_brief and not wander.is_seen and _is_quartz(f0_hz, frame_rate_hz):
+        return TOO_BRIEF
     if is_unusual and not light.is_multiplied:
         return NO_GRID
     seen_hz = abs(alias_hz(2.0 * nominal_hz, frame_rate_hz))
@@ -270,7 +280,7 @@ def light_of(
         Of that harmonic, for a read-out that takes all of a frame.
     """
     level, tone, beside = _tones(seen.astype(np.float64), t_s, phase_rad)
-    return _light(level, tone, beside, bands, most_turns)
+    return _light(level, tone, beside, bands, most_turns, t_s)
 
 
 def still_light_of(
@@ -289,10 +299,13 @@ def still_light_of(
     waves = np.column_stack([np.ones_like(t_s), np.cos(phase_rad), np.sin(phase_rad)])
     (level, cosine, sine), *_ = np.linalg.lstsq(waves, seen, rcond=None)
     left = seen - waves @ np.array([level, cosine, sine])
-    return _light(level, cosine - 1j * sine, _tones(left, t_s, phase_rad)[2], bands, most_turns)
+    beside = _tones(left, t_s, phase_rad)[2]
+    return _light(level, cosine - 1j * sine, beside, bands, most_turns, t_s)
 
 
-def _light(level: Float, tone: Complex, beside: Complex, bands: int, most_turns: float) -> Light:
+def _light(
+    level: Float, tone: Complex, beside: Complex, bands: int, most_turns: float, t_s: Float
+) -> Light:
     """Judge the tones of cells: (cells,), (cells,), (beside, cells).
 
     Each cell counts by how little noise it has, up to what is usual.
@@ -326,6 +339,7 @@ def _light(level: Float, tone: Complex, beside: Complex, bands: int, most_turns:
         apart_turns=_apart_turns(
             tone.reshape(shape) * straight, beside.reshape(-1, *shape) * straight, place
         ),
+        is_brief=bool(np.rint(t_s[-1] - t_s[0]) < BRIEF_S),
     )
 
 

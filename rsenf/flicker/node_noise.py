@@ -21,6 +21,7 @@ Float = NDArray[np.float64]
 COLUMNS_HZ, ALONG_HZ, ACROSS_HZ = (0.3, 1.6), (0.2, 0.8), (0.05, 0.5)
 # Slower than that, a path follows what the columns agree upon.
 SLOW_HZ = (0.02, 0.2)
+FEWEST = 4  # frequencies for a median, for which a short window's band reaches further up
 # The flicker's size is taken over so many nodes, and held to the window's by so much of its weight.
 GAIN_WINDOW, STEADY = np.hanning(26)[1:-1], 0.1
 
@@ -34,7 +35,7 @@ def noise_of(series: Float, band_hz: tuple[float, float]) -> Float:
 
 def power_of(series: Float, band_hz: tuple[float, float]) -> Float:
     """Mean power of several real series, shape (nodes, …), in a band, shape (…)."""
-    real, imag = _transforms(series, band_hz)
+    real, imag = _transforms(series, band_hz, fewest=1)
     return np.asarray(np.mean(real**2 + imag**2, axis=-1))
 
 
@@ -51,23 +52,27 @@ def noise_of_turning(real: Float, imag: Float, band_hz: tuple[float, float]) -> 
     return np.asarray(median_of_few(np.concatenate([above, below], axis=-1)) / np.log(2.0))
 
 
-def _transforms(series: Float, band_hz: tuple[float, float]) -> tuple[Float, Float]:
+def _transforms(
+    series: Float, band_hz: tuple[float, float], fewest: int = FEWEST
+) -> tuple[Float, Float]:
     """Real and imaginary part of the transforms above 0 Hz, shape (…, frequencies)."""
     nodes, *several = series.shape
-    waves = _waves(nodes, band_hz)
+    waves = _waves(nodes, band_hz, fewest)
     both = (series.reshape(nodes, -1).T @ waves).reshape(*several, -1)
     half = waves.shape[1] // 2
     return both[..., :half], both[..., half:]
 
 
 @functools.cache
-def _waves(nodes: int, band_hz: tuple[float, float]) -> Float:
+def _waves(nodes: int, band_hz: tuple[float, float], fewest: int) -> Float:
     """Columns of the discrete Fourier transform that lie in a band: far fewer than all.
 
     Cosines first, then as many sines: shape (nodes, 2·frequencies).
     """
-    freq_hz = np.fft.fftfreq(nodes, NODE_S)
-    among = np.flatnonzero((freq_hz >= band_hz[0]) & (freq_hz <= band_hz[1]))
+    freq_hz = np.fft.fftfreq(nodes, NODE_S)[: (nodes + 1) // 2]
+    first = int(np.searchsorted(freq_hz, band_hz[0]))
+    end = int(np.searchsorted(freq_hz, band_hz[1], "right"))
+    among = np.arange(first, min(max(end, first + fewest), freq_hz.size))
     angle = 2.0 * np.pi * np.outer(np.arange(nodes), among) / nodes
     return np.hstack([np.cos(angle), -np.sin(angle)])
 
@@ -92,4 +97,5 @@ def gain_around(across: Float, expected: Float) -> Float:
 @functools.cache
 def _around(nodes: int) -> Float:
     """Matrix that sums over the nodes around each, by :data:`GAIN_WINDOW`."""
-    return np.array([np.convolve(one, GAIN_WINDOW, "same") for one in np.eye(nodes)]).T
+    half = (GAIN_WINDOW.size - 1) // 2
+    return np.array([np.convolve(one, GAIN_WINDOW)[half:][:nodes] for one in np.eye(nodes)]).T

@@ -15,7 +15,7 @@ NAN = float("nan")
 NORMAL_STDS = 1.959964  # half-width of the 95 % interval of a normal law
 FREEDOM = 11.0  # of a variance that nothing is known about: a dozen parts that scatter
 # The follower's sums are of use from here on.
-MIN_FRAMES = 100
+MIN_FRAMES = 60
 # Nearer to 0 Hz than this the flicker stands still from frame to frame, and the grid's deviation
 # alone tells it from the texture.
 STILL_HZ = 1.0

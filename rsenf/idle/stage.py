@@ -26,6 +26,7 @@ from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.shared import Follower
 from rsenf.idle.limits import (
     CROP,
+    NO_FLICKER,
     NO_ROWS,
     REMADE,
     SAWTOOTH,
@@ -239,7 +240,8 @@ class IdleStage:
         """Most frequent reason why no frame could be used."""
         mostly_unusable = 2 * self._unusable.total() > self._frames
         reasons = self._unusable if mostly_unusable else self._pairing.reasons
-        if seen.stands_still and not (mostly_unusable or self._still_rows.enough):
+        is_unknown = set(reasons) <= {NO_FLICKER.reason}
+        if seen.stands_still and is_unknown and not (mostly_unusable or self._still_rows.enough):
             return TOO_SHORT.reason
         return reasons.most_common(1)[0][0] if reasons else TOO_SHORT.reason
 

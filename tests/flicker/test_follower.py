@@ -183,9 +183,9 @@ def test_light_that_goes_out_is_noticed_and_found_again() -> None:
 def test_short_and_empty_streams() -> None:
     assert FlickerFollower().flush() == []
     assert FlickerFollower().update(RowBlock(header=Header())) == []
-    clip = film(seconds=3.0)
+    clip = film(seconds=2.0)
     out = follow(clip.level, clip.frame_time_s)
-    assert len(out) == 3
+    assert len(out) == 2
     assert not any(s.usable for s in out)
     assert all(s.reason for s in out)
 

@@ -11,7 +11,7 @@ from rsenf.flicker import mains, wander
 from rsenf.flicker.grid_prior import phase_prior
 from rsenf.flicker.mains import is_faint
 from tests.flicker import no_mains, weak_lamps
-from tests.flicker.claims import claims
+from tests.flicker.claims import Claims, claims
 
 
 @pytest.mark.parametrize(
@@ -36,6 +36,52 @@ def test_what_is_no_mains_light_is_claimed_by_nobody(kind: str, seed: int) -> No
     assert not found.usable
     assert found.idle.verdict != "estimated"
     assert all(e.reason for e in found.track)
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"), [("dimmer", 7004), ("blinking", 7003), ("blinking", 7005)]
+)
+@pytest.mark.parametrize("strips", [2, 0])
+def test_short_pieces_of_it_are_claimed_by_nobody(kind: str, seed: int, strips: int) -> None:
+    level, t_s = no_mains.film(kind, seed)
+    for seconds in (3.1, 7.1):
+        part = level[t_s < t_s[0] + seconds]
+        part = part.reshape(*part.shape[:2], strips or part.shape[2], -1).mean(axis=3)
+        found = claims(part, t_s[: len(part)] - t_s[0])
+        assert not found.usable
+        assert found.idle.verdict != "estimated"
+
+
+@pytest.mark.parametrize("name", ["none_dashes_1", "none_dashes_2"])
+@pytest.mark.parametrize("strips", [2, 8])
+def test_short_pieces_of_dashes_are_claimed_by_nobody(
+    measured_data: Path, name: str, strips: int
+) -> None:
+    for start_s in (0.0, 2.5):
+        for found in (real_piece(measured_data, name, start_s, s, strips) for s in (3.1, 7.1)):
+            assert not found.usable
+            assert found.idle.verdict != "estimated"
+            assert found.idle.reason
+
+
+@pytest.mark.parametrize(("start_s", "seconds"), [(1.0, 3.1), (3.0, 4.1), (4.0, 5.1), (1.0, 7.1)])
+def test_short_pieces_of_a_real_camera_agree_with_an_independent_reading(
+    measured_data: Path, start_s: float, seconds: float
+) -> None:
+    found = real_piece(measured_data, "pi_scanny_30", start_s, seconds, 8)
+    assert len(found.usable) == int(seconds)
+    off_s = found.idle.read_out_time_s - 23.23e-3
+    assert found.idle.verdict == "estimated"
+    assert abs(off_s) < 3.0 * found.idle.read_out_time_var_s2**0.5 < 0.3e-3
+
+
+def real_piece(data: Path, name: str, start_s: float, seconds: float, strips: int) -> Claims:
+    """Let both look at a piece of real rows."""
+    rows = np.load(data / "real_rows" / f"{name}.npz")
+    t_s, level = rows["frame_time_s"], rows["rows"]
+    part = (t_s >= start_s) & (t_s < start_s + seconds)
+    level = level[part].reshape(part.sum(), level.shape[1], strips, -1).mean(axis=3)
+    return claims(level, t_s[part] - start_s)
 
 
 @pytest.mark.parametrize(("method", "kind", "seed"), [
