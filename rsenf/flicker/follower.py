@@ -38,6 +38,7 @@ RATE_NEEDS_S = 1.0
 LEAST_RATE_HZ, MOST_RATE_HZ = 0.1, 1e5  # beyond these it is no camera's
 LOOK_S = 20  # window in which flicker is looked for, if the clip isn't shorter
 HOLD_S = 60  # seconds are held back so long while nothing is found
+YOUNG_S = 30  # and so long while it isn't known which way the read-out runs
 GIVE_UP_S = 30  # seconds without the tone after which it is looked for anew
 MIN_FILL_RATIO = 0.8
 TOO_SHORT = "too short to tell which frame rate this one was made of"
@@ -156,7 +157,7 @@ class FlickerFollower:
         else:
             self._look_still(end, final=final)
             # A young stream may still tell which way its read-out runs.
-            is_settled = end > HOLD_S or (self._still is not None and self._still.knows_direction)
+            is_settled = end > YOUNG_S or (self._still is not None and self._still.knows_direction)
             known = max(self._still_until - AHEAD_S if is_settled else 0, end - HOLD_S)
         while self._next < (end if final else known):
             self._ready.append(self._second(self._next, end))

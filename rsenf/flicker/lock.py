@@ -66,7 +66,7 @@ END_S = 5
 MOST_SECOND = 0.35
 # By how much, as a ratio, a frequency is off where 30 and 29.97 frames/s are taken for each other,
 # on a grid that is off by a little.
-NTSC_RATIO = 0.6e-3, 1.4e-3
+NTSC_RATIO = 0.85e-3, 1.15e-3
 SEAMS = (
     "frames slip, and the frequency is off by 0.1 %: was the frame rate converted between 29.97 "
     "and 30, or alike?"

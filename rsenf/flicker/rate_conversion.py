@@ -38,6 +38,7 @@ CLEAN_RATIO, MIN_BY_STAMPS = 0.015, 0.4
 # What a conversion has to explain: so much of all that is no noise, by the first harmonic and by
 # all, and of what the stamps leave.
 MIN_FIRST, MIN_EXPLAINED, MIN_OF_REST = 0.5, 0.7, 0.5
+MIN_BLENDED = 0.95  # of all that is no noise: a lost frame looks a little like a blend
 SAME_POWER = 1e-9
 EDGE = 4e-3  # of a frame: so near to the next one it isn't sure which is shown
 
@@ -132,6 +133,8 @@ def find_conversion(
             light_rad = 2.0 * np.pi * hz[top] * tries[top].taken_s(t_s)
             waves_of = partial(_converted, tries[top], t_s, hz[top])
             explained = _explained(parts, light_rad, waves_of)
+            if blended and explained < MIN_BLENDED * seen:
+                continue
             if explained > best + (MIN_OF_REST * (seen - best) if off else 0.0):
                 best, found = explained, tries[top]
     return found

@@ -17,7 +17,7 @@ Rsenf = Callable[..., subprocess.CompletedProcess[str]]
 KEYS = {
     "verdict", "method", "idle_ratio", "idle_ratio_std", "idle_ratio_low", "idle_ratio_high",
     "read_out_time_s", "read_out_time_std_s", "direction", "frame_rate_hz", "nominal_hz",
-    "converted", "slips", "reason", "warnings",
+    "converted", "slips", "reason", "rate_hypotheses", "warnings",
 }  # fmt: skip
 
 

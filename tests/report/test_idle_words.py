@@ -37,7 +37,8 @@ def test_what_is_unknown_is_null() -> None:
         "verdict": "no_signal", "method": "", "idle_ratio": None, "idle_ratio_std": None,
         "idle_ratio_low": None, "idle_ratio_high": None, "read_out_time_s": None,
         "read_out_time_std_s": None, "direction": None, "frame_rate_hz": None, "nominal_hz": None,
-        "converted": False, "slips": 0, "reason": "dark", "warnings": ["beware"],
+        "converted": False, "slips": 0, "reason": "dark", "rate_hypotheses": [],
+        "warnings": ["beware"],
     }  # fmt: skip
 
 

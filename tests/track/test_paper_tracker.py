@@ -148,7 +148,7 @@ def test_streaming_equals_batch_bit_for_bit():
 
 
 def test_memory_is_bounded():
-    stage = make_tracker(TrackSettings(method="paper", nominal_hz=50.0))
+    stage = METHODS["paper"](TrackSettings(method="paper", nominal_hz=50.0))
     t_s = np.arange(1800) / 30.0
     level = np.full((1800, 4, 1), 100.0, np.float32)
     for block in blocks_from_luminance(level, t_s, Header()):
