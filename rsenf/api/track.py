@@ -24,6 +24,7 @@ from rsenf.api.shared import (
 )
 from rsenf.flicker.frame_rate import GIVE_RATE, IS_IT_WRONG, likely
 from rsenf.flicker.frame_slips import FrameSlip, slip_words
+from rsenf.flicker.lock import NTSC_RATIO
 from rsenf.messages import EnfEstimate, RateHypothesis
 from rsenf.report.verdict import number
 from rsenf.rows.settings import RowsSettings
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
 
     from rsenf.messages.schema import FloatArray
 
-NTSC_OFF = 0.8e-3, 1.2e-3  # off the nominal, as a ratio
 COLUMNS = ("t_s", "enf_hz", "enf_std_hz", "snr_db", "usable", "reason", "epoch", "mirror_hz")
 
 
@@ -249,7 +249,7 @@ def track_result(name: str, analysis: Analysis) -> TrackResult:
 
 def _rate_words(ratio: list[float]) -> list[str]:
     """Say that the frame rate may be another, where the ENF is off as rates of 30 and 29.97 are."""
-    low, high = NTSC_OFF
+    low, high = NTSC_RATIO
     if not ratio or not low < abs(float(np.median(ratio)) - 1.0) < high:
         return []
     return [

@@ -98,7 +98,7 @@ class PhaseFit:
     t_s: Float
     deviation: Complex
     second_ratio: float
-    half_ratio: float
+    half_ratio: float = 0.0
 
 
 def fit_phase(
@@ -171,7 +171,6 @@ def _alone(frames: Frames, gathered: Gathered, settled: _Settled) -> PhaseFit:
             amplitude.weights[0],
         ),
         second_ratio=_size_ratio(amplitude.harmonic, (1, 2, 3), 2),
-        half_ratio=0.0,
     )
 
 

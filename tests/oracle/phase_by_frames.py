@@ -78,7 +78,6 @@ def fit_by_frames(frames: Frames, psi_rad: Float) -> PhaseFit:
         deviation=_deviation(frames, place, psi, amplitude),
         second_ratio=float(np.linalg.norm(amplitude.harmonic[1]))
         / max(float(np.linalg.norm(amplitude.harmonic[0])), 1e-30),
-        half_ratio=0.0,
     )
 
 
