@@ -73,6 +73,7 @@ _ERROR = Tolerance("an error is known to a few per cent at best", relative=SHARE
 _DECIBEL = Tolerance("a quarter of a per cent in power", absolute=0.01)
 _IDLE = Tolerance("a hundredth of the error of the best second, 0.01 %", absolute=1e-6)
 _EXACT = Tolerance("computed from the frames' times alone", relative=ROUNDED)
+_HYPOTHESIS = Tolerance("follows a frequency that is known to 1e-5 at best", relative=1e-6)
 _BAN = Tolerance("two per cent in the ratio; its calibration is worse", absolute=0.01)
 _RATIO = Tolerance("a ratio is printed to two digits at best", relative=SHARE)
 _CORRELATION = Tolerance("printed to four digits", absolute=1e-4)
@@ -86,6 +87,7 @@ TOLERANCES: dict[str, dict[str, Tolerance]] = {
     "EnfEstimate": {
         "line_hz": _EXACT,
         "frame_rate_hz": _EXACT,
+        "mirror_hz": _EXACT,
         "carrier_hz": _EXACT,
         "idle_ratio": _IDLE,
         "enf_hz": _of_var("enf_var_hz2"),
@@ -99,6 +101,11 @@ TOLERANCES: dict[str, dict[str, Tolerance]] = {
             "a hundredth of the variances beside it",
             scale=lambda m: SHARE * np.sqrt(m.amplitude_var_re * m.amplitude_var_im),
         ),
+    },
+    "RateHypothesis": {
+        "frame_rate_hz": _HYPOTHESIS,
+        "idle_ratio": _HYPOTHESIS,
+        "read_out_s": _HYPOTHESIS,
     },
     "IdleEstimate": {
         "idle_ratio": _of_var("idle_ratio_var"),

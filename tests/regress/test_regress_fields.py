@@ -6,7 +6,7 @@ import dataclasses
 
 import pytest
 
-from rsenf.messages import EnfEstimate, MatchResult, RowBlock
+from rsenf.messages import EnfEstimate, IdleEstimate, MatchResult, RateHypothesis, RowBlock
 from rsenf.messages.match_result import Candidate
 from rsenf.messages.schema import field_specs, message_classes
 from rsenf.regress.fields import OTHER, moved
@@ -101,3 +101,9 @@ def test_words(then: str, now: str, same: bool) -> None:
     a, b = (MatchResult(header=header(0), reason=text) for text in (then, now))
     assert (moved(a, b, exact=False) == []) is same
     assert [m.field for m in moved(a, b, exact=True)] == ["reason"]
+
+
+@pytest.mark.parametrize("cls", [EnfEstimate, IdleEstimate, RateHypothesis])
+def test_every_number_that_an_estimator_computes_has_a_tolerance(cls: type) -> None:
+    computed = {spec.name for spec in field_specs(cls) if spec.wire == "double"} - {"nominal_hz"}
+    assert computed - set(TOLERANCES[cls.__name__]) == set()
