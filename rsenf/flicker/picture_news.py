@@ -38,8 +38,8 @@ class News:
     """By how much each picture differs from those just before, in a stream of rows."""
 
     def __init__(self) -> None:
-        self._last: Float | None = None
-        self._first: Float | None = None  # levels of the first picture
+        self._last: NDArray[np.float32] | None = None
+        self._first: NDArray[np.float32] | None = None  # levels of the first picture
         self.chance = 0.0  # variance of what comes out, relative to its square, by chance alone
 
     def of(self, level: NDArray[np.floating]) -> Float:
@@ -53,23 +53,21 @@ class News:
             return np.zeros((len(level), len(LAGS)))
         # What is left of a texture beats with the flicker's alias, as conversions beat, unless
         # each row is brought to the same brightness.
-        bright = np.maximum(level[:, ORDER // 2 : -ORDER // 2], LEAST_LEVEL)
+        level = np.asarray(level, np.float32)
+        bright = np.maximum(level[:, ORDER // 2 : -ORDER // 2], np.float32(LEAST_LEVEL))
         if self._first is None or self._first.shape != bright.shape[1:]:
-            self._first = np.asarray(bright[0], np.float64)
-        sharp = np.diff(np.asarray(level, np.float64), ORDER, axis=1) * (self._first / bright)
+            self._first = bright[0].copy()
+        sharp = np.diff(level, ORDER, axis=1)
+        sharp *= self._first / bright
         before, self.chance = max(LAGS), CHANCE / max(sharp[0].size, 1)
         if self._last is None or self._last.shape[1:] != sharp.shape[1:]:
             self._last = np.repeat(sharp[:1], before, axis=0)
         all_of = np.concatenate([self._last, sharp])
         self._last = all_of[-before:]
-        frames = len(sharp)
-        return np.stack(
-            [
-                np.mean((sharp - all_of[before - lag : before - lag + frames]) ** 2, axis=(1, 2))
-                for lag in LAGS
-            ],
-            axis=1,
-        )
+        differ = [
+            (all_of[before:] - all_of[before - lag : -lag]).reshape(len(sharp), -1) for lag in LAGS
+        ]
+        return np.stack([np.einsum("fn,fn->f", d, d) / d.shape[1] for d in differ], axis=1)
 
 
 def find_remade(stamp_s: Float, news: Float, shown_hz: float, chance: float) -> Conversion | None:
