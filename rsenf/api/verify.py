@@ -24,6 +24,7 @@ from rsenf.api.shared import (
     track_settings,
 )
 from rsenf.api.track import TrackResult, track_result
+from rsenf.api.unknown_rate import UntimedRows, find_rate
 from rsenf.errors import InputError, UsageError
 from rsenf.flicker.frame_slips import slip_words
 from rsenf.idle import IdleSettings
@@ -32,12 +33,13 @@ from rsenf.match.jumps import without_jumps
 from rsenf.match.series import Track, track_of
 from rsenf.match.settings import MatchSettings
 from rsenf.match.stage import Match
+from rsenf.messages import RowBlock
 from rsenf.reference.moments import utc_ns
 from rsenf.report.against import against_json, against_words
 from rsenf.report.spectrum import ThinRows
 from rsenf.report.verdict import verdict_json, verdict_words
 from rsenf.rows.settings import RowsSettings
-from rsenf.run.inline import Analysis, analyse
+from rsenf.run.inline import Analysis, Tap, analyse
 from rsenf.run.inputs import Input
 from rsenf.track import TrackSettings
 
@@ -139,25 +141,46 @@ def verify(
     rows = row_settings(rows, tracked)
     spectra: dict[int, ThinRows] = defaultdict(ThinRows)  # by epoch
 
-    def tap(topic: str, message: Any) -> None:
-        if (picture or report) and topic == "rows":
+    untimed = UntimedRows()
+
+    def draw_later(message: Any) -> None:
+        if (picture or report) and isinstance(message, RowBlock):
             spectra[message.header.epoch].add(message)
 
+    def tap(topic: str, message: Any) -> None:
+        untimed.listen(message)
+        draw_later(message)
+
+    def compare(
+        what: Input, settings: MatchSettings, alternatives: int = 1, tap: Tap = tap
+    ) -> Analysis:
+        return analyse(
+            what,
+            rows=rows,
+            track=tracked,
+            idle=IdleSettings(nominal_hz=nominal_hz) if report else None,
+            make_match=lambda: Match(
+                method=method, grids=grids, claimed_utc_ns=claimed_ns, settings=settings,
+                alternatives=alternatives,
+            ),
+            progress=progress,
+            tap=tap,
+        )  # fmt: skip
+
     _check_lengths(source, source.duration_s or 0.0, references)
-    analysis = analyse(
-        source,
-        rows=rows,
-        track=tracked,
-        idle=IdleSettings(nominal_hz=nominal_hz) if report else None,
-        make_match=lambda: Match(
-            method=method, grids=grids, claimed_utc_ns=claimed_ns, settings=settings
-        ),
-        progress=progress,
-        tap=tap,
-    )
+    analysis = compare(source, settings)
     _check_lengths(source, max(analysis.stretches_s, default=0.0), references)
+    said = []
+    if untimed.rates and untimed.blocks:
+        one = find_rate(untimed, nominal_hz or grid_hz, settings, compare)
+        said = [one.said]
+        if one.analysis and one.rows:
+            analysis = one.analysis
+            spectra.clear()
+            for block in one.rows.messages():
+                draw_later(block)
     found = analysis.result
-    warnings = _warnings(analysis, references)
+    warnings = [*said, *_warnings(analysis, references)]
     unsure = found.decision == "no_match" or not any(e.usable for e in analysis.estimates)
     if grid_hz and unsure and not (nominal_hz or (track and track.nominal_hz)):
         warnings.append(f"looked for a {grid_hz:.0f} Hz grid, as the reference's is")

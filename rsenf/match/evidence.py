@@ -62,7 +62,7 @@ class Evidence:
 def weigh(found: Search, track: Track, settings: MatchSettings) -> Evidence:
     """Weigh the best peak of a search that has one."""
     best, others = found.peaks[0], found.peaks[1:]
-    chance = track.directions * expected_chance_fits(found, track.resolution_s)
+    chance = track.hypotheses * expected_chance_fits(found, track.resolution_s)
     fit, expected = fit_of(best, found, track, settings)
     # A residual as large as the median one is no evidence against this time.
     against = min(0.0, math.log10(max(2.0 * fit, 1e-300)))

@@ -124,7 +124,7 @@ def compare_directions(
 ) -> tuple[Finding, Track]:
     """Compare a track, and its mirror image where the direction of read-out isn't known.
 
-    That makes the search twice as large, which the matchers count (:attr:`Track.directions`).
+    That makes the search twice as large, which the matchers count (:attr:`Track.hypotheses`).
 
     Returns
     -------

@@ -264,7 +264,7 @@ def search_phase(
     for number, scorer in enumerate(scorers):
         rest += all_refined(scorer, [place for place in best if place.grid == number])
     places = distinct(rest)
-    span_s = track.directions * sum(s.lags * track.hop_s for s in surveys)
+    span_s = track.hypotheses * sum(s.lags * track.hop_s for s in surveys)
     return PhaseSearch(places, surveys, scorers, span_s)
 
 

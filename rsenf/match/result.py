@@ -11,7 +11,7 @@ from rsenf.match.settings import MatchSettings
 from rsenf.messages import Header, MatchResult
 
 NAN = float("nan")
-UNUSUAL_CLOCK_PPM = 150.0
+UNUSUAL_CLOCK = 4.3  # scales of cameras' clock errors
 HOUR_S = 3600.0
 HALF_HOURS_FROM_H = 3.0  # time zones that are off by half hours are that far from UTC
 LAST_ZONE_H = 14
@@ -119,7 +119,10 @@ def _warnings(
     missed_s = track.usable * track.hop_s - finding.seconds_used
     if missed_s >= track.hop_s:
         out.append(f"{missed_s:g} usable seconds of the clip have no reference at the best time")
-    if finding.decision == "match" and abs(finding.clock_ppm) > UNUSUAL_CLOCK_PPM:
+    if (
+        finding.decision == "match"
+        and abs(finding.clock_ppm) > UNUSUAL_CLOCK * settings.clock_scale_ppm
+    ):
         out.append(
             f"a clock error of {finding.clock_ppm:.0f} ppm is unusual for a camera: wrong frame "
             "times? 30 and 29.97 frames/s differ by 1000 ppm"

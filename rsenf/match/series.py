@@ -27,7 +27,8 @@ class Track:
     middle of each window less that of twice the nominal frequency, between −π and π, and
     ``phase_var_rad2`` (n,) its variance; NaN where an estimate brings none. ``mirror_hz`` is the
     frequency about which all of it is mirrored if the read-out runs the other way than assumed; NaN
-    where its direction is known.
+    where its direction is known. ``alternatives`` is how many tracks of the same clip, by other
+    assumptions, are compared for this one.
     """
 
     first_s: float
@@ -39,6 +40,7 @@ class Track:
     phase_rad: FloatArray = field(default_factory=lambda: np.empty(0))
     phase_var_rad2: FloatArray = field(default_factory=lambda: np.empty(0))
     mirror_hz: float = float("nan")
+    alternatives: int = 1
 
     def __post_init__(self) -> None:
         if not self.phase_rad.size:
@@ -55,6 +57,11 @@ class Track:
     def directions(self) -> int:
         """How many directions of read-out there are to compare."""
         return 1 if math.isnan(self.mirror_hz) else 2
+
+    @property
+    def hypotheses(self) -> int:
+        """How many tracks are searched for where one is right."""
+        return self.directions * self.alternatives
 
     def between(self, first: int, last: int) -> Track:
         """Return some of its values, on the same clock."""

@@ -74,6 +74,9 @@ class Match:
         Stream time between interim results; 0 for none but the final one. Of a long clip each waits
         until a quarter more of it has come than the one before had to go by.
     settings : MatchSettings, optional
+    alternatives : int
+        How many tracks of the same clip are compared for this one, by other assumptions: chance
+        fits are counted in all of them.
     keep_hours : float
         Of the estimates, and of a reference that grows, to go by; 0 for all. What can be compared
         of a longer clip is its last hours, and the result says so. The hypotheses of the tracker
@@ -98,12 +101,14 @@ class Match:
         claimed_utc_ns: int = 0,
         interim_every_s: float = 0.0,
         settings: MatchSettings | None = None,
+        alternatives: int = 1,
         keep_hours: float = 0.0,
         on_refused: Callable[[str], None] | None = None,
     ) -> None:
         METHODS.find(method)
         self.method, self.grid, self.claimed_utc_ns = method, grid, claimed_utc_ns
         self.settings = settings or MatchSettings()
+        self._alternatives = alternatives
         self._every_ns = nanoseconds(interim_every_s)
         self._keep_ns = nanoseconds(3600.0 * keep_hours)
         self._on_refused = on_refused
@@ -219,6 +224,7 @@ class Match:
         track, jumps = (track_of_rows(rows), 0) if rows.size else (None, 0)
         if track and not tracker_for(self.method):
             track, jumps = without_jumps(track)
+            track = dataclasses.replace(track, alternatives=self._alternatives)
         grids = [*self._grids, *(grid_of(list(b.values())) for b in self._blocks.values())]
         method = self._method_for(track)
         try:

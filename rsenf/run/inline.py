@@ -34,6 +34,9 @@ from rsenf.track import TrackSettings
 Message = Frame | RowBlock | EnfEstimate
 
 
+Tap = Callable[[str, Any], None]
+
+
 @dataclass
 class Analysis:
     """What came out of a recording.
@@ -121,7 +124,7 @@ def analyse(
     make_live: Callable[[], Stage] | None = None,
     reference: Sequence[ReferenceBlock] = (),
     progress: Callable[[float], None] = lambda seconds: None,
-    tap: Callable[[str, Any], None] = lambda topic, message: None,
+    tap: Tap = lambda topic, message: None,
 ) -> Analysis:
     """Run a recording through rows, and what is asked for of track, match and idle.
 

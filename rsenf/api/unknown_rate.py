@@ -1,0 +1,153 @@
+"""When was it recorded, where the frame rate isn't known? Each that its light goes with is tried.
+
+A rate is known as well as the grid is near its nominal frequency, so that the clock's error is free
+within that. Every rate tried is counted in the chance of finding a fit.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rsenf.match.settings import MatchSettings
+from rsenf.messages import EnfEstimate, MatchResult, RateBasis, RateHypothesis, RowBlock
+from rsenf.run.inline import Analysis
+from rsenf.run.inputs import Input
+
+MOST_BYTES = 300_000_000  # of rows that are kept: of a longer recording its begin is compared
+SLOWEST_HZ = 12.0  # frame rate at which a grid can still be followed
+RATE_SCALE_PPM = 400.0  # grids are 20 mHz from 50 Hz, mostly
+
+
+class UntimedRows:
+    """Keeps the rows of a recording until there is a usable estimate: then its rate is known.
+
+    Attributes
+    ----------
+    blocks : list of RowBlock
+        Of the first stretch, from its begin.
+    rates : tuple of RateHypothesis
+        Frame rates that the light goes with.
+    """
+
+    def __init__(self) -> None:
+        self.blocks: list[RowBlock] = []
+        self.rates: tuple[RateHypothesis, ...] = ()
+        self._bytes, self._is_known = 0, False
+
+    def listen(self, message: Any) -> None:
+        """Take a message that passes between the stages."""
+        if self._is_known:
+            return
+        if isinstance(message, RowBlock) and self._bytes < MOST_BYTES:
+            if not self.blocks or message.header.epoch == self.blocks[0].header.epoch:
+                self.blocks.append(message)
+                self._bytes += message.level.nbytes
+        elif isinstance(message, EnfEstimate):
+            self.rates = message.rate_hypotheses or self.rates
+            if message.usable:
+                self._is_known, self.rates = True, ()
+                self.blocks.clear()
+
+
+class Retimed(Input):
+    """Rows whose frames are counted at another rate."""
+
+    name = "rows"
+
+    def __init__(self, blocks: list[RowBlock], rate_hz: float) -> None:
+        self._blocks, self._rate_hz = blocks, rate_hz
+
+    def messages(self) -> Iterator[RowBlock]:
+        """Yield the rows with their new times."""
+        for block in self._blocks:
+            pts_ns = np.rint(block.frame_number * (1e9 / self._rate_hz)).astype(np.int64)
+            header = dataclasses.replace(
+                block.header,
+                pts_ns=int(pts_ns[0]) if pts_ns.size else 0,
+                rate_basis=RateBasis.GIVEN,
+            )
+            yield dataclasses.replace(block, header=header, frame_pts_ns=pts_ns)
+
+
+class AtRate(NamedTuple):
+    """What was found at the rate that matches, if one does, and what to say of it."""
+
+    analysis: Analysis | None
+    rows: Retimed | None
+    said: str
+
+
+def find_rate(
+    rows: UntimedRows,
+    nominal_hz: float | None,
+    settings: MatchSettings,
+    compare: Callable[..., Analysis],
+) -> AtRate:
+    """Compare a recording at each frame rate that its light goes with.
+
+    Half of the odds are given to the common rates together, half to all others.
+
+    Parameters
+    ----------
+    rows : UntimedRows
+    nominal_hz : float, optional
+        Of the grid.
+    settings : MatchSettings
+    compare : callable
+        From an input, settings and ``alternatives`` of :class:`rsenf.match.stage.Match`, and a tap
+        for messages, to what is found.
+    """
+    rates = [
+        h
+        for h in rows.rates
+        if nominal_hz in (None, h.nominal_hz) and h.frame_rate_hz >= SLOWEST_HZ
+    ]
+    common = sum(h.is_common for h in rates)
+    freely = dataclasses.replace(settings, clock_scale_ppm=RATE_SCALE_PPM)
+    matches: list[tuple[RateHypothesis, Retimed, Analysis]] = []
+    searched = 0
+    for rate in rates:
+        alternatives = 2 * (common if rate.is_common else len(rates) - common)
+        retimed = Retimed(rows.blocks, rate.frame_rate_hz)
+        analysis = compare(retimed, freely, alternatives, tap=lambda topic, message: None)
+        searched += analysis.result.search_size
+        if analysis.result.decision == "match":
+            matches.append((rate, retimed, analysis))
+    is_assumed = rows.blocks[0].header.rate_basis == RateBasis.ASSUMED
+    tried = (
+        f"the frame rate {'is not known' if is_assumed else 'seems wrong'}: {len(rates)} rates "
+        "that the light goes with were compared"
+    )
+    if not matches:
+        return AtRate(None, None, f"{tried}, and none fits surely")
+    matches.sort(key=lambda one: -one[2].result.log10_lr_absent)
+    (rate, retimed, best), *others = matches
+    result = best.result
+    against_other = result.log10_lr
+    for *_, other in others:
+        if not _agree(result, other.result, settings.tolerance_s):
+            apart = result.log10_lr_absent - other.result.log10_lr_absent
+            against_other = min(against_other, apart)
+    if against_other < settings.min_log10_lr:
+        return AtRate(None, None, f"{tried}, and times fit at more than one")
+    rate_hz = rate.frame_rate_hz * (1.0 + 1e-6 * result.clock_ppm)
+    # What the clock was found to be off by is the rate's error.
+    best.results = [
+        dataclasses.replace(
+            result,
+            log10_lr=against_other,
+            search_size=searched,
+            clock_ppm=math.nan,
+            clock_std_ppm=math.nan,
+        )
+    ]
+    return AtRate(best, retimed, f"{tried}, and {rate_hz:.3f} frames/s fits")
+
+
+def _agree(one: MatchResult, other: MatchResult, tolerance_s: float) -> bool:
+    return one.grid == other.grid and abs(one.lag_s - other.lag_s) <= tolerance_s
