@@ -10,7 +10,7 @@ from rsenf.errors import UsageError
 # Long enough for the grid to move within one, short enough for twenty of them in a minute.
 BLOCK_S = 3.0
 FEWEST_BLOCKS = 8  # of a shorter recording the blocks are shorter
-SHORTEST_S = 10.0
+SHORTEST_S = 7.0
 SHORTEST_WINDOW_S = FEWEST_BLOCKS * BLOCK_S + 1.0  # its last frame begins before its end
 FEWEST_LINES = 16
 

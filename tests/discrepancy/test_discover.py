@@ -172,8 +172,8 @@ def test_a_fit_whose_arrays_were_let_go_has_them_again() -> None:
 
 def test_too_short_a_recording_is_refused_with_the_shortest_that_is_of_use() -> None:
     case = hidden(seed=16)
-    with pytest.raises(InputError, match=r"too short.*10 s"):
-        _cut(case, 9.0)
+    with pytest.raises(InputError, match=r"too short.*7 s"):
+        _cut(case, 6.5)
 
 
 def _cut(case: object, seconds: float) -> None:
