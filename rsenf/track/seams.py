@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Iterable
 
 from rsenf.flicker.frame_slips import HALVES, LEAST_LEAP_RAD, LEAST_LOG_RATIO
-from rsenf.flicker.lines import usual_log_odds
+from rsenf.flicker.lines import SURE_LOG_ODDS, usual_log_odds
 from rsenf.flicker.lock import CHECK_S
 from rsenf.flicker.second import FlickerSecond
 
@@ -22,10 +22,10 @@ NTSC = 1.001
 WHOLE_HZ = (24.0, 30.0, 48.0, 60.0, 120.0)
 RATE_RATIO = 1e-4  # of a rate's distance from a usual one
 BEAT_FRAMES = 1001
-SLACK_FRAMES = 32  # by which a place may be wrong
+SLACK_FRAMES = 8  # by which a place may be wrong
 # Logarithm of the odds of the rate by the stamps below which it is in doubt: by the frequency
-# alone, and where a frame slipped as a conversion makes it.
-LEAST_LOG_ODDS, LEAST_LOG_ODDS_SLIPPED = 0.0, 2.0
+# alone. Where a frame slipped as a conversion makes it, it has to be sure.
+LEAST_LOG_ODDS = 0.0
 CLEARLY = 2.0  # times the likelihood that a slip takes to be found
 HOLD_S = 60  # seconds wait at most so long
 SEAMS = (
@@ -35,13 +35,13 @@ SEAMS = (
 
 
 class SeamWatch:
-    """Seconds in; out come those whose frame rate isn't in doubt, others late or unusable."""
+    """Seconds in; out they come once their frame rate isn't in doubt any more, or unusable."""
 
     def __init__(self) -> None:
         self._waiting: deque[FlickerSecond] = deque()
         self._whole = 0  # frames in a row of which none slipped
-        self._is_clear = False
-        self._is_slipped = False
+        self._is_told = False  # whether one that slips would be seen
+        self._is_slipped = self._is_clear = False
         self._off_hz, self._seconds = [0.0, 0.0], 0  # by the stamps and by the other rate, summed
 
     def update(self, seconds: Iterable[FlickerSecond]) -> list[FlickerSecond]:
@@ -50,7 +50,7 @@ class SeamWatch:
         for second in seconds:
             self._waiting.append(second)
             self._take(second)
-            if not self._is_in_doubt:
+            if not self._is_told or self._log_odds > SURE_LOG_ODDS:
                 out += self.flush()
             elif second.index - self._waiting[0].index >= HOLD_S:
                 out.append(self._judged(self._waiting.popleft()))
@@ -63,17 +63,18 @@ class SeamWatch:
         return out
 
     def _judged(self, second: FlickerSecond) -> FlickerSecond:
-        if not (second.usable and self._is_in_doubt):
+        least = SURE_LOG_ODDS if self._is_slipped else LEAST_LOG_ODDS
+        if not second.usable or self._log_odds >= least:
             return second
         return dataclasses.replace(second, usable=False, reason=SEAMS)
 
     @property
-    def _is_in_doubt(self) -> bool:
+    def _log_odds(self) -> float:
+        """Logarithm of the odds of the frame rate by the stamps."""
         if self._is_clear or not self._seconds:
-            return False
+            return math.inf
         off_hz, other_hz = (off / self._seconds for off in self._off_hz)
-        least = LEAST_LOG_ODDS_SLIPPED if self._is_slipped else LEAST_LOG_ODDS
-        return usual_log_odds(off_hz, other_hz) < least
+        return usual_log_odds(off_hz, other_hz)
 
     def _take(self, second: FlickerSecond) -> None:
         """Learn from a second."""
@@ -85,11 +86,14 @@ class SeamWatch:
         self._seconds += 1
         self._off_hz[0] += second.f0_hz - nominal_hz
         self._off_hz[1] += second.f0_hz * other - nominal_hz
-        self._is_slipped |= any((slip.frames > 0) == (other > 1.0) for slip in second.slips)
-        last = max((slip.frame_number for slip in second.slips), default=-1)
-        self._whole = int((second.frame_number >= last).sum()) + (0 if second.slips else self._whole)
-        if not _tells_slips(second):
-            self._whole = 0
+        slips = [slip.frame_number for slip in second.slips if (slip.frames > 0) == (other > 1.0)]
+        self._is_told = _tells_slips(second)
+        if other < 1.0 and second.doubled is not None:
+            slips += second.doubled
+            self._is_told = True
+        self._is_slipped |= bool(slips)
+        after = int((second.frame_number >= max(slips, default=-1)).sum())
+        self._whole = (after if slips else self._whole + after) if self._is_told else 0
         self._is_clear |= self._whole > BEAT_FRAMES + SLACK_FRAMES
 
 
