@@ -24,7 +24,7 @@ RATE_RATIO = 1e-4  # of a rate's distance from a usual one
 BEAT_FRAMES = 1001
 SLACK_FRAMES = 8  # by which a place may be wrong
 # Logarithm of the odds of the rate by the stamps below which it is in doubt: by the frequency
-# alone. Where a frame slipped as a conversion makes it, it has to be sure.
+# alone. Where a frame slipped it has to be sure.
 LEAST_LOG_ODDS = 0.0
 CLEARLY = 2.0  # times the likelihood that a slip takes to be found
 HOLD_S = 60  # seconds wait at most so long
@@ -86,7 +86,8 @@ class SeamWatch:
         self._seconds += 1
         self._off_hz[0] += second.f0_hz - nominal_hz
         self._off_hz[1] += second.f0_hz * other - nominal_hz
-        slips = [slip.frame_number for slip in second.slips if (slip.frames > 0) == (other > 1.0)]
+        # Of either sign: half a frame, where every other one is shown, looks like any number.
+        slips = [slip.frame_number for slip in second.slips]
         self._is_told = _tells_slips(second)
         if other < 1.0 and second.doubled is not None:
             slips += second.doubled
