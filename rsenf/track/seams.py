@@ -13,7 +13,7 @@ import math
 from collections import deque
 from collections.abc import Iterable
 
-from rsenf.flicker.frame_slips import HALVES, LEAST_LEAP_RAD, LEAST_LOG_RATIO
+from rsenf.flicker.frame_slips import HALVES, LEAST_LEAP_RAD, LEAST_LOG_RATIO, FrameSlip
 from rsenf.flicker.lines import SURE_LOG_ODDS, usual_log_odds
 from rsenf.flicker.lock import CHECK_S
 from rsenf.flicker.second import FlickerSecond
@@ -26,6 +26,7 @@ SLACK_FRAMES = 8  # by which a place may be wrong
 # Logarithm of the odds of the rate by the stamps below which it is in doubt: by the frequency
 # alone. Where a frame slipped it has to be sure.
 LEAST_LOG_ODDS = 0.0
+SAME_TURNS = 0.05  # between leaps of the phase that are the same
 CLEARLY = 2.0  # times the likelihood that a slip takes to be found
 HOLD_S = 60  # seconds wait at most so long
 SEAMS = (
@@ -86,8 +87,7 @@ class SeamWatch:
         self._seconds += 1
         self._off_hz[0] += second.f0_hz - nominal_hz
         self._off_hz[1] += second.f0_hz * other - nominal_hz
-        # Of either sign: half a frame, where every other one is shown, looks like any number.
-        slips = [slip.frame_number for slip in second.slips]
+        slips = [slip.frame_number for slip in second.slips if _is_seam(slip, second, other)]
         self._is_told = _tells_slips(second)
         if other < 1.0 and second.doubled is not None:
             slips += second.doubled
@@ -105,6 +105,15 @@ def _other_ratio(rate_hz: float) -> float:
             if abs(rate_hz / usual_hz - 1.0) < RATE_RATIO:
                 return other
     return 0.0
+
+
+def _is_seam(slip: FrameSlip, second: FlickerSecond, other: float) -> bool:
+    """Whether the light leaps as at a seam: by a frame, or half, where every other one is shown."""
+    turns, sign = second.f0_hz / second.frame_rate_hz, 1.0 if other > 1.0 else -1.0
+    return any(
+        abs(math.remainder((slip.frames - sign * part) * turns, 1.0)) < SAME_TURNS
+        for part in (1.0, 0.5)
+    )
 
 
 def _tells_slips(second: FlickerSecond) -> bool:
