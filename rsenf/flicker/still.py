@@ -27,7 +27,7 @@ from rsenf.flicker.mains import (
 from rsenf.flicker.node_sums import at_frames
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.wander import wander_of
-from rsenf.flicker.zero_alias import MIN_ROWS, ZeroAlias, separate
+from rsenf.flicker.zero_alias import LIGHT_HZ, MIN_ROWS, ZeroAlias, separate
 from rsenf.messages import RowBlock
 
 Float = NDArray[np.float64]
@@ -44,6 +44,10 @@ FIELDS = (
     "interlaced: even rows and odd ones are taken half a period of the light apart, so that what "
     "is left of it in both is its second harmonic"
 )
+HALF = "light at the grid's own frequency, or at twice that with a strong second harmonic: which?"
+# A lamp's second harmonic over its first: seldom more, in the logarithm of the light. Then the
+# read-out's time has to say that it is no half-wave lamp, by so much a logarithm of odds.
+MOST_SECOND, LEAST_LOG_ODDS = 0.5, 3.0
 FORWARD_LOG_ODDS = 2.0  # prior odds, as a logarithm, that a camera reads its first row first
 MODEL_STD_HZ = 4e-5
 HOLE_FRAMES = 0.5  # by which time and numbers part from bin to bin where some are missing
@@ -272,6 +276,8 @@ def course_of(
     light : Light, optional
         What the cells show, if they are known.
     """
+    if abs(alias_hz(nominal_hz, rate_hz)) < SEARCH_HZ and _may_be_half(found):
+        return HALF
     t_s = found.t_s
     stands_hz = rate_hz * round(2.0 * nominal_hz / rate_hz)  # whose alias is exactly 0 Hz
     sign, is_known = direction_of(found, stands_hz - 2.0 * nominal_hz)
@@ -295,6 +301,15 @@ def course_of(
     variance += (stands_hz / rate_hz * rate_std_hz) ** 2
     mirror_hz = np.nan if is_known else stands_hz
     return Course(sign, mirror_hz, told, prior @ coefficient + told.mean(), variance)
+
+
+def _may_be_half(found: ZeroAlias) -> bool:
+    """Whether light at half the frequency may show the same ramp, in twice the time."""
+    by_ramp_s = found.turns / LIGHT_HZ
+    off = (abs(found.read_out_s) - by_ramp_s * np.array([1.0, 2.0])) / found.read_out_std
+    log_odds = float(off[1] ** 2 - off[0] ** 2) / 2.0
+    is_unusual = found.series.size > 1 and abs(found.series[1]) > MOST_SECOND * found.amplitude
+    return log_odds < (LEAST_LOG_ODDS if is_unusual else -LEAST_LOG_ODDS)
 
 
 def _misfit(t_s: Float, left_rad: Float, noise: Float, nodes: int) -> Float:
