@@ -83,7 +83,7 @@ class Conversions:
         part = self._new.between(second, second + 1)
         news = self._new.values(part)[:, 0]
         usual = float(np.median(news)) if news.size else 0.0
-        same = news < SAME_RATIO * usual
+        same = (news < SAME_RATIO * usual) & (self._new.times(part) > 0.0)  # the first has no last
         if not usual > 0.0 or same.sum() > MOST_DOUBLED * news.size:
             return None
         return tuple(self._new.numbers(part)[same].tolist())
