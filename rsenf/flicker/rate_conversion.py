@@ -127,6 +127,8 @@ def find_conversion(
         ratio = source_hz / shown
         if abs(ratio - max(round(ratio), 1)) < SAME_RATIO:
             continue  # every frame, or every so manieth: no beat
+        if is_clean and (blended or source_hz < shown):
+            continue
         tries = [Conversion(source_hz, shown, k / PLACES, blended) for k in range(PLACES)]
         power, _ = _first_harmonic(parts, t_s, place, tries, nominal_hz)
         if power.max() < least_first:
