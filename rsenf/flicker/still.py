@@ -118,9 +118,6 @@ class StillFlicker:
             self.why = NOT_FLICKER
             return False
         fields, cells = np.split(told[:, self._fine : -3] / frames[:, None], [2 * FIELD_BANDS], 1)
-        if _are_opposed(rows, fields):
-            self.why = FIELDS
-            return False
         if not found.determined:
             self.why = TOO_STILL
             return False
@@ -131,6 +128,9 @@ class StillFlicker:
         course = course_of(found, self.nominal_hz, rate_hz, rate_std_hz, start, end, light)
         if isinstance(course, str):
             self.why = course
+            return False
+        if _are_opposed(rows, fields):
+            self.why = FIELDS
             return False
         self._path = _path(found, course, start, level, self._path)
         return True
