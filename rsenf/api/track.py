@@ -24,7 +24,6 @@ from rsenf.api.shared import (
 )
 from rsenf.flicker.frame_rate import GIVE_RATE, IS_IT_WRONG, likely
 from rsenf.flicker.frame_slips import FrameSlip, slip_words
-from rsenf.flicker.lock import NTSC_RATIO
 from rsenf.messages import EnfEstimate, RateHypothesis
 from rsenf.report.verdict import number
 from rsenf.rows.settings import RowsSettings
@@ -36,6 +35,9 @@ if TYPE_CHECKING:
 
     from rsenf.messages.schema import FloatArray
 
+# By how much, as a ratio, a frequency is off where 30 and 29.97 frames/s are taken for each other,
+# on a grid that is off by a little.
+NTSC_RATIO = 0.85e-3, 1.15e-3
 COLUMNS = ("t_s", "enf_hz", "enf_std_hz", "snr_db", "usable", "reason", "epoch", "mirror_hz")
 
 

@@ -123,9 +123,8 @@ def _enf(grid: Grid, out: list[Any]) -> dict[str, Any]:
     error_hz = found_hz - true_hz
     # Where the direction of read-out is left open, either sign of the deviation is answered for.
     mirror_hz = np.array([m.mirror_hz for m in good])
-    if good and (mirror_hz > 0.0).all():
-        mirrored_hz = 2.0 * mirror_hz - found_hz - true_hz
-        error_hz = min(error_hz, mirrored_hz, key=lambda error: float(error @ error))
+    mirrored_hz = np.where(mirror_hz > 0.0, 2.0 * mirror_hz - found_hz - true_hz, error_hz)
+    error_hz = min(error_hz, mirrored_hz, key=lambda error: float(error @ error))
     reasons: dict[str, int] = {}
     for m in said:
         if not m.usable:

@@ -17,6 +17,9 @@ from rsenf.messages import RowBlock
 Float = NDArray[np.float64]
 
 HARMONICS = 3
+# Share of the usual difference between two pictures below which they are the same; and of frames
+# that are the same as the last, beyond which a codec makes them so.
+SAME_RATIO, MOST_DOUBLED = 0.02, 0.1
 AGAIN_S = 60.0  # after which it is looked whether there is one, where there was none
 BLENDED = "neighbouring frames are blended: another frame rate was made of them"
 
@@ -74,6 +77,16 @@ class Conversions:
             self._again_s = end_s + AGAIN_S
             self._why = words_of(found) if found else ""
         return self._why
+
+    def doubled(self, second: int) -> tuple[int, ...] | None:
+        """Frames of a second that show the picture before again; None where noise doesn't tell."""
+        part = self._new.between(second, second + 1)
+        news = self._new.values(part)[:, 0]
+        usual = float(np.median(news)) if news.size else 0.0
+        same = (news < SAME_RATIO * usual) & (self._new.times(part) > 0.0)  # the first has no last
+        if not usual > 0.0 or same.sum() > MOST_DOUBLED * news.size:
+            return None
+        return tuple(self._new.numbers(part)[same].tolist())
 
     def undo(self, conversion: Conversion) -> None:
         """Go by the times at which frames were taken from now on."""

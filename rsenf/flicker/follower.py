@@ -209,6 +209,7 @@ class FlickerFollower:
             frame_rate_hz=self._rate_hz,
             converted=self._buffer.conversion is not None,
             slips=tuple(slip for slip in self._buffer.slips if slip.frame_number in own),
+            doubled=self._conversions.doubled(index) if self._conversions else None,
             frame_number=numbers,
         )
 

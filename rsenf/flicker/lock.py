@@ -64,13 +64,6 @@ LEAST_SURE, SURE_STD_HZ = 3.0, 1e-3
 END_S = 5
 # Second harmonic of a lamp over its first: rarely more, and half of light at half the frequency.
 MOST_SECOND = 0.35
-# By how much, as a ratio, a frequency is off where 30 and 29.97 frames/s are taken for each other,
-# on a grid that is off by a little.
-NTSC_RATIO = 0.85e-3, 1.15e-3
-SEAMS = (
-    "frames slip, and the frequency is off by 0.1 %: was the frame rate converted between 29.97 "
-    "and 30, or alike?"
-)
 # Of light at the grid's own frequency, where that may as well be the first harmonic.
 MOST_HALF = 0.1
 HALF = "light at the grid's own frequency, or a read-out from the last row to the first: which?"
@@ -174,7 +167,7 @@ class Lock:
         self._path.forget_before(start)
         if not reason:
             self._learn(fit)
-            reason = self._why_mirrored(fit) or self._why_converted(buffer, fit, start, stop)
+            reason = self._why_mirrored(fit)
         blank = dataclasses.replace(
             blank,
             turns=self.turns,
@@ -303,19 +296,6 @@ class Lock:
             if abs(apart_hz) < SEARCH_HZ and ratio > most:
                 return reason
         return ""
-
-    def _why_converted(self, buffer: SlowTime, fit: PhaseFit, start: int, stop: int) -> str:
-        """Say why the frame rate may have been converted between 30 and 29.97 frames/s or alike.
-
-        Then the frequency is off by 0.1 %, and now and then a frame is lost or shown again.
-        """
-        turns = float(fit.psi_rad[-1] - fit.psi_rad[0]) / (2.0 * np.pi)
-        off_ratio = abs(turns) / ((stop - start) * 2.0 * self.nominal_hz)
-        low, high = NTSC_RATIO
-        if not low < off_ratio < high:
-            return ""
-        numbers = buffer.numbers(buffer.between(start, stop))
-        return SEAMS if any(slip.frame_number in numbers for slip in buffer.slips) else ""
 
     def _aligned(self, fit: PhaseFit) -> PhaseFit:
         """Return a fit whose template is in phase with the ramp: what no fit can know by itself."""

@@ -49,7 +49,7 @@ BRIEF_S, CLEARLY_EXPLAINED, CLEAR_STD = 8.0, 0.87, 0.03
 # light that shows on bright and dark leaves so much less with it. Below a share neither counts.
 ADDED, MULTIPLIED = 1.5, 2.0
 LEAST_ADDED, LEAST_MULTIPLIED = 0.04, 0.02
-BEYOND_FRAME, TURNS_STD = 1.05, 0.1  # read-out over a frame's time; of turns
+BEYOND_FRAME, TURNS_STD = 1.02, 0.1  # read-out over a frame's time; of turns
 # Alias of a nominal, about which all that moves slowly is; and near half the frame rate all that
 # alternates from frame to frame, such as what an encoder does.
 CREEPS_HZ = 1.0

@@ -35,6 +35,9 @@ ROUNDS, BLOCKS = 3, 12  # of following how the phase strays, and parts of the st
 # By the stamps light may leave so much unexplained: overtones, and what moves. The strongest of
 # the tones that a usual conversion makes holds the more part.
 CLEAN_RATIO, MIN_BY_STAMPS = 0.015, 0.4
+# Where the beat is as short as a few frames, its tones look like overtones by the stamps, of which
+# a lamp has few. A conversion then has to show nearly all of the light as the first harmonic.
+MIN_BY_ONE = 0.9
 # What a conversion has to explain: so much of all that is no noise, by the first harmonic and by
 # all, and of what the stamps leave.
 MIN_FIRST, MIN_EXPLAINED, MIN_OF_REST = 0.5, 0.7, 0.5
@@ -109,19 +112,26 @@ def find_conversion(
     shown = round_rate(shown_hz)
     place = np.rint((t_s - t_s[0]) * shown).astype(np.int64)
     plain_rad = _strongest_tone(parts, t_s, place, shown)
-    by_stamps = _explained(parts, plain_rad, partial(_by_stamps, place % 2))
-    by_stamps = max(by_stamps, _nearly_still(parts, place, shown))
-    left = seen - by_stamps
-    if not MIN_BY_STAMPS * seen < by_stamps < (1.0 - CLEAN_RATIO) * seen:
+    still = _nearly_still(parts, place, shown)
+    by_stamps = max(_explained(parts, plain_rad, partial(_by_stamps, place % 2)), still)
+    by_one = max(_explained(parts, plain_rad, lambda rad: [np.exp(1j * rad)]), still)
+    left, is_clean = seen - by_stamps, by_stamps > (1.0 - CLEAN_RATIO) * seen
+    if by_stamps < MIN_BY_STAMPS * seen or (is_clean and by_one > MIN_BY_ONE * seen):
         return None
+    least_first = MIN_FIRST * seen
     best, found = max(MIN_EXPLAINED * seen, by_stamps + MIN_OF_REST * left), None
+    if is_clean:
+        least_first = max(MIN_BY_ONE * seen, by_one + MIN_OF_REST * (seen - by_one))
+        best = by_stamps
     for source_hz, blended, nominal_hz in product(RATES_HZ, (False, True), nominals_hz):
         ratio = source_hz / shown
         if abs(ratio - max(round(ratio), 1)) < SAME_RATIO:
             continue  # every frame, or every so manieth: no beat
+        if is_clean and (blended or source_hz < shown):
+            continue
         tries = [Conversion(source_hz, shown, k / PLACES, blended) for k in range(PLACES)]
         power, _ = _first_harmonic(parts, t_s, place, tries, nominal_hz)
-        if power.max() < MIN_FIRST * seen:
+        if power.max() < least_first:
             continue
         near = tries[int(power.argmax())]
         for off in OFF_RATIO:

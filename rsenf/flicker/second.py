@@ -36,6 +36,9 @@ class FlickerSecond:
     slips : tuple of FrameSlip
         Frames of this second before which some were lost, or which are shown again, although the
         time stamps don't say so; that is undone from there on.
+    doubled : tuple of int or None
+        Frames of this second whose picture is that of the frame before, noise and all; None where
+        pictures don't tell.
     f0_hz : float
         Mean illumination frequency (twice the ENF) over the second.
     f0_var_hz2 : float
@@ -72,6 +75,7 @@ class FlickerSecond:
     frame_rate_hz: float = NAN
     converted: bool = False
     slips: tuple[FrameSlip, ...] = ()
+    doubled: tuple[int, ...] | None = None
     f0_hz: float = NAN
     f0_var_hz2: float = NAN
     mirror_hz: float = NAN

@@ -27,7 +27,7 @@ from rsenf.flicker.mains import (
 from rsenf.flicker.node_sums import at_frames
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.wander import wander_of
-from rsenf.flicker.zero_alias import MIN_ROWS, ZeroAlias, separate
+from rsenf.flicker.zero_alias import LIGHT_HZ, MIN_ROWS, ZeroAlias, separate
 from rsenf.messages import RowBlock
 
 Float = NDArray[np.float64]
@@ -37,8 +37,17 @@ SHORTEST_S = 20
 EVERY_S = 15
 BINS_PER_S = 4
 BANDS = 120
+FIELD_BANDS = 24  # in which even rows are compared with odd ones
 TOO_STILL = "alias at 0 Hz, and the flicker's phase has turned too little to tell it from texture"
 NOT_FLICKER = "no mains flicker stands out"
+FIELDS = (
+    "interlaced: even rows and odd ones are taken half a period of the light apart, so that what "
+    "is left of it in both is its second harmonic"
+)
+HALF = "light at the grid's own frequency, or at twice that with a strong second harmonic: which?"
+# A lamp's second harmonic over its first: seldom more, in the logarithm of the light. Then the
+# read-out's time has to say that it is no half-wave lamp, by so much a logarithm of odds.
+MOST_SECOND, LEAST_LOG_ODDS = 0.5, 3.0
 FORWARD_LOG_ODDS = 2.0  # prior odds, as a logarithm, that a camera reads its first row first
 MODEL_STD_HZ = 4e-5
 HOLE_FRAMES = 0.5  # by which time and numbers part from bin to bin where some are missing
@@ -66,7 +75,8 @@ class StillFlicker:
 
     def __init__(self, nominal_hz: float) -> None:
         self.nominal_hz = nominal_hz
-        self._sum: dict[int, Float] = {}  # by bin: rows, cells, then time, frame number and frames
+        # By bin: rows, fields, cells, then time, frame number and frames.
+        self._sum: dict[int, Float] = {}
         self._fine = self._bands = 0  # of the rows and of the cells
         self._path: _Path | None = None
         self.why = NOT_FLICKER
@@ -81,7 +91,7 @@ class StillFlicker:
         bands = np.add.reduceat(profile, edges[:-1], axis=1) / np.diff(edges)
         self._fine, cells = edges.size - 1, cell_means(block.level)
         self._bands = cells.shape[1]
-        told_by = np.hstack([bands, cells.reshape(block.frames, -1)])
+        told_by = np.hstack([bands, _fields(profile), cells.reshape(block.frames, -1)])
         for t, number, rows in zip(t_s.tolist(), block.frame_number.tolist(), told_by, strict=True):
             k = int(t * BINS_PER_S)
             told = np.concatenate([rows, [t, number, 1.0]])
@@ -107,16 +117,20 @@ class StillFlicker:
         if found is None or not found.is_flicker:
             self.why = NOT_FLICKER
             return False
+        fields, cells = np.split(told[:, self._fine : -3] / frames[:, None], [2 * FIELD_BANDS], 1)
         if not found.determined:
             self.why = TOO_STILL
             return False
         rate_hz, rate_std_hz = frame_rate(t_s, numbers)
         level = float(np.mean(found.texture(rows, frames)))
-        cells, turns = told[:, self._fine : -3] / frames[:, None], abs(found.turns) + 1.0
+        turns = abs(found.turns) + 1.0
         light = still_light_of(cells, t_s, found.phase_rad, self._bands, turns)
         course = course_of(found, self.nominal_hz, rate_hz, rate_std_hz, start, end, light)
         if isinstance(course, str):
             self.why = course
+            return False
+        if _are_opposed(rows, fields):
+            self.why = FIELDS
             return False
         self._path = _path(found, course, start, level, self._path)
         return True
@@ -153,6 +167,27 @@ class StillFlicker:
             amplitude=complex(path.size * np.exp(1j * psi[node + NODES_PER_S // 2]) * beyond),
             amplitude_var=float(path.size**2 * np.mean(path.told_var[own]) / own.sum()),
         )
+
+
+def _fields(profile: Float) -> Float:
+    """Levels of even rows, and by how much those of odd ones are less, in bands side by side."""
+    pairs = profile[:, : profile.shape[1] // 2 * 2].reshape(len(profile), -1, 2)
+    edges = np.linspace(0, pairs.shape[1], FIELD_BANDS, endpoint=False).astype(int)
+    level, less = pairs[:, :, 0], pairs[:, :, 0] - pairs[:, :, 1]
+    return np.hstack([np.add.reduceat(level, edges, 1), np.add.reduceat(less, edges, 1)])
+
+
+def _are_opposed(rows: Float, fields: Float) -> bool:
+    """Whether even and odd rows differ by more of what varies slowly than they have in common."""
+    level, less = np.split(fields, 2, axis=1)
+    logs = np.log(np.maximum(rows, 1.0))
+    apart = less / np.maximum(level, 1.0)
+    return _slow_power(apart) > _slow_power(logs - logs.mean(axis=1, keepdims=True))
+
+
+def _slow_power(told: Float) -> float:
+    """Mean square over time without that of noise, by how each bin differs from the next."""
+    return float(np.mean(np.var(told, axis=0)) - np.mean(np.diff(told, axis=0) ** 2) / 2.0)
 
 
 def frame_rate(t_s: Float, numbers: Float) -> tuple[float, float]:
@@ -241,6 +276,8 @@ def course_of(
     light : Light, optional
         What the cells show, if they are known.
     """
+    if abs(alias_hz(nominal_hz, rate_hz)) < SEARCH_HZ and _may_be_half(found):
+        return HALF
     t_s = found.t_s
     stands_hz = rate_hz * round(2.0 * nominal_hz / rate_hz)  # whose alias is exactly 0 Hz
     sign, is_known = direction_of(found, stands_hz - 2.0 * nominal_hz)
@@ -264,6 +301,15 @@ def course_of(
     variance += (stands_hz / rate_hz * rate_std_hz) ** 2
     mirror_hz = np.nan if is_known else stands_hz
     return Course(sign, mirror_hz, told, prior @ coefficient + told.mean(), variance)
+
+
+def _may_be_half(found: ZeroAlias) -> bool:
+    """Whether light at half the frequency may show the same ramp, in twice the time."""
+    by_ramp_s = found.turns / LIGHT_HZ
+    off = (abs(found.read_out_s) - by_ramp_s * np.array([1.0, 2.0])) / found.read_out_std
+    log_odds = float(off[1] ** 2 - off[0] ** 2) / 2.0
+    is_unusual = found.series.size > 1 and abs(found.series[1]) > MOST_SECOND * found.amplitude
+    return log_odds < (LEAST_LOG_ODDS if is_unusual else -LEAST_LOG_ODDS)
 
 
 def _misfit(t_s: Float, left_rad: Float, noise: Float, nodes: int) -> Float:

@@ -19,8 +19,8 @@ FEW_TURNS, FEW_STD_RATIO = 0.5, 1e-3
 MAX_STD_RATIO = 0.035  # standard error of the idle ratio
 # Where lamps of several phases mix, their mixture turns down the rows as well: by some three times
 # as much, at worst, as the phase strays from one ramp across the picture. One lamp's strays by less
-# than a hundredth of a turn; a still one is known less well.
-MIXED, ONE_TURNS, ONE_STILL_TURNS = 3.0, 0.01, 0.03
+# than 0.007 turns; a still one is known less well.
+MIXED, ONE_TURNS, ONE_STILL_TURNS = 3.0, 0.007, 0.03
 # Of the frame period: a read-out can't take longer, an estimate may by its error.
 SLACK_RATIO = 0.02
 # Of the rows' tones, the least share that adds up along the ramp.

@@ -20,6 +20,7 @@ from rsenf.flicker.shared import Follower
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
 from rsenf.track.method import EnfMethod
+from rsenf.track.seams import SeamWatch
 from rsenf.track.settings import TrackSettings
 
 
@@ -44,6 +45,7 @@ class ProjectionTracker(EnfMethod):
         super().__init__(settings)
         s = self.settings
         self._follower = follower or FlickerFollower(s.nominal_hz, min_snr=s.min_snr)
+        self._seams = SeamWatch()
         self._header: Header | None = None
         self._level = 0.0  # 0 for frame means
 
@@ -53,11 +55,13 @@ class ProjectionTracker(EnfMethod):
             self._level = float(message.level.mean(dtype=np.float64))
         if message.frames:
             self._header = message.header
-        return [self._estimate(second) for second in self._follower.update(message)]
+        seconds = self._seams.update(self._follower.update(message))
+        return [self._estimate(second) for second in seconds]
 
     def flush(self) -> list[Any]:
         """Return the estimates of the seconds that are left."""
-        return [self._estimate(second) for second in self._follower.flush()]
+        seconds = self._seams.update(self._follower.flush())
+        return [self._estimate(second) for second in seconds + self._seams.flush()]
 
     def _estimate(self, second: FlickerSecond) -> EnfEstimate:
         blank = self._blank(second)

@@ -132,3 +132,11 @@ def test_light_tells_a_blend_where_no_noise_is_left(seed: int, rate: str) -> Non
     assert found is not None
     assert found.blended
     assert found.source_hz == pytest.approx(source_hz, rel=5e-4)
+
+
+def test_a_beat_of_a_few_frames_is_no_overtones_of_the_other_grid() -> None:
+    """Of 60 frames/s every 2.4th is shown: at 25 the light at 50 Hz looks much like 60 Hz."""
+    clip = follow(trial("converted", 20101, rate="60", nominal_hz=50.0, grid="rough"))
+    assert clip.converted
+    assert clip.off_hz.size > 50
+    assert clip.rms_z < 2.0
