@@ -264,6 +264,27 @@ def cell_means(level: NDArray[Any]) -> NDArray[Any]:
     return means
 
 
+def look_at(
+    seen: NDArray[np.floating],
+    t_s: Float,
+    phase_rad: Float,
+    bands: int,
+    f0_hz: float,
+    frame_rate_hz: float,
+) -> Light:
+    """Look at what turns with a phase, beside the texture where it hardly turns.
+
+    Parameters
+    ----------
+    seen, t_s, phase_rad, bands
+        As :func:`light_of` takes them.
+    f0_hz, frame_rate_hz : float
+        Of the harmonic that is followed, and of the frames.
+    """
+    look = light_of if tells_cells(f0_hz, frame_rate_hz) else still_light_of
+    return look(seen, t_s, phase_rad, bands, f0_hz / frame_rate_hz)
+
+
 def light_of(
     seen: NDArray[np.floating], t_s: Float, phase_rad: Float, bands: int, most_turns: float
 ) -> Light:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.conversions import Conversions
 from rsenf.flicker.lines import Line
-from rsenf.flicker.mains import CREEPS, Light, cell_means, is_faint, light_of, tells_cells, why_not
+from rsenf.flicker.mains import CREEPS, Light, cell_means, is_faint, look_at, tells_cells, why_not
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
@@ -35,7 +35,7 @@ UNMOVED = (
     "frequency"
 )
 MOST_EXCESS = 12.0  # of a phase's stray from an even course over what noise and a grid explain
-MOST_UNSEEN = 2.0  # the same where cells can't show what it is
+MOST_UNSEEN = 2.0  # the same near its mirror image, where cells show little of it
 EXAMINE_HOPS = 5  # windows that share a look at whether it is mains light
 LOOKS = 2  # in a row, none of which may say that it isn't: their windows overlap
 # Weaker than this (levels) is rounding, not light.
@@ -212,23 +212,24 @@ class SlidingTracker(EnfMethod):
         return dataclasses.replace(blank, header=found.header, snr_db=found.snr_db, reason=reason)
 
     def _light(self, window: Window, tone_hz: float) -> Light | None:
-        """What the cells show of a tone; nothing where they can't."""
-        if self._cells is None or not tells_cells(tone_hz, window.frame_rate_hz):
+        """What the cells show of a tone; nothing of frame means."""
+        if self._cells is None:
             return None
         part = self._cells.between(window.start_s, window.end_s)
         usable = self._cells.usable(part)
         t_s, seen = self._cells.times(part)[usable], self._cells.values(part)[usable]
         phase = 2.0 * np.pi * tone_hz * t_s
-        return light_of(seen, t_s, phase, self._bands, tone_hz / window.frame_rate_hz)
+        return look_at(seen, t_s, phase, self._bands, tone_hz, window.frame_rate_hz)
 
     def _why_not_mains(self, found: EnfEstimate, course: Course, light: Light | None) -> str:
         """Say why what was found isn't mains light; '' where it may be."""
         self._has_moved |= course.wander.is_seen
         if self._rows == 1 and not (self.settings.nominal_hz or self._has_moved):
             return UNMOVED
-        if self._rows > 1 and light is None and course.excess > MOST_UNSEEN:
-            return CREEPS
         f0_hz, rate_hz = 2.0 * found.enf_hz, found.frame_rate_hz
+        is_apart = tells_cells(f0_hz * found.harmonic, rate_hz)
+        if self._rows > 1 and not is_apart and course.excess > MOST_UNSEEN:
+            return CREEPS
         return why_not(f0_hz, found.nominal_hz, rate_hz, course.wander, light)
 
     def _is_faint(self, amplitude: float, line: Line, offset_hz: float) -> bool:
