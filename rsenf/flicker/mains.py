@@ -151,14 +151,20 @@ class Light:
 
 
 def why_not(
-    f0_hz: float, nominal_hz: float, frame_rate_hz: float, wander: Wander, light: Light | None
+    f0_hz: float,
+    nominal_hz: float,
+    frame_rate_hz: float,
+    wander: Wander,
+    light: Light | None,
+    *,
+    f0_std_hz: float = 0.0,
 ) -> str:
     """Say why what was followed isn't a grid's light; '' where it may be.
 
     Parameters
     ----------
-    f0_hz : float
-        Mean frequency of the light's first harmonic.
+    f0_hz, f0_std_hz : float
+        Mean frequency of the light's first harmonic, and its standard error where it matters.
     nominal_hz, frame_rate_hz : float
         Of the grid that it is taken for, and of the frames.
     wander : Wander
@@ -182,7 +188,7 @@ def why_not(
     creeps = min(seen_hz, frame_rate_hz / 2.0 - seen_hz) < CREEPS_HZ
     if creeps and not (light.is_multiplied or wander.is_seen):
         return CREEPS
-    if abs(light.turns) < AT_ONCE and _is_keyed(f0_hz, frame_rate_hz, wander):
+    if abs(light.turns) < AT_ONCE and _is_keyed(f0_hz, f0_std_hz, frame_rate_hz, wander):
         return KEYED
     return light.why_not(f0_hz / frame_rate_hz, is_steady=wander.is_steady)
 
@@ -230,12 +236,13 @@ def _is_quartz(f0_hz: float, frame_rate_hz: float) -> bool:
     )
 
 
-def _is_keyed(f0_hz: float, frame_rate_hz: float, wander: Wander) -> bool:
+def _is_keyed(f0_hz: float, f0_std_hz: float, frame_rate_hz: float, wander: Wander) -> bool:
     """Whether it repeats with a usual number of frames, and isn't seen to wander."""
     if wander.known >= min(STEADY) and wander.squares > 1.0 and not wander.is_restless:
         return False
     seen = abs(alias_hz(f0_hz, frame_rate_hz)) / frame_rate_hz
-    return any(abs(seen - round(seen * n) / n) * frame_rate_hz < KEY_FRAMES_HZ for n in KEY_FRAMES)
+    near_hz = KEY_FRAMES_HZ + f0_std_hz
+    return any(abs(seen - round(seen * n) / n) * frame_rate_hz < near_hz for n in KEY_FRAMES)
 
 
 def tells_cells(f0_hz: float, frame_rate_hz: float) -> bool:
@@ -305,7 +312,7 @@ def light_of(
 
 
 def still_light_of(
-    seen: Float, t_s: Float, phase_rad: Float, bands: int, most_turns: float
+    seen: NDArray[np.floating], t_s: Float, phase_rad: Float, bands: int, most_turns: float
 ) -> Light:
     """Look at what turns with a phase that hardly turns: with the texture, and not beside it.
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.conversions import Conversions
-from rsenf.flicker.lines import Line
-from rsenf.flicker.mains import CREEPS, Light, cell_means, is_faint, look_at, tells_cells, why_not
+from rsenf.flicker.lines import Line, alias_hz
+from rsenf.flicker.mains import APART_HZ, CREEPS, Light, cell_means, is_faint, look_at, why_not
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
@@ -35,7 +35,7 @@ UNMOVED = (
     "frequency"
 )
 MOST_EXCESS = 12.0  # of a phase's stray from an even course over what noise and a grid explain
-MOST_UNSEEN = 2.0  # the same near its mirror image, where cells show little of it
+MOST_UNSEEN = 2.0  # the same where cells can't show what it is
 EXAMINE_HOPS = 5  # windows that share a look at whether it is mains light
 LOOKS = 2  # in a row, none of which may say that it isn't: their windows overlap
 # Weaker than this (levels) is rounding, not light.
@@ -212,8 +212,8 @@ class SlidingTracker(EnfMethod):
         return dataclasses.replace(blank, header=found.header, snr_db=found.snr_db, reason=reason)
 
     def _light(self, window: Window, tone_hz: float) -> Light | None:
-        """What the cells show of a tone; nothing of frame means."""
-        if self._cells is None:
+        """What the cells show of a tone; nothing near 0 Hz, where each method has its own test."""
+        if self._cells is None or abs(alias_hz(tone_hz, window.frame_rate_hz)) < APART_HZ:
             return None
         part = self._cells.between(window.start_s, window.end_s)
         usable = self._cells.usable(part)
@@ -226,11 +226,11 @@ class SlidingTracker(EnfMethod):
         self._has_moved |= course.wander.is_seen
         if self._rows == 1 and not (self.settings.nominal_hz or self._has_moved):
             return UNMOVED
-        f0_hz, rate_hz = 2.0 * found.enf_hz, found.frame_rate_hz
-        is_apart = tells_cells(f0_hz * found.harmonic, rate_hz)
-        if self._rows > 1 and not is_apart and course.excess > MOST_UNSEEN:
+        if self._rows > 1 and light is None and course.excess > MOST_UNSEEN:
             return CREEPS
-        return why_not(f0_hz, found.nominal_hz, rate_hz, course.wander, light)
+        f0_hz, rate_hz = 2.0 * found.enf_hz, found.frame_rate_hz
+        std_hz = 2.0 * float(np.sqrt(found.enf_var_hz2))
+        return why_not(f0_hz, found.nominal_hz, rate_hz, course.wander, light, f0_std_hz=std_hz)
 
     def _is_faint(self, amplitude: float, line: Line, offset_hz: float) -> bool:
         """Whether a tone ``a·exp(jφ)``, half of the flicker's own amplitude, is too weak."""
