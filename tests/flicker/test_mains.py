@@ -155,6 +155,28 @@ def test_light_multiplies_and_runs_down_the_rows() -> None:
     assert light(level, 0.01 * level * ramp**2).why_not(3.3, is_steady=False) == mains.TOO_LONG
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_what_alternates_from_frame_to_frame_is_claimed_by_nobody(seed: int) -> None:
+    """An encoder's doing: at 48 frames/s light at 60 Hz alternates as well."""
+    rng = np.random.default_rng(seed)
+    frames = np.arange(1100)
+    level = 80.0 + 30.0 * rng.uniform(size=(96, 8)) + 0.02 * rng.standard_normal((1100, 96, 8))
+    level += 0.2 * (-1.0) ** frames[:, None, None] * rng.standard_normal((96, 8))
+    assert not claims(level, frames / 48.0, track="stft").usable
+
+
+def test_key_frames_are_told_within_the_error_of_a_frequency() -> None:
+    rng = np.random.default_rng(0)
+    level = 80.0 * np.exp(rng.uniform(-0.7, 0.7, (24, 4)))
+    at_once, rate_hz = light(level, 0.01 * level), 30000 / 1001
+    off_hz = 99.89 - 99.9  # every third frame
+    told = [
+        mains.why_not(99.9 + times * off_hz, 50.0, rate_hz, wander.Wander(), at_once, f0_std_hz=std)
+        for times, std in ((0.5, 0.0), (1.5, 0.0), (1.5, 0.012))
+    ]
+    assert told == [mains.KEYED, "", mains.KEYED]
+
+
 def test_a_grid_is_seldom_steady_and_never_restless() -> None:
     prior = phase_prior(125)
     precision = 1e4 * prior.basis.T @ prior.basis + np.eye(prior.basis.shape[1])

@@ -201,7 +201,7 @@ def picture(lines: Sequence[Line], path: Path) -> None:
     figure.savefig(path, dpi=120)
 
 
-def main() -> None:
+def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.real.films", description=__doc__)
     parser.add_argument("first", type=int)
     parser.add_argument("last", type=int, help="seeds end before this one")
@@ -211,7 +211,7 @@ def main() -> None:
     parser.add_argument("--only", choices=("dark", "lit"))
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--picture", type=Path)
-    asked = parser.parse_args()
+    asked = parser.parse_args(argv)
     seeds = range(asked.first, asked.last)
     lines = _lines(asked.out)
     done = {(line["seed"], line["lit"], method) for line in lines for method in line["said"]}
