@@ -101,6 +101,8 @@ class Light:
         The same of a pattern that is added to the picture: without the texture.
     snr : float
         Power of that light over what noise has of it.
+    hz_std : float
+        How well its frequency is known, by that and the time (Cramér–Rao).
     apart_turns : float
         By how much its phase strays from one ramp that all strips share, rms: where the light of
         several lamps in several phases mixes differently.
@@ -113,6 +115,7 @@ class Light:
     explained_std: float
     added: float
     snr: float
+    hz_std: float
     apart_turns: float
     is_brief: bool
 
@@ -151,20 +154,14 @@ class Light:
 
 
 def why_not(
-    f0_hz: float,
-    nominal_hz: float,
-    frame_rate_hz: float,
-    wander: Wander,
-    light: Light | None,
-    *,
-    f0_std_hz: float = 0.0,
+    f0_hz: float, nominal_hz: float, frame_rate_hz: float, wander: Wander, light: Light | None
 ) -> str:
     """Say why what was followed isn't a grid's light; '' where it may be.
 
     Parameters
     ----------
-    f0_hz, f0_std_hz : float
-        Mean frequency of the light's first harmonic, and its standard error where it matters.
+    f0_hz : float
+        Mean frequency of the light's first harmonic.
     nominal_hz, frame_rate_hz : float
         Of the grid that it is taken for, and of the frames.
     wander : Wander
@@ -188,7 +185,7 @@ def why_not(
     creeps = min(seen_hz, frame_rate_hz / 2.0 - seen_hz) < CREEPS_HZ
     if creeps and not (light.is_multiplied or wander.is_seen):
         return CREEPS
-    if abs(light.turns) < AT_ONCE and _is_keyed(f0_hz, f0_std_hz, frame_rate_hz, wander):
+    if abs(light.turns) < AT_ONCE and _is_keyed(f0_hz, light.hz_std, frame_rate_hz, wander):
         return KEYED
     return light.why_not(f0_hz / frame_rate_hz, is_steady=wander.is_steady)
 
@@ -236,12 +233,12 @@ def _is_quartz(f0_hz: float, frame_rate_hz: float) -> bool:
     )
 
 
-def _is_keyed(f0_hz: float, f0_std_hz: float, frame_rate_hz: float, wander: Wander) -> bool:
+def _is_keyed(f0_hz: float, hz_std: float, frame_rate_hz: float, wander: Wander) -> bool:
     """Whether it repeats with a usual number of frames, and isn't seen to wander."""
     if wander.known >= min(STEADY) and wander.squares > 1.0 and not wander.is_restless:
         return False
     seen = abs(alias_hz(f0_hz, frame_rate_hz)) / frame_rate_hz
-    near_hz = KEY_FRAMES_HZ + f0_std_hz
+    near_hz = KEY_FRAMES_HZ + 2.0 * hz_std
     return any(abs(seen - round(seen * n) / n) * frame_rate_hz < near_hz for n in KEY_FRAMES)
 
 
@@ -364,6 +361,7 @@ def _light(
         explained_std=float(_power(beside).std()) / own,
         added=explained(shares * evenly)[0] if shape[1] > 1 else by_light,
         snr=snr,
+        hz_std=float(np.sqrt(6.0 / max(snr, 1e-9)) / (2.0 * np.pi * (t_s[-1] - t_s[0]))),
         apart_turns=_apart_turns(
             tone.reshape(shape) * straight, beside.reshape(-1, *shape) * straight, place
         ),

@@ -229,8 +229,7 @@ class SlidingTracker(EnfMethod):
         if self._rows > 1 and light is None and course.excess > MOST_UNSEEN:
             return CREEPS
         f0_hz, rate_hz = 2.0 * found.enf_hz, found.frame_rate_hz
-        std_hz = 2.0 * float(np.sqrt(found.enf_var_hz2))
-        return why_not(f0_hz, found.nominal_hz, rate_hz, course.wander, light, f0_std_hz=std_hz)
+        return why_not(f0_hz, found.nominal_hz, rate_hz, course.wander, light)
 
     def _is_faint(self, amplitude: float, line: Line, offset_hz: float) -> bool:
         """Whether a tone ``a·exp(jφ)``, half of the flicker's own amplitude, is too weak."""

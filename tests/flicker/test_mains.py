@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -169,10 +170,14 @@ def test_key_frames_are_told_within_the_error_of_a_frequency() -> None:
     rng = np.random.default_rng(0)
     level = 80.0 * np.exp(rng.uniform(-0.7, 0.7, (24, 4)))
     at_once, rate_hz = light(level, 0.01 * level), 30000 / 1001
-    off_hz = 99.89 - 99.9  # every third frame
+    off_hz = 0.01  # every third frame is at 99.9 Hz
     told = [
-        mains.why_not(99.9 + times * off_hz, 50.0, rate_hz, wander.Wander(), at_once, f0_std_hz=std)
-        for times, std in ((0.5, 0.0), (1.5, 0.0), (1.5, 0.012))
+        mains.why_not(99.9 + times * off_hz, 50.0, rate_hz, wander.Wander(), known)
+        for times, known in (
+            (0.5, at_once),
+            (1.5, at_once),
+            (1.5, dataclasses.replace(at_once, hz_std=0.006)),
+        )
     ]
     assert told == [mains.KEYED, "", mains.KEYED]
 
