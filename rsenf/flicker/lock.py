@@ -21,9 +21,7 @@ from rsenf.flicker.lines import SURE_LOG_ODDS, alias_hz, mirror_hz, usual_log_od
 from rsenf.flicker.mains import (
     SECOND,
     bands_of,
-    light_of,
-    still_light_of,
-    tells_cells,
+    look_at,
     why_not,
 )
 from rsenf.flicker.node_sums import at_frames
@@ -261,10 +259,10 @@ class Lock:
         f0_hz = 2.0 * self.nominal_hz + float(psi[-1] - psi[0]) / (2.0 * np.pi * (end - start))
         light = None
         if self._basis.rows > 1:
-            look = light_of if tells_cells(f0_hz, self._rate_hz) else still_light_of
             t_s, seen = self._cells.usable_of(start, end)
             phase = 4.0 * np.pi * self.nominal_hz * t_s + at_frames(t_s - start, psi)
-            light = look(seen, t_s, phase, bands_of(self._basis.rows), f0_hz / self._rate_hz)
+            bands = bands_of(self._basis.rows)
+            light = look_at(seen, t_s, phase, bands, f0_hz, self._rate_hz)
             self._apart_turns = light.apart_turns
         return why_not(f0_hz, self.nominal_hz, self._rate_hz, self._wander(), light)
 

@@ -101,6 +101,8 @@ class Light:
         The same of a pattern that is added to the picture: without the texture.
     snr : float
         Power of that light over what noise has of it.
+    hz_std : float
+        How well its frequency is known, by that and the time (Cramér–Rao).
     apart_turns : float
         By how much its phase strays from one ramp that all strips share, rms: where the light of
         several lamps in several phases mixes differently.
@@ -113,6 +115,7 @@ class Light:
     explained_std: float
     added: float
     snr: float
+    hz_std: float
     apart_turns: float
     is_brief: bool
 
@@ -182,7 +185,7 @@ def why_not(
     creeps = min(seen_hz, frame_rate_hz / 2.0 - seen_hz) < CREEPS_HZ
     if creeps and not (light.is_multiplied or wander.is_seen):
         return CREEPS
-    if abs(light.turns) < AT_ONCE and _is_keyed(f0_hz, frame_rate_hz, wander):
+    if abs(light.turns) < AT_ONCE and _is_keyed(f0_hz, light.hz_std, frame_rate_hz, wander):
         return KEYED
     return light.why_not(f0_hz / frame_rate_hz, is_steady=wander.is_steady)
 
@@ -230,12 +233,13 @@ def _is_quartz(f0_hz: float, frame_rate_hz: float) -> bool:
     )
 
 
-def _is_keyed(f0_hz: float, frame_rate_hz: float, wander: Wander) -> bool:
+def _is_keyed(f0_hz: float, hz_std: float, frame_rate_hz: float, wander: Wander) -> bool:
     """Whether it repeats with a usual number of frames, and isn't seen to wander."""
     if wander.known >= min(STEADY) and wander.squares > 1.0 and not wander.is_restless:
         return False
     seen = abs(alias_hz(f0_hz, frame_rate_hz)) / frame_rate_hz
-    return any(abs(seen - round(seen * n) / n) * frame_rate_hz < KEY_FRAMES_HZ for n in KEY_FRAMES)
+    near_hz = KEY_FRAMES_HZ + 2.0 * hz_std
+    return any(abs(seen - round(seen * n) / n) * frame_rate_hz < near_hz for n in KEY_FRAMES)
 
 
 def tells_cells(f0_hz: float, frame_rate_hz: float) -> bool:
@@ -264,6 +268,27 @@ def cell_means(level: NDArray[Any]) -> NDArray[Any]:
     return means
 
 
+def look_at(
+    seen: NDArray[np.floating],
+    t_s: Float,
+    phase_rad: Float,
+    bands: int,
+    f0_hz: float,
+    frame_rate_hz: float,
+) -> Light:
+    """Look at what turns with a phase, beside the texture where it hardly turns.
+
+    Parameters
+    ----------
+    seen, t_s, phase_rad, bands
+        As :func:`light_of` takes them.
+    f0_hz, frame_rate_hz : float
+        Of the harmonic that is followed, and of the frames.
+    """
+    look = light_of if tells_cells(f0_hz, frame_rate_hz) else still_light_of
+    return look(seen, t_s, phase_rad, bands, f0_hz / frame_rate_hz)
+
+
 def light_of(
     seen: NDArray[np.floating], t_s: Float, phase_rad: Float, bands: int, most_turns: float
 ) -> Light:
@@ -284,7 +309,7 @@ def light_of(
 
 
 def still_light_of(
-    seen: Float, t_s: Float, phase_rad: Float, bands: int, most_turns: float
+    seen: NDArray[np.floating], t_s: Float, phase_rad: Float, bands: int, most_turns: float
 ) -> Light:
     """Look at what turns with a phase that hardly turns: with the texture, and not beside it.
 
@@ -336,6 +361,7 @@ def _light(
         explained_std=float(_power(beside).std()) / own,
         added=explained(shares * evenly)[0] if shape[1] > 1 else by_light,
         snr=snr,
+        hz_std=float(np.sqrt(6.0 / max(snr, 1e-9)) / (2.0 * np.pi * (t_s[-1] - t_s[0]))),
         apart_turns=_apart_turns(
             tone.reshape(shape) * straight, beside.reshape(-1, *shape) * straight, place
         ),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from rsenf.idle.limits import MIN_COHERENCE, NO_RAMP, STILL, WEAK, hardly_turned, is_weak
-from rsenf.idle.moments import HARMONICS
 from rsenf.idle.ramp import Profile, find_ramp
 from rsenf.idle.row_tones import coherence, row_tones
 from rsenf.idle.seen import Finding, Seen
@@ -25,7 +24,7 @@ def conclude(seen: Seen) -> Finding:
     tone, level = row_tones(seen.moments)
     if coherence(tone, level, ramp.turns) < MIN_COHERENCE:
         return NO_RAMP
-    profile = Profile(seen.moments, HARMONICS, ramp.brightness)
+    profile = Profile(seen.moments, seen.moments.harmonics(), ramp.brightness)
     variance = max(
         jackknife_var(profile, ramp.turns), bend_var(profile, ramp.turns), ramp.bound_var
     )

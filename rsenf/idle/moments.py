@@ -17,6 +17,8 @@ Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 HARMONICS = 3
+# A harmonic that turns so little counts for nothing: what changes slowly in a scene is as slow.
+MOST_STILL = 0.3
 RIDGE = 1e-9  # of what is on a Gram matrix's diagonal, where harmonics can't be told apart
 
 
@@ -73,6 +75,14 @@ class Moments:
         """``r_k`` of some orders, shape (orders, rows)."""
         found = self.row[np.abs(orders)]
         return np.asarray(np.where(orders[:, None] < 0, found.conj(), found))
+
+    def harmonics(self) -> int:
+        """How many harmonics turn beside the texture, from the first on; 1 at least.
+
+        Of light at 50 Hz the third, at 30 frames a second, goes as slowly as the grid's deviation.
+        """
+        turned = np.abs(self.turn[2 : HARMONICS + 1]) < MOST_STILL * self.frames
+        return 1 + int(np.argmin(np.append(turned, False)))
 
     def noise_var(self) -> float:
         """Mean variance of a row's level about its own fit, from the differences of neighbours.

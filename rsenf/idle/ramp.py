@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.turning import turning
-from rsenf.idle.moments import HARMONICS, RIDGE, Moments, orders
+from rsenf.idle.moments import RIDGE, Moments, orders
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -197,7 +197,7 @@ def find_ramp(moments: Moments, most_turns: float) -> Ramp:
     grid = np.asarray(np.arange(-half, half + 1) * GRID_STEP, np.float64)
     start = float(grid[np.argmax(first.explained(grid))])
     for _ in range(2):
-        profile = Profile(moments, HARMONICS, brightness)
+        profile = Profile(moments, moments.harmonics(), brightness)
         start, curvature = climb(profile.explained, start)
         amplitude = profile.amplitude(start)
         brightness = _brightness(moments, amplitude, start)

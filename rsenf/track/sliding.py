@@ -16,8 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.conversions import Conversions
-from rsenf.flicker.lines import Line
-from rsenf.flicker.mains import CREEPS, Light, cell_means, is_faint, light_of, tells_cells, why_not
+from rsenf.flicker.lines import Line, alias_hz
+from rsenf.flicker.mains import (
+    APART_HZ,
+    CREEPS,
+    Light,
+    cell_means,
+    is_faint,
+    look_at,
+    tells_cells,
+    why_not,
+)
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
@@ -35,6 +44,7 @@ UNMOVED = (
     "frequency"
 )
 MOST_EXCESS = 12.0  # of a phase's stray from an even course over what noise and a grid explain
+UNEVEN_RATIO = 0.1  # of frame times, median over the frames' own
 MOST_UNSEEN = 2.0  # the same where cells can't show what it is
 EXAMINE_HOPS = 5  # windows that share a look at whether it is mains light
 LOOKS = 2  # in a row, none of which may say that it isn't: their windows overlap
@@ -212,14 +222,20 @@ class SlidingTracker(EnfMethod):
         return dataclasses.replace(blank, header=found.header, snr_db=found.snr_db, reason=reason)
 
     def _light(self, window: Window, tone_hz: float) -> Light | None:
-        """What the cells show of a tone; nothing where they can't."""
-        if self._cells is None or not tells_cells(tone_hz, window.frame_rate_hz):
+        """What the cells show of a tone; nothing near 0 Hz, where each method has its own test.
+
+        Nor near half the frame rate if frames come unevenly: what alternates is no tone there.
+        """
+        rate_hz = window.frame_rate_hz
+        if self._cells is None or abs(alias_hz(tone_hz, rate_hz)) < APART_HZ:
             return None
         part = self._cells.between(window.start_s, window.end_s)
         usable = self._cells.usable(part)
         t_s, seen = self._cells.times(part)[usable], self._cells.values(part)[usable]
-        phase = 2.0 * np.pi * tone_hz * t_s
-        return light_of(seen, t_s, phase, self._bands, tone_hz / window.frame_rate_hz)
+        uneven = float(np.median(np.abs(np.diff(t_s) * rate_hz - 1.0)))
+        if uneven > UNEVEN_RATIO and not tells_cells(tone_hz, rate_hz):
+            return None
+        return look_at(seen, t_s, 2.0 * np.pi * tone_hz * t_s, self._bands, tone_hz, rate_hz)
 
     def _why_not_mains(self, found: EnfEstimate, course: Course, light: Light | None) -> str:
         """Say why what was found isn't mains light; '' where it may be."""

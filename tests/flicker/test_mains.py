@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -153,6 +154,32 @@ def test_light_multiplies_and_runs_down_the_rows() -> None:
     slanted = np.exp(2j * np.pi * np.arange(4) * 0.4)
     assert light(level, 0.01 * level * ramp * slanted).why_not(3.3, is_steady=False)
     assert light(level, 0.01 * level * ramp**2).why_not(3.3, is_steady=False) == mains.TOO_LONG
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_alternates_from_frame_to_frame_is_claimed_by_nobody(seed: int) -> None:
+    """An encoder's doing: at 48 frames/s light at 60 Hz alternates as well."""
+    rng = np.random.default_rng(seed)
+    frames = np.arange(1100)
+    level = 80.0 + 30.0 * rng.uniform(size=(96, 8)) + 0.02 * rng.standard_normal((1100, 96, 8))
+    level += 0.2 * (-1.0) ** frames[:, None, None] * rng.standard_normal((96, 8))
+    assert not claims(level, frames / 48.0, track="stft").usable
+
+
+def test_key_frames_are_told_within_the_error_of_a_frequency() -> None:
+    rng = np.random.default_rng(0)
+    level = 80.0 * np.exp(rng.uniform(-0.7, 0.7, (24, 4)))
+    at_once, rate_hz = light(level, 0.01 * level), 30000 / 1001
+    off_hz = 0.01  # every third frame is at 99.9 Hz
+    told = [
+        mains.why_not(99.9 + times * off_hz, 50.0, rate_hz, wander.Wander(), known)
+        for times, known in (
+            (0.5, at_once),
+            (1.5, at_once),
+            (1.5, dataclasses.replace(at_once, hz_std=0.006)),
+        )
+    ]
+    assert told == [mains.KEYED, "", mains.KEYED]
 
 
 def test_a_grid_is_seldom_steady_and_never_restless() -> None:

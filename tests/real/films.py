@@ -1,9 +1,10 @@
 """What is claimed of films without mains light, and found in the same scenes under a weak lamp.
 
 ``python -m tests.real.films FIRST LAST --out FILE.jsonl`` films the scenes of
-:mod:`tests.real.scenes` with these seeds, dark and lit, and appends a line for each film and pair
-of methods; what has its line already is left out. ``--summary PICTURE.png`` only tells what the
-file holds: by method, false claims with their 95 % bound, shares found, errors over stated ones.
+:mod:`tests.real.scenes` with these seeds, dark and lit, lets every method of ``track`` and ``idle``
+look at the same rows, and appends a line for each film; what has its line already is left out. Then
+it tells of these seeds: false claims by method with their 95 % bound, and by the flicker's strength
+what is found, and errors over stated ones (z). ``--picture PICTURE.png`` draws both.
 """
 
 from __future__ import annotations
@@ -13,26 +14,38 @@ import itertools
 import json
 import math
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections import deque
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rsenf.api.recordings import read_recording
+from rsenf.flicker.follower import FlickerFollower
+from rsenf.flicker.lines import alias_hz
+from rsenf.flicker.second import FlickerSecond
+from rsenf.idle import METHODS as IDLE_METHODS
+from rsenf.idle import IdleSettings, make_idle
+from rsenf.messages import EnfEstimate, IdleEstimate, RowBlock
 from rsenf.rows.settings import AUTO, RowsSettings
-from tests.flicker.claims import Claims, at_most, claims
+from rsenf.track import METHODS as TRACK_METHODS
+from rsenf.track import TrackSettings, make_tracker
+from tests.flicker.claims import at_most
 from tests.real.scenes import Lamp, draw_scene, film
 
-PAIRS = ("projection+coherent", "stft+vertical_phase", "phase+line_ratio",
-         "row_concat+line_ratio_bins", "superpixel+", "frame_mean+", "paper+")  # fmt: skip
+STRIPS = 8
+WINDOW_S = 8.0  # of the methods that have one: the films are hardly longer
 WRONG_Z, WRONG_HZ, WRONG_IDLE = 5.0, 0.01, 0.01
+STILL_HZ = 1.0  # alias below which ten seconds don't tell flicker from texture
+STRENGTHS = (2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 3e-2)
 Line = dict[str, Any]
 
 
-def lines_of(seed: int, lit: bool, pairs: Sequence[str]) -> list[Line]:
-    """Film a scene and let methods look at it: a line for each pair of them."""
+def line_of(seed: int, lit: bool, methods: Sequence[str]) -> Line:
+    """Film a scene and let the methods look at it."""
     scene = draw_scene(seed, lit=lit)
     told: Line = {"seed": seed, "lit": lit, "kind": scene.kind, "rate": scene.rate}
     told |= {"coding": scene.coding, "noise": scene.noise, "seconds": round(scene.seconds, 2)}
@@ -40,28 +53,59 @@ def lines_of(seed: int, lit: bool, pairs: Sequence[str]) -> list[Line]:
         told["flicker_ratio"] = scene.lamp.flicker_ratio
         told["nominal_hz"] = scene.lamp.grid.nominal_hz
         told["idle_ratio"] = scene.lamp.idle_ratio
+        light_hz = 2.0 * scene.lamp.grid.nominal_hz
+        told["alias_hz"] = abs(alias_hz(light_hz, float(Fraction(scene.rate))))
     with tempfile.TemporaryDirectory() as folder:
         film(scene, path := Path(folder) / "film.mp4")
-        rows = RowsSettings(read_out_axis=AUTO, tile_means=any("superpixel" in p for p in pairs))
+        rows = RowsSettings(read_out_axis=AUTO, strips=STRIPS, tile_means=True)
         held = read_recording(path, rows=rows)
-    level = held.rows
-    if level.size:
-        told["moves_ratio"] = float(np.sqrt(level.var(axis=0).mean()) / max(level.mean(), 1.0))
-    out = []
-    for pair in pairs:
-        track, idle = pair.split("+")
-        found = claims(held, None, track, idle or "coherent")
-        line = told | {"pair": pair, track: _enf(found, scene.lamp)}
-        out.append(line | ({idle: _idle(found, scene.lamp)} if idle else {}))
-    return out
+    if held.rows.size:
+        deviation = float(np.sqrt(held.rows.var(axis=0).mean()))
+        told["moves_ratio"] = deviation / max(float(held.rows.mean()), 1.0)
+    told["said"] = dict(said_of(held.blocks, methods, scene.lamp))
+    return told
 
 
-def _enf(found: Claims, lamp: Lamp | None) -> Line:
+def said_of(
+    blocks: Sequence[RowBlock], methods: Sequence[str], lamp: Lamp | None
+) -> Iterator[tuple[str, Line]]:
+    """Let the methods look at rows, in which the flicker is followed once."""
+    follower = FlickerFollower()
+    heard = [*(follower.update(block) for block in blocks), follower.flush()]
+    for method in methods:
+        known = Followed(follower.origin_ns, deque(heard))
+        if method in IDLE_METHODS:
+            stage = make_idle(IdleSettings(method), known)
+        else:
+            stage = make_tracker(TrackSettings(method, window_s=WINDOW_S), known)
+        told = [one for block in blocks for one in stage.update(block)] + stage.flush()
+        if method in IDLE_METHODS:
+            yield method, _idle(told[-1] if told else IdleEstimate(reason="no frame"), lamp)
+        else:
+            yield method, _enf([one for one in told if one.rank == 0], lamp)
+
+
+class Followed:
+    """A follower of rows that have been followed."""
+
+    def __init__(self, origin_ns: int, heard: deque[list[FlickerSecond]]) -> None:
+        self.origin_ns, self._heard = origin_ns, heard
+
+    def update(self, block: RowBlock) -> list[FlickerSecond]:
+        """Take the next block; return the seconds that it completed."""
+        return self._heard.popleft()
+
+    def flush(self) -> list[FlickerSecond]:
+        """Return the seconds that were left."""
+        return self._heard.popleft()
+
+
+def _enf(track: Sequence[EnfEstimate], lamp: Lamp | None) -> Line:
     """What is said of the ENF, and how far off that is."""
-    usable = found.usable
-    told: Line = {"seconds": len(found.track), "usable": len(usable)}
+    usable = [e for e in track if e.usable]
+    told: Line = {"seconds": len(track), "usable": len(usable)}
     if not usable:
-        return told | {"reason": found.track[0].reason if found.track else "too short"}
+        return told | {"reason": track[0].reason if track else "too short"}
     hz = np.array([e.enf_hz for e in usable])
     std_hz = np.sqrt([max(e.enf_var_hz2, 1e-18) for e in usable])
     told |= {"enf_hz": float(hz.mean()), "enf_std_hz": float(std_hz.mean())}
@@ -72,14 +116,14 @@ def _enf(found: Claims, lamp: Lamp | None) -> Line:
     return told
 
 
-def _idle(found: Claims, lamp: Lamp | None) -> Line:
+def _idle(found: IdleEstimate, lamp: Lamp | None) -> Line:
     """What is said of the idle period, and how far off that is."""
-    told: Line = {"verdict": found.idle.verdict, "reason": found.idle.reason}
-    if found.idle.verdict == "estimated":
-        std = max(found.idle.idle_ratio_std, 1e-9)
-        told |= {"idle_ratio": found.idle.idle_ratio, "idle_ratio_std": std}
+    told: Line = {"verdict": found.verdict, "reason": found.reason}
+    if found.verdict == "estimated":
+        std = max(float(np.sqrt(found.idle_ratio_var)), 1e-9)
+        told |= {"idle_ratio": found.idle_ratio, "idle_ratio_std": std}
         if lamp:
-            off = found.idle.idle_ratio - lamp.idle_ratio
+            off = found.idle_ratio - lamp.idle_ratio
             told |= {"off": off, "z": off / std}
     return told
 
@@ -100,35 +144,36 @@ def is_wrong(said: Line) -> bool:
     return bool(abs(said.get("z", 0.0)) > WRONG_Z and abs(said["off"]) > WRONG_IDLE)
 
 
-def by_method(lines: Iterable[Line]) -> dict[str, list[tuple[Line, Line]]]:
-    """All that each method said, with what of."""
-    out: dict[str, list[tuple[Line, Line]]] = {}
-    for line in lines:
-        for method in filter(None, line["pair"].split("+")):
-            out.setdefault(method, []).append((line, line[method]))
-    return out
+def by_method(lines: Sequence[Line]) -> Iterator[tuple[str, list[tuple[Line, Line]]]]:
+    """Yield all that each method said, with what of."""
+    for method in (*TRACK_METHODS, *IDLE_METHODS):
+        if said := [(line, line["said"][method]) for line in lines if method in line["said"]]:
+            yield method, said
 
 
 def summary(lines: Sequence[Line]) -> None:
-    """Print what is claimed by each method."""
-    for method, said in by_method(lines).items():
-        dark = [s for s in said if not s[0]["lit"]]
-        lit = [s for s in said if s[0]["lit"]]
-        false = [line for line, told in dark if is_claimed(told)]
-        right = [told for _, told in lit if is_claimed(told)]
-        wrong = [line for line, told in lit if is_claimed(told) and is_wrong(told)]
-        bound = 100 * at_most(len(false), len(dark))
-        z = [abs(told.get("rms_z", told.get("z", math.nan))) for told in right]
-        print(
-            f"{method:15s} dark: {len(false)} false in {len(dark)} (95 % bound {bound:.2f} %); "
-            f"lit: {len(right)} found of {len(lit)}, z {np.median(z) if z else math.nan:.2f}, "
-            f"over 3 in {sum(x > 3 for x in z)}, surely wrong {len(wrong)}"
-        )
-        for what, some in (("false", false), ("wrong", wrong)):
-            for line in some:
-                about = {k: v for k, v in line[method].items() if k != "seconds"}
-                place = f"{line['kind']} {line['seed']} {line['rate']} {line['coding']}"
-                print(f"    {what} {place} {line.get('flicker_ratio', 0):.2g} {about}")
+    """Print what is claimed falsely, and found of flicker that moves from frame to frame."""
+    bins = list(itertools.pairwise(STRENGTHS))
+    print("found of films by flicker in % (median z); false in dark films (95 % bound)")
+    heads = [f"{100 * low:g}–{100 * high:g}" for low, high in bins]
+    print(" ".join([f"{'':15s}", *(f"{head:>15s}" for head in heads), "  false"]))
+    for method, said in by_method(lines):
+        dark = [told for line, told in said if not line["lit"]]
+        moving = [s for s in said if s[0]["lit"] and s[0]["alias_hz"] > STILL_HZ]
+        cells = []
+        for low, high in bins:
+            own = [told for line, told in moving if low <= line["flicker_ratio"] < high]
+            z = [abs(told.get("rms_z") or told["z"]) for told in own if is_claimed(told)]
+            cells.append(f"{len(z)}/{len(own)}" + (f" ({np.median(z):.2f})" if z else ""))
+        false = sum(is_claimed(told) for told in dark)
+        bound = f"{false} of {len(dark)} ({100 * at_most(false, len(dark)):.2f} %)"
+        print(" ".join([f"{method:15s}", *(f"{cell:>15s}" for cell in cells), " ", bound]))
+    for method, said in by_method(lines):
+        for line, told in said:
+            if is_claimed(told) and (not line["lit"] or is_wrong(told)):
+                what = f"wrong at {100 * line['flicker_ratio']:.2g} %" if line["lit"] else "false"
+                place = f"{line['kind']} {line['seed']}, {line['rate']} frames/s, {line['coding']}"
+                print(f"{method} {what}: {place}: {told}")
 
 
 def picture(lines: Sequence[Line], path: Path) -> None:
@@ -140,15 +185,13 @@ def picture(lines: Sequence[Line], path: Path) -> None:
 
     figure, axes = plt.subplots(1, 2, figsize=(11, 4), layout="constrained")
     for axis, lit, strength in ((axes[0], True, "flicker_ratio"), (axes[1], False, "moves_ratio")):
-        for method, said in by_method(lines).items():
-            own = [s for s in said if s[0]["lit"] == lit and s[0].get(strength)]
-            at = np.array([line[strength] for line, _ in own])
+        edges = np.array(STRENGTHS) if lit else np.geomspace(1e-4, 1.0, 9)
+        for method, said in by_method(lines):
+            own = [s for s in said if s[0]["lit"] == lit]
+            at = np.array([line.get(strength, 0.0) for line, _ in own])
             claimed = np.array([is_claimed(told) for _, told in own])
-            edges = np.geomspace(2e-4, 3e-2, 8) if lit else np.geomspace(1e-4, 1.0, 9)
-            shares = [
-                100 * claimed[inside].mean() if (inside := (at >= a) & (at < b)).any() else np.nan
-                for a, b in itertools.pairwise(edges)
-            ]
+            inside = [(at >= a) & (at < b) for a, b in itertools.pairwise(edges)]
+            shares = [100 * claimed[i].mean() if i.any() else math.nan for i in inside]
             axis.semilogx(100 * np.sqrt(edges[1:] * edges[:-1]), shares, "o-", label=method)
         axis.set_ylabel("found, % of films" if lit else "false claims, % of films")
         axis.set_ylim(-2, 102 if lit else None)
@@ -158,37 +201,40 @@ def picture(lines: Sequence[Line], path: Path) -> None:
     figure.savefig(path, dpi=120)
 
 
-def main() -> None:
+def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.real.films", description=__doc__)
     parser.add_argument("first", type=int)
     parser.add_argument("last", type=int, help="seeds end before this one")
     parser.add_argument("--out", type=Path, required=True, help="file of JSON lines")
-    parser.add_argument("--pairs", nargs="+", default=PAIRS[:1], choices=(*PAIRS, "all"))
+    every = (*TRACK_METHODS, *IDLE_METHODS)
+    parser.add_argument("--methods", nargs="+", default=every, choices=every)
     parser.add_argument("--only", choices=("dark", "lit"))
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--summary", type=Path, help="picture; nothing is filmed")
-    asked = parser.parse_args()
-    pairs = PAIRS if "all" in asked.pairs else asked.pairs
-    held = asked.out.read_text().splitlines() if asked.out.exists() else []
-    lines = [json.loads(line) for line in held]
-    if asked.summary:
-        lines = [line for line in lines if asked.first <= line["seed"] < asked.last]
-        summary(lines)
-        picture(lines, asked.summary)
-        return
-    done = {(line["seed"], line["lit"], line["pair"]) for line in lines}
+    parser.add_argument("--picture", type=Path)
+    asked = parser.parse_args(argv)
+    seeds = range(asked.first, asked.last)
+    lines = _lines(asked.out)
+    done = {(line["seed"], line["lit"], method) for line in lines for method in line["said"]}
     with ProcessPoolExecutor(asked.jobs) as pool, asked.out.open("a") as out:
         running = [
-            pool.submit(lines_of, seed, lit, left)
-            for seed in range(asked.first, asked.last)
+            pool.submit(line_of, seed, lit, left)
+            for seed in seeds
             for lit in (False, True)
             if asked.only != ("dark" if lit else "lit")
-            if (left := [pair for pair in pairs if (seed, lit, pair) not in done])
+            if (left := [m for m in asked.methods if (seed, lit, m) not in done])
         ]
         for each in as_completed(running):
-            for line in each.result():
-                out.write(json.dumps(line) + "\n")
+            out.write(json.dumps(each.result()) + "\n")
             out.flush()
+    lines = [line for line in _lines(asked.out) if line["seed"] in seeds]
+    summary(lines)
+    if asked.picture:
+        picture(lines, asked.picture)
+
+
+def _lines(path: Path) -> list[Line]:
+    held = path.read_text().splitlines() if path.exists() else []
+    return [json.loads(line) for line in held]
 
 
 if __name__ == "__main__":

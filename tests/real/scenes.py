@@ -98,7 +98,7 @@ def draw_scene(seed: int, *, lit: bool, kind: str = "") -> Scene:
     """Draw a scene; the same seed is the same scene, lit or not, but for the noise that dithers."""
     kind = kind or list(KINDS)[seed % len(KINDS)]
     rng = _rng(seed, "scene")
-    rate, seconds = str(rng.choice(RATES)), float(rng.uniform(10.0, 18.0))
+    rate, seconds = str(rng.choice(RATES)), float(rng.uniform(8.5, 12.0))
     lossless = rng.uniform() < LOSSLESS_SHARE
     coding = "lossless" if lossless else str(rng.choice(list(ALL_CODINGS)))
     noise = float(rng.choice([0.0, 0.0, 0.5, 2.0]))
