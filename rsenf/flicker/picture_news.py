@@ -38,8 +38,8 @@ class News:
     """By how much each picture differs from those just before, in a stream of rows."""
 
     def __init__(self) -> None:
-        self._last: Float | None = None
-        self._first: Float | None = None  # levels of the first picture
+        self._last: NDArray[np.floating] | None = None
+        self._first: NDArray[np.floating] | None = None  # levels of the first picture
         self.chance = 0.0  # variance of what comes out, relative to its square, by chance alone
 
     def of(self, level: NDArray[np.floating]) -> Float:
@@ -55,21 +55,21 @@ class News:
         # each row is brought to the same brightness.
         bright = np.maximum(level[:, ORDER // 2 : -ORDER // 2], LEAST_LEVEL)
         if self._first is None or self._first.shape != bright.shape[1:]:
-            self._first = np.asarray(bright[0], np.float64)
-        sharp = np.diff(np.asarray(level, np.float64), ORDER, axis=1) * (self._first / bright)
+            self._first = bright[0].copy()
+        sharp = np.diff(level, ORDER, axis=1)
+        sharp *= self._first / bright
         before, self.chance = max(LAGS), CHANCE / max(sharp[0].size, 1)
         if self._last is None or self._last.shape[1:] != sharp.shape[1:]:
             self._last = np.repeat(sharp[:1], before, axis=0)
         all_of = np.concatenate([self._last, sharp])
         self._last = all_of[-before:]
         frames = len(sharp)
-        return np.stack(
-            [
-                np.mean((sharp - all_of[before - lag : before - lag + frames]) ** 2, axis=(1, 2))
-                for lag in LAGS
-            ],
-            axis=1,
-        )
+        out = np.empty((frames, len(LAGS)))
+        for column, lag in enumerate(LAGS):
+            apart = sharp - all_of[before - lag : before - lag + frames]
+            apart *= apart
+            out[:, column] = apart.mean(axis=(1, 2))
+        return out
 
 
 def find_remade(stamp_s: Float, news: Float, shown_hz: float, chance: float) -> Conversion | None:
