@@ -158,6 +158,16 @@ def test_planes_are_not_kept() -> None:
     np.testing.assert_allclose(block.level[0], expected, rtol=1e-6)
 
 
+@pytest.mark.parametrize(("axis", "shape"), [("rows", (64, 7)), ("columns", (7, 64))])
+def test_a_picture_narrower_than_its_tiles_is_one_strip(axis: str, shape: tuple[int, int]) -> None:
+    luma = noise(6, shape)
+    (block,) = blocks([frame(0, luma)], RowsSettings(read_out_axis=axis, tile_means=True))
+    assert (block.strips, block.tiles) == (1, 1)
+    across = luma.mean(axis=1 if axis == "rows" else 0)
+    np.testing.assert_allclose(block.level[0, :, 0], across, rtol=1e-6)
+    assert (block.kept_px == 7).all()
+
+
 def test_settings_that_do_not_fit() -> None:
     with pytest.raises(UsageError, match="strips"):
         RowsSettings(strips=3)
