@@ -121,6 +121,9 @@ class Rows:
                 _paint_over(sums, mask.background * cut.tile_px, mask, steady)
                 of_bands = _by_strip(steady * cut.tile_px, cut.strips)
                 kept_px = mask.rows_of(of_bands).astype(np.uint32).T.copy()
+            offset = mask.levelling.of_block(len(sums))
+            if offset is not None:
+                sums += offset * cut.tile_px
         level = np.empty((len(sums), *kept_px.shape), np.float32)
         by_strip = _by_strip(sums, cut.strips)
         np.divide(by_strip, cut.strip_px, out=level.transpose(0, 2, 1))
