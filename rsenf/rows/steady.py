@@ -106,8 +106,8 @@ class SteadyMask:
         seen, light = (np.concatenate(x) for x in ((self._cells, cells), (self._gain, gain)))
         quick, rise = _beside_line(seen - light[:, None] * floor)
         usual = np.maximum(MIN_DEVIATION_LEVEL, SPREADS * self._spread)
-        steady = (np.abs(quick).max(axis=0) <= usual) & (self._spread <= RESTLESS_LEVEL)
-        steady &= np.abs(rise) <= SLOW_LEVEL
+        quiet = (np.abs(quick).max(axis=0) <= usual) & (self._spread <= RESTLESS_LEVEL)
+        steady = np.asarray(quiet & (np.abs(rise) <= SLOW_LEVEL))
         self._learn_spread(quick, steady, first)
         flat = _mean_of_frames(level / self.rows_of(gain)[:, None])
         self._learn_background(flat, steady, _mean_of_frames(gain))
@@ -117,17 +117,17 @@ class SteadyMask:
     def _common_factor(self, cells: Float32Array, floor: Float32Array) -> Float32Array:
         """Brightness of each band over its background's, (frames, bands)."""
         ratio = (cells / floor).transpose(0, 2, 1)
-        gain = np.maximum(median_of_few(ratio), 1e-3)
+        gain = np.asarray(np.maximum(median_of_few(ratio), 1e-3))
         off = np.abs(cells - gain[:, None] * floor)
         if not self._gain.size or (self._steady.all() and off.max() <= MIN_DEVIATION_LEVEL):
             return gain
         # Where much moves the most common factor may be a coat's: it is where it was before.
         usual = _mean_of_frames(self._gain)[:, None]
         trust = np.where(self._steady, 1.0, DOUBTED).T / (1.0 + ((ratio / usual - 1.0) / NEAR) ** 2)
-        gain = np.maximum(_weighted_median(ratio, trust), 1e-3)
+        gain = np.asarray(np.maximum(_weighted_median(ratio, trust), 1e-3))
         lost = ~self._steady.any(axis=0)  # nothing tells how bright the light is now
         gain[:, lost] *= usual[lost, 0] / _mean_of_frames(gain)[lost]
-        return np.asarray(gain)
+        return gain
 
     def _learn_spread(self, quick: Float32Array, steady: NDArray[np.bool_], first: bool) -> None:
         # Learnt only where nothing moves, or motion would soon count as usual.
