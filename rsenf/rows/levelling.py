@@ -7,7 +7,7 @@ import numpy as np
 from rsenf.messages.schema import Float32Array
 
 # In this many blocks an offset goes back to nothing, or nearly (1/e); and then it is nothing.
-FADES_BLOCKS, NOTHING_LEVEL = 20.0, 0.01
+FADES_BLOCKS, NOTHING_LEVEL = 10.0, 0.01
 
 
 class Levelling:

@@ -104,13 +104,14 @@ class SteadyMask:
         floor = np.maximum(self.band_means(self._background), 1.0)
         gain = self._common_factor(cells, floor)
         seen, light = (np.concatenate(x) for x in ((self._cells, cells), (self._gain, gain)))
-        quick, rise = _beside_line(seen - light[:, None] * floor)
+        bright = _mean_of_frames(gain)
+        quick, rise = _beside_line(seen * (bright / light)[:, None])
         usual = np.maximum(MIN_DEVIATION_LEVEL, SPREADS * self._spread)
         quiet = (np.abs(quick).max(axis=0) <= usual) & (self._spread <= RESTLESS_LEVEL)
         steady = np.asarray(quiet & (np.abs(rise) <= SLOW_LEVEL))
         self._learn_spread(quick, steady, first)
         flat = _mean_of_frames(level / self.rows_of(gain)[:, None])
-        self._learn_background(flat, steady, _mean_of_frames(gain))
+        self._learn_background(flat, steady, bright)
         self._cells, self._gain, self._steady = cells[-LAST_FRAMES:], gain[-LAST_FRAMES:], steady
         return steady
 
@@ -154,12 +155,13 @@ def _weighted_median(values: Float32Array, weight: NDArray[np.floating]) -> Floa
     return np.take_along_axis(values, np.take_along_axis(order, middle, -1), -1)[..., 0]
 
 
-def _beside_line(off: Float32Array) -> tuple[Float32Array, Float32Array]:
+def _beside_line(course: Float32Array) -> tuple[Float32Array, Float32Array]:
     """Return what a straight line over the frames leaves of each cell, and the line's rise."""
-    place = np.linspace(-0.5, 0.5, len(off), dtype=np.float32)
+    place = np.arange(len(course), dtype=np.float32) / max(len(course) - 1, 1)
+    place -= place.mean()
     line = place[:, None, None]
-    rise = np.add.reduce(line * off, axis=0) / max(np.add.reduce(place**2), 1e-9)
-    return off - _mean_of_frames(off) - line * rise, np.asarray(rise)
+    rise = np.add.reduce(line * course, axis=0) / max(np.add.reduce(place**2), 1e-9)
+    return course - _mean_of_frames(course) - line * rise, np.asarray(rise)
 
 
 def _mean_of_frames(of: Float32Array) -> Float32Array:

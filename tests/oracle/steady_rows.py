@@ -72,10 +72,11 @@ class SlowRows:
         floor = np.maximum(band_means(self._background), 1.0)
         gain = self._common_factor(cells, floor, first=first)
         seen, light = np.concatenate([self._cells, cells]), np.concatenate([self._gain, gain])
-        off = seen - light[:, :, None] * floor
-        place = np.linspace(-0.5, 0.5, len(off), dtype=np.float32)[:, None, None]
-        rise = (place * off).sum(axis=0) / (place**2).sum()
-        quick = off - off.mean(axis=0) - place * rise
+        evenly = seen * (gain.mean(axis=0) / light)[:, :, None]
+        place = np.arange(len(evenly), dtype=np.float32) / max(len(evenly) - 1, 1)
+        place = (place - place.mean())[:, None, None]
+        rise = (place * evenly).sum(axis=0) / (place**2).sum()
+        quick = evenly - evenly.mean(axis=0) - place * rise
         usual = np.maximum(steady.MIN_DEVIATION_LEVEL, steady.SPREADS * self._spread)
         quiet = np.max(np.abs(quick), axis=0) <= usual
         quiet &= (self._spread <= steady.RESTLESS_LEVEL) & (np.abs(rise) <= steady.SLOW_LEVEL)
