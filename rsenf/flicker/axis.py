@@ -29,8 +29,9 @@ SEARCH_HZ = 1.0
 TURNS_STEP, FREQUENCY_STEP = 0.25, 0.25
 # Of a ramp over the noise in a cell: noise alone reaches it in one search of 10^7.
 MIN_SNR = 25.0
-# Of the ramp over the one that turns the other way, and of one axis over the other.
-MIN_CONTRAST = 4.0
+# Of the ramp over the one that turns the other way, over those beside it (from so many cells on),
+# and of one axis over the other.
+MIN_CONTRAST, BESIDE = 4.0, 2.5
 # Power of a ramp with an amplitude of two thousandths of the light: less may be a codec's doing.
 MIN_POWER = 4e-6
 # Darker than this (levels) a band is noise over nothing.
@@ -46,22 +47,34 @@ def find_axis(by_rows: Sequence[RowBlock], by_columns: Sequence[RowBlock]) -> st
         'rows' or 'columns'; empty when no ramp of flicker shows along either, or when both are
         about as strong.
     """
-    rows, columns = ramp_power(by_rows), ramp_power(by_columns)
-    if columns > MIN_CONTRAST * rows:
-        return "columns"
-    return "rows" if rows > MIN_CONTRAST * columns else ""
+    # What moves may look like a ramp that stands still, but hardly like one that turns.
+    for rows, columns in zip(ramp_powers(by_rows), ramp_powers(by_columns), strict=True):
+        if columns > MIN_CONTRAST * rows:
+            return "columns"
+        if rows > MIN_CONTRAST * columns:
+            return "rows"
+    return ""
 
 
-def ramp_power(blocks: Sequence[RowBlock]) -> float:
-    """Power of the strongest ramp of flicker that surely is one, relative to the light's; or 0."""
+def ramp_powers(blocks: Sequence[RowBlock]) -> tuple[float, float]:
+    """Power of the strongest ramps of flicker that surely are some, relative to the light's; or 0.
+
+    Of one that turns from frame to frame, and of one that may stand still.
+    """
     t_s, level = _bands(blocks)
     if t_s.size < 2 or t_s[-1] <= 0 or level.shape[1] < 4:
-        return 0.0
+        return 0.0, 0.0
     frame_rate_hz = (t_s.size - 1) / float(t_s[-1])
     mean = level.mean(axis=0)
     # Relative to each band's mean: what the scene reflects is divided out.
     relative = np.where(mean > MIN_LEVEL, level / np.maximum(mean, MIN_LEVEL) - 1.0, 0.0)
-    return max(_at_grid(Line(hz, 1, 0), relative, t_s, frame_rate_hz) for hz in (50.0, 60.0))
+    turning = standing = 0.0
+    for line in (Line(50.0, 1, 0), Line(60.0, 1, 0)):
+        stands_still = abs(line.alias_hz(frame_rate_hz)) <= SEARCH_HZ
+        power = _at_grid(line, relative, t_s, frame_rate_hz, stands_still=stands_still)
+        turning = max(turning, 0.0 if stands_still else power)
+        standing = max(standing, power if stands_still else 0.0)
+    return turning, standing
 
 
 def _bands(blocks: Sequence[RowBlock]) -> tuple[Float, Float]:
@@ -77,7 +90,9 @@ def _bands(blocks: Sequence[RowBlock]) -> tuple[Float, Float]:
     return (pts_ns - pts_ns[0]) / NS_PER_S, np.add.reduceat(level, starts, axis=1) / sizes
 
 
-def _at_grid(line: Line, relative: Float, t_s: Float, frame_rate_hz: float) -> float:
+def _at_grid(
+    line: Line, relative: Float, t_s: Float, frame_rate_hz: float, *, stands_still: bool
+) -> float:
     """Power of the strongest ramp near a grid's alias; 0 for none that surely is one."""
     duration_s = float(t_s[-1])
     weights = np.sin(np.pi * t_s / duration_s) ** 2
@@ -88,12 +103,13 @@ def _at_grid(line: Line, relative: Float, t_s: Float, frame_rate_hz: float) -> f
     ramps = _ramps(relative.shape[1], line.turns(frame_rate_hz))
     down, up = (np.abs(tones @ r) ** 2 for r in (ramps, ramps.conj()))
     noise = max(float(np.median(p)) / np.log(2.0) for p in (down, up))
-    stands_still = abs(line.alias_hz(frame_rate_hz)) <= SEARCH_HZ
     found = 0.0
     for power, mirrored in ((down, up), (up, down)):
         at = np.unravel_index(np.argmax(power), power.shape)
-        rival = 0.0 if stands_still else MIN_CONTRAST * mirrored[at]
-        if power[at] > max(MIN_SNR * noise, rival, MIN_POWER):
+        # What moves makes ramps as well, but at all frequencies.
+        beside = power[np.abs(offsets_hz - offsets_hz[at[0]]) > BESIDE / duration_s, at[1]]
+        rival = max(0.0 if stands_still else float(mirrored[at]), float(beside.max(initial=0.0)))
+        if power[at] > max(MIN_SNR * noise, MIN_CONTRAST * rival, MIN_POWER):
             found = max(found, float(power[at]))
     return found
 

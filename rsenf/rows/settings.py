@@ -24,7 +24,7 @@ class RowsSettings:
     block_frames : int
         Frames in a block; blocks begin at multiples of it.
     strips : int
-        Strips published.
+        Strips published: flicker has one phase along a row, patterns seldom do.
     tiles : int
         Tiles that the mask decides on, a multiple of the strips.
     mask : bool
@@ -38,7 +38,7 @@ class RowsSettings:
 
     read_out_axis: ReadOut = "rows"
     block_frames: int = 8
-    strips: int = 2
+    strips: int = 8
     tiles: int = 8
     mask: bool = True
     tile_means: bool = False

@@ -95,7 +95,7 @@ class Rows:
             read_out_axis=s.read_out_axis,
             frames=len(headers),
             rows=cut.rows,
-            strips=s.strips,
+            strips=cut.strips,
             frame_number=np.array([h.frame_first for h in headers], np.int64),
             frame_pts_ns=np.array([h.pts_ns for h in headers], np.int64),
             level=level,
@@ -119,10 +119,13 @@ class Rows:
             steady = mask.update(sums / cut.tile_px)
             if not steady.all():
                 _paint_over(sums, mask.background * cut.tile_px, mask, steady)
-                of_bands = _by_strip(steady * cut.tile_px, self.settings.strips)
+                of_bands = _by_strip(steady * cut.tile_px, cut.strips)
                 kept_px = mask.rows_of(of_bands).astype(np.uint32).T.copy()
+            offset = mask.levelling.of_block(len(sums))
+            if offset is not None:
+                sums += offset * cut.tile_px
         level = np.empty((len(sums), *kept_px.shape), np.float32)
-        by_strip = _by_strip(sums, self.settings.strips)
+        by_strip = _by_strip(sums, cut.strips)
         np.divide(by_strip, cut.strip_px, out=level.transpose(0, 2, 1))
         return level, kept_px
 
@@ -149,6 +152,10 @@ class _Cut:
 
     def __init__(self, size_px: tuple[int, int], settings: RowsSettings) -> None:
         tiles, strips = settings.tiles, settings.strips
+        across_px = size_px[0] if settings.read_out_axis == "columns" else size_px[1]
+        if across_px < tiles:  # narrower than what it would be cut into: one piece
+            tiles = strips = 1
+        self.strips = strips
         self.tiles = tiles if settings.mask or settings.tile_means else strips
         self.rows, in_row = tile_pixels(*size_px, settings.read_out_axis, self.tiles)
         self.tile_px = in_row.astype(np.float32)[:, None]

@@ -92,7 +92,8 @@ def test_without_mains_light_nothing_is_claimed() -> None:
 
 def test_something_moves() -> None:
     steady = [b.steady_ratio for b in data("moving", RowBlock)]
-    assert min(steady) < 0.6
+    # The box is in two of four bands, and passes three or four of eight tiles in a block.
+    assert 0.7 < min(steady) < 0.8
     assert min(b.steady_ratio for b in data("still_2997", RowBlock)) > 0.9
 
 

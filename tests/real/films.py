@@ -36,7 +36,6 @@ from rsenf.track import TrackSettings, make_tracker
 from tests.flicker.claims import at_most
 from tests.real.scenes import Lamp, draw_scene, film
 
-STRIPS = 8
 WINDOW_S = 8.0  # of the methods that have one: the films are hardly longer
 WRONG_Z, WRONG_HZ, WRONG_IDLE = 5.0, 0.01, 0.01
 STILL_HZ = 1.0  # alias below which ten seconds don't tell flicker from texture
@@ -57,7 +56,7 @@ def line_of(seed: int, lit: bool, methods: Sequence[str]) -> Line:
         told["alias_hz"] = abs(alias_hz(light_hz, float(Fraction(scene.rate))))
     with tempfile.TemporaryDirectory() as folder:
         film(scene, path := Path(folder) / "film.mp4")
-        rows = RowsSettings(read_out_axis=AUTO, strips=STRIPS, tile_means=True)
+        rows = RowsSettings(read_out_axis=AUTO, tile_means=True)
         held = read_recording(path, rows=rows)
     if held.rows.size:
         deviation = float(np.sqrt(held.rows.var(axis=0).mean()))

@@ -96,13 +96,16 @@ def test_moving_box_is_left_out_and_the_rows_stay_where_they_were() -> None:
     assert error_masked < 0.1 * error_plain
 
 
+@pytest.mark.parametrize("strips", [2, 8])
 @pytest.mark.parametrize("axis", ["rows", "columns"])
 @pytest.mark.parametrize(
     ("shape", "padded"), [((128, 256), 0), ((128, 256), 64), ((70, 250), 6)]
 )  # whole tiles in a row of memory; padding after each row; tiles that differ by a pixel
-def test_same_bits_as_the_obvious_way(axis: str, shape: tuple[int, int], padded: int) -> None:
-    slow, frames = SlowRows(axis, 2), flickering(96, box=True, shape=shape)
-    stage = Rows(RowsSettings(read_out_axis=axis))
+def test_same_bits_as_the_obvious_way(
+    axis: str, shape: tuple[int, int], padded: int, strips: int
+) -> None:
+    slow, frames = SlowRows(axis, strips), flickering(96, box=True, shape=shape)
+    stage = Rows(RowsSettings(read_out_axis=axis, strips=strips))
     moved = 0
     for first in range(0, len(frames), 8):
         planes = [np.pad(f.luma, ((0, 0), (0, padded))) for f in frames[first : first + 8]]
@@ -147,12 +150,22 @@ def test_black_and_white_pictures_are_not_usable() -> None:
 def test_planes_are_not_kept() -> None:
     """The plane may be a view of memory that is used again: blocks must not look at it later."""
     luma = noise(3, (32, 64))
-    expected = row_means(luma, "rows", 2)
+    expected = row_means(luma, "rows", 8)
     stage = Rows()
     stage.update(frame(0, luma))
     luma[:] = 0
     (block,) = stage.flush()
     np.testing.assert_allclose(block.level[0], expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("axis", "shape"), [("rows", (64, 7)), ("columns", (7, 64))])
+def test_a_picture_narrower_than_its_tiles_is_one_strip(axis: str, shape: tuple[int, int]) -> None:
+    luma = noise(6, shape)
+    (block,) = blocks([frame(0, luma)], RowsSettings(read_out_axis=axis, tile_means=True))
+    assert (block.strips, block.tiles) == (1, 1)
+    across = luma.mean(axis=1 if axis == "rows" else 0)
+    np.testing.assert_allclose(block.level[0, :, 0], across, rtol=1e-6)
+    assert (block.kept_px == 7).all()
 
 
 def test_settings_that_do_not_fit() -> None:
