@@ -12,6 +12,7 @@ import numpy as np
 from rsenf.match.calibration import calibration
 from rsenf.match.clip_phase import ClipPhase, clip_phase
 from rsenf.match.evidence import verbal
+from rsenf.match.generic_grid import generic_log_likelihood, no_grid_log_likelihood
 from rsenf.match.matcher import ENOUGH_COVERAGE, Finding, claimed_lag_s, start_ns
 from rsenf.match.phase_search import (
     APART_S,
@@ -28,7 +29,15 @@ from rsenf.match.settings import MatchSettings
 from rsenf.messages import Candidate
 
 LN10 = math.log(10.0)
+# How likely it is beforehand that a clip's estimates follow no grid at all, whatever is stated of
+# them.
+NO_GRID_SHARE = 0.1
 SURE_STDS = 2.5  # a match names its second: so many standard errors are within the tolerance
+NO_FIT = "no time fits, but the clip isn't shown to follow any grid, so it can exclude none"
+NO_EXCLUSION = (
+    "evidence against a time is capped: a grid's course explains these estimates hardly better "
+    "than errors do"
+)
 CLAIM_STEP_S = 0.25  # between the lags at which a claim is looked at
 
 
@@ -58,12 +67,18 @@ def match_phase(
             reason="at no time do the clip and the reference share enough valid seconds",
             coverage_ratio=found.coverage_ratio,
         )
-    raw, lines = weigh(found), calibration()
-    claim, claim_other = _claims(found, grids, settings, claimed_utc_ns)
-    other, absent = lines.other(raw.other), lines.absent(raw.absent)
+    raw, lines, least = weigh(found), calibration(), least_log10_lr(clip)
+    claims = _claims(found, grids, settings, claimed_utc_ns)
+    claim, claim_other = (max(lines.claim(claim), least) for claim in claims)
+    other, fits = lines.other(raw.other), lines.absent(raw.absent)
+    absent = max(fits, least)
     best = found.places[0]
     clocks = found.clocks(found.places[: max(settings.candidates, 1)])
     decision, reason = _decide(found, other, absent, settings)
+    warnings = []
+    if -settings.min_log10_lr < least and min(fits, *map(lines.claim, claims)) < least:
+        warnings = [NO_EXCLUSION]
+        reason = NO_FIT if fits <= -settings.min_log10_lr else reason
     return Finding(
         decision=decision,
         reason=reason,
@@ -72,14 +87,27 @@ def match_phase(
         lag_std_s=best.lag_std_s,
         log10_lr=other,
         log10_lr_absent=absent,
-        claim_log10_lr=lines.claim(claim),
-        claim_log10_lr_other=lines.claim(claim_other),
+        claim_log10_lr=claim,
+        claim_log10_lr_other=claim_other,
         search_size=found.lags,
         coverage_ratio=found.coverage_ratio,
         verbal=verbal(min(other, absent)),
         candidates=_candidates(found, clocks, track, clip, grids, settings),
+        warnings=tuple(warnings),
         **_fit(best, clocks[best], grids[best.grid], track, settings),
     )
+
+
+def least_log10_lr(clip: ClipPhase) -> float:
+    """Return the least likelihood ratio that a clip can bring against any time, as a log10.
+
+    Estimates that follow no grid are as likely at one time as at another. So nothing weighs more
+    against a time than that they do follow one, which is for the clip itself to show: by a course
+    that a grid is likelier to take than anything else is.
+    """
+    shown = generic_log_likelihood(clip) - no_grid_log_likelihood(clip)
+    odds = float(shown[1:] @ clip.linked[1:]) + math.log(1.0 / NO_GRID_SHARE - 1.0)
+    return float(-np.logaddexp(0.0, odds)) / LN10
 
 
 def weigh(found: PhaseSearch) -> Raw:
