@@ -71,7 +71,13 @@ class ClipPhase:
 
     def between(self, start: int, stop: int) -> ClipPhase:
         """Return a part of it, on the same clock."""
-        own = slice(start, stop)
+        return self._of(slice(start, stop))
+
+    def only(self, own: NDArray[np.bool_]) -> ClipPhase:
+        """Return some of it; the way of a sum over the others is lost."""
+        return self if own.all() else self._of(own)
+
+    def _of(self, own: slice | NDArray[np.bool_]) -> ClipPhase:
         return ClipPhase(
             self.t_s[own], self.phase_rad[own], self.var_rad2[own], self.walk_rad2[own],
             self.hop_s, self.nominal_hz,

@@ -7,14 +7,15 @@ isn't known either; the clip's errors are as at a lag.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
 
 from rsenf.flicker.grid_prior import wander_rad2
 from rsenf.match.clip_phase import RAD_PER_CYCLE, ClipPhase
-from rsenf.match.phase_filter import UNKNOWN_RAD2, clip_errors
+from rsenf.match.phase_filter import UNKNOWN_RAD2, blocks_of, clip_errors
 from rsenf.messages.schema import FloatArray
 
 BLOCK = 600  # phases that are looked at together; stretches count as independent
@@ -23,6 +24,7 @@ MEAN_STD_HZ = 0.03  # of the ENF's mean over a clip about the nominal, clock err
 TURN_RAD = 2.0 * np.pi
 # Of frequencies that no grid made, which an estimator smoothed: standard deviation and memory.
 NO_GRID_HZ, NO_GRID_S = (0.005, 0.01, 0.02, 0.04), (2.0, 8.0, 30.0)
+BAD_SHARE = 0.05  # of blocks, that follow no grid
 LIVELINESS = ((0.5, 0.25), (1.0, 0.5), (2.0, 0.25))
 
 
@@ -91,6 +93,31 @@ def _block(held: bytes, hop_s: float) -> FloatArray:
     """
     t_s, phase_rad, var_rad2, walk_rad2 = np.frombuffer(held).reshape(4, -1)
     clip = ClipPhase(t_s, phase_rad, var_rad2, walk_rad2, hop_s, np.nan)
+    found, log_weight = _by_model(clip, LIVELINESS)
+    block, no_grid = blocks_of(clip)[1:], no_grid_log_likelihood(clip)[1:]
+    out = np.empty(clip.size - 1)
+    for number in np.unique(block):
+        own = block == number
+        out[own] = _mixed(found[:, own], log_weight)
+        # Of a bad block no model is to learn more than that.
+        total, bad = found[:, own].sum(axis=1), no_grid[own].sum()
+        log_weight = log_weight + np.logaddexp(
+            math.log1p(-BAD_SHARE) + total, math.log(BAD_SHARE) + bad
+        )
+        log_weight -= np.logaddexp.reduce(log_weight)
+    return out
+
+
+def alone_log_likelihood(clip: ClipPhase) -> FloatArray:
+    """Log-likelihood of each phase of a few given those before it, under a usual grid."""
+    found, log_weight = _by_model(clip, ((1.0, 1.0),))
+    return np.concatenate([[0.0], _mixed(found, log_weight)])
+
+
+def _by_model(
+    clip: ClipPhase, liveliness: Sequence[tuple[float, float]]
+) -> tuple[FloatArray, FloatArray]:
+    """Log-likelihood of each step given those before, (models, steps), and models' log weights."""
     steps = np.diff(clip.phase_rad)
     wander, every = _wander(clip), clip_errors(clip)
     own = {drift_s: _noise(clip, drift_s) for drift_s in {errors.drift_s for errors in every}}
@@ -103,12 +130,12 @@ def _block(held: bytes, hop_s: float) -> FloatArray:
     for errors in every:
         noise = errors.ratio**2 * own[errors.drift_s] + unknown
         noise += bounded[errors.wander_rad, errors.wander_s]
-        for livelier, weight in LIVELINESS:
+        for livelier, weight in liveliness:
             np.multiply(wander, livelier**2, out=covariance)
             covariance += noise
             found.append(_gaussian(steps, covariance))
             weights.append(weight * errors.weight)
-    return _mixed(np.array(found), np.log(weights))
+    return np.array(found), np.log(weights)
 
 
 def _wander(clip: ClipPhase) -> FloatArray:

@@ -129,8 +129,10 @@ class Innovations:
 
     def together(self) -> Innovations:
         """Return the sums of all blocks, as of one."""
-        parts = (self.log_f, self.vv, self.vr, self.rr)
-        return Innovations(*(part.sum(axis=0, keepdims=True) for part in parts), self.count)
+        log_f, vv, vr, rr = (
+            part.sum(axis=0, keepdims=True) for part in (self.log_f, self.vv, self.vr, self.rr)
+        )
+        return Innovations(log_f, vv, vr, rr, self.count)
 
 
 def innovations(

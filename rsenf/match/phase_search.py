@@ -20,7 +20,11 @@ from numpy.typing import NDArray
 from rsenf.match.clip_phase import ClipPhase, averaged
 from rsenf.match.coarse import KEPT, Survey, survey
 from rsenf.match.forecast import forecast
-from rsenf.match.generic_grid import generic_log_likelihood, no_grid_log_likelihood
+from rsenf.match.generic_grid import (
+    BAD_SHARE,
+    generic_log_likelihood,
+    no_grid_log_likelihood,
+)
 from rsenf.match.pages import in_pages
 from rsenf.match.phase_filter import (
     ERRORS,
@@ -45,14 +49,14 @@ QUICK: tuple[Errors, ...] = tuple(
     Errors(0.25, hz, ClipErrors(1.0, ratio)) for hz in (3e-4, 1.5e-3) for ratio in (1.0, 2.5)
 )
 QUICK_OF_SUMS: tuple[Errors, ...] = tuple(
-    Errors(0.25, 1e-3, ClipErrors(1.0, ratio, drift_s=10.0)) for ratio in (1.0, 2.0, 4.0, 8.0)
+    Errors(0.25, hz, ClipErrors(1.0, ratio, drift_s=12.0))
+    for ratio, hz in ((1.0, 3e-4), (2.5, 3e-4), (2.0, 1.5e-3), (7.0, 3e-4))
 )
 # How many of a clip's blocks may be bad: prior weight and share. A bad one follows some course that
 # isn't the reference's at any time, or none that a grid takes.
 BAD_SHARES = ((0.7, 0.0), (0.18, 0.05), (0.09, 0.2), (0.03, 0.5))
 MOST_ODDS = 700.0  # nats of a block: an exponential of more would overflow
 CLOCK_PASSES = 2  # of the clock's offset by the good blocks
-USUAL_BAD = 0.05
 QUICK_SHIFTS_S = (-0.5, 0.0, 0.5)
 REFINED = 24
 HOPELESS = 100.0  # nats below the best peak, of which no second pass makes anything
@@ -214,7 +218,7 @@ class PhaseScorer:
         np.add.at(own, block, reading.generic[:, None] * known)
         if among is None:
             np.add.at(no_grid, block, reading.no_grid[:, None] * known)
-            own = np.logaddexp(own + math.log1p(-USUAL_BAD), no_grid + math.log(USUAL_BAD))
+            own = np.logaddexp(own + math.log1p(-BAD_SHARE), no_grid + math.log(BAD_SHARE))
         residual = clip.phase_rad[:, None] - phase
         return _Run(innovations(clip, residual, known, self.grid.step_s, errors), own)
 
@@ -238,7 +242,7 @@ class PhaseScorer:
             return _Weighed(prior + log_odds, offset, 1.0 / tell)
         plain = math.log(BAD_SHARES[0][0]) + log_odds
         for _ in range(CLOCK_PASSES):
-            offset, tell = blocks.clock(blocks.good(offset, USUAL_BAD))
+            offset, tell = blocks.clock(blocks.good(offset, BAD_SHARE))
         bad = blocks.some_bad(offset)
         return _Weighed(prior + np.logaddexp(plain, bad), offset, 1.0 / tell)
 

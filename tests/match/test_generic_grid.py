@@ -11,12 +11,13 @@ from rsenf.flicker.grid_prior import INERTIA_S, WALKS, wander_rad2
 from rsenf.match import generic_grid
 from rsenf.match.clip_phase import ClipPhase
 from rsenf.match.generic_grid import (
+    BAD_SHARE,
     LIVELINESS,
     MEAN_STD_HZ,
     generic_log_likelihood,
     no_grid_log_likelihood,
 )
-from rsenf.match.phase_filter import clip_errors
+from rsenf.match.phase_filter import blocks_of, clip_errors
 from tests.oracle.dense_grid import log_density, strayed_rad2
 
 
@@ -31,7 +32,10 @@ def clip_with(seed, count=12, *, walk=False):
 
 def densely(clip):
     models = [(w * e.weight, livelier, e) for livelier, w in LIVELINESS for e in clip_errors(clip)]
-    return log_density(clip, models, lambda t_s: float(wander_rad2(t_s)), MEAN_STD_HZ)
+    block, no_grid = blocks_of(clip), no_grid_log_likelihood(clip)
+    return log_density(
+        clip, models, lambda t_s: float(wander_rad2(t_s)), MEAN_STD_HZ, block, no_grid, BAD_SHARE
+    )
 
 
 @pytest.mark.parametrize("walk", [False, True], ids=["noise", "walk"])

@@ -31,7 +31,7 @@ def over_damage(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, 
     seconds off, and ``excluded``, falsely. Of searches where they aren't (``absent``): excluded
     rightly, and found falsely. ``short`` clips have too few usable seconds to be compared.
     """
-    rows = [dict.fromkeys(COUNTS, 0) | {"from_damage": i / BINS} for i in range(BINS)]
+    rows = [dict.fromkeys(COUNTS, 0) for _ in range(BINS)]
     for record in records:
         row = rows[min(int(record["damage"] * BINS), BINS - 1)]
         row["clips"] += 1
@@ -51,7 +51,7 @@ def over_damage(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, 
     sure = total["found"] + total["excluded"] + total["absent_found"] + total["absent_excluded"]
     false = total["wrong"] + total["excluded"] + total["absent_found"]
     return {
-        "rows": rows,
+        "rows": [row | {"from_damage": i / BINS} for i, row in enumerate(rows)],
         "total": total,
         "decided": sure,
         "decided_falsely": false,
