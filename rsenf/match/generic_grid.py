@@ -28,12 +28,14 @@ BAD_SHARE = 0.05  # of blocks, that follow no grid
 LIVELINESS = ((0.5, 0.25), (1.0, 0.5), (2.0, 0.25))
 
 
-def generic_log_likelihood(clip: ClipPhase) -> FloatArray:
+def generic_log_likelihood(clip: ClipPhase, *, robust: bool = False) -> FloatArray:
     """Log-likelihood of each phase given those before it.
 
     Parameters
     ----------
     clip : ClipPhase
+    robust : bool
+        Some blocks may be bad: then no size of the errors is learned from what may be one.
 
     Returns
     -------
@@ -45,7 +47,7 @@ def generic_log_likelihood(clip: ClipPhase) -> FloatArray:
         _block(np.stack([b.t_s, b.phase_rad, b.var_rad2, b.walk_rad2]).tobytes(), b.hop_s)
         for b in blocks
     ]
-    return np.concatenate([np.zeros(min(clip.size, 1)), *parts])
+    return np.concatenate([np.zeros(min(clip.size, 1)), *(part[int(robust)] for part in parts)])
 
 
 def no_grid_log_likelihood(clip: ClipPhase) -> FloatArray:
@@ -85,8 +87,8 @@ def _no_grid(clip: ClipPhase) -> FloatArray:
 
 
 @lru_cache(maxsize=KEPT)
-def _block(held: bytes, hop_s: float) -> FloatArray:
-    """Log-likelihood of each step of the phase given the steps before.
+def _block(held: bytes, hop_s: float) -> tuple[FloatArray, FloatArray]:
+    """Log-likelihood of each step of the phase given the steps before, and that with bad blocks.
 
     A clip is asked about again as it grows, and when its finding is examined: then only what is new
     of it is work.
@@ -94,8 +96,8 @@ def _block(held: bytes, hop_s: float) -> FloatArray:
     t_s, phase_rad, var_rad2, walk_rad2 = np.frombuffer(held).reshape(4, -1)
     clip = ClipPhase(t_s, phase_rad, var_rad2, walk_rad2, hop_s, np.nan)
     found, log_weight = _by_model(clip, LIVELINESS)
+    plain, out = _mixed(found, log_weight), np.empty(clip.size - 1)
     block, no_grid = blocks_of(clip)[1:], no_grid_log_likelihood(clip)[1:]
-    out = np.empty(clip.size - 1)
     for number in np.unique(block):
         own = block == number
         out[own] = _mixed(found[:, own], log_weight)
@@ -105,7 +107,7 @@ def _block(held: bytes, hop_s: float) -> FloatArray:
             math.log1p(-BAD_SHARE) + total, math.log(BAD_SHARE) + bad
         )
         log_weight -= np.logaddexp.reduce(log_weight)
-    return out
+    return plain, out
 
 
 def alone_log_likelihood(clip: ClipPhase) -> FloatArray:

@@ -100,12 +100,14 @@ class Reading:
     """A clip's phases under one reading of the reference, and what they are under any grid.
 
     ``share`` is how likely that reading is beforehand; ``generic`` (n,) the log-likelihood of each
-    phase given those before it, and ``no_grid`` (n,) that if no grid at all is behind them.
+    phase given those before it, ``robust`` (n,) that where some blocks are bad, and ``no_grid``
+    (n,) that if no grid at all is behind them.
     """
 
     share: float
     clip: ClipPhase
     generic: FloatArray
+    robust: FloatArray
     no_grid: FloatArray
 
 
@@ -119,18 +121,22 @@ def readings_of(clip: ClipPhase) -> tuple[Reading, ...]:
 
 
 def _reading(share: float, clip: ClipPhase) -> Reading:
-    return Reading(share, clip, generic_log_likelihood(clip), no_grid_log_likelihood(clip))
+    generic, robust = (generic_log_likelihood(clip, robust=robust) for robust in (False, True))
+    return Reading(share, clip, generic, robust, no_grid_log_likelihood(clip))
 
 
 class PhaseScorer:
     """Scores lags of one reference for one clip.
 
     The reference is taken for the grid's frequency, or for an average of it over a window; what an
-    average can't know of the clip tells nothing for or against a lag.
+    average can't know of the clip tells nothing for or against a lag. Some of the clip's blocks may
+    be bad, unless it is to fit as a whole (``robust`` is false), as a part of an edited one has to.
     """
 
-    def __init__(self, clip: ClipPhase, grid: Grid, settings: MatchSettings) -> None:
-        self.grid, self.settings = grid, settings
+    def __init__(
+        self, clip: ClipPhase, grid: Grid, settings: MatchSettings, *, robust: bool = True
+    ) -> None:
+        self.grid, self.settings, self._robust = grid, settings, robust
         self.readings = readings_of(clip)
         errors, quick = (ERRORS_OF_SUMS, QUICK_OF_SUMS) if clip.is_summed else (ERRORS, QUICK)
         self._errors = rougher(errors, settings.reference_noise_hz)
@@ -175,7 +181,7 @@ class PhaseScorer:
     def _clocks(self, reading: Reading, lag_s: FloatArray) -> tuple[FloatArray, list[Clock]]:
         """Scores of lags under one reading, and the offsets there."""
         found = self._run(reading, lag_s, self._errors)
-        weighed = self._weighed(found, self._errors, robust=True)
+        weighed = self._weighed(found, self._errors)
         total = np.logaddexp.reduce(weighed.log_odds, axis=(0, 1))
         weight = np.exp(weighed.log_odds - total)
         offset = (weight * weighed.offset_hz).sum(axis=(0, 1))
@@ -193,7 +199,7 @@ class PhaseScorer:
     ) -> FloatArray:
         """Score lags under one reading of the reference."""
         found = self._run(reading, lag_s, errors, among)
-        weighed = self._weighed(found, errors, robust=among is None)
+        weighed = self._weighed(found, errors)
         score = np.logaddexp.reduce(weighed.log_odds, axis=(0, 1))
         linked = int(reading.clip.linked.sum())
         least = max(WORTHWHILE, self.settings.min_overlap * linked)
@@ -215,14 +221,15 @@ class PhaseScorer:
             known = known[:, :1]
         block = blocks_of(clip)
         own, no_grid = np.zeros((2, int(block[-1]) + 1, known.shape[1]))
-        np.add.at(own, block, reading.generic[:, None] * known)
-        if among is None:
+        of_each = reading.robust if self._robust else reading.generic
+        np.add.at(own, block, of_each[:, None] * known)
+        if self._robust:
             np.add.at(no_grid, block, reading.no_grid[:, None] * known)
             own = np.logaddexp(own + math.log1p(-BAD_SHARE), no_grid + math.log(BAD_SHARE))
         residual = clip.phase_rad[:, None] - phase
         return _Run(innovations(clip, residual, known, self.grid.step_s, errors), own)
 
-    def _weighed(self, found: _Run, errors: Sequence[Errors], *, robust: bool) -> _Weighed:
+    def _weighed(self, found: _Run, errors: Sequence[Errors]) -> _Weighed:
         """Weigh a lag under each size of the errors and of the clock's.
 
         The clock's offset is Gaussian, given that all blocks are good; of a clip with bad ones it
@@ -232,13 +239,12 @@ class PhaseScorer:
         share = np.array([share for share, _ in CLOCKS])[None, :, None]
         var = self._clock_var()[None, :, None]
         sums, prior = found.sums, np.log(weight * share)
-        if not robust:
-            sums, own = sums.together(), found.own.sum(axis=0, keepdims=True)
-        else:
-            own = found.own
+        own = found.own
+        if not self._robust:
+            sums, own = sums.together(), own.sum(axis=0, keepdims=True)
         blocks = _Blocks(sums, own[:, None, None, :], var)
         log_odds, offset, tell = blocks.all_good()
-        if not robust or own.shape[0] == 1:
+        if own.shape[0] == 1:
             return _Weighed(prior + log_odds, offset, 1.0 / tell)
         plain = math.log(BAD_SHARES[0][0]) + log_odds
         for _ in range(CLOCK_PASSES):

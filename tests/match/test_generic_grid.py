@@ -30,11 +30,11 @@ def clip_with(seed, count=12, *, walk=False):
     return ClipPhase(t_s, phase, none if walk else var, var if walk else none, 1.0, 50.0)
 
 
-def densely(clip):
+def densely(clip, bad=0.0):
     models = [(w * e.weight, livelier, e) for livelier, w in LIVELINESS for e in clip_errors(clip)]
     block, no_grid = blocks_of(clip), no_grid_log_likelihood(clip)
     return log_density(
-        clip, models, lambda t_s: float(wander_rad2(t_s)), MEAN_STD_HZ, block, no_grid, BAD_SHARE
+        clip, models, lambda t_s: float(wander_rad2(t_s)), MEAN_STD_HZ, block, no_grid, bad
     )
 
 
@@ -45,6 +45,8 @@ def test_each_phase_after_those_before_is_as_likely_as_the_normal_says(walk):
     assert got.shape == (clip.size,)
     assert got[0] == 0.0
     np.testing.assert_allclose(got, densely(clip), rtol=1e-6, atol=1e-6)
+    got = generic_log_likelihood(clip, robust=True)
+    np.testing.assert_allclose(got, densely(clip, BAD_SHARE), rtol=1e-6, atol=1e-6)
 
 
 def test_whole_turns_of_a_phase_make_no_difference():

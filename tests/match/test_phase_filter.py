@@ -113,7 +113,7 @@ def test_the_clock_is_weighed_as_a_ramp_of_unknown_slope():
             covariance = of_differences(clip, STEP_S, errors) + slope_hz**2 * np.outer(ramp, ramp)
             density += errors.weight * share * multivariate_normal.pdf(d, cov=covariance)
     grid = Grid("flat", 50.0, 0, STEP_S, np.full(200, 50.0))
-    scorer = PhaseScorer(clip, grid, settings)
+    scorer = PhaseScorer(clip, grid, settings, robust=False)
     every = np.ones((clip.size, 1), bool)
     above_any_grid = np.log(density) - scorer.readings[0].generic.sum()
     assert scorer.scores(np.array([17.0]), every)[0] == pytest.approx(above_any_grid, rel=1e-9)

@@ -8,7 +8,7 @@ from typing import Any
 from rsenf.bench.bounds import rate_bound
 from rsenf.bench.calibration.fit import Record
 from rsenf.match.calibration import Line
-from rsenf.match.phase import SURE_STDS
+from rsenf.match.phase import SURE_STDS, least_of_best
 from rsenf.match.settings import MatchSettings
 
 BINS = 5
@@ -65,6 +65,7 @@ def _decided(lines: dict[str, Line], best: dict[str, Any] | None, least: float) 
     settings = MatchSettings()
     if best is None:
         return "no_decision"
+    least = max(least, least_of_best(best["score"]))
     other, absent = lines["other"](best["other"]), max(lines["absent"](best["absent"]), least)
     if min(other, absent) >= settings.min_log10_lr:
         is_sure = SURE_STDS * best["lag_std_s"] <= settings.tolerance_s

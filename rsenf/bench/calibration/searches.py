@@ -207,6 +207,7 @@ def _best(found: PhaseSearch, start_s: float, clock_ppm: float = math.nan) -> di
     return {
         "other": raw.other,
         "absent": raw.absent,
+        "score": place.score,
         "right": abs(error_s) <= PLACE_S,
         "lag_error_s": number(error_s),
         "lag_std_s": place.lag_std_s,
