@@ -90,7 +90,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "only": {"choices": ("films", "trials"),
                      "help": "make the films and try nothing yet; or try those that are there"},
         },
-        "calibration": {"clips": number | {"help": "searches (400)"}},
+        "calibration": {
+            "clips": number | {"help": "searches (400)"},
+            "real": number | {"help": "of real clips made worse (200, where they are there)"},
+        },
         "match": {"duration-s": seconds | {"help": "of the clip (600)"}},
         "pipeline": film | {"duration-s": seconds | {"help": "of a film (as the size has it)"}},
         "feeds": film | {"duration-s": seconds | {"help": "of a film (60)"},
@@ -269,10 +272,13 @@ def _recording_time(args: argparse.Namespace, folder: Path) -> Made | None:
 
 
 def _calibration(args: argparse.Namespace, folder: Path) -> Made:
+    from rsenf.bench.calibration.damage import damage_text, over_damage
     from rsenf.bench.calibration.grids import FIT, TEST
     from rsenf.bench.calibration.picture import draw
-    from rsenf.bench.calibration.searches import Search, searched
+    from rsenf.bench.calibration.real_clips import there
+    from rsenf.bench.calibration.searches import RealSearch, Search, real_searched, searched
     from rsenf.bench.calibration.table import calibration_file, fitted_lines, tabulated, text
+    from rsenf.cli.console import note
     from rsenf.errors import UsageError
     from rsenf.match.calibration import calibration
 
@@ -281,11 +287,27 @@ def _calibration(args: argparse.Namespace, folder: Path) -> Made:
     count, part = args.clips or (12 if args.quick else 400), FIT if args.fit else TEST
     tasks = [Search(part, args.seed + n, args.grids) for n in range(count)]
     records = _measured(args, tasks, searched, folder / "calibration.jsonl", "searches")
-    lines = fitted_lines(records) if args.fit else calibration().lines
+    real = []
+    if there(args.grids):
+        many = args.real or (12 if args.quick else 200)
+        worse = [RealSearch(part, args.seed + n, args.grids) for n in range(many)]
+        real = _measured(args, worse, real_searched, folder / "real.jsonl", "real clips")
+    else:
+        note(f"no real clips in {args.grids}: nothing is said of them")
+    lines = fitted_lines([*records, *real]) if args.fit else calibration().lines
     document = tabulated(lines, records)
-    _fitted(args, lambda: calibration_file(lines, records))
+    if real:
+        document["real"] = tabulated(lines, real) | {"damage": over_damage(lines, real)}
+    _fitted(args, lambda: calibration_file(lines, [*records, *real]))
     _drawn(args, draw, document)
-    return document, lambda told, on_page: text(told)
+
+    def written(told: dict[str, Any], on_page: bool) -> str:
+        parts = [text(told)]
+        if "real" in told:
+            parts += [text(told["real"]), damage_text(told["real"]["damage"])]
+        return "\n\n".join(parts)
+
+    return document, written
 
 
 def _match(args: argparse.Namespace, folder: Path) -> Made:

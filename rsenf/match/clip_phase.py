@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsenf.match.kernel import window_kernel
 from rsenf.match.series import Track
@@ -17,6 +18,7 @@ from rsenf.messages.schema import FloatArray
 
 # Of the illumination's phase: it flickers at twice the grid's frequency.
 RAD_PER_CYCLE = 4.0 * np.pi
+LONGEST_LINK_RATIO = 1.5  # of the hop: the longest way over which frequencies tell the phase
 LONGEST_WINDOW_RATIO = 1.5  # of the hop: longer windows overlap, and their values aren't a phase
 
 # References that are averages already are so by a 20 s window, mostly.
@@ -55,9 +57,27 @@ class ClipPhase:
         """How many there are."""
         return int(self.t_s.size)
 
+    @property
+    def is_summed(self) -> bool:
+        """Whether they are running sums of frequencies, and no phases that were measured."""
+        return bool(self.walk_rad2.any())
+
+    @property
+    def linked(self) -> NDArray[np.bool_]:
+        """Whether the way from each one before is known; over a hole, no sum of frequencies is."""
+        if not self.is_summed:
+            return np.ones(self.size, np.bool_)
+        return np.diff(self.t_s, prepend=self.t_s[:1]) < LONGEST_LINK_RATIO * self.hop_s
+
     def between(self, start: int, stop: int) -> ClipPhase:
         """Return a part of it, on the same clock."""
-        own = slice(start, stop)
+        return self._of(slice(start, stop))
+
+    def only(self, own: NDArray[np.bool_]) -> ClipPhase:
+        """Return some of it; the way of a sum over the others is lost."""
+        return self if own.all() else self._of(own)
+
+    def _of(self, own: slice | NDArray[np.bool_]) -> ClipPhase:
         return ClipPhase(
             self.t_s[own], self.phase_rad[own], self.var_rad2[own], self.walk_rad2[own],
             self.hop_s, self.nominal_hz,

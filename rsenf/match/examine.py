@@ -15,6 +15,7 @@ from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.match.what_if import what_fits
 
+MOST_OF_CLIP = 0.75  # that must fit, before it is a match of which a part doesn't
 SHIFTS = (0.0, -1.0, -0.5, 0.5, 1.0)  # by which a claim may be off, of its tolerance
 
 
@@ -48,7 +49,9 @@ def examined(
     if parts:
         assembly = assembled(found, parts, settings.tolerance_s)
         warned = replace(finding, warnings=(*finding.warnings, *assembly.warnings))
-        if not assembly.warnings or (assembly.one_time and finding.decision == "match"):
+        fitting = sum(last - first for first, last in (part.span for part in parts))
+        is_most = assembly.one_time and fitting >= MOST_OF_CLIP * clip.size
+        if not assembly.warnings or (is_most and finding.decision == "match"):
             return warned
         reason, first = "parts of the clip fit, but not as one recording", parts[0]
         begins_at = first.place.lag_s if first.span[0] < LEAST else math.nan

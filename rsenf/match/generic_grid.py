@@ -7,29 +7,35 @@ isn't known either; the clip's errors are as at a lag.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
 
 from rsenf.flicker.grid_prior import wander_rad2
 from rsenf.match.clip_phase import RAD_PER_CYCLE, ClipPhase
-from rsenf.match.phase_filter import CLIP_ERRORS
+from rsenf.match.phase_filter import UNKNOWN_RAD2, blocks_of, clip_errors
 from rsenf.messages.schema import FloatArray
 
 BLOCK = 600  # phases that are looked at together; stretches count as independent
 KEPT = 512  # blocks whose likelihood is remembered, 13 MB
 MEAN_STD_HZ = 0.03  # of the ENF's mean over a clip about the nominal, clock errors included
 TURN_RAD = 2.0 * np.pi
+# Of frequencies that no grid made, which an estimator smoothed: standard deviation and memory.
+NO_GRID_HZ, NO_GRID_S = (0.005, 0.01, 0.02, 0.04), (2.0, 8.0, 30.0)
+BAD_SHARE = 0.05  # of blocks, that follow no grid
 LIVELINESS = ((0.5, 0.25), (1.0, 0.5), (2.0, 0.25))
 
 
-def generic_log_likelihood(clip: ClipPhase) -> FloatArray:
+def generic_log_likelihood(clip: ClipPhase, *, robust: bool = False) -> FloatArray:
     """Log-likelihood of each phase given those before it.
 
     Parameters
     ----------
     clip : ClipPhase
+    robust : bool
+        Some blocks may be bad: then no size of the errors is learned from what may be one.
 
     Returns
     -------
@@ -41,32 +47,97 @@ def generic_log_likelihood(clip: ClipPhase) -> FloatArray:
         _block(np.stack([b.t_s, b.phase_rad, b.var_rad2, b.walk_rad2]).tobytes(), b.hop_s)
         for b in blocks
     ]
-    return np.concatenate([np.zeros(min(clip.size, 1)), *parts])
+    return np.concatenate([np.zeros(min(clip.size, 1)), *(part[int(robust)] for part in parts)])
+
+
+def no_grid_log_likelihood(clip: ClipPhase) -> FloatArray:
+    """Log-likelihood of each phase given those before it, if no grid is behind them.
+
+    Phases that were measured are then as likely anywhere in a turn; frequencies are errors that
+    hang together, of a size and a memory that aren't known.
+
+    Parameters
+    ----------
+    clip : ClipPhase
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Zero for the first, and of sums for those whose way from the one before isn't known.
+    """
+    if not clip.is_summed or clip.size < 2:
+        return np.where(np.arange(clip.size) > 0, -np.log(TURN_RAD), 0.0)
+    blocks = (clip.between(start, start + BLOCK + 1) for start in range(0, clip.size - 1, BLOCK))
+    return np.concatenate([[0.0], *(_no_grid(block) for block in blocks)])
+
+
+def _no_grid(clip: ClipPhase) -> FloatArray:
+    """Do that for the steps of frequencies."""
+    dt_s, linked = np.diff(clip.t_s), clip.linked[1:]
+    apart_s = np.abs(np.subtract.outer(clip.t_s[1:], clip.t_s[1:]))
+    steady = (RAD_PER_CYCLE * MEAN_STD_HZ) ** 2 * np.outer(dt_s, dt_s)
+    steady += np.diag(np.where(linked, 1e-12, UNKNOWN_RAD2))
+    moved = RAD_PER_CYCLE**2 * np.outer(dt_s, dt_s)
+    found = [
+        _gaussian(np.diff(clip.phase_rad), steady + std_hz**2 * moved * np.exp(-apart_s / memory_s))
+        for std_hz in NO_GRID_HZ
+        for memory_s in NO_GRID_S
+    ]
+    return np.where(linked, _mixed(np.array(found), np.full(len(found), -np.log(len(found)))), 0.0)
 
 
 @lru_cache(maxsize=KEPT)
-def _block(held: bytes, hop_s: float) -> FloatArray:
-    """Log-likelihood of each step of the phase given the steps before.
+def _block(held: bytes, hop_s: float) -> tuple[FloatArray, FloatArray]:
+    """Log-likelihood of each step of the phase given the steps before, and that with bad blocks.
 
     A clip is asked about again as it grows, and when its finding is examined: then only what is new
     of it is work.
     """
     t_s, phase_rad, var_rad2, walk_rad2 = np.frombuffer(held).reshape(4, -1)
     clip = ClipPhase(t_s, phase_rad, var_rad2, walk_rad2, hop_s, np.nan)
+    found, log_weight = _by_model(clip, LIVELINESS)
+    plain, out = _mixed(found, log_weight), np.empty(clip.size - 1)
+    block, no_grid = blocks_of(clip)[1:], no_grid_log_likelihood(clip)[1:]
+    for number in np.unique(block):
+        own = block == number
+        out[own] = _mixed(found[:, own], log_weight)
+        # Of a bad block no model is to learn more than that.
+        total, bad = found[:, own].sum(axis=1), no_grid[own].sum()
+        log_weight = log_weight + np.logaddexp(
+            math.log1p(-BAD_SHARE) + total, math.log(BAD_SHARE) + bad
+        )
+        log_weight -= np.logaddexp.reduce(log_weight)
+    return plain, out
+
+
+def alone_log_likelihood(clip: ClipPhase) -> FloatArray:
+    """Log-likelihood of each phase of a few given those before it, under a usual grid."""
+    found, log_weight = _by_model(clip, ((1.0, 1.0),))
+    return np.concatenate([[0.0], _mixed(found, log_weight)])
+
+
+def _by_model(
+    clip: ClipPhase, liveliness: Sequence[tuple[float, float]]
+) -> tuple[FloatArray, FloatArray]:
+    """Log-likelihood of each step given those before, (models, steps), and models' log weights."""
     steps = np.diff(clip.phase_rad)
-    wander, own = _wander(clip), _noise(clip)
-    sizes = {(errors.wander_rad, errors.wander_s) for errors in CLIP_ERRORS}
+    wander, every = _wander(clip), clip_errors(clip)
+    own = {drift_s: _noise(clip, drift_s) for drift_s in {errors.drift_s for errors in every}}
+    sizes = {(errors.wander_rad, errors.wander_s) for errors in every}
     bounded = {size: _bounded(clip, *size) for size in sizes}
+    # Of a step over a hole that isn't known, nothing follows for those after it.
+    unknown = np.diag(np.where(clip.linked[1:], 0.0, UNKNOWN_RAD2))
     covariance = np.empty_like(wander)
     found, weights = [], []
-    for errors in CLIP_ERRORS:
-        noise = errors.ratio**2 * own + bounded[errors.wander_rad, errors.wander_s]
-        for livelier, weight in LIVELINESS:
+    for errors in every:
+        noise = errors.ratio**2 * own[errors.drift_s] + unknown
+        noise += bounded[errors.wander_rad, errors.wander_s]
+        for livelier, weight in liveliness:
             np.multiply(wander, livelier**2, out=covariance)
             covariance += noise
             found.append(_gaussian(steps, covariance))
             weights.append(weight * errors.weight)
-    return _mixed(np.array(found), np.log(weights))
+    return np.array(found), np.log(weights)
 
 
 def _wander(clip: ClipPhase) -> FloatArray:
@@ -93,15 +164,16 @@ def _of_steps(clip: ClipPhase, spread_rad2: Callable[[FloatArray], FloatArray]) 
     )
 
 
-def _noise(clip: ClipPhase) -> FloatArray:
-    """Covariance of the steps by the phases' own errors."""
+def _noise(clip: ClipPhase, drift_s: float) -> FloatArray:
+    """Covariance of the steps by the phases' own errors, those of frequencies with a memory."""
     var = clip.var_rad2
     beside = -var[1:-1]
-    return (
-        np.diag(var[1:] + var[:-1] + clip.walk_rad2[1:] + 1e-12)
-        + np.diag(beside, 1)
-        + np.diag(beside, -1)
-    )
+    noise = np.diag(var[1:] + var[:-1] + 1e-12) + np.diag(beside, 1) + np.diag(beside, -1)
+    if not drift_s:
+        return np.asarray(noise + np.diag(clip.walk_rad2[1:]), np.float64)
+    moved, t_s = np.sqrt(clip.walk_rad2[1:]), clip.t_s[1:]
+    apart_s = np.abs(np.subtract.outer(t_s, t_s))
+    return np.asarray(noise + np.outer(moved, moved) * np.exp(-apart_s / drift_s), np.float64)
 
 
 def _gaussian(steps: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -59,7 +59,7 @@ class Parts:
         self.track, self.clip, self.grids, self.settings = track, clip, grids, settings
         # Short spans count as well: whether they tell enough is for their evidence to say.
         self._any_length = replace(settings, min_overlap=1e-6)
-        self._scorers = [PhaseScorer(clip, grid, self._any_length) for grid in grids]
+        self._scorers = [PhaseScorer(clip, grid, self._any_length, robust=False) for grid in grids]
         self._searched = math.log(max(sum(grid.duration_s for grid in grids), 1.0))
 
     def found(self, best: Place, claimed: Sequence[Place] = ()) -> list[Part]:
@@ -151,7 +151,9 @@ class Parts:
         span = window
         for quick in (True, False):
             span = self._grown(place, span, stretch, quick=quick)
-            own = PhaseScorer(self.clip.between(*span), self.grids[place.grid], self._any_length)
+            own = PhaseScorer(
+                self.clip.between(*span), self.grids[place.grid], self._any_length, robust=False
+            )
             place = refined(own, place)
         # Of all the ends that it might have had, but for those of the stretch.
         inner = (span[0] > stretch[0]) + (span[1] < stretch[1])

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from rsenf.match.calibration import calibration
-from rsenf.match.clip_phase import ClipPhase, clip_phase
+from rsenf.match.clip_phase import RAD_PER_CYCLE, ClipPhase, clip_phase
 from rsenf.match.evidence import verbal
+from rsenf.match.generic_grid import BAD_SHARE, generic_log_likelihood, no_grid_log_likelihood
 from rsenf.match.matcher import ENOUGH_COVERAGE, Finding, claimed_lag_s, start_ns
 from rsenf.match.phase_search import (
     APART_S,
@@ -25,10 +26,24 @@ from rsenf.match.phase_search import (
 from rsenf.match.score import LagScorer, Peak
 from rsenf.match.series import Grid, Track, phases, to_step_of
 from rsenf.match.settings import MatchSettings
+from rsenf.match.telling import stretches, telling
 from rsenf.messages import Candidate
 
 LN10 = math.log(10.0)
+# How likely it is beforehand that a clip's estimates follow no grid at all, whatever is stated of
+# them.
+NO_GRID_SHARE = 0.1
+# Frequencies of real cameras are off by twice their stated errors, a tenth of the clips by five
+# times, with a tail of that law; and by how much a grid itself wanders within a minute (Hz).
+LARGE_SHARE, LARGE_RATIO = 0.1, 5.0
+GRID_WANDER_HZ = 0.013
+LEAST_OF_FITTING = -1.0  # log10, of a time that fits better than any grid whatever
 SURE_STDS = 2.5  # a match names its second: so many standard errors are within the tolerance
+NO_FIT = "no time fits, but the clip isn't shown to follow any grid well enough to exclude one"
+NO_EXCLUSION = (
+    "evidence against a time is capped: a grid's course explains these estimates hardly better "
+    "than errors do"
+)
 CLAIM_STEP_S = 0.25  # between the lags at which a claim is looked at
 
 
@@ -49,8 +64,9 @@ def match_phase(
     time that is in none of them. The size of the search counts against the time found, in both.
     A claimed time is weighed for itself, whatever else was searched.
     """
-    clip = clip_phase(track)
-    assert clip is not None  # the stage asks for a matcher that can do with what there is
+    whole = clip_phase(track)
+    assert whole is not None  # the stage asks for a matcher that can do with what there is
+    clip = whole.only(telling(whole))
     found = search_phase(track, clip, grids, settings)
     if not found.places:
         return Finding(
@@ -58,12 +74,18 @@ def match_phase(
             reason="at no time do the clip and the reference share enough valid seconds",
             coverage_ratio=found.coverage_ratio,
         )
-    raw, lines = weigh(found), calibration()
-    claim, claim_other = _claims(found, grids, settings, claimed_utc_ns)
-    other, absent = lines.other(raw.other), lines.absent(raw.absent)
+    raw, lines, least = weigh(found), calibration(), least_log10_lr(whole)
     best = found.places[0]
+    claims = _claims(found, grids, settings, claimed_utc_ns)
+    claim, claim_other = (max(lines.claim(claim), least) for claim in claims)
+    other, fits = lines.other(raw.other), lines.absent(raw.absent)
+    absent = max(fits, least, least_of_best(best.score))
     clocks = found.clocks(found.places[: max(settings.candidates, 1)])
     decision, reason = _decide(found, other, absent, settings)
+    warnings = _left_out(whole, clip)
+    if -settings.min_log10_lr < least and min(fits, *map(lines.claim, claims)) < least:
+        warnings.append(NO_EXCLUSION)
+        reason = NO_FIT if absent == least else reason
     return Finding(
         decision=decision,
         reason=reason,
@@ -72,14 +94,59 @@ def match_phase(
         lag_std_s=best.lag_std_s,
         log10_lr=other,
         log10_lr_absent=absent,
-        claim_log10_lr=lines.claim(claim),
-        claim_log10_lr_other=lines.claim(claim_other),
+        claim_log10_lr=claim,
+        claim_log10_lr_other=claim_other,
         search_size=found.lags,
         coverage_ratio=found.coverage_ratio,
         verbal=verbal(min(other, absent)),
         candidates=_candidates(found, clocks, track, clip, grids, settings),
+        warnings=tuple(warnings),
         **_fit(best, clocks[best], grids[best.grid], track, settings),
     )
+
+
+def least_log10_lr(clip: ClipPhase) -> float:
+    """Return the least likelihood ratio that a clip can bring against any time, as a log10.
+
+    Estimates that follow no grid are as likely at one time as at another. So nothing weighs more
+    against a time than that they do follow one, which is for the clip itself to show: by a course
+    that a grid is likelier to take than anything else is, and with errors that can't be as large.
+    """
+    own = telling(clip)
+    bad = sum(not own[first] for first, _ in stretches(clip))
+    kept = clip.only(own)
+    shown = generic_log_likelihood(kept, robust=True) - no_grid_log_likelihood(kept)
+    odds = float(shown[1:] @ kept.linked[1:]) + bad * math.log(BAD_SHARE)
+    no_grid = -float(np.logaddexp(0.0, odds + math.log(1.0 / NO_GRID_SHARE - 1.0)))
+    return min(float(np.logaddexp(no_grid, _log_share_of_grid_like_errors(kept))), 0.0) / LN10
+
+
+def least_of_best(score: float) -> float:
+    """Return the least log10 likelihood ratio against all times, by how the best one fits.
+
+    One that fits better than any grid whatever need not be the clip's in a search of that size. But
+    it isn't excluded: with errors a little larger than thought it would have stood out.
+    """
+    return LEAST_OF_FITTING if score > 0.0 else -math.inf
+
+
+def _log_share_of_grid_like_errors(clip: ClipPhase) -> float:
+    """How likely errors of frequencies are as large as what a grid does, so that none can be told.
+
+    A phase that was measured can't run away from the light's as a sum of frequencies may.
+    """
+    if not clip.is_summed:
+        return -math.inf
+    std_rad = float(np.sqrt(np.median(clip.walk_rad2[clip.walk_rad2 > 0.0])))
+    ratio = RAD_PER_CYCLE * clip.hop_s * GRID_WANDER_HZ / std_rad
+    return math.log(LARGE_SHARE) + 2.0 * math.log(LARGE_RATIO / ratio)
+
+
+def _left_out(whole: ClipPhase, clip: ClipPhase) -> list[str]:
+    missing_s = (whole.size - clip.size) * whole.hop_s
+    if not missing_s:
+        return []
+    return [f"{missing_s:g} seconds follow no grid's course, and count for nothing"]
 
 
 def weigh(found: PhaseSearch) -> Raw:

@@ -39,12 +39,16 @@ class ClipErrors:
         Of the noise of each second over what its estimate claims.
     wander_rad, wander_s : float
         Bounded wander of the phase: standard deviation and memory; 0 for none.
+    drift_s : float
+        Memory of the errors of frequencies that a phase is the sum of; 0 where those of neighbours
+        have nothing to do with each other.
     """
 
     weight: float
     ratio: float
     wander_rad: float = 0.0
     wander_s: float = 1.0
+    drift_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -68,6 +72,17 @@ CLIP_ERRORS = (
         for ratio, v in ((1.0, 0.6), (2.5, 0.4))
     ),
 )
+# Errors of frequencies hang together over 10 to 20 s, and are two to five times as large as stated,
+# at times more.
+_RATIOS = ((1.0, 0.2), (2.0, 0.3), (4.0, 0.3), (8.0, 0.15), (16.0, 0.05))
+SUM_ERRORS = (
+    *(ClipErrors(0.3 * w, ratio) for ratio, w in ((1.0, 0.6), (2.0, 0.4))),
+    *(
+        ClipErrors(w * v, ratio, drift_s=seconds)
+        for seconds, w in ((4.0, 0.25), (15.0, 0.45))
+        for ratio, v in _RATIOS
+    ),
+)
 _PLAIN = ((1e-4, 0.2), (3e-4, 0.35), (1e-3, 0.35), (2.5e-3, 0.1))
 _WANDERING = ((3e-4, 0.6), (1.5e-3, 0.4))  # beside a wander the reference's noise matters less
 ERRORS: tuple[Errors, ...] = tuple(
@@ -75,14 +90,35 @@ ERRORS: tuple[Errors, ...] = tuple(
     for clip in CLIP_ERRORS
     for hz, w in (_WANDERING if clip.wander_rad else _PLAIN)
 )
+ERRORS_OF_SUMS: tuple[Errors, ...] = tuple(
+    Errors(clip.weight * w, hz, clip) for clip in SUM_ERRORS for hz, w in _WANDERING
+)
+
+# Bad seconds come in a row: so many are good or bad together (s), and of a long clip more of them.
+BLOCK_S = 10.0
+MOST_BLOCKS = 64
+
+
+def clip_errors(clip: ClipPhase) -> tuple[ClipErrors, ...]:
+    """Return the sizes that a clip's errors may have, the same wherever it was recorded."""
+    return SUM_ERRORS if clip.is_summed else CLIP_ERRORS
+
+
+def blocks_of(clip: ClipPhase) -> NDArray[np.int64]:
+    """Return the block that each phase is in, counted from 0."""
+    since_s = clip.t_s - clip.t_s[0]
+    length_s = max(BLOCK_S, (since_s[-1] + clip.hop_s) / MOST_BLOCKS)
+    _, block = np.unique(since_s // length_s, return_inverse=True)
+    return np.asarray(block, np.int64)
 
 
 @dataclass(frozen=True, eq=False)
 class Innovations:
     """Sums over the innovations ``v`` of the clip and ``r`` of a ramp of 1 Hz of the ENF.
 
-    All of shape (errors, lags), with ``F`` the innovations' variance: ``log_f`` is Σ log(2πF),
-    ``vv`` Σ v²/F, ``vr`` Σ v·r/F, ``rr`` Σ r²/F. ``count`` (lags,) is how many there are.
+    All of shape (blocks, errors, lags), with ``F`` the innovations' variance: ``log_f`` is
+    Σ log(2πF), ``vv`` Σ v²/F, ``vr`` Σ v·r/F, ``rr`` Σ r²/F. ``count`` (lags,) is how many there
+    are.
     """
 
     log_f: FloatArray
@@ -90,6 +126,13 @@ class Innovations:
     vr: FloatArray
     rr: FloatArray
     count: NDArray[np.int64]
+
+    def together(self) -> Innovations:
+        """Return the sums of all blocks, as of one."""
+        log_f, vv, vr, rr = (
+            part.sum(axis=0, keepdims=True) for part in (self.log_f, self.vv, self.vr, self.rr)
+        )
+        return Innovations(log_f, vv, vr, rr, self.count)
 
 
 def innovations(
@@ -121,9 +164,9 @@ def innovations(
     # A few lags reach beyond the reference, mostly; all others know the same.
     one = _sums(clip, residual_rad[:, whole], known[:, whole][:, :1], step_s, errors)
     other = _sums(clip, residual_rad[:, ~whole], known[:, ~whole], step_s, errors)
-    both = np.empty((len(one), len(errors), whole.size))
+    both = np.empty((len(one), *one[0].shape[:2], whole.size))
     for out, inside, beyond in zip(both, one, other, strict=True):
-        out[:, whole], out[:, ~whole] = inside, beyond
+        out[..., whole], out[..., ~whole] = inside, beyond
     log_f, vv, vr, rr = both
     return Innovations(log_f, vv, vr, rr, count)
 
@@ -136,27 +179,32 @@ def _sums(
     errors: Sequence[Errors],
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return ``log_f``, ``vv``, ``vr`` and ``rr`` of :class:`Innovations`."""
-    plain_first = np.argsort([e.clip.wander_rad > 0.0 for e in errors], kind="stable")
+    plain_first = np.argsort([_has_memory(e) for e in errors], kind="stable")
     ordered = tuple(errors[e] for e in plain_first)
     if _is_whole(known) and clip.size <= MOST_KEPT:
         foretold = _of_whole(clip, step_s, ordered)
     else:
         foretold = _Foretold(clip, known, step_s, ordered)
     size = (len(errors), residual_rad.shape[1])
-    own = _Followed(size, foretold.wandering)
-    vv, vr = np.zeros(size), np.zeros(size)
+    own = _Followed(size, foretold.wandering, foretold.shown)
+    block = blocks_of(clip)
+    vv, vr = np.zeros((2, int(block[-1]) + 1, *size))
     residual = residual_rad / (2.0 * np.pi)  # in turns, of which whole ones don't count
-    for value, step in zip(residual, foretold.steps, strict=True):
-        v = own.innovation(value, step.keep)
+    for b, value, step in zip(block, residual, foretold.steps, strict=True):
+        v = own.innovation(value, step.keep, step.push)
         v -= np.rint(v)
         own.learn(v, step.gain)
-        vr += step.told_r * v
+        vr[b] += step.told_r * v
         v *= v
         v *= step.told
-        vv += v
+        vv[b] += v
     back = np.argsort(plain_first)
-    log_f, rr = foretold.log_f[back], foretold.rr[back]
-    return log_f, (2 * np.pi) ** 2 * vv[back], 2 * np.pi * vr[back], rr
+    log_f, rr = foretold.log_f[:, back], foretold.rr[:, back]
+    return log_f, (2 * np.pi) ** 2 * vv[:, back], 2 * np.pi * vr[:, back], rr
+
+
+def _has_memory(errors: Errors) -> bool:
+    return errors.clip.wander_rad > 0.0 or errors.clip.drift_s > 0.0
 
 
 def _is_whole(known: NDArray[np.bool_]) -> bool:
@@ -175,11 +223,13 @@ def _of_whole(clip: ClipPhase, step_s: float, errors: tuple[Errors, ...]) -> _Fo
 class _Step(NamedTuple):
     """What the filter does with a phase, whatever that is: shapes as in :class:`_Spread`.
 
-    ``told`` is one over the innovation's variance, and ``told_r`` that times the ramp's
+    ``push`` is by how much a drift of one standard deviation moves the phase, none where nothing
+    drifts. ``told`` is one over the innovation's variance, and ``told_r`` that times the ramp's
     innovation; none where the phase counts for nothing.
     """
 
     keep: FloatArray
+    push: FloatArray | None
     gain: tuple[FloatArray, FloatArray]
     told: FloatArray
     told_r: FloatArray
@@ -192,44 +242,53 @@ class _Foretold:
         self, clip: ClipPhase, known: NDArray[np.bool_], step_s: float, errors: Sequence[Errors]
     ) -> None:
         spread = _Spread(clip, known.shape[1], step_s, errors)
-        self.wandering = spread.wandering
-        self.log_f, self.rr = np.zeros(spread.shape), np.zeros(spread.shape)
+        self.wandering, self.shown = spread.wandering, spread.shown
+        self._block = blocks_of(clip)
+        self.log_f, self.rr = np.zeros((2, int(self._block[-1]) + 1, *spread.shape))
         self.steps: Iterable[_Step] = self._steps(clip, known, spread)
 
     def _steps(self, clip: ClipPhase, known: NDArray[np.bool_], spread: _Spread) -> Iterator[_Step]:
-        ramp = _Followed(spread.shape, spread.wandering)
+        ramp = _Followed(spread.shape, spread.wandering, spread.shown)
         everywhere: NDArray[np.bool_] = np.all(known, axis=1)
         for i in range(clip.size):
-            f, keep, gain = spread.step(i, None if everywhere[i] else known[i])
+            f, keep, push, gain = spread.step(i, None if everywhere[i] else known[i])
             told, level = 1.0 / f, np.log(2.0 * np.pi * f)
             if not everywhere[i]:
                 told, level = np.where(known[i], told, 0.0), np.where(known[i], level, 0.0)
-            self.log_f += level
-            r = ramp.innovation(RAD_PER_CYCLE * (clip.t_s[i] - clip.t_s[0]), keep)
+            self.log_f[self._block[i]] += level
+            r = ramp.innovation(RAD_PER_CYCLE * (clip.t_s[i] - clip.t_s[0]), keep, push)
             ramp.learn(r, gain)
             told_r = told * r
-            self.rr += told_r * r
-            yield _Step(keep, gain, told, told_r)
+            self.rr[self._block[i]] += told_r * r
+            yield _Step(keep, push, gain, told, told_r)
 
 
 class _Spread:
     """How uncertain the walk (a) and the wander (b) are, and what an innovation tells of them.
 
-    Shapes are (errors, lags), or (errors, 1) where all lags know the same; what is of the wander
-    has the rows of those errors that have one, the last.
+    Where the errors of frequencies hang together, b is their drift: it isn't seen in a phase
+    itself, it pushes the walk. Shapes are (errors, lags), or (errors, 1) where all lags know the
+    same; what is of the wander has the rows of those errors that have one, the last.
     """
 
     def __init__(self, clip: ClipPhase, lags: int, step_s: float, errors: Sequence[Errors]) -> None:
         table = [
-            (e.reference_hz, e.clip.ratio, e.clip.wander_rad, 1.0 / e.clip.wander_s) for e in errors
-        ]
-        q, ratio, wander, forget = (column[:, None] for column in np.array(table).T)
+            (
+                e.reference_hz, e.clip.ratio, 1.0 if e.clip.drift_s else e.clip.wander_rad,
+                1.0 / (e.clip.drift_s or e.clip.wander_s), e.clip.drift_s > 0.0,
+            )
+            for e in errors
+        ]  # fmt: skip
+        q, ratio, wander, forget, drifts = (column[:, None] for column in np.array(table).T)
         self.shape = (len(errors), lags)
         self.wandering = slice(int((wander == 0.0).sum()), None)
+        self.shown = 1.0 - drifts[self.wandering]
         dt = np.diff(clip.t_s, prepend=clip.t_s[0])[:, None, None]
         # rad² a second: the errors of the reference's samples are independent.
         self._grow = (RAD_PER_CYCLE * q) ** 2 * step_s * dt
-        self._grow += ratio**2 * clip.walk_rad2[:, None, None]
+        self._grow += (1.0 - drifts) * ratio**2 * clip.walk_rad2[:, None, None]
+        push = (drifts * ratio)[self.wandering] * np.sqrt(clip.walk_rad2)[:, None, None]
+        self._push = push if drifts.any() else None
         self._noise = ratio**2 * clip.var_rad2[:, None, None] + 1e-12
         self._keep = np.exp(-forget[self.wandering] * dt)
         self._wander = wander[self.wandering] ** 2
@@ -239,7 +298,7 @@ class _Spread:
 
     def step(
         self, i: int, known: NDArray[np.bool_] | None
-    ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
+    ) -> tuple[FloatArray, FloatArray, FloatArray | None, tuple[FloatArray, FloatArray]]:
         """Go on to a phase, the way to which is known at all lags, or at those given.
 
         Returns
@@ -248,41 +307,51 @@ class _Spread:
             Variance of its innovation.
         keep : ndarray
             Share that is left of the wander; none where the filter starts anew.
+        push : ndarray or None
         gain : tuple of ndarray
             Of the walk, and of the wander.
         """
         aa, ab, bb, keep = self._aa, self._ab, self._bb, self._keep[i]
         aa += self._grow[i]
         if known is not None:
-            keep = np.where(known, keep, 0.0)
-            aa[:, ~known] = UNKNOWN_RAD2
+            # A wander is of a phase that nobody knows any more, a drift goes on.
+            keep = np.where(known, keep, (1.0 - self.shown) * keep)
+            aa[:, ~known], ab[:, ~known] = UNKNOWN_RAD2, 0.0
         ab *= keep
         bb -= self._wander
         bb *= keep**2
         bb += self._wander
-        to_a, to_b = aa.copy(), ab + bb
-        to_a[self.wandering] += ab
+        push = None if self._push is None else self._push[i]
+        if push is not None:
+            aa[self.wandering] += push * (2.0 * ab + push * bb)
+            ab += push * bb
+        to_a, to_b = aa.copy(), ab + self.shown * bb
+        to_a[self.wandering] += self.shown * ab
         f = to_a + self._noise[i]
-        f[self.wandering] += to_b
+        f[self.wandering] += self.shown * to_b
         gain_a, gain_b = to_a / f, to_b / f[self.wandering]
         ab -= gain_a[self.wandering] * to_b
         aa -= gain_a * to_a
         bb -= gain_b * to_b
-        return f, keep, (gain_a, gain_b)
+        return f, keep, push, (gain_a, gain_b)
 
 
 class _Followed:
     """What has been learnt of the walk and the wander behind a series."""
 
-    def __init__(self, shape: tuple[int, int], wandering: slice) -> None:
-        self._a, self._wandering = np.zeros(shape), wandering
+    def __init__(self, shape: tuple[int, int], wandering: slice, shown: FloatArray) -> None:
+        self._a, self._wandering, self._shown = np.zeros(shape), wandering, shown
         self._b = np.zeros_like(self._a[wandering])
 
-    def innovation(self, value: FloatArray | float, keep: FloatArray) -> FloatArray:
+    def innovation(
+        self, value: FloatArray | float, keep: FloatArray, push: FloatArray | None
+    ) -> FloatArray:
         """Return how far the next value is from what was to be expected."""
         self._b *= keep
+        if push is not None:
+            self._a[self._wandering] += push * self._b
         v: FloatArray = value - self._a
-        v[self._wandering] -= self._b
+        v[self._wandering] -= self._b if push is None else self._shown * self._b
         return v
 
     def learn(self, v: FloatArray, gain: tuple[FloatArray, FloatArray]) -> None:

@@ -97,7 +97,8 @@ def _when(result: MatchResult) -> str:
 def _details(result: MatchResult) -> list[tuple[str, str]]:
     """Return what the verdict rests on: pairs of a name and a line."""
     matches, limits = result.decision == "match", ratio_limits(result.method)
-    details = [] if matches else [("best fit", _when(result))]
+    absent = result.decision == "no_match"
+    details = [] if matches else [("nearest" if absent else "best fit", _when(result))]
     details.append((
         "how well",
         f"correlation {result.correlation:.4f} (1 is perfect) over {result.seconds_used:.0f} s "
@@ -105,10 +106,13 @@ def _details(result: MatchResult) -> list[tuple[str, str]]:
     ))  # fmt: skip
     if math.isfinite(result.idle_ratio):
         details.append(("idle period", f"taken for {result.idle_ratio:.0%} of a frame's time"))
-    if math.isfinite(result.log10_lr):
+    if absent:
+        details.append(("other times", f"{result.search_size} compared, of which none fits"))
+    elif math.isfinite(result.log10_lr):
+        others = "the next best is" if result.log10_lr >= 0 else "together the others are"
         details.append((
             "other times",
-            f"{result.search_size} compared; the next best is "
+            f"{result.search_size} compared; {others} "
             f"{_less_likely(result.log10_lr, limits['other'])}",
         ))  # fmt: skip
     if math.isfinite(result.log10_lr_absent):

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from rsenf.bench.calibration.clips import true_phase
+from rsenf.bench.calibration.damage import damage_text, over_damage
 from rsenf.bench.calibration.fit import Pairs, cost_of_ratios, fitted, pairs_of, reliability
 from rsenf.bench.calibration.grids import FIT, TEST, stretches
-from rsenf.bench.calibration.searches import Search, searched
+from rsenf.bench.calibration.real_clips import LAGS_S, there
+from rsenf.bench.calibration.searches import RealSearch, Search, real_searched, searched
 from rsenf.bench.calibration.table import calibration_file, fitted_lines, tabulated, text
 from rsenf.match.calibration import Line, calibration
 from tests.match.phase_clips import stretch_of
@@ -84,3 +86,41 @@ def test_searches_of_measured_grids(measured_data):
     assert "4 searches" in text(document)
     for question in ("other", "absent", "claim"):
         assert pairs_of(records, question).held.size <= 4
+
+
+def best(ratio, *, right=True, score=-5.0):
+    return {"other": 9.0, "absent": ratio, "right": right, "score": score, "lag_std_s": 0.1}
+
+
+def test_decisions_are_counted_over_the_damage():
+    lines, nothing = dict.fromkeys(("other", "absent", "claim"), IDENTITY), best(0.0)
+    usable = {"usable": True, "least": -9.0, "absent": nothing, "absent_day": best(-3.0)}
+    records = [
+        usable | {"damage": 0.1, "present": best(3.0)},
+        usable | {"damage": 0.1, "present": best(3.0, right=False)},
+        usable | {"damage": 0.5, "present": best(-3.0)},
+        usable | {"damage": 0.5, "present": best(-3.0, score=1.0)},
+        usable | {"damage": 0.5, "present": best(-3.0), "least": -1.0},
+        {"damage": 1.0, "usable": False},
+    ]
+    told = over_damage(lines, records)
+    total = told["total"]
+    assert (total["clips"], total["short"], total["found"], total["wrong"]) == (6, 1, 2, 1)
+    assert total["excluded"] == 1
+    assert (total["absent"], total["absent_excluded"], total["absent_found"]) == (10, 4, 0)
+    assert told["decided_falsely"] == 2
+    assert [row["clips"] for row in told["rows"]] == [2, 0, 3, 0, 1]
+    assert "of these falsely 2" in damage_text(told)
+
+
+def test_no_real_clip_both_fits_and_tests(tmp_path):
+    assert not set(LAGS_S[FIT]) & set(LAGS_S[TEST])
+    assert not there(tmp_path)
+    assert not there(None)
+
+
+@pytest.mark.measured
+def test_a_real_clip_made_worse_comes_again(measured_data):
+    first, again = (real_searched(RealSearch(TEST, 1, measured_data)) for _ in range(2))
+    assert first == again
+    assert first["grid"] in LAGS_S[TEST]

@@ -15,6 +15,7 @@ import pytest
 from rsenf.match.series import Grid
 from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, MatchResult
+from rsenf.report.verdict import verdict_words
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import analyse
 from rsenf.run.inputs import open_input_file
@@ -72,6 +73,17 @@ def test_a_real_camera_on_a_moving_scene(measured_data: Path) -> None:
     assert mains.decision in ("match", "no_decision")
     if mains.decision == photo.decision == "match":
         assert mains.lag_s == pytest.approx(photo.lag_s, abs=1.0)
+
+
+def test_a_scene_that_hardly_shows_its_light_excludes_nothing(measured_data: Path) -> None:
+    """Its time is in both references; its estimates are off by five times what they state."""
+    for result in against_both(measured_data / "gopro_luminance" / "experiment_b.npz"):
+        assert result.decision in ("match", "no_decision")
+        assert result.log10_lr_absent > -2.0
+        if result.decision == "match":
+            assert result.lag_s == pytest.approx(16.8, abs=1.0)
+        lines = verdict_words(result).splitlines()
+        assert not any("next best" in line and "more likely" in line for line in lines)
 
 
 def test_a_real_camera_from_the_command_line(

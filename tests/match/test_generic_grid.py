@@ -10,8 +10,14 @@ import pytest
 from rsenf.flicker.grid_prior import INERTIA_S, WALKS, wander_rad2
 from rsenf.match import generic_grid
 from rsenf.match.clip_phase import ClipPhase
-from rsenf.match.generic_grid import LIVELINESS, MEAN_STD_HZ, generic_log_likelihood
-from rsenf.match.phase_filter import CLIP_ERRORS
+from rsenf.match.generic_grid import (
+    BAD_SHARE,
+    LIVELINESS,
+    MEAN_STD_HZ,
+    generic_log_likelihood,
+    no_grid_log_likelihood,
+)
+from rsenf.match.phase_filter import blocks_of, clip_errors
 from tests.oracle.dense_grid import log_density, strayed_rad2
 
 
@@ -24,9 +30,12 @@ def clip_with(seed, count=12, *, walk=False):
     return ClipPhase(t_s, phase, none if walk else var, var if walk else none, 1.0, 50.0)
 
 
-def densely(clip):
-    models = [(w * e.weight, livelier, e) for livelier, w in LIVELINESS for e in CLIP_ERRORS]
-    return log_density(clip, models, lambda t_s: float(wander_rad2(t_s)), MEAN_STD_HZ)
+def densely(clip, bad=0.0):
+    models = [(w * e.weight, livelier, e) for livelier, w in LIVELINESS for e in clip_errors(clip)]
+    block, no_grid = blocks_of(clip), no_grid_log_likelihood(clip)
+    return log_density(
+        clip, models, lambda t_s: float(wander_rad2(t_s)), MEAN_STD_HZ, block, no_grid, bad
+    )
 
 
 @pytest.mark.parametrize("walk", [False, True], ids=["noise", "walk"])
@@ -36,6 +45,8 @@ def test_each_phase_after_those_before_is_as_likely_as_the_normal_says(walk):
     assert got.shape == (clip.size,)
     assert got[0] == 0.0
     np.testing.assert_allclose(got, densely(clip), rtol=1e-6, atol=1e-6)
+    got = generic_log_likelihood(clip, robust=True)
+    np.testing.assert_allclose(got, densely(clip, BAD_SHARE), rtol=1e-6, atol=1e-6)
 
 
 def test_whole_turns_of_a_phase_make_no_difference():
@@ -76,3 +87,24 @@ def test_a_clip_with_a_hole_of_hours_is_no_obstacle():
     t_s = np.concatenate([np.arange(20.0), np.arange(20.0) + 9000.0])
     clip = ClipPhase(t_s, np.zeros(40), np.full(40, 1e-3), np.zeros(40), 1.0, 50.0)
     assert np.isfinite(generic_log_likelihood(clip)).all()
+
+
+def test_phases_of_no_grid_lie_anywhere_in_a_turn():
+    clip = clip_with(7)
+    expected = np.where(np.arange(clip.size) > 0, -np.log(2 * np.pi), 0.0)
+    np.testing.assert_allclose(no_grid_log_likelihood(clip), expected)
+
+
+def test_a_grids_course_is_told_from_errors_that_hang_together():
+    """A smooth course is a grid's; one with the jitter of slow errors may be anything."""
+    rng = np.random.default_rng(8)
+    t_s, moved = np.arange(60.0), np.full(60, (4 * np.pi * 3e-4) ** 2)
+    smooth_hz = 0.01 * np.sin(t_s / 25.0) + 3e-4 * rng.standard_normal(60)
+    keep = np.exp(-1 / 8.0)
+    rough_hz = np.zeros(60)
+    for i in range(1, 60):
+        rough_hz[i] = keep * rough_hz[i - 1] + 0.02 * (1 - keep**2) ** 0.5 * rng.standard_normal()
+    for freq_hz, is_grid in ((smooth_hz, True), (rough_hz, False)):
+        clip = ClipPhase(t_s, 4 * np.pi * np.cumsum(freq_hz), 0 * t_s, moved, 1.0, 50.0)
+        shown = generic_log_likelihood(clip) - no_grid_log_likelihood(clip)
+        assert (float(shown.sum()) > 10.0) is is_grid

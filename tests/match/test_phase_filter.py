@@ -8,7 +8,7 @@ from scipy.stats import multivariate_normal
 
 from rsenf.match import MatchSettings
 from rsenf.match.clip_phase import ClipPhase
-from rsenf.match.phase_filter import ERRORS, ClipErrors, Errors, innovations
+from rsenf.match.phase_filter import ERRORS, ClipErrors, Errors, Innovations, blocks_of, innovations
 from rsenf.match.phase_search import CLOCKS, PhaseScorer, rougher
 from rsenf.match.series import Grid
 from tests.oracle.dense_phase import of_differences, sums_at_a_lag
@@ -19,6 +19,7 @@ SIZES = (
     Errors(0.3, 1e-3, ClipErrors(1.0, 2.5)),
     Errors(0.1, 1e-4, ClipErrors(1.0, 1.0, 0.06, 3.0)),
     Errors(0.4, 2.5e-3, ClipErrors(1.0, 1.0)),
+    Errors(0.4, 1e-3, ClipErrors(1.0, 4.0, drift_s=10.0)),
 )
 
 
@@ -32,6 +33,9 @@ def clip_with(rng, count=20, *, walk=False):
 
 
 def compare(clip, residual, known, found):
+    found = Innovations(
+        *(part.sum(axis=0) for part in (found.log_f, found.vv, found.vr, found.rr)), found.count
+    )
     for e, errors in enumerate(SIZES):
         for c in range(residual.shape[1]):
             own = known[:, min(c, known.shape[1] - 1)]
@@ -63,7 +67,7 @@ def test_lags_that_know_the_same_share_one_column():
     known = np.ones((20, 1), bool)
     known[[0, 11]] = False
     found = innovations(clip, residual, known, STEP_S, SIZES)
-    assert found.rr.shape == (len(SIZES), 1)
+    assert found.rr.shape == (blocks_of(clip)[-1] + 1, len(SIZES), 1)
     compare(clip, residual, known, found)
 
 
@@ -109,7 +113,7 @@ def test_the_clock_is_weighed_as_a_ramp_of_unknown_slope():
             covariance = of_differences(clip, STEP_S, errors) + slope_hz**2 * np.outer(ramp, ramp)
             density += errors.weight * share * multivariate_normal.pdf(d, cov=covariance)
     grid = Grid("flat", 50.0, 0, STEP_S, np.full(200, 50.0))
-    scorer = PhaseScorer(clip, grid, settings)
+    scorer = PhaseScorer(clip, grid, settings, robust=False)
     every = np.ones((clip.size, 1), bool)
     above_any_grid = np.log(density) - scorer.readings[0].generic.sum()
     assert scorer.scores(np.array([17.0]), every)[0] == pytest.approx(above_any_grid, rel=1e-9)

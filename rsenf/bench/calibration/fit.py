@@ -63,7 +63,8 @@ def pairs_of(records: Sequence[Record], question: str) -> Pairs:
     present = [r["present"] for r in own if r["present"]]
     right = [p[question] for p in present if p["right"]]
     if question == "absent":
-        return _pairs(right, [r["absent"]["absent"] for r in own if r["absent"]])
+        searches = [r[case] for r in own for case in ("absent", "absent_day") if r.get(case)]
+        return _pairs(right, [found["absent"] for found in searches])
     return _pairs(right, [p["other"] for p in present if not p["right"]], even=False)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,17 +13,22 @@ import numpy as np
 
 from rsenf.bench.calibration.clips import Drawn, draw, measured_reference, track_of_clip
 from rsenf.bench.calibration.grids import Stretch, stretches
+from rsenf.bench.calibration.real_clips import LAGS_S, degraded, reference_of
+from rsenf.bench.judge import number
 from rsenf.match.clip_phase import clip_phase
-from rsenf.match.phase import weigh, weigh_claim
+from rsenf.match.jumps import without_jumps
+from rsenf.match.phase import least_log10_lr, weigh, weigh_claim
 from rsenf.match.phase_search import PhaseSearch, search_phase
-from rsenf.match.series import Grid
+from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
+from rsenf.match.telling import telling
 
-VERSION = 1
+VERSION = 2
 AWAY_S = 600.0  # a clip's time is taken out of the reference with so much around it
 FALSE_CLAIMS = 4
 PLACE_S = 3.0  # nearer to the truth is the right place; how exactly it is known is another matter
 SPAN_H = (2.0, 24.0)  # of the reference searched
+REAL_SPAN_H = 3.0  # of the day in which a real clip is not
 
 
 @dataclass(frozen=True)
@@ -67,8 +73,87 @@ def searched(task: Search) -> dict[str, Any]:
     phases = clip_phase(track)
     if phases is None or track.usable < settings.min_seconds:
         return record | {"usable": False}
-    found = search_phase(track, phases, [grid], settings)
-    return record | {"usable": True, **_answers(found, grid, drawn, settings, rng)}
+    found = search_phase(track, phases.only(telling(phases)), [grid], settings)
+    return record | {
+        "usable": True,
+        "least": least_log10_lr(phases),
+        **_answers(found, grid, drawn, settings, rng),
+    }
+
+
+@dataclass(frozen=True)
+class RealSearch:
+    """A real clip, made worse and searched for; everything about it is drawn from its seed."""
+
+    part: str
+    seed: int
+    folder: Path
+
+    @property
+    def key(self) -> str:
+        """Name that tells it from any other."""
+        return f"real {self.part} {self.seed}"
+
+
+def real_searched(task: RealSearch) -> dict[str, Any]:
+    """Degrade a real clip, search for it, and return what was found with the truth.
+
+    It is searched for in what was measured while it was filmed, and where it isn't: in what was
+    measured beside another clip, and in some hours of a measured grid.
+    """
+    rng = np.random.default_rng([task.seed, zlib.crc32(task.key.encode())])
+    clip = degraded(task.folder, task.part, rng)
+    track, _ = without_jumps(clip.track)
+    others = [name for name in LAGS_S[task.part] if name != clip.name]
+    elsewhere = [
+        reference_of(task.folder, others[rng.integers(len(others))], clip.reference),
+        _day(task, rng),
+    ]
+    record = {
+        "version": VERSION,
+        "key": task.key,
+        "part": task.part,
+        "seed": task.seed,
+        "grid": clip.name,
+        "kinds": clip.kinds,
+        "damage": clip.damage,
+        "seconds": track.usable,
+    }
+    settings, phases = MatchSettings(), clip_phase(track)
+    if phases is None or track.usable < settings.min_seconds:
+        return record | {"usable": False}
+    grid = reference_of(task.folder, clip.name, clip.reference)
+    found = search_phase(track, phases.only(telling(phases)), [grid], settings)
+    absent = [_of_search(track, other, settings) for other in elsewhere]
+    claims = [_claimed(found, clip.lag_s + rng.uniform(-0.5, 0.5), settings)]
+    claims += [
+        _claimed(search, float(rng.uniform(0.0, search.scorers[0].grid.duration_s / 2)), settings)
+        for search in absent
+        for _ in range(FALSE_CLAIMS // 2)
+    ]
+    return record | {
+        "usable": True,
+        "least": least_log10_lr(phases),
+        "present": _best(found, clip.lag_s),
+        "absent": _best(absent[0], math.nan),
+        "absent_day": _best(absent[1], math.nan),
+        "true_claim": claims[0],
+        "false_claims": claims[1:],
+    }
+
+
+def _day(task: RealSearch, rng: np.random.Generator) -> Grid:
+    stretch = stretches(task.folder, task.part)[0]
+    samples = round(REAL_SPAN_H * 3600 / stretch.step_s)
+    first = int(rng.integers(stretch.freq_hz.size - samples))
+    freq_hz = stretch.freq_hz[first : first + samples]
+    return Grid(stretch.name, stretch.nominal_hz, 0, stretch.step_s, freq_hz)
+
+
+def _of_search(track: Track, grid: Grid, settings: MatchSettings) -> PhaseSearch:
+    phases = clip_phase(track)
+    assert phases is not None
+    return search_phase(track, phases.only(telling(phases)), [grid], settings)
 
 
 def _shortened(stretch: Stretch, rng: np.random.Generator) -> Stretch:
@@ -90,9 +175,9 @@ def _answers(
     settings: MatchSettings,
     rng: np.random.Generator,
 ) -> dict[str, Any]:
-    present = _best(found, drawn)
+    present = _best(found, drawn.start_s, drawn.clock_ppm)
     elsewhere = [p for p in found.places if abs(p.lag_s - drawn.start_s) > AWAY_S + drawn.seconds]
-    absent = _best(dataclasses.replace(found, places=elsewhere), drawn)
+    absent = _best(dataclasses.replace(found, places=elsewhere), drawn.start_s, drawn.clock_ppm)
     true_claim = drawn.start_s + rng.uniform(-0.5, 0.5)
     room = grid.duration_s - drawn.seconds
     false_claims = [c for c in rng.uniform(0, room, FALSE_CLAIMS) if abs(c - drawn.start_s) > 30]
@@ -111,19 +196,21 @@ def _claimed(found: PhaseSearch, lag_s: float, settings: MatchSettings) -> float
     return raw if np.isfinite(raw) else None
 
 
-def _best(found: PhaseSearch, drawn: Drawn) -> dict[str, Any] | None:
+def _best(found: PhaseSearch, start_s: float, clock_ppm: float = math.nan) -> dict[str, Any] | None:
+    """Return what a search found and how far off that is; no true start lies in it where NaN."""
     if not found.places:
         return None
     raw, place = weigh(found), found.places[0]
     clock = found.scorers[0].clock(place.lag_s)
     nominal_hz = found.scorers[0].grid.nominal_hz
-    error_s = place.lag_s - drawn.start_s
+    error_s = place.lag_s - start_s
     return {
         "other": raw.other,
         "absent": raw.absent,
+        "score": place.score,
         "right": abs(error_s) <= PLACE_S,
-        "lag_error_s": error_s,
+        "lag_error_s": number(error_s),
         "lag_std_s": place.lag_std_s,
-        "clock_error_ppm": -clock.offset_hz / nominal_hz * 1e6 - drawn.clock_ppm,
+        "clock_error_ppm": number(-clock.offset_hz / nominal_hz * 1e6 - clock_ppm),
         "clock_std_ppm": clock.offset_std_hz / nominal_hz * 1e6,
     }

@@ -35,11 +35,12 @@ def fitted_lines(records: Sequence[Record]) -> dict[str, Line]:
 
 def calibration_file(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, Any]:
     """Return what is kept with the matcher."""
-    seeds = [r["seed"] for r in records]
+    seeds, real = [r["seed"] for r in records], sum("damage" in r for r in records)
     return {
         "version": VERSION,
-        "made": f"rsenf bench calibration: {len(records)} searches, seeds {min(seeds)} to "
-        f"{max(seeds)}, in {', '.join(sorted({r['grid'] for r in records}))}",
+        "made": f"rsenf bench calibration: {len(records)} searches, {real} of them of real clips "
+        f"made worse, seeds {min(seeds)} to {max(seeds)}, in "
+        f"{', '.join(sorted({r['grid'] for r in records}))}",
         "lines": {name: dataclasses.asdict(line) for name, line in lines.items()},
     }
 
@@ -84,7 +85,7 @@ def _decisions(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, A
 def _clock(records: Sequence[Record]) -> dict[str, float]:
     """Rms of the errors of lag and clock over their standard errors, where the time is right."""
     right = [r["present"] for r in records if r.get("present") and r["present"]["right"]]
-    sure = [p for p in right if p["absent"] >= 2]
+    sure = [p for p in right if p["absent"] >= 2 and p["clock_error_ppm"] is not None]
     lag = np.array([p["lag_error_s"] / p["lag_std_s"] for p in sure])
     clock = np.array([p["clock_error_ppm"] / p["clock_std_ppm"] for p in sure])
     return {

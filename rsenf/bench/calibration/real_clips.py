@@ -1,0 +1,237 @@
+"""Clips of a real camera, made worse: cut, thinned, noisy, quantised, with another scene's errors.
+
+The camera's luminance is degraded before it is tracked, and the estimates after that. Errors of
+motion are those that the same camera made in a scene with motion, against what was measured beside
+it; what is stated of them is up to five times too small, as it was there. Which clips fit constants
+and which only test is fixed: no clip is in both.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from rsenf.bench.calibration.grids import FIT, TEST
+from rsenf.match.clip_phase import RAD_PER_CYCLE
+from rsenf.match.series import Grid, Track, track_of
+from rsenf.messages import Header
+from rsenf.messages.schema import FloatArray
+from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.track import TrackSettings, make_tracker
+
+FOLDER = "gopro_luminance"
+NOMINAL_HZ, CLOCK_PPM = 50.0, 71.0
+# Start of each in its references (s), where two matchers and both references agree; and whose
+# errors of motion are put on the others'.
+LAGS_S = {
+    FIT: {
+        "exp_HAL_50cm_wall": 97.8,
+        "exp_HAL_150cm_wall": 70.5,
+        "exp_HAL_300cm_wall": 66.4,
+        "experiment_a": 17.1,
+    },
+    TEST: {
+        "exp_INC_100cm_wall": 63.5,
+        "exp_INC_200cm_wall": 45.5,
+        "exp_INC_350cm_wall": 43.5,
+        "experiment_b": 16.8,
+    },
+}
+MOVING = {FIT: "experiment_a", TEST: "experiment_b"}
+REFERENCES = ("mains", "photodiode")
+LENGTH_S = (45.0, 400.0)
+LUMINANCE_KINDS = ("noise", "quantised", "gain steps")
+TRACK_KINDS = ("thinned", "gap", "motion")
+STATED_TOO_SMALL = (1.0, 5.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Degraded:
+    """A degraded clip.
+
+    Parameters
+    ----------
+    name : str
+        Of the clip that it was.
+    damage : float
+        From 0, hardly any, to 1, hopeless.
+    kinds : tuple of str
+        What was done to it.
+    track : Track
+    reference : str
+        One of :data:`REFERENCES`.
+    lag_s : float
+        Its true start in that.
+    """
+
+    name: str
+    damage: float
+    kinds: tuple[str, ...]
+    track: Track
+    reference: str
+    lag_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Clip:
+    luminance: FloatArray
+    rate_hz: float
+    references_hz: dict[str, FloatArray]
+
+
+def there(folder: Path | None) -> bool:
+    """Whether the real clips are in a folder of measured data."""
+    return folder is not None and (folder / FOLDER).is_dir()
+
+
+@functools.lru_cache(maxsize=8)
+def _clip(folder: Path, name: str) -> _Clip:
+    with np.load(folder / FOLDER / f"{name}.npz", allow_pickle=False) as held:
+        return _Clip(
+            np.asarray(held["luminance"], np.float64),
+            float(held["frame_rate_hz"]),
+            {
+                "mains": held["mains_enf_combined_hz"],
+                # Light flickers at twice the mains' frequency.
+                "photodiode": held["photodiode_enf_combined_hz"] / 2.0,
+            },
+        )
+
+
+def reference_of(folder: Path, name: str, reference: str) -> Grid:
+    """Return what was measured while a clip was filmed."""
+    return Grid(reference, NOMINAL_HZ, 0, 1.0, _clip(folder, name).references_hz[reference])
+
+
+def degraded(folder: Path, part: str, rng: np.random.Generator) -> Degraded:
+    """Draw a clip of a part, and what is done to it."""
+    names = tuple(LAGS_S[part])
+    name = names[rng.integers(len(names))]
+    damage = float(rng.random())
+    every = (*LUMINANCE_KINDS, *TRACK_KINDS)
+    many = int(rng.integers(1, 2 + round(2 * damage)))
+    kinds = tuple(every[i] for i in sorted(rng.choice(len(every), many, replace=False)))
+    clip = _clip(folder, name)
+    length_s = min(_spread(rng, LENGTH_S), clip.luminance.size / clip.rate_hz - 1.0)
+    begin_s = float(rng.uniform(0.0, clip.luminance.size / clip.rate_hz - length_s))
+    first, frames = round(begin_s * clip.rate_hz), round(length_s * clip.rate_hz)
+    luminance = _worse(clip.luminance[first : first + frames], kinds, damage, rng)
+    track = tracked(luminance, clip.rate_hz)
+    for kind in TRACK_KINDS:
+        if kind in kinds:
+            track = _spoilt(folder, part, track, kind, damage, rng)
+    lag_s = LAGS_S[part][name] + first / clip.rate_hz / (1.0 + CLOCK_PPM * 1e-6)
+    return Degraded(name, damage, kinds, track, REFERENCES[rng.integers(2)], lag_s)
+
+
+def _spread(rng: np.random.Generator, low_high: tuple[float, float]) -> float:
+    """Draw evenly on a logarithmic scale."""
+    return math.exp(rng.uniform(*np.log(low_high)))
+
+
+def _worse(
+    luminance: FloatArray, kinds: tuple[str, ...], damage: float, rng: np.random.Generator
+) -> FloatArray:
+    """Make luminance worse; sizes go by the flicker's."""
+    size = float(np.diff(luminance).std())
+    out = luminance.copy()
+    if "gain steps" in kinds:
+        for at in rng.integers(out.size, size=1 + round(12 * damage)):
+            out[at:] *= math.exp((0.02 + 0.2 * damage) * rng.standard_normal())
+    if "noise" in kinds:
+        out += size * 10 ** (2.2 * damage - 1.0) * rng.standard_normal(out.size)
+    if "quantised" in kinds:
+        step = size * 10 ** (1.5 * damage - 0.5)
+        out = step * np.round(out / step)
+    return out
+
+
+def tracked(luminance: FloatArray, rate_hz: float) -> Track:
+    """ENF of the means of frames, by the default tracker."""
+    stage = make_tracker(TrackSettings(nominal_hz=NOMINAL_HZ))
+    times = np.arange(luminance.size) / rate_hz
+    estimates = []
+    header = Header(source="real")
+    for block in blocks_from_luminance(
+        luminance[:, None, None], times, header, read_out_axis="frame"
+    ):
+        estimates += stage.update(block)
+    estimates += stage.flush()
+    return track_of([e for e in estimates if e.rank == 0])
+
+
+def _spoilt(
+    folder: Path,
+    part: str,
+    track: Track,
+    kind: str,
+    damage: float,
+    rng: np.random.Generator,
+) -> Track:
+    """Leave out estimates, or put errors on them."""
+    count = track.enf_hz.size
+    if kind == "motion":
+        return _moved(track, _errors(folder, part), damage, rng)
+    lost = np.zeros(count, bool)
+    if kind == "gap":
+        for _ in range(1 + round(2 * damage)):
+            start = rng.integers(count)
+            lost[start : start + round(count * 0.25 * damage) + 3] = True
+    else:
+        island = int(rng.integers(3, 12))
+        pause = round(island * 4.0 * damage) + 1
+        lost = (np.arange(count) + rng.integers(count)) % (island + pause) >= island
+    return replace(track, enf_hz=np.where(lost, np.nan, track.enf_hz))
+
+
+@dataclass(frozen=True, eq=False)
+class _Errors:
+    """Errors of a moving scene's estimates, NaN where there is none; phases where it has them."""
+
+    enf_hz: FloatArray
+    phase_rad: FloatArray
+    enf_std_hz: float
+    phase_std_rad: float
+
+
+@functools.lru_cache(maxsize=2)
+def _errors(folder: Path, part: str) -> _Errors:
+    from rsenf.match.forecast import forecast
+
+    name = MOVING[part]
+    clip, lag_s = _clip(folder, name), LAGS_S[part][name]
+    track = tracked(clip.luminance, clip.rate_hz)
+    freq_hz = clip.references_hz["photodiode"]
+    t_s = np.asarray(track.first_s + track.hop_s * np.arange(track.enf_hz.size), np.float64)
+    enf = track.enf_hz - np.interp(t_s + lag_s - 0.5, np.arange(freq_hz.size), freq_hz)
+    enf -= np.nanmedian(enf)
+    foretold, _ = forecast(Grid("", NOMINAL_HZ, 0, 1.0, freq_hz), np.array([lag_s]), t_s)
+    clock = RAD_PER_CYCLE * CLOCK_PPM * 1e-6 * NOMINAL_HZ * t_s
+    phase = np.angle(np.exp(1j * (track.phase_rad - foretold[:, 0] + clock)))
+    return _Errors(enf, phase, float(np.nanstd(enf)), float(np.nanmedian(np.abs(np.diff(phase)))))
+
+
+def _moved(track: Track, errors: _Errors, damage: float, rng: np.random.Generator) -> Track:
+    """Put a moving scene's errors on a track's, more of them with more damage.
+
+    Where that scene had no phases, none is left; where it had no estimate, none is left either in
+    the more damaged half.
+    """
+    share = damage**2
+    index = (np.arange(track.enf_hz.size) + rng.integers(errors.enf_hz.size)) % errors.enf_hz.size
+    enf, phase = errors.enf_hz[index], errors.phase_rad[index]
+    stated = share / rng.uniform(*STATED_TOO_SMALL)
+    if damage < 0.5:
+        enf, phase = np.nan_to_num(enf), np.where(np.isfinite(enf), phase, 0.0)
+    return replace(
+        track,
+        enf_hz=track.enf_hz + share * enf,
+        var_hz2=track.var_hz2 + (stated * errors.enf_std_hz) ** 2,
+        phase_rad=np.angle(np.exp(1j * (track.phase_rad + share * phase))),
+        phase_var_rad2=track.phase_var_rad2
+        + (0.0 if math.isnan(errors.phase_std_rad) else stated * errors.phase_std_rad) ** 2,
+    )
