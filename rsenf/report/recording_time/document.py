@@ -17,6 +17,7 @@ from rsenf.report.pages import Picture
 from rsenf.report.recording_time import words
 from rsenf.report.recording_time.advice import what_would_help
 from rsenf.report.recording_time.case import Case, ReferenceFacts
+from rsenf.report.recording_time.conditions import conditions, kind
 from rsenf.report.recording_time.folder import NUMBERS, PAGE, SCHEMA, VERDICT
 from rsenf.report.recording_time.pictures import left_out
 from rsenf.report.recording_time.ratios import (
@@ -48,11 +49,14 @@ def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> dict[
     made_utc : str
         When the report was made.
     """
-    result = case.result
+    result, (name, meaning) = case.result, kind(case)
     return {
         "schema": SCHEMA,
         "version": VERSION,
         "made_utc": made_utc,
+        "kind": name,
+        "kind_meaning": meaning,
+        "case": case.verdict["case"],
         "question": words.question(case),
         "answer": words.answer(case),
         "decision": result.decision,
@@ -60,6 +64,7 @@ def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> dict[
         "propositions": propositions(case),
         "likelihood_ratios": comparisons(result),
         "likelihood_ratio_texts": ratio_texts(result),
+        "conditions": conditions(case),
         "claim": _claim(case),
         "what_would_help": what_would_help(case),
         "pictures": [_picture(p) for p in pictures],
@@ -74,6 +79,7 @@ def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> dict[
             "references": [_reference(r) for r in case.references],
             "verdict": {"name": VERDICT, "sha256": _sha256(verdict_bytes(case))},
         },
+        "command": case.command,
         "parameters": {group: dict(values) for group, values in case.parameters.items()},
         "versions": dict(case.versions),
         "glossary": GLOSSARY,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,8 +38,10 @@ class Section(NamedTuple):
 
 # In the order of the page. A new one is a file and a line here.
 SECTIONS = (
+    Section("case", "The case", "Case", about="case"),
     Section("evidence", "Weight of the evidence"),
     Section("claim", "The claim", about="claim"),
+    Section("conditions", "What this is conditioned on", "Conditions"),
     Section("help", "What would help", about="what_would_help"),
     Section("pictures", "Pictures"),
     Section("candidates", "Candidates"),
@@ -48,6 +50,7 @@ SECTIONS = (
     Section("warnings", "Warnings"),
     Section("limits", "Known limits of the method", "Limits"),
     Section("inputs", "What this rests on", "Inputs"),
+    Section("command", "The command, to copy", "Command", about="command"),
     Section("parameters", "Parameters in effect, and versions", "Parameters"),
     Section("terms", "Terms"),
 )
@@ -112,6 +115,19 @@ def _duration(value: float) -> str:
     return " ".join([*told, *([f"{rest:.4g} s"] if rest or not told else [])])
 
 
+def _stamps(container: Mapping[str, Any]) -> str:
+    """Say what times a video's frames have."""
+    if container["rate_basis"]:
+        return f"none: they are counted at a rate that is {container['rate_basis']}"
+    told = f"{_count(container['stamped_frames'])} frames have one"
+    if container["median_s"] is None:
+        return told
+    first, usual, last = (
+        f"{1e3 * container[f'{n}_s']:.3f}" for n in ("shortest", "median", "longest")
+    )
+    return f"{told}; from one to the next {first} to {last} ms, mostly {usual} ms"
+
+
 _FILTERS: dict[str, Callable[..., str]] = {
     "fixed": _known(_fixed),
     "count": _known(_count),
@@ -123,5 +139,6 @@ _FILTERS: dict[str, Callable[..., str]] = {
     "mhz": _known(lambda value: f"{1e3 * value:.3g} mHz"),
     "duration": _known(_duration),
     "setting": setting,
+    "stamps": _stamps,
     "plain": lambda word: _WORDS.get(word, str(word)),
 }
