@@ -69,34 +69,36 @@ class ContainerFacts:
 def container_facts(path: Path) -> ContainerFacts | None:
     """Read what a file says; None if it is no video. All of it is read, nothing decoded."""
     try:
-        container = open_container(path)
+        with open_container(path) as container:
+            return _facts(container, video_stream(container, path))
     except InputError:
         return None
-    with container:
-        stream = video_stream(container, path)
-        basis, context = rate_basis(container, stream), stream.codec_context
-        rate_hz = float(fraction(None if basis is RateBasis.ASSUMED else stream.guessed_rate))
-        ticks = np.sort(list(_stamps(container, stream)) if not basis else [])
-        gaps_s = np.diff(ticks) * float(fraction(stream.time_base))
-        shortest_s, median_s, longest_s = (
-            map(float, np.quantile(gaps_s, (0.0, 0.5, 1.0))) if gaps_s.size else (None, None, None)
-        )
-        return ContainerFacts(
-            format=container.format.long_name,
-            codec=" ".join(filter(None, [context.name, context.profile])),
-            pixel_format=context.pix_fmt or "",
-            width_px=context.width,
-            height_px=context.height,
-            bit_rate_bps=container.bit_rate or None,
-            duration_s=duration_s(container, stream),
-            declared_rate_hz=rate_hz or None,
-            rate_basis=str(basis),
-            stamped_frames=ticks.size,
-            shortest_s=shortest_s,
-            median_s=median_s,
-            longest_s=longest_s,
-            **_said(container, stream),
-        )
+
+
+def _facts(container: InputContainer, stream: av.VideoStream) -> ContainerFacts:
+    basis, context = rate_basis(container, stream), stream.codec_context
+    rate_hz = float(fraction(None if basis is RateBasis.ASSUMED else stream.guessed_rate))
+    ticks = np.sort(list(_stamps(container, stream)) if not basis else [])
+    gaps_s = np.diff(ticks) * float(fraction(stream.time_base))
+    shortest_s, median_s, longest_s = (
+        map(float, np.quantile(gaps_s, (0.0, 0.5, 1.0))) if gaps_s.size else (None, None, None)
+    )
+    return ContainerFacts(
+        format=container.format.long_name,
+        codec=" ".join(filter(None, [context.name, context.profile])),
+        pixel_format=context.pix_fmt or "",
+        width_px=context.width,
+        height_px=context.height,
+        bit_rate_bps=container.bit_rate or None,
+        duration_s=duration_s(container, stream),
+        declared_rate_hz=rate_hz or None,
+        rate_basis=str(basis),
+        stamped_frames=ticks.size,
+        shortest_s=shortest_s,
+        median_s=median_s,
+        longest_s=longest_s,
+        **_said(container, stream),
+    )
 
 
 def _stamps(container: InputContainer, stream: av.VideoStream) -> Iterator[int]:

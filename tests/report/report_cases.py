@@ -51,14 +51,20 @@ def case_of(
     (result,) = match.flush()
     return Case(
         result=result,
-        verdict=verdict_json(result, [*result.warnings, "a warning of the test's"]) | {"case": CASE},
+        verdict=verdict_json(result, [*result.warnings, "a warning of the test's"])
+        | {"case": CASE},
         estimates=estimates,
         spectrum=spectrum,
         grid=grid_of(blocks),
         recording=RecordingFacts(
-            name="clip.mp4", bytes=1234, sha256="0" * 64, seconds=float(SECONDS), stretches=1,
-            frame_rate_hz=29.97, container=CONTAINER,
-        ),  # fmt: skip
+            name="clip.mp4",
+            bytes=1234,
+            sha256="0" * 64,
+            seconds=float(SECONDS),
+            stretches=1,
+            frame_rate_hz=29.97,
+            container=CONTAINER,
+        ),
         command="rsenf verify clip.mp4 --reference test.csv --report report",
         references=[reference_facts()],
         parameters={"command line": {"method": "ncc", "line": None}, "match": {"candidates": 5}},

@@ -49,8 +49,9 @@ def conditions(case: Case) -> list[str]:
     if result.method not in RATIOLESS:
         settings = case.settings
         told.append(
-            f"Errors: the reference is within {1e3 * settings.reference_std_hz:g} mHz of the grid "
-            f"at the lamp, and clocks of cameras are off by about {settings.clock_scale_ppm:g} ppm "
+            "Errors: allowed are those that the estimates state, "
+            f"{1e3 * settings.reference_std_hz:g} mHz between the reference and the grid at the "
+            f"lamp, and camera clocks that are off by about {settings.clock_scale_ppm:g} ppm "
             "(Student's distribution, 3 degrees of freedom)."
         )
     if result.method == CALIBRATED:
