@@ -4,7 +4,7 @@ rsenf explain                     what there is to explain
 rsenf explain EnfEstimate         the fields of a message, as Protobuf with units
 rsenf explain exit-codes | keys | contract
 rsenf explain schemas --out DIR   write rsenf.proto, rsenf.desc, and JSON Schemas of a graph file,
-                                  a case file, and what the verbs print with --json
+                                  a case file, a report, and what verbs print with --json
 """
 
 from __future__ import annotations

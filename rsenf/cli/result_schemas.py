@@ -1,4 +1,4 @@
-"""JSON Schemas of what the verbs print with ``--json``, out of the results' own fields."""
+"""JSON Schemas of what the verbs print with ``--json``, and of a report, by their own types."""
 
 from __future__ import annotations
 
@@ -10,10 +10,13 @@ JSON_SCHEMA = "https://json-schema.org/draft/2020-12/schema"
 
 def result_schemas() -> dict[str, dict[str, Any]]:
     """Return the schemas by name. Keys may be added to a result, so others are allowed."""
+    from pydantic import TypeAdapter
+
     from rsenf.api.idle import IdleComparison, IdleResult
     from rsenf.api.shared import json_fields
     from rsenf.api.track import EstimateJson, TrackResult
     from rsenf.api.verify import AgainstResult, VerifyResult
+    from rsenf.report.recording_time.keys import Document
 
     documents = {
         "verify": ("rsenf verify --json", VerifyResult),
@@ -27,6 +30,7 @@ def result_schemas() -> dict[str, dict[str, Any]]:
         schemas[name] = _schema(title, {f.name: hints[f.name] for f in json_fields(result)}, result)
     line = typing.get_type_hints(EstimateJson)
     schemas["track"] = _schema("a line of rsenf track --json", line, TrackResult)
+    schemas["report"] = {"$schema": JSON_SCHEMA, **TypeAdapter(Document).json_schema()}
     return schemas
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from jsonschema import Draft202012Validator
 
 from rsenf.report.recording_time import Case, write_report
 from tests.dashboard.browser import Browser, chromium
@@ -26,6 +27,9 @@ from tests.report.report_cases import (
     with_result,
 )
 
+SCHEMA = Draft202012Validator(
+    json.loads((Path(__file__).parents[2] / "configs/schema/report.schema.json").read_text())
+)
 Told = tuple[Page, dict[str, Any], Path]
 MADE = "2026-01-02T03:04:05Z"
 SECTIONS = ["case", "evidence", "claim", "conditions", "pictures", "candidates", "camera", "search",
@@ -55,6 +59,8 @@ def written(folder: Path, case: Case, made: str = MADE) -> tuple[Page, dict[str,
     numbers = json.loads((folder / "report.json").read_text(), parse_constant=pytest.fail)
     assert numbers["schema"] == "rsenf.report.recording_time"
     assert numbers["version"] == 1
+    SCHEMA.validate(numbers)
+    assert numbers.keys() == SCHEMA.schema["properties"].keys()
     assert sorted(numbers["files"]) == sorted(p.name for p in folder.iterdir())
     # Nothing from elsewhere, nothing that runs.
     assert not page.all("script")

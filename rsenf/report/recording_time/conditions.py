@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 from rsenf.match.calibration import calibration
 from rsenf.report.recording_time.case import Case, ReferenceFacts
@@ -23,7 +24,7 @@ KINDS = {
 }
 
 
-def kind(case: Case) -> tuple[str, str]:
+def kind(case: Case) -> tuple[Literal["investigative", "evaluative"], str]:
     """Return 'evaluative' or 'investigative', and why."""
     result = case.result
     if not result.claimed_utc_ns:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rsenf.report.pages import Picture, fill, setting
+from rsenf.report.recording_time.keys import Document
 from rsenf.report.verdict import ppm_text
 
 _WHOLE = re.compile(r"\d{4}-\d\d-\d\d [\d:.]+ UTC|± [\d.]+ s|--[a-z-]+")
@@ -56,17 +57,17 @@ SECTIONS = (
 )
 
 
-def page_of(document: dict[str, Any], pictures: Sequence[Picture]) -> str:
+def page_of(document: Document, pictures: Sequence[Picture]) -> str:
     """Fill in the page; whatever comes from outside is escaped.
 
     Parameters
     ----------
-    document : dict
+    document : Document
         Of :func:`rsenf.report.recording_time.document.document_of`; the page shows nothing else.
     pictures : sequence of Picture
         Those that the document names, in its order.
     """
-    shown = [section for section in SECTIONS if not section.about or document[section.about]]
+    shown = [section for section in SECTIONS if not section.about or dict(document)[section.about]]
     template = Path(__file__).parent / "page.html.j2"
     return fill(template, pictures, _FILTERS, r=document, sections=shown)
 
