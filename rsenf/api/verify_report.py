@@ -126,7 +126,9 @@ def _versions() -> dict[str, str]:
     return {
         "rsenf": __version__,
         "commit": found or "not known",
-        "installed from": "a wheel of that commit" if is_built else "a folder of source files",
+        "installed from": "a wheel of that commit"
+        if is_built
+        else "source files, which may differ from it",
         **machine_facts(),
         **program_versions(LIBRARIES),
         "libavcodec": codec,

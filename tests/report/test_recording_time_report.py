@@ -211,7 +211,7 @@ def test_a_weighed_claim_is_evaluative_and_a_search_is_not(tmp_path: Path, bare:
         page, numbers = written(tmp_path / "r", case)
         assert numbers["kind"] == kind
         assert f"{kind.capitalize()} report" in page.words
-        assert ("C was named beforehand" in page.words) is (kind == "evaluative")
+        assert ("C is the claimed start" in page.words) is (kind == "evaluative")
         assert ("not weighed" in numbers["kind_meaning"]) is (
             kind == "investigative" and claim != ""
         )

@@ -1,4 +1,4 @@
-"""What kind of report it is, and what the evidence is conditioned on (ENFSI 2015, 2.4 and 4)."""
+"""What kind of report it is, and what the evidence is conditioned on (as ENFSI 2015 asks)."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from rsenf.report.verdict import CALIBRATED
 from rsenf.timebase import nanoseconds
 
 KINDS = {
-    "evaluative": "A claimed start was weighed: the propositions were known before the recording "
-    "was looked at. That is evaluative reporting.",
+    "evaluative": "A claimed start was weighed against its alternatives. This supposes that the "
+    "claim comes from elsewhere, and not out of a search of this very recording.",
     "investigative": "The time was searched for: the proposition H1 comes out of the recording "
     "itself. That is a lead, not a weighed claim. To evaluate one, have somebody who doesn't know "
     "this report name the start, and give it to --start.",
@@ -76,7 +76,7 @@ def _searched(case: Case) -> str:
         else ""
     )
     if math.isfinite(result.claim_log10_lr):
-        return f" C was named beforehand: {when(result.claimed_utc_ns)}.{found}"
+        return f" C is the claimed start, {when(result.claimed_utc_ns)}.{found}"
     return found
 
 
