@@ -13,10 +13,16 @@ def version_text() -> str:
     """Return what ``rsenf --version`` says."""
     from rsenf import __version__
 
+    found, _ = commit()
+    return f"rsenf {__version__}" + (f" (commit {found[:SHOWN]})" if found else "")
+
+
+def commit() -> tuple[str, bool]:
+    """Return the commit, '' for none, and whether the package was built: it is that commit's."""
     package = Path(__file__).parent
     built_from = package / BUILT_FROM
-    found = built_from.read_text() if built_from.is_file() else commit_of(package.parent)
-    return f"rsenf {__version__}" + (f" (commit {found[:SHOWN]})" if found else "")
+    is_built = built_from.is_file()
+    return built_from.read_text() if is_built else commit_of(package.parent), is_built
 
 
 def commit_of(checkout: Path) -> str:

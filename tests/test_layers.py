@@ -64,6 +64,7 @@ ALLOWED: dict[str, set[str]] = {
     # What is done with recordings, for whoever calls it.
     "api": {
         *BASE,
+        "version",
         *SIGNAL,
         "bus",
         "config",

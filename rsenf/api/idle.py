@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 from numpy.typing import ArrayLike
 
-from rsenf.api.shared import Progress, Recording, Result, opened, row_settings, silent
+from rsenf.api.shared import (
+    ASIDE,
+    Progress,
+    Recording,
+    Result,
+    json_fields,
+    opened,
+    row_settings,
+    silent,
+)
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS, IdleSettings
 from rsenf.idle.compare import Comparison, compare_readout
@@ -107,7 +116,7 @@ class IdleResult(Result):
         where the rate is known.
     """
 
-    verdict: str
+    verdict: Literal["estimated", "ambiguous", "no_signal", "refused"]
     method: str
     idle_ratio: float | None
     idle_ratio_std: float | None
@@ -115,7 +124,7 @@ class IdleResult(Result):
     idle_ratio_high: float | None
     read_out_time_s: float | None
     read_out_time_std_s: float | None
-    direction: str | None
+    direction: Literal["forward", "reverse"] | None
     frame_rate_hz: float | None
     nominal_hz: float | None
     converted: bool
@@ -171,14 +180,14 @@ class IdleComparison:
 
     recordings: list[str]
     log10_lr_same_readout: float | None
-    verdict: str
+    verdict: Literal["different", "compatible", "undecidable"]
     caveats: list[str]
     warnings: list[str]
-    comparison: Comparison
+    comparison: Comparison = field(metadata=ASIDE)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values: what the command line prints with ``--json``."""
-        return {k: v for k, v in vars(self).items() if k != "comparison"}
+        return {f.name: getattr(self, f.name) for f in json_fields(type(self))}
 
     def __str__(self) -> str:
         return comparison_words(self.comparison)

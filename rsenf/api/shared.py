@@ -138,6 +138,11 @@ def row_settings(given: RowsSettings | None, track: TrackSettings | None = None)
 ASIDE = {"json": False}  # metadata of a result's field that isn't a part of its JSON
 
 
+def json_fields(result: Any) -> list[dataclasses.Field[Any]]:
+    """Return the fields of a kind of result that are keys of its JSON."""
+    return [f for f in dataclasses.fields(result) if f.metadata.get("json", True)]
+
+
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Result:
     """What came out of a recording. The fields of each kind of result are the keys of its JSON.
@@ -162,8 +167,7 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values: what the command line prints with ``--json``."""
-        shown = (f.name for f in dataclasses.fields(self) if f.metadata.get("json", True))
-        return {name: getattr(self, name) for name in shown}
+        return {f.name: getattr(self, f.name) for f in json_fields(type(self))}
 
     def __repr__(self) -> str:
         said, _, _ = str(self).partition("\n")

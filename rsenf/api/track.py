@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import TypedDict
 
 from rsenf.api.shared import (
     Progress,
@@ -104,6 +105,20 @@ def track(
     return track_result(source.called, analysis)
 
 
+class EstimateJson(TypedDict):
+    """A line of what ``rsenf track --json`` prints; its keys are explained in TrackResult."""
+
+    t_s: float
+    enf_hz: float | None
+    enf_std_hz: float | None
+    snr_db: float | None
+    usable: bool
+    reason: str
+    epoch: int
+    mirror_hz: float | None
+    slips: list[dict[str, int]]
+
+
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class TrackResult(Result):
     """The ENF of a recording; all arrays are of shape (seconds,).
@@ -152,17 +167,17 @@ class TrackResult(Result):
         slips = (_slips(estimate) for estimate in self.analysis.estimates)
         return {
             "estimates": [
-                {
-                    "t_s": round(t_s, 6),
-                    "enf_hz": number(enf_hz),
-                    "enf_std_hz": number(std_hz),
-                    "snr_db": number(snr_db),
-                    "usable": usable,
-                    "reason": reason,
-                    "epoch": epoch,
-                    "mirror_hz": number(mirror_hz),
-                    "slips": [dataclasses.asdict(slip) for slip in own],
-                }
+                EstimateJson(
+                    t_s=round(t_s, 6),
+                    enf_hz=number(enf_hz),
+                    enf_std_hz=number(std_hz),
+                    snr_db=number(snr_db),
+                    usable=usable,
+                    reason=reason,
+                    epoch=epoch,
+                    mirror_hz=number(mirror_hz),
+                    slips=[dataclasses.asdict(slip) for slip in own],
+                )
                 for t_s, enf_hz, std_hz, snr_db, usable, reason, epoch, mirror_hz, own in zip(
                     *columns, slips, strict=True
                 )

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
 
@@ -17,6 +17,7 @@ from rsenf.api.shared import (
     Progress,
     Recording,
     Result,
+    json_fields,
     opened,
     row_settings,
     silent,
@@ -37,7 +38,7 @@ from rsenf.messages import RowBlock
 from rsenf.reference.moments import utc_ns
 from rsenf.report.against import against_json, against_words
 from rsenf.report.spectrum import ThinRows
-from rsenf.report.verdict import verdict_json, verdict_words
+from rsenf.report.verdict import CandidateJson, verdict_json, verdict_words
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import Analysis, Tap, analyse
 from rsenf.run.inputs import Input
@@ -67,6 +68,8 @@ def verify(
     match: MatchSettings | None = None,
     picture: PathLike | None = None,
     report: PathLike | None = None,
+    case: PathLike | None = None,
+    command: str = "",
     progress: Progress = silent,
 ) -> VerifyResult:
     """Compare a recording's ENF with a grid reference at every lag.
@@ -96,6 +99,10 @@ def verify(
         PNG to draw what was compared in.
     report : path, optional
         Folder to write a report in: HTML, JSON and pictures.
+    case : path, optional
+        YAML of the case that it belongs to: case, exhibit, examiner, laboratory, received.
+    command : str, optional
+        What to type for the same report, for who reads it.
 
     Raises
     ------
@@ -124,6 +131,7 @@ def verify(
     if picture and not picture.absolute().parent.is_dir():
         raise UsageError(f"picture {picture}: no such folder", "make it first")
     settings, made_utc = match or MatchSettings(), ""
+    of_case = _case(Path(case)) if case else None
     if report:
         from rsenf.report.recording_time import check_folder, moment_of_report
 
@@ -189,6 +197,7 @@ def verify(
         recording=source.called,
         analysis=analysis,
         reference=next((r for r in references if r.grid == found.grid), references[0]),
+        case=of_case,
         **told,
     )
     if picture:
@@ -208,6 +217,7 @@ def verify(
                 "reference": [r.name for r in references], "start": start, "method": method,
                 "nominal_hz": nominal_hz, "step_s": step_s, "timezone": timezone,
             },
+            command,
         )  # fmt: skip
     return result
 
@@ -222,6 +232,13 @@ def check_verify(method: str, track: TrackSettings | None) -> None:
     """
     track_settings(track, matcher=method)
     Match(method=method)
+
+
+def _case(path: Path) -> dict[str, str]:
+    """Read a case file."""
+    from rsenf.config.case_file import load_case
+
+    return load_case(path).model_dump()
 
 
 def _warnings(analysis: Analysis, references: Sequence[Opened]) -> list[str]:
@@ -284,10 +301,12 @@ class VerifyResult(Result):
         Ranked, the best first.
     warnings : list of str
         All that a reader should know, what could not be read among it.
+    case : dict or None
+        The case that it belongs to, as the case file has it.
     """
 
     reference: Opened = field(metadata=ASIDE)
-    decision: str
+    decision: Literal["match", "no_match", "no_decision"]
     grid: str
     reason: str
     lag_s: float | None
@@ -296,7 +315,7 @@ class VerifyResult(Result):
     correlation: float | None
     log10_lr: float | None
     log10_lr_absent: float | None
-    claim: str | None
+    claim: Literal["supported", "refuted", "undecidable"] | None
     claim_log10_lr: float | None
     claim_log10_lr_other: float | None
     verbal: str
@@ -308,8 +327,9 @@ class VerifyResult(Result):
     seconds_used: float
     idle_ratio: float | None
     method: str
-    candidates: list[dict[str, Any]]
+    candidates: list[CandidateJson]
     warnings: list[str]
+    case: dict[str, str] | None
 
     @property
     def enf(self) -> TrackResult:
@@ -319,7 +339,7 @@ class VerifyResult(Result):
     def to_pandas(self) -> pandas.DataFrame:
         """Return the candidates, a row for each, by ``lag_s``."""
         names = ("lag_s", "grid", "start_utc", "correlation", "clock_ppm", "log10_lr")
-        return table({name: [c[name] for c in self.candidates] for name in names}, "lag_s")
+        return table({name: [dict(c)[name] for c in self.candidates] for name in names}, "lag_s")
 
     def __str__(self) -> str:
         return verdict_words(self.analysis.result)
@@ -392,7 +412,7 @@ class AgainstResult:
         By how much the first one's clock is faster.
     """
 
-    decision: str
+    decision: Literal["match", "no_match", "no_decision"]
     reason: str
     offset_s: float | None
     offset_std_s: float | None
@@ -402,11 +422,11 @@ class AgainstResult:
     clock_std_ppm: float | None
     verbal: str
     warnings: list[str]
-    against: Against
+    against: Against = field(metadata=ASIDE)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values: what the command line prints with ``--json``."""
-        return {k: v for k, v in vars(self).items() if k != "against"}
+        return {f.name: getattr(self, f.name) for f in json_fields(type(self))}
 
     def __str__(self) -> str:
         return against_words(self.against)

@@ -7,11 +7,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rsenf import __version__
 from rsenf.api.references import Opened, coverage, grids_of
+from rsenf.decode.container import container_facts
 from rsenf.match.calibration import calibration
-from rsenf.record.provenance import input_facts, program_versions
+from rsenf.record.provenance import input_facts, machine_facts, program_versions
 from rsenf.report.recording_time import Case, RecordingFacts, ReferenceFacts, write_report
 from rsenf.report.spectrum import ThinRows
+from rsenf.report.verdict import number
+from rsenf.version import commit
 
 if TYPE_CHECKING:
     from rsenf.api.verify import VerifyResult
@@ -27,6 +31,7 @@ def write_verify_report(
     made_utc: str,
     settings: Mapping[str, Any],
     asked: Mapping[str, Any],
+    command: str,
 ) -> None:
     """Write the report on a verdict.
 
@@ -45,6 +50,8 @@ def write_verify_report(
         Settings of the stages, by what they are of.
     asked : mapping of str
         What else was asked for, without folders: where files lie is nobody's business.
+    command : str
+        What to type for the same report; may be empty.
     """
     analysis = found.analysis
     epoch = analysis.result.header.epoch
@@ -58,6 +65,7 @@ def write_verify_report(
         recording=_recording(found),
         references=[_facts(reference) for reference in references],
         settings=settings["match"],
+        command=command,
         parameters={"asked for": asked, **groups, **_calibration(analysis.result.method)},
         versions=_versions(),
         idle=analysis.idle_by_epoch.get(epoch),
@@ -66,13 +74,16 @@ def write_verify_report(
 
 
 def _recording(found: VerifyResult) -> RecordingFacts:
-    facts = input_facts(found.recording)
+    facts, container = input_facts(found.recording), container_facts(Path(found.recording))
+    clock = found.analysis.clocks[found.analysis.result.header.epoch]
     return RecordingFacts(
         name=facts["input"],
         bytes=int(facts["input_bytes"]),
         sha256=facts["input_sha256"],
         seconds=found.analysis.seconds,
         stretches=len(found.analysis.stretches_s),
+        frame_rate_hz=number(clock.frame_rate_hz),
+        container=dataclasses.asdict(container) if container else None,
     )
 
 
@@ -106,9 +117,19 @@ def _calibration(method: str) -> dict[str, Mapping[str, Any]]:
 
 
 def _versions() -> dict[str, str]:
-    """Versions of the program and of what its results rest on."""
+    """Versions of the program and of what its results rest on, and the machine."""
     import av
 
+    found, is_built = commit()
     # The decoder's own version: what frames look like is its doing.
     codec = ".".join(map(str, av.library_versions["libavcodec"]))
-    return {**program_versions(LIBRARIES), "libavcodec": codec}
+    return {
+        "rsenf": __version__,
+        "commit": found or "not known",
+        "installed from": "a wheel of that commit"
+        if is_built
+        else "source files, which may differ from it",
+        **machine_facts(),
+        **program_versions(LIBRARIES),
+        "libavcodec": codec,
+    }

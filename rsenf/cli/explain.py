@@ -3,7 +3,8 @@
 rsenf explain                     what there is to explain
 rsenf explain EnfEstimate         the fields of a message, as Protobuf with units
 rsenf explain exit-codes | keys | contract
-rsenf explain schemas --out DIR   write rsenf.proto, rsenf.desc and graph.schema.json
+rsenf explain schemas --out DIR   write rsenf.proto, rsenf.desc, and JSON Schemas of a graph file,
+                                  a case file, a report, and what verbs print with --json
 """
 
 from __future__ import annotations
@@ -97,18 +98,21 @@ def run(args: argparse.Namespace) -> int:
 
 
 def schema_files() -> dict[str, bytes]:
-    """Generated files by name: the messages' schemas and the graph file's."""
+    """Generated files by name: schemas of messages, of files and of results."""
     import json
 
+    from rsenf.cli.result_schemas import result_schemas
     from rsenf.config import Graph
+    from rsenf.config.case_file import CaseFile
     from rsenf.messages import descriptor_set
     from rsenf.messages.proto_text import file_text
 
-    graph = json.dumps(Graph.model_json_schema(), indent=2) + "\n"
+    files = {"graph": Graph.model_json_schema(), "case": CaseFile.model_json_schema()}
+    schemas = files | result_schemas()
     return {
         "rsenf.proto": file_text().encode(),
         "rsenf.desc": descriptor_set(),
-        "graph.schema.json": graph.encode(),
+        **{f"{k}.schema.json": f"{json.dumps(v, indent=2)}\n".encode() for k, v in schemas.items()},
     }
 
 

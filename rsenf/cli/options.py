@@ -249,9 +249,10 @@ def shown(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def field_docs(settings: type) -> dict[str, str]:
+def field_docs(settings: type, heading: str = "Parameters") -> dict[str, str]:
     """Return the first sentence of what a numpydoc docstring says of each field."""
-    _, _, section = (inspect.getdoc(settings) or "").partition("\nParameters\n----------\n")
+    over = f"\n{heading}\n{'-' * len(heading)}\n"
+    _, _, section = (inspect.getdoc(settings) or "").partition(over)
     docs: dict[str, str] = {}
     for names, text in re.findall(
         r"^(\w+(?:, \w+)*) : .*\n((?:[ ].*\n|\n)*)", section + "\n", re.M

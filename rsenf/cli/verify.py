@@ -8,11 +8,15 @@ claimed time is supported, refuted or undecidable.
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rsenf.api.track import TrackResult
+
+# Which leave the report as it is.
+ELSEWHERE = ("json", "picture", "report", "debug")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,6 +29,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--report", type=Path, metavar="DIR", help="report to read: HTML, JSON and pictures"
     )
+    parser.add_argument(
+        "--case", type=Path, metavar="FILE",
+        help="YAML for the report: case, exhibit, examiner, laboratory, received",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="the verdict as JSON")
     add_settings(parser)
 
@@ -85,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar("verifying", recording.duration_s) as progress:
         found = verify(
             recording, references, **options, picture=args.picture, report=args.report,
-            progress=progress,
+            case=args.case, command=command_again(args), progress=progress,
         )  # fmt: skip
     if args.picture:
         note(f"picture: {args.picture}")
@@ -120,6 +128,30 @@ def options_of(args: argparse.Namespace) -> dict[str, Any]:
     }
 
 
+def command_again(args: argparse.Namespace) -> str:
+    """Return the command that makes the same report, with files by their names alone."""
+    from rsenf.cli import verb_parser
+
+    words = ["rsenf", "verify", _name(args.input)]
+    for action in verb_parser("verify")._actions:
+        value = getattr(args, action.dest, None)
+        if not action.option_strings or action.dest in ELSEWHERE or value in (None, action.default):
+            continue
+        if isinstance(action, argparse.BooleanOptionalAction):
+            words.append(action.option_strings[not value])
+            continue
+        for one in value if isinstance(value, list) else [value]:
+            words += [action.option_strings[0], _name(one)]
+    return shlex.join([*words, "--report", "report"])
+
+
+def _name(value: object) -> str:
+    """Write an argument; of what is a file its name."""
+    return (
+        Path(value).name if isinstance(value, str | Path) and Path(value).exists() else str(value)
+    )
+
+
 def _against(args: argparse.Namespace) -> int:
     """Compare two recordings."""
     from rsenf.api.verify import verify_against
@@ -128,7 +160,7 @@ def _against(args: argparse.Namespace) -> int:
     from rsenf.errors import UsageError
     from rsenf.match.settings import MatchSettings
 
-    for name in ("reference", "start", "picture", "report"):
+    for name in ("reference", "start", "picture", "report", "case"):
         if getattr(args, name):
             raise UsageError(f"--against with --{name}", "the other recording is the reference")
     paths = (args.input, args.against)

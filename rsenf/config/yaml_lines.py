@@ -23,6 +23,8 @@ class YamlText:
     ----------
     path : Path
         File to read.
+    as_text : bool, optional
+        Take every scalar as it is written: 0117 and 2026-01-15 are texts, too.
 
     Attributes
     ----------
@@ -40,8 +42,9 @@ class YamlText:
         When it isn't YAML at all.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, as_text: bool = False) -> None:
         self.path = path
+        self._as_text = as_text
         self.lines: dict[KeyPath, int] = {}
         self.problems: dict[KeyPath, str] = {}
         self._loader = yaml.SafeLoader("")
@@ -94,6 +97,8 @@ class YamlText:
             if isinstance(node, yaml.ScalarNode) and node.style is None:
                 # Without quotes: a variable may hold a number, as the text itself could.
                 node.tag = self._tag(node.value)
+        if self._as_text:
+            return node.value
         try:
             return self._loader.construct_object(node)
         except (ValueError, yaml.YAMLError):

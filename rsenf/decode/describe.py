@@ -32,10 +32,10 @@ def describe(
     given_rate_hz: float | None = None,
 ) -> StreamInfo:
     """Describe a stream; its rotation is known only from a decoded frame."""
-    context, basis = stream.codec_context, _rate_basis(container, stream)
+    context, basis = stream.codec_context, rate_basis(container, stream)
     # Of a stream that declares none FFmpeg tells the rate that it assumes.
     rate = fraction(None if basis is RateBasis.ASSUMED else stream.guessed_rate)
-    duration_s = _duration_s(container, stream)
+    length_s = duration_s(container, stream)
     return StreamInfo(
         codec=writer.codec,
         width_px=context.width,
@@ -43,8 +43,8 @@ def describe(
         declared_rate_hz=float(rate),
         rate_basis=RateBasis.GIVEN if given_rate_hz else basis,
         time_step_s=float(fraction(stream.time_base)),
-        duration_s=duration_s,
-        frame_count=stream.frames or (round(duration_s * rate) if duration_s and rate else None),
+        duration_s=length_s,
+        frame_count=stream.frames or (round(length_s * rate) if length_s and rate else None),
         camera_start_ns=_creation_ns({**container.metadata, **stream.metadata}),
         has_b_frames=context.has_b_frames,
         packets_recordable=writer.recordable,
@@ -52,7 +52,8 @@ def describe(
     )
 
 
-def _rate_basis(container: InputContainer, stream: av.VideoStream) -> RateBasis:
+def rate_basis(container: InputContainer, stream: av.VideoStream) -> RateBasis:
+    """Return where a stream's frame rate comes from."""
     if container.format.flags & _NO_TIMES:
         # A codec may have a place for the rate in its own headers.
         return RateBasis.DECLARED if stream.codec_context.framerate else RateBasis.ASSUMED
@@ -60,7 +61,8 @@ def _rate_basis(container: InputContainer, stream: av.VideoStream) -> RateBasis:
     return RateBasis.DECLARED if numbered else RateBasis.STAMPED
 
 
-def _duration_s(container: InputContainer, stream: av.VideoStream) -> float | None:
+def duration_s(container: InputContainer, stream: av.VideoStream) -> float | None:
+    """Return how long a stream says that it is, or else its container."""
     if stream.duration:
         return float(stream.duration * fraction(stream.time_base))
     return float(container.duration * _MICROSECOND) if container.duration else None

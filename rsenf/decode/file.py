@@ -54,8 +54,8 @@ class FileSource(VideoSource):
     def __init__(self, spec: SourceSpec, stamp: Stamp, stop: Stop) -> None:
         super().__init__(stamp, stop, pace=spec.pace)
         self._path = Path(spec.url)
-        self._container = _open(self._path)
-        stream = _video_stream(self._container, self._path)
+        self._container = open_container(self._path)
+        stream = video_stream(self._container, self._path)
         self._several = len(self._container.streams.video) > 1
         self._is_avi = self._container.format.name == "avi"
         spec = dataclasses.replace(spec, threads=_threads(spec))
@@ -167,7 +167,16 @@ def _threads(spec: SourceSpec) -> int:
     return min(cores() + 2, _MOST_THREADS)
 
 
-def _open(path: Path) -> InputContainer:
+def open_container(path: Path) -> InputContainer:
+    """Open a video file.
+
+    Raises
+    ------
+    UsageError
+        When it can't be read.
+    InputError
+        When it is no video.
+    """
     try:
         with path.open("rb") as file:
             empty = not file.read(1)
@@ -204,7 +213,7 @@ def _has_several(pictures: InputContainer) -> bool:
     return sum(1 for packet in itertools.islice(pictures.demux(), 2) if packet.size) > 1
 
 
-def _video_stream(container: InputContainer, path: Path) -> av.VideoStream:
+def video_stream(container: InputContainer, path: Path) -> av.VideoStream:
     """Return the main video stream; a cover picture of a sound file is none."""
     streams = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
     if not streams:

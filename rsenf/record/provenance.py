@@ -88,6 +88,19 @@ def program_versions(libraries: Sequence[str]) -> dict[str, str]:
     return versions
 
 
+def machine_facts() -> dict[str, str]:
+    """Operating system and processor, by the names that their makers give them."""
+    try:
+        told = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+        names = [line.partition(":")[2].strip() for line in told.splitlines() if "name\t" in line]
+    except OSError:  # not Linux
+        names = []
+    return {
+        "operating system": platform.platform(),
+        "processor": next(iter(names), platform.processor() or platform.machine()),
+    }
+
+
 def input_facts(path: str | Path) -> dict[str, str]:
     """Name, size and SHA-256 of an input file. Takes its time; let another thread call it.
 

@@ -5,11 +5,25 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from typing_extensions import TypedDict  # Pydantic's, before Python 3.12
+
 from rsenf.match.calibration import calibration
 from rsenf.messages import Candidate, MatchResult
 from rsenf.timebase import utc_text
 
 CALIBRATED = "phase"  # the method whose likelihood ratios are
+
+
+class CandidateJson(TypedDict):
+    """A time that the recording may have begun at."""
+
+    grid: str
+    lag_s: float | None
+    start_utc: str | None
+    correlation: float | None
+    clock_ppm: float | None
+    log10_lr: float | None
+    seconds_used: float
 
 
 def number(value: float) -> float | None:
@@ -59,7 +73,7 @@ def verdict_json(result: MatchResult, warnings: list[str]) -> dict[str, Any]:
     }
 
 
-def _candidate_json(candidate: Candidate) -> dict[str, Any]:
+def _candidate_json(candidate: Candidate) -> CandidateJson:
     return {
         "grid": candidate.grid,
         "lag_s": number(candidate.lag_s),

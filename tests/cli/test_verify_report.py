@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import platform
+import shlex
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -11,6 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rsenf.cli import verb_parser
+from rsenf.cli.verify import command_again
 from tests.cli.bad_files import cut, repacked
 from tests.hidden_clip import HiddenClip
 from tests.report.html_page import Page
@@ -63,7 +67,15 @@ def test_json_and_report_together_wherever_the_files_are(
     assert numbers["inputs"]["references"][0]["bytes"] == short.reference.stat().st_size
     assert numbers["parameters"]["asked for"]["reference"] == ["grid.csv"]
     assert numbers["idle"]["verdict"] == "estimated"
-    assert {"rsenf", "python", "numpy", "libavcodec"} <= numbers["versions"].keys()
+    assert {"rsenf", "commit", "processor", "numpy", "libavcodec"} <= numbers["versions"].keys()
+    assert numbers["versions"]["operating system"] == platform.platform()
+    # The command makes the same report, wherever the files are.
+    assert numbers["command"] == (
+        f"rsenf verify clip.npz --reference grid.csv --start {short.start_utc} --report report"
+    )
+    again = rsenf(*shlex.split(numbers["command"])[1:], cwd=elsewhere)
+    assert again.returncode == 0, again.stderr
+    assert contents(elsewhere / "report") == contents(tmp_path / "a")
     everything = b"".join(contents(tmp_path / "a").values())
     assert str(tmp_path).encode() not in everything
     assert str(short.clip.parent).encode() not in everything
@@ -71,6 +83,45 @@ def test_json_and_report_together_wherever_the_files_are(
     assert numbers["answer"] in page.words
     assert len(page.all("img")) == 5
     assert f"report: {Path('b') / 'report.html'}" in second.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("exhibits: E-3\n", ":1: unknown key 'exhibits'"),
+        ("case: 1\nexaminer: [a, b]\n", ":2: examiner: "),
+        ("just words\n", ":1: not a mapping"),
+    ],
+)
+def test_a_case_file_that_is_none(
+    rsenf: Rsenf, short: HiddenClip, tmp_path: Path, text: str, said: str
+) -> None:
+    (tmp_path / "case.yaml").write_text(text)
+    done = rsenf("verify", short.clip, "--reference", short.reference, "--case",
+                 tmp_path / "case.yaml", "--report", tmp_path / "r")  # fmt: skip
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"case.yaml{said}" in done.stderr
+    assert not (tmp_path / "r").exists()
+
+
+def test_every_option_that_matters_is_in_the_command(tmp_path: Path) -> None:
+    for name in ("clip.mp4", "a.csv"):
+        (tmp_path / name).touch()
+    words = ["--method", "ncc", "--candidates", "3", "--no-mask", "--min-fit", "0.001",
+             "--reference", "store:ce", "--frame-rate", "29.97"]  # fmt: skip
+    args = verb_parser("verify").parse_args([
+        str(tmp_path / "clip.mp4"), "--reference", str(tmp_path / "a.csv"), *words, "--json",
+        "--picture", str(tmp_path / "p.png"), "--report", str(tmp_path / "r"),
+    ])  # fmt: skip
+    first, verb, *again = shlex.split(command_again(args))
+    assert (first, verb) == ("rsenf", "verify")
+    assert str(tmp_path) not in "".join(again)
+    same = verb_parser("verify").parse_args(again)
+    kept = {"input", "reference", "json", "picture", "report"}
+    assert {k: v for k, v in vars(same).items() if k not in kept} == {
+        k: v for k, v in vars(args).items() if k not in kept
+    }
+    assert (same.input, same.reference) == ("clip.mp4", ["a.csv", "store:ce"])
 
 
 def test_darkness_is_reported_too(rsenf: Rsenf, short: HiddenClip, tmp_path: Path) -> None:

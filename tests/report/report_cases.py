@@ -19,6 +19,14 @@ from tests.report.filmed import RATE_HZ, grid_hz, lit, reference
 T0_NS = 1_700_000_000 * 10**9
 BEGIN_S, SECONDS = 400, 180
 FREQ_HZ = grid_hz(1500)
+CASE = {"case": "K 4711/26", "exhibit": "E-3", "examiner": "", "laboratory": "", "received": ""}
+CONTAINER = {
+    "format": "QuickTime / MOV", "codec": "hevc Main", "pixel_format": "yuv420p", "width_px": 1920,
+    "height_px": 1080, "bit_rate_bps": None, "duration_s": 180.0, "declared_rate_hz": 30.0,
+    "rate_basis": "", "stamped_frames": 5400, "shortest_s": 0.033, "median_s": 0.0333,
+    "longest_s": 0.1, "creation_time": "2026-01-15T08:00:00Z", "encoder": "", "make": "Acme",
+    "model": "Eye 3",
+}  # fmt: skip
 
 
 def estimate(second: int, enf_hz: float) -> EnfEstimate:
@@ -43,13 +51,21 @@ def case_of(
     (result,) = match.flush()
     return Case(
         result=result,
-        verdict=verdict_json(result, [*result.warnings, "a warning of the test's"]),
+        verdict=verdict_json(result, [*result.warnings, "a warning of the test's"])
+        | {"case": CASE},
         estimates=estimates,
         spectrum=spectrum,
         grid=grid_of(blocks),
         recording=RecordingFacts(
-            name="clip.mp4", bytes=1234, sha256="0" * 64, seconds=float(SECONDS), stretches=1
+            name="clip.mp4",
+            bytes=1234,
+            sha256="0" * 64,
+            seconds=float(SECONDS),
+            stretches=1,
+            frame_rate_hz=29.97,
+            container=CONTAINER,
         ),
+        command="rsenf verify clip.mp4 --reference test.csv --report report",
         references=[reference_facts()],
         parameters={"command line": {"method": "ncc", "line": None}, "match": {"candidates": 5}},
         versions={"rsenf": "1.2.3", "numpy": "2.0"},
@@ -94,5 +110,5 @@ def spectrum_of(level: np.ndarray) -> ThinRows:
 def with_result(case: Case, **changes: Any) -> Case:
     """The same case with another outcome."""
     result: MatchResult = dataclasses.replace(case.result, **changes)
-    verdict = verdict_json(result, list(case.verdict["warnings"]))
+    verdict = case.verdict | verdict_json(result, list(case.verdict["warnings"]))
     return dataclasses.replace(case, result=result, verdict=verdict)

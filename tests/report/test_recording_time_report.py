@@ -13,8 +13,10 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from jsonschema import Draft202012Validator
 
 from rsenf.report.recording_time import Case, write_report
+from tests.dashboard.browser import Browser, chromium
 from tests.report.html_page import Page
 from tests.report.report_cases import (
     BEGIN_S,
@@ -25,10 +27,13 @@ from tests.report.report_cases import (
     with_result,
 )
 
+SCHEMA = Draft202012Validator(
+    json.loads((Path(__file__).parents[2] / "configs/schema/report.schema.json").read_text())
+)
 Told = tuple[Page, dict[str, Any], Path]
 MADE = "2026-01-02T03:04:05Z"
-SECTIONS = ["evidence", "claim", "pictures", "candidates", "camera", "search", "warnings",
-            "limits", "inputs", "parameters", "terms"]  # fmt: skip
+SECTIONS = ["case", "evidence", "claim", "conditions", "pictures", "candidates", "camera", "search",
+            "warnings", "limits", "inputs", "command", "parameters", "terms"]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +59,8 @@ def written(folder: Path, case: Case, made: str = MADE) -> tuple[Page, dict[str,
     numbers = json.loads((folder / "report.json").read_text(), parse_constant=pytest.fail)
     assert numbers["schema"] == "rsenf.report.recording_time"
     assert numbers["version"] == 1
+    SCHEMA.validate(numbers)
+    assert numbers.keys() == SCHEMA.schema["properties"].keys()
     assert sorted(numbers["files"]) == sorted(p.name for p in folder.iterdir())
     # Nothing from elsewhere, nothing that runs.
     assert not page.all("script")
@@ -120,6 +127,9 @@ def test_all_of_the_case_is_on_the_page(told: Told, found: Case) -> None:
         *numbers["likelihood_ratio_texts"]["meaning"],
         *(p["caption"] for p in numbers["pictures"]), numbers["claim"]["meaning"],
         "clip.mp4", "0" * 64, "f" * 64, numbers["inputs"]["verdict"]["sha256"],
+        *numbers["conditions"], numbers["kind_meaning"], numbers["command"], "K 4711/26",
+        "QuickTime / MOV", "hevc Main", "2026-01-15T08:00:00Z", "Acme", "Eye 3", "29.9700 Hz",
+        "5 400 frames have one; from one to the next 33.000 to 100.000 ms, mostly 33.300 ms",
         "a warning of the test's", "gaps: 2, 3 s in all", "1.2.3", "not set",
         f"{found.result.clock_ppm:+.1f} ppm", f"{found.result.correlation:.4f}",
         *(f"{c.lag_s:.2f}" for c in found.result.candidates),
@@ -156,7 +166,7 @@ def test_the_same_case_gives_the_same_bytes_but_for_the_date(
 
 def test_without_a_signal_it_says_so_and_what_would_help(tmp_path: Path, dark: Case) -> None:
     page, numbers = written(tmp_path / "r", dark)
-    assert page.ids == [*SECTIONS[:2], "help", *SECTIONS[2:]]
+    assert page.ids == [*SECTIONS[:4], "help", *SECTIONS[4:]]
     assert numbers["decision"] == "no_decision"
     assert "no usable signal" in numbers["answer"]
     assert numbers["pictures_left_out"] in page.words
@@ -187,6 +197,67 @@ def test_every_outcome_has_its_page(tmp_path: Path, bare: Case, decision: str, c
     assert numbers["answer"].endswith(".")
     assert not re.search(r"\bnan\b|None", numbers["answer"])
     assert numbers["answer"] in page.words
+
+
+def test_a_weighed_claim_is_evaluative_and_a_search_is_not(tmp_path: Path, bare: Case) -> None:
+    """A claim that no ratio belongs to was not weighed, whatever became of it."""
+    claimed_ns = bare.result.claimed_utc_ns
+    for claim, log10_lr, kind in (
+        ("supported", 2.0, "evaluative"), ("refuted", -2.0, "evaluative"),
+        ("supported", float("nan"), "investigative"), ("", float("nan"), "investigative"),
+    ):  # fmt: skip
+        case = with_result(bare, claim=claim, claimed_utc_ns=claimed_ns if claim else 0,
+                           claim_log10_lr=log10_lr, claim_log10_lr_other=log10_lr)  # fmt: skip
+        page, numbers = written(tmp_path / "r", case)
+        assert numbers["kind"] == kind
+        assert f"{kind.capitalize()} report" in page.words
+        assert ("C is the claimed start" in page.words) is (kind == "evaluative")
+        assert ("not weighed" in numbers["kind_meaning"]) is (
+            kind == "investigative" and claim != ""
+        )
+
+
+def test_conditions_are_those_of_the_case(tmp_path: Path, bare: Case) -> None:
+    """Nothing is said of ratios where a method has none, nor of times that aren't known."""
+    clockless = dataclasses.replace(reference_facts(), t0_ns=0)
+    case = dataclasses.replace(with_result(bare, method="metric4"), references=[clockless])
+    _, numbers = written(tmp_path / "a", case)
+    told = " ".join(numbers["conditions"])
+    assert "without times of day" in told
+    assert "Errors:" not in told
+    assert "Calibration:" not in told
+    _, numbers = written(tmp_path / "b", with_result(bare, method="phase"))
+    told = " ".join(numbers["conditions"])
+    assert "from 2023-11-14 22:13:20.00 UTC to" in told
+    assert "Calibration:" in told
+
+
+def test_without_a_case_or_a_container(tmp_path: Path, bare: Case) -> None:
+    recording = dataclasses.replace(bare.recording, container=None)
+    case = dataclasses.replace(bare, recording=recording, command="")
+    case.verdict["case"] = None
+    page, numbers = written(tmp_path / "r", case)
+    assert not {"case", "command"} & set(page.ids)
+    assert "says of itself" not in page.words
+    assert numbers["case"] is None
+
+
+@pytest.mark.external
+def test_nothing_is_cut_off_in_print(told: Told) -> None:
+    """On A4 within the margins; every picture and table row fits a page."""
+    if not chromium():
+        pytest.skip("no Chromium here")
+    mm = 96 / 25.4
+    with Browser() as browser:
+        browser.call("Emulation.setEmulatedMedia", media="print")
+        browser.size(round(180 * mm), round(265 * mm))
+        browser.open((told[2] / "report.html").as_uri())
+        browser.until("document.querySelectorAll('img').length > 3")
+        boxes = "[...document.querySelectorAll('body *')].map(e => e.getBoundingClientRect())"
+        assert browser.value(f"Math.max(...{boxes}.map(b => b.right))") <= 180 * mm + 1
+        kept = "[...document.querySelectorAll('figure, tr, .answer, li')]"
+        heights = f"{kept}.map(e => e.getBoundingClientRect().height)"
+        assert browser.value(f"Math.max(...{heights})") < 0.6 * 265 * mm
 
 
 def test_a_threshold_is_not_made_more_of_than_it_is(tmp_path: Path, bare: Case) -> None:

@@ -14,13 +14,19 @@ from rsenf.report.spectrum import ThinRows
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingFacts:
-    """The recording's file. ``seconds`` is the length of what could be read of it."""
+    """The recording's file. ``seconds`` is the length of what could be read of it.
+
+    ``frame_rate_hz`` is by the times of its frames, and ``container`` what the file says of itself,
+    if it is a video.
+    """
 
     name: str
     bytes: int
     sha256: str
     seconds: float
     stretches: int
+    frame_rate_hz: float | None = None
+    container: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +67,8 @@ class Case:
     references : sequence of ReferenceFacts
         All that were compared with.
     settings : MatchSettings
+    command : str
+        What to type for the same report; empty where it wasn't typed.
     parameters : mapping of str to mapping
         All parameters in effect, by group; no absolute paths among them.
     versions : mapping of str to str
@@ -77,6 +85,7 @@ class Case:
     recording: RecordingFacts
     references: Sequence[ReferenceFacts]
     settings: MatchSettings = field(default_factory=MatchSettings)
+    command: str = ""
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
     idle: IdleEstimate | None = None

@@ -17,7 +17,9 @@ from rsenf.report.pages import Picture
 from rsenf.report.recording_time import words
 from rsenf.report.recording_time.advice import what_would_help
 from rsenf.report.recording_time.case import Case, ReferenceFacts
+from rsenf.report.recording_time.conditions import conditions, kind
 from rsenf.report.recording_time.folder import NUMBERS, PAGE, SCHEMA, VERDICT
+from rsenf.report.recording_time.keys import Claim, Document, PictureFile, Quality, Search
 from rsenf.report.recording_time.pictures import left_out
 from rsenf.report.recording_time.ratios import (
     claim_among,
@@ -38,7 +40,7 @@ def verdict_bytes(case: Case) -> bytes:
     return (json.dumps(case.verdict, indent=2, allow_nan=False) + "\n").encode()
 
 
-def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> dict[str, Any]:
+def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> Document:
     """Return a report as values that JSON knows.
 
     Parameters
@@ -48,11 +50,14 @@ def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> dict[
     made_utc : str
         When the report was made.
     """
-    result = case.result
+    result, (name, meaning) = case.result, kind(case)
     return {
         "schema": SCHEMA,
         "version": VERSION,
         "made_utc": made_utc,
+        "kind": name,
+        "kind_meaning": meaning,
+        "case": case.verdict["case"],
         "question": words.question(case),
         "answer": words.answer(case),
         "decision": result.decision,
@@ -60,6 +65,7 @@ def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> dict[
         "propositions": propositions(case),
         "likelihood_ratios": comparisons(result),
         "likelihood_ratio_texts": ratio_texts(result),
+        "conditions": conditions(case),
         "claim": _claim(case),
         "what_would_help": what_would_help(case),
         "pictures": [_picture(p) for p in pictures],
@@ -74,6 +80,7 @@ def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> dict[
             "references": [_reference(r) for r in case.references],
             "verdict": {"name": VERDICT, "sha256": _sha256(verdict_bytes(case))},
         },
+        "command": case.command,
         "parameters": {group: dict(values) for group, values in case.parameters.items()},
         "versions": dict(case.versions),
         "glossary": GLOSSARY,
@@ -81,7 +88,7 @@ def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> dict[
     }
 
 
-def _claim(case: Case) -> dict[str, Any] | None:
+def _claim(case: Case) -> Claim | None:
     result = case.result
     if not result.claim:
         return None
@@ -97,12 +104,19 @@ def _claim(case: Case) -> dict[str, Any] | None:
     }
 
 
-def _picture(picture: Picture) -> dict[str, Any]:
-    told = dataclasses.asdict(picture)
-    return {"sha256": _sha256(told.pop("png")), **told}
+def _picture(picture: Picture) -> PictureFile:
+    return {
+        "sha256": _sha256(picture.png),
+        "file": picture.file,
+        "title": picture.title,
+        "caption": picture.caption,
+        "alt": picture.alt,
+        "width_px": picture.width_px,
+        "height_px": picture.height_px,
+    }
 
 
-def _quality(case: Case) -> dict[str, Any]:
+def _quality(case: Case) -> Quality:
     used = [e for e in case.estimates if e.usable]
     std_hz = np.sqrt([e.enf_var_hz2 for e in used if e.enf_var_hz2 >= 0])
     snr_db = np.array([e.snr_db for e in used if math.isfinite(e.snr_db)])
@@ -116,7 +130,7 @@ def _quality(case: Case) -> dict[str, Any]:
     }
 
 
-def _search(case: Case) -> dict[str, Any]:
+def _search(case: Case) -> Search:
     result = case.result
     return {
         "method": result.method,

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from rsenf.report.pages import Picture, fill, setting
+from rsenf.report.recording_time.keys import Document
 from rsenf.report.verdict import ppm_text
 
 _WHOLE = re.compile(r"\d{4}-\d\d-\d\d [\d:.]+ UTC|± [\d.]+ s|--[a-z-]+")
@@ -38,8 +39,10 @@ class Section(NamedTuple):
 
 # In the order of the page. A new one is a file and a line here.
 SECTIONS = (
+    Section("case", "The case", "Case", about="case"),
     Section("evidence", "Weight of the evidence"),
     Section("claim", "The claim", about="claim"),
+    Section("conditions", "What this is conditioned on", "Conditions"),
     Section("help", "What would help", about="what_would_help"),
     Section("pictures", "Pictures"),
     Section("candidates", "Candidates"),
@@ -48,22 +51,23 @@ SECTIONS = (
     Section("warnings", "Warnings"),
     Section("limits", "Known limits of the method", "Limits"),
     Section("inputs", "What this rests on", "Inputs"),
+    Section("command", "The command, to copy", "Command", about="command"),
     Section("parameters", "Parameters in effect, and versions", "Parameters"),
     Section("terms", "Terms"),
 )
 
 
-def page_of(document: dict[str, Any], pictures: Sequence[Picture]) -> str:
+def page_of(document: Document, pictures: Sequence[Picture]) -> str:
     """Fill in the page; whatever comes from outside is escaped.
 
     Parameters
     ----------
-    document : dict
+    document : Document
         Of :func:`rsenf.report.recording_time.document.document_of`; the page shows nothing else.
     pictures : sequence of Picture
         Those that the document names, in its order.
     """
-    shown = [section for section in SECTIONS if not section.about or document[section.about]]
+    shown = [section for section in SECTIONS if not section.about or dict(document)[section.about]]
     template = Path(__file__).parent / "page.html.j2"
     return fill(template, pictures, _FILTERS, r=document, sections=shown)
 
@@ -112,6 +116,19 @@ def _duration(value: float) -> str:
     return " ".join([*told, *([f"{rest:.4g} s"] if rest or not told else [])])
 
 
+def _stamps(container: Mapping[str, Any]) -> str:
+    """Say what times a video's frames have."""
+    if container["rate_basis"]:
+        return f"none: they are counted at a rate that is {container['rate_basis']}"
+    told = f"{_count(container['stamped_frames'])} frames have one"
+    if container["median_s"] is None:
+        return told
+    first, usual, last = (
+        f"{1e3 * container[f'{n}_s']:.3f}" for n in ("shortest", "median", "longest")
+    )
+    return f"{told}; from one to the next {first} to {last} ms, mostly {usual} ms"
+
+
 _FILTERS: dict[str, Callable[..., str]] = {
     "fixed": _known(_fixed),
     "count": _known(_count),
@@ -123,5 +140,6 @@ _FILTERS: dict[str, Callable[..., str]] = {
     "mhz": _known(lambda value: f"{1e3 * value:.3g} mHz"),
     "duration": _known(_duration),
     "setting": setting,
+    "stamps": _stamps,
     "plain": lambda word: _WORDS.get(word, str(word)),
 }

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Any
 
 from rsenf.match.calibration import calibration
 from rsenf.match.evidence import MAX_VERBAL_LOG10, SCALE, verbal
 from rsenf.messages import MatchResult
 from rsenf.report.recording_time.case import Case
+from rsenf.report.recording_time.keys import Comparison, RatioTexts
 from rsenf.report.recording_time.texts import METHODS, RATIO_MEANING, RATIOLESS, SCALE_SOURCE
 from rsenf.report.recording_time.words import place, scope
 from rsenf.report.verdict import CALIBRATED, number, ratio_limits
@@ -40,7 +40,7 @@ def propositions(case: Case) -> dict[str, str]:
     return told
 
 
-def comparisons(result: MatchResult) -> list[dict[str, Any]]:
+def comparisons(result: MatchResult) -> list[Comparison]:
     """Return both ratios of the best time: H1 against H2, and H1 against H3."""
     limits = _limits(result.method)
     ratioless = result.method in RATIOLESS
@@ -51,7 +51,7 @@ def comparisons(result: MatchResult) -> list[dict[str, Any]]:
     ]
 
 
-def claim_comparisons(result: MatchResult) -> list[dict[str, Any]]:
+def claim_comparisons(result: MatchResult) -> list[Comparison]:
     """Return both ratios of a claimed time; none where the method doesn't weigh it by itself."""
     if not math.isfinite(result.claim_log10_lr):
         return []
@@ -77,7 +77,7 @@ def claim_among(case: Case) -> str:
     return "The claimed time is another than that of H1."
 
 
-def ratio_texts(result: MatchResult) -> dict[str, Any]:
+def ratio_texts(result: MatchResult) -> RatioTexts:
     """Return what must be said of ratios: their meaning, their making, the scale of words."""
     limits = _limits(result.method)
     furthest = _power(max(limits["other"], limits["absent"]))
@@ -103,7 +103,7 @@ def _limits(method: str) -> dict[str, float]:
 
 def _comparison(
     first: str, other: str, log10_lr: float, limit: float, why_none: str = ""
-) -> dict[str, Any]:
+) -> Comparison:
     known = math.isfinite(log10_lr)
     none = f"There is no ratio of {first} against {other}: {why_none}."
     return {

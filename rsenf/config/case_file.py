@@ -1,0 +1,32 @@
+"""What a report says of the case it belongs to; it has no part in any computation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field
+
+from rsenf.config.check import check
+from rsenf.config.node_kind import Strict
+from rsenf.config.yaml_lines import YamlText
+
+
+class CaseFile(Strict):
+    """The case that a recording belongs to, as its examiner knows it; each as it is written."""
+
+    case: str = Field("", description="its number or name")
+    exhibit: str = Field("", description="what the recording is called there")
+    examiner: str = Field("", description="who examines it")
+    laboratory: str = Field("", description="where")
+    received: str = Field("", description="when the exhibit came, and from whom")
+
+
+def load_case(path: Path) -> CaseFile:
+    """Read a case file.
+
+    Raises
+    ------
+    UsageError, ConfigError
+        With file and line, when it can't be read or has other keys.
+    """
+    return check(YamlText(path, as_text=True), CaseFile)
