@@ -33,9 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     new.add_argument(
         "--clock-ppm", type=float, metavar="PPM", help="its clock's error, as verify found it"
     )
-    add("list", "show the known cameras by mode")
+    add("list", "show the known cameras by mode").set_defaults(files=[])
     which = add("identify", "weigh each known camera in this mode against another of those about")
-    which.add_argument("file", metavar="FILE")
+    which.add_argument("files", nargs=1, metavar="FILE")
     which.add_argument(
         "--same-model", type=float, default=SAME_MODEL_RATIO, metavar="SHARE",
         help=f"of the cameras about that are of the same model ({SAME_MODEL_RATIO:g})",
@@ -49,12 +49,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Add, list or identify."""
-    from rsenf.api.camera import add_camera, identify_camera, list_cameras
+    from rsenf.api.camera import (
+        Cameras,
+        Identification,
+        add_camera,
+        identify_camera,
+        list_cameras,
+    )
     from rsenf.cli.console import note, print_json, say_loss
     from rsenf.cli.idle import estimated
 
-    paths = {"add": lambda: args.files, "identify": lambda: [args.file], "list": list}[args.what]()
-    found = [estimated(args, path) for path in paths]
+    found = [estimated(args, path) for path in args.files]
+    told: Cameras | Identification
     if args.what == "add":
         told = add_camera(
             args.name, *found, store=args.store, crop=args.crop, clock_ppm=args.clock_ppm
@@ -71,4 +77,6 @@ def run(args: argparse.Namespace) -> int:
         print(told)
         for line in dict.fromkeys(w for one in found for w in one.warnings if w != one.loss):
             note(line)
-    return max((say_loss(path, one) for path, one in zip(paths, found, strict=True)), default=0)
+    return max(
+        (say_loss(path, one) for path, one in zip(args.files, found, strict=True)), default=0
+    )

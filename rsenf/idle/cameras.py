@@ -25,7 +25,8 @@ from rsenf.messages.schema import FloatArray
 SAME_MODEL_RATIO = 0.01
 # Of estimates that are of something else: a codec that copies rows, a crop that nobody told of.
 ASTRAY_RATIO = 0.005
-# Scatter between a camera's recordings over its read-out time, worth so many recordings' telling.
+# Scatter between a camera's recordings over its read-out time, worth so many recordings' telling: a
+# guess. Published values of one model (iPhone 3GS, 5) are 0.2 to 0.3 % apart, errors included.
 USUAL_SCATTER_RATIO, USUAL_FREEDOM = 1e-3, 4.0
 WEAK_LOG10_LR = 1.0
 
