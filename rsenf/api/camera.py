@@ -21,7 +21,6 @@ from rsenf.idle.cameras import (
     Reading,
     known_modes,
     log10_lr,
-    log10_odds,
 )
 from rsenf.reference.read import file_sha256
 from rsenf.reference.store.folder import default_store
@@ -142,22 +141,21 @@ def identify_camera(
     """
     if not 0.0 <= same_model_ratio < 1.0:
         raise UsageError(f"a share of {same_model_ratio:g}", "from 0 to below 1")
-    cameras, reading = list_cameras(store), None
+    cameras = list_cameras(store)
+    reading = _reading(found, crop, None) if found.verdict == "estimated" else None
     weighed: list[tuple[Known, float]] = []
     own: list[str] = []
-    if found.verdict == "estimated":
-        reading = _reading(found, crop, None)
-        for known in cameras.known:
-            others = tuple(r for r in known.readings if not r.sha256 or r.sha256 != reading.sha256)
-            own += [known.name] * (len(others) < len(known.readings))
-            if others and known.mode.may_be(reading.mode):
-                kept = dataclasses.replace(known, readings=others)
-                weighed.append((kept, log10_lr(kept, reading, same_model_ratio)))
+    for known in cameras.known:
+        if reading is None or not known.mode.may_be(reading.mode):
+            continue
+        others = tuple(r for r in known.readings if not r.sha256 or r.sha256 != reading.sha256)
+        own += [known.name] * (len(others) < len(known.readings))
+        if others:
+            kept = dataclasses.replace(known, readings=others)
+            weighed.append((kept, log10_lr(kept, reading, same_model_ratio)))
     weighed.sort(key=lambda one: -one[1])
-    odds = log10_odds([ratio for _, ratio in weighed]) if weighed else None
-    told = identification_json(
-        found.analysis.idle, reading, weighed, odds, own, len(cameras.known), same_model_ratio
-    )
+    why_none = found.reason or found.verdict
+    told = identification_json(reading, why_none, weighed, own, same_model_ratio)
     return Identification(
         recording=found.recording, store=cameras.store, **told, warnings=found.warnings
     )

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.idle.cameras import WEAK_LOG10_LR, Known, Mode, Reading, verdict_of
+from rsenf.idle.cameras import WEAK_LOG10_LR, Known, Mode, Reading, log10_odds, verdict_of
 from rsenf.idle.compare import EQUAL_PROVES_NOTHING, MODE, PRIOR
 from rsenf.match.evidence import verbal
-from rsenf.messages import IdleEstimate
 from rsenf.report.idle import decimals
-from rsenf.report.verdict import number, ppm_text
+from rsenf.report.verdict import ppm_text
 
 PROVES_NOTHING = "compatible proves nothing"
 TURNED = "was read in the other direction: a camera turned over?"
@@ -55,35 +54,30 @@ def cameras_words(store: str, known: Sequence[Known]) -> str:
 
 
 def identification_json(
-    estimate: IdleEstimate,
     reading: Reading | None,
+    why_none: str,
     weighed: Sequence[tuple[Known, float]],
-    odds: float | None,
     own: Sequence[str],
-    known: int,
     same_model_ratio: float,
 ) -> dict[str, Any]:
     """Return what is said of a recording's camera.
 
     Parameters
     ----------
-    estimate : IdleEstimate
     reading : Reading or None
         None when there is no read-out time.
+    why_none : str
+        Why there is none.
     weighed : sequence of (Known, float)
         Cameras in its mode with their log10 likelihood ratios, the likeliest first.
-    odds : float or None
-        Log10 odds of the first.
     own : sequence of str
         Cameras that the recording itself is kept of.
-    known : int
-        How many cameras and modes the store has.
     same_model_ratio : float
     """
     cameras = [
         known_json(camera)
         | {
-            "log10_lr": number(ratio),
+            "log10_lr": ratio,
             "verbal": verbal(ratio, "this camera"),
             "verdict": verdict_of(ratio),
         }
@@ -93,28 +87,24 @@ def identification_json(
     caveats = [f"it is one of {name}'s own recordings, and was left out there" for name in own]
     if "compatible" in said:
         caveats.append(EQUAL_PROVES_NOTHING)
-    if reading is not None and reading.direction:
-        turned = [
-            k.name for k, _ in weighed if k.directions and reading.direction not in k.directions
-        ]
-        caveats += [f"{name} {TURNED}" for name in turned]
-    verdict, reason = "undecidable", None
-    if reading is None:
-        reason = f"no read-out time: {estimate.reason or estimate.verdict}"
-    elif not weighed:
-        reason = f"none of the {known} known cameras and modes is in this recording's mode; {MODE}"
-    elif "compatible" in said:
-        verdict = "compatible"
-    elif set(said) == {"different"}:
-        verdict = "different"
+    directions = {reading.direction} if reading and reading.direction else set()
+    caveats += [
+        f"{known.name} {TURNED}"
+        for known, _ in weighed
+        if directions and known.directions and not directions <= known.directions
+    ]
+    verdict = "different" if set(said) == {"different"} else "undecidable"
+    reason = f"no read-out time: {why_none}" if reading is None else None
+    if reading and not weighed:
+        reason = f"no camera is known in this recording's mode; {MODE}"
     return {
-        "verdict": verdict,
+        "verdict": "compatible" if "compatible" in said else verdict,
         "reason": reason,
         "mode": mode_json(reading.mode) if reading else None,
-        "read_out_time_s": number(estimate.read_out_time_s),
-        "read_out_time_std_s": number(estimate.read_out_time_std_s),
+        "read_out_time_s": reading.read_out_time_s if reading else None,
+        "read_out_time_std_s": reading.read_out_time_std_s if reading else None,
         "cameras": cameras,
-        "log10_odds": odds,
+        "log10_odds": log10_odds([ratio for _, ratio in weighed]) if weighed else None,
         "same_model_ratio": same_model_ratio,
         "prior": f"{100 * same_model_ratio:g} % of those about are of the same model; {PRIOR}",
         "caveats": caveats,
@@ -155,9 +145,9 @@ def _read_out(told: dict[str, Any]) -> str:
 
 
 def _mode(told: dict[str, Any]) -> str:
-    across = f" × {told['across_px']}" if told["across_px"] else ""
+    across = f" of {told['across_px']} pixels" if told["across_px"] else ""
     crop = f", {told['crop']}" if told["crop"] else ""
-    return f"{told['frame_rate_hz']:.3f} frames/s, {told['lines']}{across} lines{crop}"
+    return f"{told['frame_rate_hz']:.3f} frames/s, {told['lines']} lines{across}{crop}"
 
 
 def _recordings(told: dict[str, Any]) -> str:
