@@ -156,3 +156,21 @@ def test_a_share_that_is_none(verb: Verb, clips: list[Path], share: str) -> None
     done = verb("identify", clips[0], "--same-model", share)
     assert done.returncode == 2
     assert "from 0 to below 1" in done.stderr
+
+
+def test_a_camera_turned_over_is_said(verb: Verb, clips: list[Path], tmp_path: Path) -> None:
+    turned = tmp_path / "turned.npz"
+    with np.load(clips[1]) as held:
+        np.savez(turned, rows=held["rows"][:, ::-1], frame_time_s=held["frame_time_s"])
+    verb("add", "phone", clips[0])
+    found = told(verb, "identify", turned)
+    assert found["verdict"] == "compatible"
+    assert any("turned over" in line for line in found["caveats"])
+    assert not any("turned over" in line for line in told(verb, "identify", clips[1])["caveats"])
+
+
+def test_a_video_tells_its_whole_size(verb: Verb, clip: Path) -> None:
+    (known,) = told(verb, "add", "phone", clip)["cameras"]
+    height, width = known["lines"], known["across_px"]
+    assert (width, height) == (320, 240)
+    assert f"{height} lines of {width} pixels" in verb("list").stdout
