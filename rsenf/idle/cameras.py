@@ -15,11 +15,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rsenf.idle.compare import COMPATIBLE, DIFFERENT, is_same_rate, log10_ratio
+from rsenf.idle.compare import COMPATIBLE, DIFFERENT, MOST_LOG10_LR, is_same_rate, log10_ratio
 from rsenf.messages.schema import FloatArray
 
 SAME_MODEL_RATIO = 0.01
@@ -108,16 +108,14 @@ def _times(readings: Sequence[Reading]) -> tuple[FloatArray, FloatArray]:
 
 def known_modes(name: str, readings: Sequence[Reading]) -> list[Known]:
     """Sort a camera's recordings by their modes, in the order in which they came."""
-    modes: list[list[Reading]] = []
+    modes: dict[Mode, list[Reading]] = {}
     for reading in readings:
-        for mode in modes:
-            first = mode[0].mode
-            if first.crop == reading.mode.crop and first.may_be(reading.mode):
-                mode.append(reading)
-                break
-        else:
-            modes.append([reading])
-    return [Known(name, mode[0].mode, tuple(mode)) for mode in modes]
+        own = reading.mode
+        alike = (
+            m for m in modes if m.may_be(own) and replace(m, frame_rate_hz=own.frame_rate_hz) == own
+        )
+        modes.setdefault(next(alike, own), []).append(reading)
+    return [Known(name, mode, tuple(of_mode)) for mode, of_mode in modes.items()]
 
 
 def log10_lr(known: Known, reading: Reading, same_model_ratio: float = SAME_MODEL_RATIO) -> float:
@@ -134,7 +132,7 @@ def log10_lr(known: Known, reading: Reading, same_model_ratio: float = SAME_MODE
     (time_s, std_s), own_s = known.read_out, reading.read_out_time_std_s
     times = np.array([time_s, reading.read_out_time_s])
     stds = np.array([std_s, math.hypot(own_s, known.scatter_s)])
-    ratio = 10.0 ** log10_ratio(times, stds, 1.0 / known.mode.frame_rate_hz)
+    ratio = 10.0 ** min(log10_ratio(times, stds, 1.0 / known.mode.frame_rate_hz), MOST_LOG10_LR)
     same = ASTRAY_RATIO + (1.0 - ASTRAY_RATIO) * ratio
     return math.log10(same / (same_model_ratio * same + (1.0 - same_model_ratio)))
 

@@ -21,7 +21,7 @@ from rsenf.idle.cameras import (
     log10_odds,
     verdict_of,
 )
-from rsenf.idle.compare import log10_ratio
+from rsenf.idle.compare import MOST_LOG10_LR, log10_ratio
 
 MODE = Mode(frame_rate_hz=30.0, lines=1080, across_px=1920)
 
@@ -54,8 +54,12 @@ def test_what_is_not_known_of_a_mode_excludes_nothing() -> None:
 
 def test_recordings_are_sorted_by_mode() -> None:
     slow, crop = replace(MODE, frame_rate_hz=25.0), replace(MODE, crop="stabilised")
-    found = known_modes("a", [reading(0.02, mode=m) for m in (MODE, slow, MODE, crop, slow)])
-    assert [(k.mode, len(k.readings)) for k in found] == [(MODE, 2), (slow, 2), (crop, 1)]
+    near, unknown = replace(MODE, frame_rate_hz=29.98), replace(MODE, across_px=0)
+    modes = (MODE, slow, near, crop, slow, unknown)
+    found = known_modes("a", [reading(0.02, mode=m) for m in modes])
+    assert [(k.mode, len(k.readings)) for k in found] == [
+        (MODE, 2), (slow, 2), (crop, 1), (unknown, 1),
+    ]  # fmt: skip
 
 
 def test_scatter_is_as_usual_until_recordings_tell_otherwise() -> None:
@@ -95,6 +99,11 @@ def test_no_ratio_says_more_than_models_and_gross_errors_let_it() -> None:
     against = log10_lr(known, reading(0.02))
     assert against == pytest.approx(math.log10(ASTRAY_RATIO / (1 - SAME_MODEL_RATIO)), abs=0.01)
     assert verdict_of(against) == "different"
+
+
+def test_no_ratio_says_more_than_the_model_of_errors_can() -> None:
+    sharp = Known("a", MODE, tuple(reading(0.01, 1e-9) for _ in range(4000)))
+    assert log10_lr(sharp, reading(0.01, 1e-9), 0.0) <= MOST_LOG10_LR
 
 
 def test_the_ratio_is_that_of_two_recordings_where_no_model_is_shared() -> None:
