@@ -18,6 +18,7 @@ import numpy as np
 from rsenf.batch.journal import Record
 from rsenf.bench.bounds import rate_bound
 from rsenf.bench.calibration.fit import Pairs, cost_of_ratios, reliability
+from rsenf.bench.calibration.table import reliability_lines
 from rsenf.bench.idle_table import DEFAULT
 from rsenf.bench.scenes import IDLE_RATIO
 from rsenf.idle.cameras import SAME_MODEL_RATIO, Known, Mode, Reading, log10_lr, log10_odds
@@ -165,12 +166,4 @@ def _lines(case: dict[str, Any]) -> list[str]:
         f"{row['found']:14d} {row['found_wrong']:8d} {row['absent_found']:8d}"
         for row in case["rows"]
     ]
-    lines.append("  log10 LR        said     came   (95 %)             cases")
-    for row in case["reliability"]:
-        ends = ["" if row[e] is None else f"{row[e]:+g}" for e in ("from_log10_lr", "to_log10_lr")]
-        lines.append(
-            f"  {ends[0]:>4} … {ends[1]:<4} {row['said']:9.1%}  {row['came']:7.1%}  "
-            f"({row['low']:.1%} to {row['high']:.1%})".ljust(53)
-            + f"{row['held'] + row['failed']}"
-        )
-    return lines
+    return [*lines, *reliability_lines(case["reliability"])]
