@@ -24,6 +24,7 @@ TYPE_CHECKING = False  # as in typing, which is slow to import; type checkers kn
 if TYPE_CHECKING:
     from typing import Any
 
+    from rsenf.api.camera import add_camera, identify_camera, list_cameras
     from rsenf.api.discover import discover
     from rsenf.api.idle import compare_idle, idle
     from rsenf.api.live import live
@@ -33,9 +34,12 @@ if TYPE_CHECKING:
     from rsenf.api.verify import verify, verify_against
 
 __all__ = [
+    "add_camera",
     "compare_idle",
     "discover",
+    "identify_camera",
     "idle",
+    "list_cameras",
     "live",
     "read_recording",
     "simulate",
@@ -46,7 +50,12 @@ __all__ = [
 __version__ = "0.1.0"
 
 _ROOMS = ("track", "idle", "live")
-_HOME = {"compare_idle": "idle", "read_recording": "recordings", "verify_against": "verify"}
+_HOME = {
+    **dict.fromkeys(("add_camera", "identify_camera", "list_cameras"), "camera"),
+    "compare_idle": "idle",
+    "read_recording": "recordings",
+    "verify_against": "verify",
+}
 
 
 class _Room(ModuleType):

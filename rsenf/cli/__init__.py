@@ -25,6 +25,7 @@ GROUPS = {
         "verify": "when was this video taken? Compare its ENF with a grid reference",
         "track": "print the ENF of a video, one value a second",
         "idle": "estimate a camera's idle period and read-out time, or compare two recordings'",
+        "camera": "keep the read-out times of known cameras, and weigh which took a recording",
         "discover": "find what a model of the capture lacks of a recording, and add it",
         "batch": "verify, idle, track or discover for folders of recordings, into one table",
         "reference": "keep years of grid frequency in a store: import, list, info, export",

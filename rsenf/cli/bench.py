@@ -27,6 +27,7 @@ TABLES = {
     "idle": "idle-period estimators: error, refusals, spread, time, Cramér–Rao bound",
     "enf": "ENF estimators, on the same clips: one run serves both tables",
     "claims": "scenes with nothing to claim: how often something is claimed",
+    "cameras": "fleets of 50 cameras with the errors of such clips: which took a recording",
     "recording-time": (
         "still and moving films cut into clips, each searched for in a day: decisions true, false "
         "and none, by every matcher"
@@ -61,6 +62,11 @@ TABLES = {
 # Measured grids are not part of the project; in a checkout they lie beside it.
 _GRIDS = Path("../shared/data")
 _CLAIMS: dict[str, Any] = {"clips": 40}  # of each of five scenes
+_CAMERAS: dict[str, Any] = {
+    "sizes": ("240p",), "frame_rates": ("23.976", "25", "29.97", "59.94"),
+    "codings": ("150k", "100k", "50k"), "clips": 7, "duration_s": 20.0,
+}  # fmt: skip
+_USUAL = {"claims": _CLAIMS, "cameras": _CAMERAS}
 _ALSO = {"each": "each", "outside": "unknown"}  # as the foreign camera calls them
 
 
@@ -79,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     number: dict[str, Any] = {"type": count, "metavar": "N"}
     seconds: dict[str, Any] = {"type": positive, "metavar": "S"}
     film = {"sizes": words | {"help": "(all; feeds 1080p)"}, "codings": words | {"help": "codecs"}}
-    plans = dict.fromkeys(("idle", "enf", "claims"), Plan) | {
+    plans = dict.fromkeys(("idle", "enf", "claims", "cameras"), Plan) | {
         "recording-time": RecordingPlan,
         "discover": DiscoverPlan,
         "foreign": EstimatorPlan,
@@ -90,6 +96,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "only": {"choices": ("films", "trials"),
                      "help": "make the films and try nothing yet; or try those that are there"},
         },
+        "cameras": {"fleets": {**number, "default": 20, "help": "drawn from them (20)"}},
         "calibration": {
             "clips": number | {"help": "searches (400)"},
             "real": number | {"help": "of real clips made worse (200, where they are there)"},
@@ -139,7 +146,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         for option, given in own.get(name, {}).items():
             table.add_argument(f"--{option}", **given)
         if name in plans:
-            usual = _CLAIMS if name == "claims" else {}
+            usual = _USUAL.get(name, {})
             also = _ALSO if name == "discover" else {}
             add_settings(table, "clips", plans[name], also=also, leave_out=("part",), **usual)
         else:
@@ -225,6 +232,8 @@ def _fitted(args: argparse.Namespace, fitted: Callable[[], Any]) -> None:
 
 
 def _clips(args: argparse.Namespace, folder: Path) -> Made:
+    from rsenf.bench.cameras_table import tabulate as draw_fleets
+    from rsenf.bench.cameras_table import text as fleets
     from rsenf.bench.document import tabulate
     from rsenf.bench.measure import measure
     from rsenf.bench.plan import Plan
@@ -232,7 +241,7 @@ def _clips(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.cli.options import settings_of
 
     claims = args.table == "claims"
-    usual = _CLAIMS if claims else {}
+    usual = _USUAL.get(args.table, {})
     if args.quick:
         usual = {"sizes": ("240p",), "frame_rates": ("25", "29.97"),
                  "codings": ("lossless", "50k"), "clips": 1, "duration_s": 24.0}  # fmt: skip
@@ -240,6 +249,10 @@ def _clips(args: argparse.Namespace, folder: Path) -> Made:
     # Results of lit clips and of those with nothing to claim are different files.
     clips, out = (plan.nothing(), "claims.jsonl") if claims else (plan.lit(), "clips.jsonl")
     records = _measured(args, clips, partial(measure, grids=args.grids), folder / out, "clips")
+    if args.table == "cameras":
+        return draw_fleets(records, args.fleets, plan.first_seed), lambda told, on_page: fleets(
+            told
+        )
     document = tabulate(args.table, records, pooled=args.pool_sizes)
     return document, lambda told, on_page: page(told) if on_page else text(told)
 
@@ -528,7 +541,7 @@ def _live(args: argparse.Namespace, folder: Path) -> Made:
 
 
 _MAKE: dict[str, Callable[[argparse.Namespace, Path], Made | None]] = {
-    **dict.fromkeys(("idle", "enf", "claims"), _clips),
+    **dict.fromkeys(("idle", "enf", "claims", "cameras"), _clips),
     "recording-time": _recording_time,
     "calibration": _calibration,
     "match": _match,

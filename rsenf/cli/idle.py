@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.cli.console import note, print_json, say_loss
 
     paths = [path for path in (args.input, args.other) if path is not None]
-    found = [_estimated(args, path) for path in paths]
+    found = [estimated(args, path) for path in paths]
     compared = compare_idle(*found) if len(found) == 2 else None
     if args.json:
         told = compared.to_dict() | {"recordings": paths} if compared else found[0].to_dict()
@@ -58,7 +58,8 @@ def run(args: argparse.Namespace) -> int:
     return max(say_loss(path, one) for path, one in zip(paths, found, strict=True))
 
 
-def _estimated(args: argparse.Namespace, path: str) -> IdleResult:
+def estimated(args: argparse.Namespace, path: str) -> IdleResult:
+    """Estimate the idle period of a recording, under a bar."""
     from rsenf.api.idle import idle
     from rsenf.cli.console import open_recording, progress_bar
 

@@ -126,12 +126,12 @@ def _log10_lr_of_chance(chance: float) -> float:
     return -math.log10(-math.e * p * math.log(p)) if p < 1 / math.e else 0.0
 
 
-def verbal(log10_lr: float) -> str:
-    """Return the likelihood ratio in the words that forensic institutes use."""
+def verbal(log10_lr: float, what: str = "this time") -> str:
+    """Return the likelihood ratio of ``what`` in the words that forensic institutes use."""
     if math.isnan(log10_lr):
         return ""
     size = min(abs(log10_lr), MAX_VERBAL_LOG10)
-    side = "for this time" if log10_lr > 0 else "against this time"
+    side = f"for {what}" if log10_lr > 0 else f"against {what}"
     for limit, words in SCALE:
         if size >= limit:
             return f"{words} {side}"

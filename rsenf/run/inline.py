@@ -58,6 +58,8 @@ class Analysis:
         Blocks of rows by why they are of no use; those of use under ''.
     clocks : dict of FrameClock
         Over the rows of each stretch of the recording, by its epoch.
+    lines, across_px : int
+        Of the picture along and across the read-out; across is 0 of a recording without pictures.
     loss : str
         What could not be read, in one line; empty when all was.
     warnings : list of str
@@ -72,6 +74,8 @@ class Analysis:
     stretches_s: list[float] = field(default_factory=list)
     row_reasons: Counter[str] = field(default_factory=Counter)
     clocks: defaultdict[int, FrameClock] = field(default_factory=lambda: defaultdict(FrameClock))
+    lines: int = 0
+    across_px: int = 0
     loss: str = ""
     warnings: list[str] = field(default_factory=list)
 
@@ -153,6 +157,7 @@ def analyse(
     """
     keep_heap()
     out, begin = Analysis(), recording.begins_with
+    across: dict[str, int] = {}
     stages = _stages(begin, rows, track, idle, make_match, make_live)
 
     def listen(topic: str, message: Any) -> None:
@@ -164,6 +169,7 @@ def analyse(
                 out.row_reasons[message.reason] += 1
                 if message.frames:
                     out.clocks[message.header.epoch].add(message)
+                    out.lines, out.across_px = message.rows, across.get(message.read_out_axis, 0)
             case "track" if message.rank == 0:
                 out.estimates.append(message)
             case "idle":
@@ -180,6 +186,8 @@ def analyse(
     def feed(message: Message) -> None:
         if begin != "frames":
             listen(begin, message)
+        if isinstance(message, Frame) and message.width_px:
+            across.update(rows=message.width_px, columns=message.height_px)
         pipeline.feed(begin, message)
 
     for block in reference:

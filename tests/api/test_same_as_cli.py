@@ -61,6 +61,25 @@ def test_idle(hidden: HiddenClip, arrays: dict[str, Any], capsys: Said) -> None:
     assert printed(capsys, *words).endswith(f"\n{both}\n")
 
 
+def test_camera(hidden: HiddenClip, arrays: dict[str, Any], tmp_path: Path, capsys: Said) -> None:
+    a, b = tmp_path / "a", tmp_path / "b"
+    words = ("camera", "add", "phone", hidden.clip, "--crop", "stabilised", "--clock-ppm", 12)
+    told = json.loads(printed(capsys, *words, "--store", a, "--json"))
+    found = rsenf.idle(hidden.clip)
+    known = rsenf.add_camera("phone", found, store=b, crop="stabilised", clock_ppm=12.0)
+    assert known.to_dict() | {"store": str(a)} == told
+    assert (a / "cameras.json").read_bytes() == (b / "cameras.json").read_bytes()
+    assert rsenf.list_cameras(a).to_dict() == told
+    assert printed(capsys, "camera", "list", "--store", a) == f"{known}\n"
+    again = rsenf.identify_camera(rsenf.idle(**arrays), store=a)
+    assert again.verdict == "compatible"  # of arrays it isn't known that they are that file
+    words = ("camera", "identify", hidden.clip, "--store", a)
+    own = rsenf.identify_camera(found, store=a)
+    assert own.to_dict() == json.loads(printed(capsys, *words, "--json"))
+    assert own.verdict == "undecidable"
+    assert printed(capsys, *words) == f"{own}\n"
+
+
 def test_verify(hidden: HiddenClip, arrays: dict[str, Any], grid_hz: Any, capsys: Said) -> None:
     words = ("verify", hidden.clip, "--reference", hidden.reference, "--start", hidden.start_utc)
     told = json.loads(printed(capsys, *words, "--json"))

@@ -66,6 +66,18 @@ def test_quick_run_finds_the_enf(out: Path, capsys: pytest.CaptureFixture[str]) 
     assert 0 < max(r["median_mhz"] or 0.0 for r in plain) < 10
 
 
+def test_fleets_are_drawn_from_the_same_clips(
+    out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["bench", "cameras", "--table-only", "--fleets", "1", "--out", str(out)]
+    assert main([*words, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["estimates"] > 0
+    assert [case["recordings"] for case in told["cases"]] == [50, 50]
+    assert main(words) == 0
+    assert "1 fleets of 50 cameras" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("how", [[], ["--markdown"]])
 def test_tables_for_people(out: Path, how: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "idle", "--table-only", "--out", str(out), *how]) == 0

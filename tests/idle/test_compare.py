@@ -10,7 +10,16 @@ from scipy import integrate, stats
 
 from rsenf.errors import UsageError
 from rsenf.idle.bound import idle_ratio_bound
-from rsenf.idle.compare import FREEDOM, LONGEST_S, MOST_LOG10_LR, SHORTEST_S, compare_readout
+from rsenf.idle.compare import (
+    CROWDED_RATIO,
+    FREEDOM,
+    MOST_LOG10_LR,
+    SHORTEST_S,
+    compare_readout,
+    is_same_rate,
+    log10_ratio,
+)
+from rsenf.idle.limits import SLACK_RATIO
 from rsenf.messages import IdleEstimate
 
 
@@ -37,15 +46,19 @@ def estimate(
     ],
 )
 def test_ratio_equals_slow_integrals(one: tuple[float, float], two: tuple[float, float]) -> None:
+    longest_s = (1 + SLACK_RATIO) / 30.0
+
     def prior(t: float) -> float:
-        return 1 / (t * math.log(LONGEST_S / SHORTEST_S))
+        crowded = 4 / longest_s if t > CROWDED_RATIO * longest_s else 0.0
+        broad = 1 / (t * math.log(longest_s / SHORTEST_S))
+        return 0.25 * broad + 0.25 * crowded + 0.5 / longest_s
 
     def density(t: float, of: tuple[float, float]) -> float:
         return float(stats.t.pdf(t, FREEDOM, loc=of[0], scale=of[1]))
 
     def over(function) -> float:  # type: ignore[no-untyped-def]  # of one time
-        points = sorted({one[0], two[0]})
-        return float(integrate.quad(function, SHORTEST_S, LONGEST_S, points=points, limit=500)[0])
+        points = sorted({one[0], two[0], CROWDED_RATIO * longest_s})
+        return float(integrate.quad(function, SHORTEST_S, longest_s, points=points, limit=500)[0])
 
     same = over(lambda t: prior(t) * density(t, one) * density(t, two))
     apart = over(lambda t: prior(t) * density(t, one)) * over(lambda t: prior(t) * density(t, two))
@@ -67,6 +80,25 @@ def test_no_more_is_said_than_the_errors_bear() -> None:
     assert far.log10_lr_same_readout == -MOST_LOG10_LR
     near = compare_readout(estimate(0.02, 1e-7), estimate(0.02, 1e-7))
     assert near.log10_lr_same_readout <= MOST_LOG10_LR
+
+
+@pytest.mark.parametrize("time_s", [4.5e-4, 0.0339, 0.0341])
+def test_there_is_a_ratio_at_the_ends_of_the_prior(time_s: float) -> None:
+    """From half a millisecond on a read-out time is told; one may be over a frame by its error."""
+    found = log10_ratio(np.full(2, time_s), np.full(2, 1e-5), 1 / 30.0)
+    assert 1.0 < found < MOST_LOG10_LR
+
+
+def test_the_prior_ends_with_the_frame() -> None:
+    """At 60 frames/s there is half the room for a difference as at 30."""
+    near = np.array([0.008, 0.008]), np.array([1e-5, 1e-5])
+    assert log10_ratio(*near, 1 / 30.0) - log10_ratio(*near, 1 / 60.0) > 0.15
+
+
+def test_30_and_29_97_frames_a_second_are_one_mode() -> None:
+    assert is_same_rate(30.0, 30000 / 1001)
+    assert is_same_rate(30000 / 1001, 30.0)
+    assert not is_same_rate(30.0, 29.9)
 
 
 def test_order_does_not_matter() -> None:

@@ -106,9 +106,8 @@ def text(document: dict[str, Any]) -> str:
             f"{_ASKED[found['question']]}: held {found['held']}, failed {found['failed']}",
             f"  calibrated = {line['slope']:g} · raw {line['intercept']:+g}, at most "
             f"{line['limit']:g}; Cllr {found['cllr_bits']:.3f} bits",
-            "  log10 LR        said     came   (95 %)          held  failed",
+            *reliability_lines(found["rows"]),
         ]
-        lines += [_row(row) for row in found["rows"]]
     counts, clock = document["decisions"], document["clock"]
     return "\n".join([
         *lines,
@@ -119,6 +118,12 @@ def text(document: dict[str, Any]) -> str:
         f"errors over standard errors, rms of {clock['cases']}: lag {clock['lag_spread']:.2f}, "
         f"clock {clock['clock_spread']:.2f}, {clock['clock_within_two']:.0%} within two",
     ])  # fmt: skip
+
+
+def reliability_lines(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """Return how reliable ratios are, size by size."""
+    head = "  log10 LR        said     came   (95 %)          held  failed"
+    return [head, *map(_row, rows)]
 
 
 def _row(row: dict[str, Any]) -> str:

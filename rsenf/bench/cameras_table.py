@@ -1,0 +1,169 @@
+"""Fleets of cameras, and whose recording is whose: identified, wrongly or not at all.
+
+A fleet's recordings aren't filmed anew: each is drawn from those of the clips that were filmed,
+coded, decoded and estimated at its frame rate, with that one's stated error and true one, relative
+to the read-out time. So an error common to the recordings of one camera isn't in it, which real
+ones may have. Read-out times are those of idle ratios drawn evenly between the paper's extremes,
+which is not the prior that they are weighed by; any two cameras of a mode are of one model, and
+share the time, as often as is assumed of those about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rsenf.batch.journal import Record
+from rsenf.bench.bounds import rate_bound
+from rsenf.bench.calibration.fit import Pairs, cost_of_ratios, reliability
+from rsenf.bench.calibration.table import reliability_lines
+from rsenf.bench.idle_table import DEFAULT
+from rsenf.bench.scenes import IDLE_RATIO
+from rsenf.idle.cameras import SAME_MODEL_RATIO, Known, Mode, Reading, log10_lr, log10_odds
+from rsenf.idle.compare import DIFFERENT
+from rsenf.match.calibration import Line
+from rsenf.model import parse_frame_rate
+
+CAMERAS, KNOWN_BY = 50, 2  # of a fleet; recordings of each that are in the store
+STRENGTHS = (0.5, 1.0, 1.5, 1.9, 2.5)
+AS_IT_IS = Line(1.0, 0.0, 9.0)
+LINES = 240
+
+Errors = dict[str, list[tuple[float, float]]]
+
+
+def measured_errors(records: Sequence[Record]) -> tuple[Errors, int]:
+    """Return true and stated errors over the read-out time by frame rate, and all estimates tried.
+
+    In the order of the frame rates' first clips.
+    """
+    errors: Errors = {}
+    tried = 0
+    for record in records:
+        at_rate = errors.setdefault(record["frame_rate"], [])
+        read_percent = 100.0 - record["idle_percent"]
+        for found in record["found"].values():
+            told, tried = found["idle"][DEFAULT], tried + 1
+            if told.get("verdict") == "estimated":
+                error, std = -told["error_percent"], told["std_percent"]
+                at_rate.append((error / read_percent, std / read_percent))
+    return {rate: drawn for rate, drawn in errors.items() if drawn}, tried
+
+
+def tabulate(records: Sequence[Record], fleets: int, seed: int) -> dict[str, Any]:
+    """Draw fleets with the errors that were measured, and return how their recordings fare."""
+    errors, tried = measured_errors(records)
+    return {
+        "table": "cameras",
+        "clips": len(records),
+        "seeds": sorted({record["seed"] for record in records}),
+        "estimates": sum(map(len, errors.values())),
+        "tried": tried,
+        "fleets": fleets,
+        "cameras": CAMERAS,
+        "cases": [_case(errors, fleets, seed, same) for same in (SAME_MODEL_RATIO, 0.0) if errors],
+    }
+
+
+def _case(errors: Errors, fleets: int, seed: int, same_model_ratio: float) -> dict[str, Any]:
+    """Return how recordings fare where so many cameras are of one model, and that is known."""
+    ratios = [
+        one
+        for fleet in range(seed, seed + fleets)
+        for one in _fleet(errors, same_model_ratio, np.random.default_rng([fleet, 25]))
+    ]
+    held = np.array([own for own, _ in ratios])
+    failed = np.array([other for _, others in ratios for other in others])
+    rank = np.array([1 + sum(other > own for other in others) for own, others in ratios])
+    odds = np.array([log10_odds([own, *others]) for own, others in ratios])
+    absent = np.array([log10_odds(others) for _, others in ratios if others])
+    pairs = Pairs(held, failed)
+    wrong = [int(np.sum(failed >= limit)) for limit in STRENGTHS]
+    return {
+        "same_model_ratio": same_model_ratio,
+        "recordings": held.size,
+        "comparisons": failed.size,
+        "rank": {str(n): float(np.mean(rank <= n)) for n in (1, 2, 3)},
+        "excluded": int(np.sum(held <= DIFFERENT)),
+        "others_excluded": int(np.sum(failed <= DIFFERENT)),
+        "cllr_bits": cost_of_ratios(pairs, AS_IT_IS),
+        "rows": [
+            {
+                "log10": limit,
+                "own": int(np.sum(held >= limit)),
+                "other": others,
+                "other_below": rate_bound(others, failed.size),
+                "found": int(np.sum((odds >= limit) & (rank == 1))),
+                "found_wrong": int(np.sum((odds >= limit) & (rank > 1))),
+                "absent_found": int(np.sum(absent >= limit)),
+            }
+            for limit, others in zip(STRENGTHS, wrong, strict=True)
+        ],
+        "reliability": reliability(pairs, AS_IT_IS),
+    }
+
+
+def _fleet(
+    errors: Errors, same_model_ratio: float, rng: np.random.Generator
+) -> list[tuple[float, list[float]]]:
+    """Draw a fleet; return the ratios of each camera's new recording: its own, and the others'."""
+    out = []
+    for turn, (rate, drawn) in enumerate(errors.items()):
+        mode = Mode(frame_rate_hz=float(parse_frame_rate(rate)), lines=LINES)
+        times_s: list[float] = []
+        for _ in range(turn, CAMERAS, len(errors)):
+            time_s = (1.0 - rng.uniform(*IDLE_RATIO)) / mode.frame_rate_hz
+            is_alike = rng.random() < same_model_ratio * len(times_s)
+            times_s.append(float(rng.choice(times_s)) if is_alike else time_s)
+        known = [
+            Known(str(n), mode, tuple(_reading(t, mode, drawn, rng) for _ in range(KNOWN_BY)))
+            for n, t in enumerate(times_s)
+        ]
+        for n, time_s in enumerate(times_s):
+            reading = _reading(time_s, mode, drawn, rng)
+            ratios = [log10_lr(camera, reading, same_model_ratio) for camera in known]
+            out.append((ratios.pop(n), ratios))
+    return out
+
+
+def _reading(
+    time_s: float, mode: Mode, drawn: list[tuple[float, float]], rng: np.random.Generator
+) -> Reading:
+    error, std = drawn[rng.integers(len(drawn))]
+    return Reading(
+        recording="", mode=mode, direction="",
+        read_out_time_s=time_s * (1.0 + error), read_out_time_std_s=time_s * std,
+    )  # fmt: skip
+
+
+def text(told: dict[str, Any]) -> str:
+    """Return the outcome for a terminal."""
+    head = (
+        f"{told['fleets']} fleets of {told['cameras']} cameras, {KNOWN_BY} recordings of each "
+        f"known and one in question, with the errors of {told['estimates']} estimates (of "
+        f"{told['tried']} tried) in {told['clips']} clips, seeds {told['seeds'][0]} to "
+        f"{told['seeds'][-1]}"
+    )
+    return "\n".join([head, *(line for case in told["cases"] for line in _lines(case))])
+
+
+def _lines(case: dict[str, Any]) -> list[str]:
+    ranks = ", ".join(f"{n}: {share:.1%}" for n, share in case["rank"].items())
+    lines = [
+        "",
+        f"{case['same_model_ratio']:.0%} of the cameras of one model; {case['recordings']} "
+        f"recordings, {case['comparisons']} comparisons with other cameras of the mode",
+        f"own camera at rank {ranks}; Cllr {case['cllr_bits']:.3f} bits",
+        f"excluded (10^{DIFFERENT:g}): {case['excluded']} own cameras, "
+        f"{case['others_excluded']} others",
+        "              one camera's ratio              the best one's odds against all",
+        "  log10       own    other (below, 95 %)      right    wrong    own one unknown",
+    ]
+    lines += [
+        f"  ≥ {row['log10']:<5g} {row['own']:8d} {row['other']:8d} ({row['other_below']:.2%})"
+        f"{row['found']:14d} {row['found_wrong']:8d} {row['absent_found']:8d}"
+        for row in case["rows"]
+    ]
+    return [*lines, *reliability_lines(case["reliability"])]

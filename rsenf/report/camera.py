@@ -1,0 +1,155 @@
+"""Known cameras, and which of them took a recording: as JSON and in words."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rsenf.idle.cameras import WEAK_LOG10_LR, Known, Mode, Reading, log10_odds, verdict_of
+from rsenf.idle.compare import EQUAL_PROVES_NOTHING, MODE, PRIOR
+from rsenf.match.evidence import verbal
+from rsenf.report.idle import decimals
+from rsenf.report.verdict import ppm_text
+
+PROVES_NOTHING = "compatible proves nothing"
+TURNED = "was read in the other direction: a camera turned over?"
+
+
+def mode_json(mode: Mode) -> dict[str, Any]:
+    """Return a mode; what isn't known is None."""
+    return {name: value or None for name, value in dataclasses.asdict(mode).items()}
+
+
+def known_json(known: Known) -> dict[str, Any]:
+    """Return what is known of a camera in a mode."""
+    time_s, std_s = known.read_out
+    clocks = [r.clock_ppm for r in known.readings if r.clock_ppm is not None]
+    return {
+        "name": known.name,
+        **mode_json(known.mode),
+        "direction": "/".join(sorted(known.directions)) or None,
+        "read_out_time_s": time_s,
+        "read_out_time_std_s": std_s,
+        "scatter_s": known.scatter_s,
+        "clock_ppm": float(np.median(clocks)) if clocks else None,
+        "recordings": [r.recording for r in known.readings],
+    }
+
+
+def cameras_words(store: str, known: Sequence[Known]) -> str:
+    """List the known cameras for a person."""
+    if not known:
+        return f"no camera is known in {store}; rsenf camera add NAME FILE adds one"
+    lines = []
+    for told in map(known_json, known):
+        more = [_recordings(told), told["direction"]]
+        if told["clock_ppm"] is not None:
+            more.append(f"clock {ppm_text(told['clock_ppm'])} ppm")
+        lines.append(f"{told['name']}: {_mode(told)}")
+        lines.append(f"  read-out time   {_read_out(told)}; {', '.join(filter(None, more))}")
+    return "\n".join(lines)
+
+
+def identification_json(
+    reading: Reading | None,
+    why_none: str,
+    weighed: Sequence[tuple[Known, float]],
+    own: Sequence[str],
+    same_model_ratio: float,
+) -> dict[str, Any]:
+    """Return what is said of a recording's camera.
+
+    Parameters
+    ----------
+    reading : Reading or None
+        None when there is no read-out time.
+    why_none : str
+        Why there is none.
+    weighed : sequence of (Known, float)
+        Cameras in its mode with their log10 likelihood ratios, the likeliest first.
+    own : sequence of str
+        Cameras that the recording itself is kept of.
+    same_model_ratio : float
+    """
+    cameras = [
+        known_json(camera)
+        | {
+            "log10_lr": ratio,
+            "verbal": verbal(ratio, "this camera"),
+            "verdict": verdict_of(ratio),
+        }
+        for camera, ratio in weighed
+    ]
+    said = [camera["verdict"] for camera in cameras]
+    caveats = [f"it is one of {name}'s own recordings, and was left out there" for name in own]
+    if "compatible" in said:
+        caveats.append(EQUAL_PROVES_NOTHING)
+    directions = {reading.direction} if reading and reading.direction else set()
+    caveats += [
+        f"{known.name} {TURNED}"
+        for known, _ in weighed
+        if directions and known.directions and not directions <= known.directions
+    ]
+    verdict = "different" if set(said) == {"different"} else "undecidable"
+    reason = f"no read-out time: {why_none}" if reading is None else None
+    if reading and not weighed:
+        reason = f"no camera is known in this recording's mode; {MODE}"
+    return {
+        "verdict": "compatible" if "compatible" in said else verdict,
+        "reason": reason,
+        "mode": mode_json(reading.mode) if reading else None,
+        "read_out_time_s": reading.read_out_time_s if reading else None,
+        "read_out_time_std_s": reading.read_out_time_std_s if reading else None,
+        "cameras": cameras,
+        "log10_odds": log10_odds([ratio for _, ratio in weighed]) if weighed else None,
+        "same_model_ratio": same_model_ratio,
+        "prior": f"{100 * same_model_ratio:g} % of those about are of the same model; {PRIOR}",
+        "caveats": caveats,
+    }
+
+
+def identification_words(told: dict[str, Any]) -> str:
+    """Say to a person which of the known cameras may have taken a recording."""
+    cameras = told["cameras"]
+    said = [camera["verdict"] for camera in cameras]
+    heads = {
+        "compatible": f"{said.count('compatible')} of {len(said)} known in this mode may have "
+        "taken it, and so may others of the model",
+        "different": f"none of the {len(said)} known in this mode has its read-out time",
+        "undecidable": told["reason"] or "the read-out times neither agree nor differ clearly",
+    }
+    lines = [f"{told['verdict']}: {heads[told['verdict']]}"]
+    if told["mode"]:
+        lines.append(f"  this recording  {_read_out(told)}; {_mode(told['mode'])}")
+    for camera in cameras:
+        ratio = camera["log10_lr"]
+        weak = f"; {PROVES_NOTHING}" if 0.0 < ratio < WEAK_LOG10_LR else ""
+        lines.append(f"  {camera['name']:15} 10^{ratio:+.1f}, {camera['verbal']}{weak}")
+        lines.append(f"  {'':15} {_read_out(camera)}; {_recordings(camera)}")
+    if cameras:
+        lines.append(f"  against         another of those about: {told['prior']}")
+        lines.append(
+            f"  odds            10^{told['log10_odds']:+.1f} for {cameras[0]['name']} against all "
+            "others, were it as likely one of these as not"
+        )
+    return "\n".join([*lines, *(f"  mind that       {caveat}" for caveat in told["caveats"])])
+
+
+def _read_out(told: dict[str, Any]) -> str:
+    time_ms, std_ms = 1e3 * told["read_out_time_s"], 1e3 * told["read_out_time_std_s"]
+    places = decimals(std_ms)
+    return f"{time_ms:.{places}f} ± {std_ms:.{places}f} ms"
+
+
+def _mode(told: dict[str, Any]) -> str:
+    across = f" of {told['across_px']} pixels" if told["across_px"] else ""
+    crop = f", {told['crop']}" if told["crop"] else ""
+    return f"{told['frame_rate_hz']:.3f} frames/s, {told['lines']} lines{across}{crop}"
+
+
+def _recordings(told: dict[str, Any]) -> str:
+    count = len(told["recordings"])
+    return f"{count} recording{'s' * (count != 1)}"
