@@ -7,6 +7,7 @@ from typing import Literal, get_args
 
 from rsenf.errors import UsageError
 from rsenf.reference.local_time import zone_of
+from rsenf.reference.written_times import checked_format
 
 Stamp = Literal["start", "centre"]
 
@@ -23,6 +24,10 @@ class ReadOptions:
         Time between samples; needed when there is no time column.
     column : str, optional
         Name of the frequency column, when it isn't found by its name.
+    time_column : str, optional
+        Name of the time column, when it isn't found by its name or by what is in it.
+    time_format : str, optional
+        How times are written, as ``strptime`` takes it, such as %d/%m/%Y %H:%M:%S.
     nominal_hz : float, optional
         50 or 60; told from the values when not given.
     stamp : {'start', 'centre'}
@@ -39,6 +44,8 @@ class ReadOptions:
     timezone: str | None = None
     step_s: float | None = None
     column: str | None = None
+    time_column: str | None = None
+    time_format: str | None = None
     nominal_hz: float | None = None
     stamp: Stamp = "start"
     start_utc_ns: int = 0
@@ -52,3 +59,5 @@ class ReadOptions:
             raise UsageError(f"nominal frequency {self.nominal_hz} Hz", "50 or 60")
         if self.timezone is not None:
             zone_of(self.timezone)
+        if self.time_format is not None:
+            checked_format(self.time_format)
