@@ -177,7 +177,8 @@ def references_of(args: argparse.Namespace) -> list[Opened]:
     """Open what ``--reference`` names."""
     from rsenf.api.references import open_references
 
-    return open_references(args.reference, store=args.store, **read_options(args))
+    store = getattr(args, "store", None)
+    return open_references(args.reference, store=store, **read_options(args))
 
 
 def read_options(args: argparse.Namespace) -> dict[str, Any]:
@@ -185,8 +186,7 @@ def read_options(args: argparse.Namespace) -> dict[str, Any]:
     from rsenf.cli.options import given_by
     from rsenf.reference.options import ReadOptions
 
-    told = given_by(args, ReadOptions).items()
-    return {name: value for name, value in told if name not in OF_IMPORT}
+    return given_by(args, ReadOptions)
 
 
 def add_bus_arguments(parser: argparse.ArgumentParser, *graph: str) -> None:

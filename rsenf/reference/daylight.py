@@ -1,4 +1,4 @@
-"""Times that tell no zone, and skip or repeat an hour where a zone begins or ends daylight saving."""
+"""Times that tell no zone, and skip or repeat an hour where daylight saving begins or ends."""
 
 from __future__ import annotations
 

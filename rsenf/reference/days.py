@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from rsenf.errors import ReferenceFormatError
 from rsenf.messages.schema import FloatArray, Int64Array
 from rsenf.reference.local_time import to_utc
-from rsenf.reference.notes import NO_ZONE, Notes
-from rsenf.timebase import nanoseconds
+from rsenf.reference.notes import Notes
+from rsenf.timebase import NO_ZONE, nanoseconds
 
 DAY_S = 86400
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-# Noted of times that tell no zone where nobody said which.
-NO_ZONE = "times without a zone taken as UTC: by whole hours uncertain without --timezone"
-
 
 class Notes:
     """Lines in the order of their first mention; a counted one ends with how often it came."""

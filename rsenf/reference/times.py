@@ -13,15 +13,15 @@ from rsenf.messages.schema import FloatArray, Int64Array
 from rsenf.reference.columns import numbers
 from rsenf.reference.daylight import find_jump
 from rsenf.reference.local_time import settled, to_utc
-from rsenf.reference.notes import NO_ZONE, Notes
-from rsenf.reference.written_times import ACCEPTED, HEAD_CELLS, WrittenTimes
-from rsenf.timebase import NS_PER_S
+from rsenf.reference.notes import Notes
+from rsenf.reference.written_times import ACCEPTED, HEAD_CELLS, ZONE, WrittenTimes
+from rsenf.timebase import NO_ZONE, NS_PER_S
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 ENDS_NS = 2 * 3600 * NS_PER_S  # of a piece, looked at with the next: a doubled hour may be cut
-_ZONED = r"^(?P<local>.*:\d\d(?:[.,]\d+)?(?:\s?[AaPp][Mm])?)\s*(?P<zone>[zZ]|UTC|GMT|[+-]\d\d:?(?:\d\d)?)$"
+_ZONED = rf"^(?P<local>.*:\d\d(?:[.,]\d+)?(?:\s?[AaPp][Mm])?)\s*(?P<zone>{ZONE})$"
 # From this size on a number counts so many ns since 1970; smaller ones are seconds from a start.
 _UNITS = ((1e17, 1), (1e14, 1_000), (1e11, 1_000_000), (1e8, NS_PER_S))
 
@@ -137,11 +137,11 @@ class TimeReader:
         if self._timezone is None and self._utc:
             self._notes.say("times are UTC, as their column is called")
             return Times(t_ns, ok)
+        self._notes.say(f"times without a zone taken as {self._timezone or 'UTC'}")
         if self._timezone is None:
             self._notes.say(NO_ZONE)
             self._check_jumps(t_ns[naive])
             return Times(t_ns, ok)
-        self._notes.say(f"times without a zone taken as {self._timezone}")
         rows = np.flatnonzero(naive)
         done = settled(t_ns[rows], self._timezone) if more else rows.size
         end = t_ns.size if done == rows.size else rows[done]

@@ -21,7 +21,7 @@ _WRITTEN = re.compile(
     r"(?P<date>\d{1,4}(?P<mark>[./-])\d{1,2}(?P=mark)\d{1,4})(?P<between>[ T]|, )"
     r"\d{1,2}:\d\d(?P<seconds>:\d\d)?(?:[.,]\d+)?(?P<half>\s?[AaPp][Mm])?"
 )
-_ZONE = r"\s*([zZ]|UTC|GMT|[+-]\d\d:?(\d\d)?)"
+ZONE = r"[zZ]|UTC|GMT|[+-]\d\d:?(?:\d\d)?"
 _FRACTION = r"(?P<whole>:\d\d)[.,](?P<fraction>\d{1,9})"
 _ISO = "%Y-%m-%d %H:%M:%S", "%Y-%m-%dT%H:%M:%S"
 DAY = np.timedelta64(1, "D")
@@ -45,7 +45,7 @@ def checked_format(text: str) -> None:
 
 def looks_written(cell: str) -> bool:
     """Whether a cell is a date with a time of day, in whichever order, with or without a zone."""
-    return bool(re.fullmatch(f"(?:{_WRITTEN.pattern})(?:{_ZONE})?", cell))
+    return bool(re.fullmatch(rf"(?:{_WRITTEN.pattern})(?:\s*(?:{ZONE}))?", cell))
 
 
 class WrittenTimes:
@@ -114,8 +114,8 @@ def _read(cells: pa.Array, text: str) -> NDArray[np.datetime64]:
         fraction_ns = digits.cast("int64").to_numpy(zero_copy_only=False)
         cells = pc.replace_substring_regex(cells, _FRACTION, r"\1")
     times = pc.strptime(cells, format=text, unit="s", error_is_null=True)
-    whole = np.asarray(times.to_numpy(zero_copy_only=False)).astype("datetime64[ns]")
-    return whole + fraction_ns.astype("timedelta64[ns]")
+    whole_ns: NDArray[np.datetime64] = np.asarray(times).astype("datetime64[ns]")
+    return whole_ns + fraction_ns.astype("timedelta64[ns]")
 
 
 def _formats_of(cells: pa.Array) -> tuple[list[str], str]:
@@ -141,10 +141,10 @@ def _formats_of(cells: pa.Array) -> tuple[list[str], str]:
     day_first, month_first = (_read(cells, text) for text in formats)
     lost = [int(np.isnat(times).sum()) for times in (day_first, month_first)]
     if lost[0] != lost[1]:
-        return [formats[lost[1] < lost[0]]], example
+        return [formats[int(np.argmin(lost))]], example
     gaps = [_longest_gap(times) for times in (day_first, month_first)]
     if min(gaps) < DAY and max(gaps) > 27 * DAY:
-        return [formats[gaps[1] < gaps[0]]], example
+        return [formats[int(np.argmin(gaps))]], example
     return (formats[:1] if mark == "." else formats), example
 
 

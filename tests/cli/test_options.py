@@ -66,6 +66,8 @@ VALUES: dict[str, Any] = {
     "method": "paper",
     "nominal_hz": 60.0,
     "column": "f",
+    "time_column": "Zeit",
+    "time_format": "%d/%m/%Y %H:%M:%S",
     "timezone": "Europe/Paris",
     "strips": 4,
     "line_m": -1,

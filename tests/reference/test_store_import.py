@@ -28,8 +28,8 @@ def test_where_an_import_comes_from_is_kept(tmp_path):
     assert (r.grid, r.name, r.size_bytes) == ("ce", "grid.csv", path.stat().st_size)
     assert (r.rows, r.samples, r.imported_utc) == (49, 49, TODAY)
     assert r.options == {
-        "timezone": None, "step_s": 1.0, "column": None, "nominal_hz": None, "stamp": "centre",
-        "start_utc_ns": 0,
+        "timezone": None, "step_s": 1.0, "column": None, "time_column": None, "time_format": None,
+        "nominal_hz": None, "stamp": "centre", "start_utc_ns": 0,
     }  # fmt: skip
     assert files_in(tmp_path / "store") == [f"ce/1s/{r.sha256[:16]}.parquet"]
 
