@@ -112,7 +112,7 @@ def discover(
     if folder:
         check_out(folder)
     first, grid = discover_start(
-        model, reference, start=reference_start, store=store, nominal_hz=nominal_hz, **reading
+        model, reference, start=reference_start, store=store, assumed_hz=nominal_hz, **reading
     )
     source = opened(recording, frame_time_s, frame_rate_hz, camera)
     settings = dataclasses.replace(row_settings(rows), strips=STRIPS)

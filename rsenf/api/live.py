@@ -108,7 +108,7 @@ def live(
         raise UsageError("nothing to compare with", "give a reference, or another camera")
     else:
         (one,) = open_references(
-            reference, start=reference_start, store=store, nominal_hz=nominal_hz, **reading
+            reference, start=reference_start, store=store, assumed_hz=nominal_hz, **reading
         )
         if not one.t0_ns:
             raise UsageError(

@@ -45,7 +45,7 @@ def open_references(
         Where ``store:GRID`` is looked for.
     **reading
         As :class:`rsenf.reference.options.ReadOptions` takes them: ``step_s``, which arrays need,
-        ``timezone``, ``time_format``, ``time_column``, ``column``, ``stamp``, ``nominal_hz``.
+        ``timezone``, ``time_format``, ``time_column``, ``column``, ``stamp`` ….
 
     Raises
     ------

@@ -128,7 +128,7 @@ def verify(
         check_folder(report)
         made_utc = moment_of_report()
     references = open_references(
-        reference, start=reference_start, store=store, nominal_hz=nominal_hz, **reading
+        reference, start=reference_start, store=store, assumed_hz=nominal_hz, **reading
     )
     source = opened(recording, frame_time_s, frame_rate_hz, camera, begin)
     if report and not source.path:

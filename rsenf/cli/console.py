@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 
 # A turned camera is told from the data.
 EITHER_WAY: dict[str, Any] = {"read_out_axis": "auto"}
-# How a reference is read, but not where the grid is told by the recording.
-OF_IMPORT = ("nominal_hz", "start_utc_ns")
+# How a reference is read, but not as an option: what a recording is compared with may be of another
+# grid than the nominal frequency that it was given.
+OF_IMPORT = ("nominal_hz", "assumed_hz", "start_utc_ns")
 # Set for what a run starts; of use in a shell, too.
 CONNECT = "RSENF_CONNECT"
 
@@ -186,7 +187,11 @@ def read_options(args: argparse.Namespace) -> dict[str, Any]:
     from rsenf.cli.options import given_by
     from rsenf.reference.options import ReadOptions
 
-    return given_by(args, ReadOptions)
+    told = given_by(args, ReadOptions).items()
+    return {
+        **{name: value for name, value in told if name not in OF_IMPORT},
+        "assumed_hz": getattr(args, "nominal_hz", None),
+    }
 
 
 def add_bus_arguments(parser: argparse.ArgumentParser, *graph: str) -> None:

@@ -88,15 +88,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Make the clip and its truth."""
+    from rsenf.api.references import open_references
     from rsenf.api.simulate import simulate
-    from rsenf.cli.console import note, print_json, progress_bar, references_of
+    from rsenf.cli.console import note, print_json, progress_bar, read_options
     from rsenf.errors import EXIT_DONE
     from rsenf.model import load_effects
 
     for path in args.effects:
         load_effects(path)
     model = _model_of(args)
-    references = references_of(args) if args.reference else None
+    reading = read_options(args) | {"nominal_hz": args.nominal_hz}
+    references = open_references(args.reference, **reading) if args.reference else None
     for line in references[0].notes if references else ():
         note(f"{args.reference}: {line}")
     with progress_bar("filming", args.duration_s) as progress:

@@ -110,8 +110,8 @@ def _warnings(
         out.append("the reference's start time isn't known, so the claim can't be tested")
     if claimed_utc_ns and grid.zone_unknown:
         out.append(
-            "the zone of the reference's times is unknown: a claim that doesn't fit may be off by "
-            "whole hours only (--timezone)"
+            "the reference's times tell no zone (--timezone): the claim was tried as if they were "
+            "UTC, and whole hours can't refute it"
         )
     if track is not None and _outside(grid, track, claim_lag_s, settings):
         out.append(

@@ -26,6 +26,11 @@ FREQUENCY_NAMES = (
     "enf",
     "enf_hz",
     "value",
+    "frequenz",
+    "netzfrequenz",
+    "fréquence",
+    "frecuencia",
+    "frequenza",
 )
 DEVIATION_NAMES = (
     "deviation",

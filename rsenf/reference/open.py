@@ -55,7 +55,7 @@ def open_reference(
         return read_reference(spec, grid=grid, **reading)
     options = ReadOptions(**reading)
     reference = _from_store(str(spec), store, grid, options.nominal_hz)
-    if replace(options, nominal_hz=None) != ReadOptions():
+    if replace(options, nominal_hz=None, assumed_hz=None) != ReadOptions():
         line = "what says how files are read (--timezone, --column …) has no bearing on the store"
         reference = replace(reference, notes=(*reference.notes, line))
     return reference

@@ -29,9 +29,11 @@ class ReadOptions:
     time_format : str, optional
         How times are written, as ``strptime`` takes it, such as %d/%m/%Y %H:%M:%S.
     nominal_hz : float, optional
-        50 or 60; told from the values when not given.
+        50 or 60; told from the values when not given, unless they are deviations from it.
     stamp : {'start', 'centre'}
         Which part of its sample's interval a time stamp names.
+    assumed_hz : float, optional
+        What deviations are from where ``nominal_hz`` isn't given; other values may differ from it.
     start_utc_ns : int
         Start of a reference that doesn't tell its own, UTC since 1970; 0 for unknown.
 
@@ -48,7 +50,13 @@ class ReadOptions:
     time_format: str | None = None
     nominal_hz: float | None = None
     stamp: Stamp = "start"
+    assumed_hz: float | None = None
     start_utc_ns: int = 0
+
+    @property
+    def deviations_from_hz(self) -> float | None:
+        """What deviations are from, as far as anybody says."""
+        return self.nominal_hz or self.assumed_hz
 
     def __post_init__(self) -> None:
         if self.stamp not in get_args(Stamp):

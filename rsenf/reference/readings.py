@@ -136,9 +136,11 @@ class Readings:
         """Find the nominal frequency in the first part; let no others through."""
         for t_ns, freq_hz in parts:
             if np.isnan(self.nominal_hz):
-                where, asked_hz = self._path.name, self._options.nominal_hz
-                self._unit = unit_of(freq_hz, self._column, where, asked_hz, self.notes)
-                self.nominal_hz = nominal_of(self._unit.to_hz(freq_hz), where, asked_hz)
+                where, options = self._path.name, self._options
+                self._unit = unit_of(
+                    freq_hz, self._column, where, options.deviations_from_hz, self.notes
+                )
+                self.nominal_hz = nominal_of(self._unit.to_hz(freq_hz), where, options.nominal_hz)
             freq_hz = self._unit.to_hz(freq_hz)
             yield Stamped(t_ns, without_outliers(freq_hz, self.nominal_hz, self.notes))
 

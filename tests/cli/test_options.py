@@ -51,7 +51,7 @@ ANALYSING: list[tuple[list[str], list[type[Any]]]] = [
     (["bench", "recording-time"], [RecordingPlan]),
 ]
 # Told by another argument of their verbs.
-OTHERWISE = {"start_utc_ns", "part", "out", "archive"}
+OTHERWISE = {"start_utc_ns", "assumed_hz", "part", "out", "archive"}
 CASES = [
     pytest.param(words, settings, option, id=f"{' '.join(words[:2])} {option.name}")
     for words, every in ANALYSING

@@ -40,7 +40,9 @@ def test_deviations_are_read_and_told(tmp_path, name, factor, unit):
 def test_from_which_frequency_is_asked_for(tmp_path):
     with pytest.raises(ReferenceFormatError, match="Give --nominal-hz 50 or 60"):
         read(tmp_path, "deviation", 1000 * OFF_HZ)
-    assert read(tmp_path, "deviation", 1000 * OFF_HZ, nominal_hz=60.0).nominal_hz == 60.0
+    for told in ("nominal_hz", "assumed_hz"):
+        assert read(tmp_path, "deviation", 1000 * OFF_HZ, **{told: 60.0}).nominal_hz == 60.0
+    assert read(tmp_path, "Hz", 50 + OFF_HZ, assumed_hz=60.0).nominal_hz == 50.0
 
 
 @pytest.mark.parametrize(

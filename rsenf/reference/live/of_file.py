@@ -19,7 +19,7 @@ from rsenf.reference.options import ReadOptions
 from rsenf.reference.plausible import Unit, nominal_of, unit_of, without_outliers
 from rsenf.reference.readings import TimedRows
 from rsenf.reference.table import table_columns
-from rsenf.timebase import NS_PER_S
+from rsenf.timebase import NO_ZONE, NS_PER_S
 
 PIECE_BYTES = 1 << 22
 # A header and some rows: what the columns, and the step between rows, can be told by.
@@ -79,10 +79,11 @@ def _followed(
             if not t_ns.size:
                 continue
             unit = unit or unit_of(
-                freq_hz, columns.frequency_name, path.name, options.nominal_hz, notes
+                freq_hz, columns.frequency_name, path.name, options.deviations_from_hz, notes
             )
             freq_hz = unit.to_hz(freq_hz)
             growing = growing or _begun(path, grid, options, run_id, t_ns, freq_hz)
+            growing.zone_unknown = NO_ZONE in notes.lines
             if options.stamp == "centre":
                 t_ns = t_ns - growing.step_ns // 2
             freq_hz = without_outliers(freq_hz, growing.nominal_hz, notes)
