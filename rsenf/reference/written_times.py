@@ -115,7 +115,8 @@ def _read(cells: pa.Array, text: str) -> NDArray[np.datetime64]:
         cells = pc.replace_substring_regex(cells, _FRACTION, r"\1")
     times = pc.strptime(cells, format=text, unit="s", error_is_null=True)
     whole_ns: NDArray[np.datetime64] = np.asarray(times).astype("datetime64[ns]")
-    return whole_ns + fraction_ns.astype("timedelta64[ns]")
+    whole_ns += fraction_ns.astype("timedelta64[ns]")
+    return whole_ns
 
 
 def _formats_of(cells: pa.Array) -> tuple[list[str], str]:
