@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Literal
@@ -11,6 +12,8 @@ from pydantic import Field, field_validator
 from rsenf.bus.keys import NAME_PATTERN, REFERENCE, ROOT, reference_key
 from rsenf.config.names import Name, named, not_reserved
 from rsenf.config.node_kind import Input, NodeKind, Problem, Stream
+from rsenf.reference.options import ReadOptions
+from rsenf.reference.written_times import checked_format
 
 if TYPE_CHECKING:
     from rsenf.config.graph import Graph
@@ -33,6 +36,8 @@ class ReferenceNode(NodeKind):
     timezone: str | None = None
     step_s: float | None = Field(None, gt=0)
     column: str | None = None
+    time_column: str | None = None
+    time_format: str | None = Field(None, description="as strptime takes it: %d.%m.%Y %H:%M:%S")
     nominal_hz: float | None = None
     stamp: Literal["start", "centre"] = "start"
 
@@ -50,6 +55,13 @@ class ReferenceNode(NodeKind):
             raise ValueError(f"no key of a reference: {ROOT}/SITE/{REFERENCE}/GRID")
         return read
 
+    @field_validator("time_format")
+    @classmethod
+    def _tells_a_day(cls, text: str | None) -> str | None:
+        if text is not None:
+            checked_format(text)
+        return text
+
     @property
     def feed(self) -> tuple[str, str]:
         """What goes on measuring, and its name: ('camera', NAME); ('', '') when nothing does."""
@@ -57,6 +69,12 @@ class ReferenceNode(NodeKind):
         if kind in ("camera", "sound", "topic"):
             return kind, name
         return ("file", self.input) if self.follow else ("", "")
+
+    @property
+    def reading(self) -> ReadOptions:
+        """How its file is read."""
+        names = (f.name for f in dataclasses.fields(ReadOptions))
+        return ReadOptions(**{name: getattr(self, name) for name in names if hasattr(self, name)})
 
     def outputs(self) -> list[Stream]:
         """Return the reference."""
@@ -91,12 +109,8 @@ class ReferenceNode(NodeKind):
         reference = open_reference(
             self.input,
             store=self.store,
-            timezone=self.timezone,
-            step_s=self.step_s,
-            column=self.column,
-            nominal_hz=self.nominal_hz,
-            stamp=self.stamp,
             grid=self.grid,
+            **dataclasses.asdict(self.reading),
         )
         publisher = node.reference_publisher(self.grid)
         node.ready()

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from datetime import datetime
 
 NS_PER_S = 1_000_000_000
+# Of times that tell no zone where nobody said which: they are taken as UTC.
+NO_ZONE = "zone unknown: by whole hours uncertain"
 ARRIVAL_MEMORY_NS = 60 * NS_PER_S
 
 

@@ -64,14 +64,13 @@ def discover(
     frame_time_s: ArrayLike | None = None,
     frame_rate_hz: float | None = None,
     camera: str = "",
-    step_s: float | None = None,
     reference_start: str | None = None,
-    timezone: str | None = None,
     store: PathLike | None = None,
     nominal_hz: float | None = None,
     rows: RowsSettings | None = None,
     progress: Progress = silent,
     doing: Doing = silent,
+    **reading: Any,
 ) -> DiscoverResult:
     """Fit a model of the capture to a recording, see where they differ, and add what explains it.
 
@@ -79,7 +78,7 @@ def discover(
     ----------
     recording, frame_time_s, frame_rate_hz, camera, progress
         As :func:`rsenf.track` takes them.
-    reference, step_s, reference_start, timezone, store
+    reference, reference_start, store, **reading
         As :func:`rsenf.verify` takes them; with one the camera's clock is looked at too.
     out : path, optional
         Folder for the model, the report and the residuals; what takes long of a video is kept
@@ -113,7 +112,7 @@ def discover(
     if folder:
         check_out(folder)
     first, grid = discover_start(
-        model, reference, step_s=step_s, start=reference_start, timezone=timezone, store=store
+        model, reference, start=reference_start, store=store, assumed_hz=nominal_hz, **reading
     )
     source = opened(recording, frame_time_s, frame_rate_hz, camera)
     settings = dataclasses.replace(row_settings(rows), strips=STRIPS)

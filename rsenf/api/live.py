@@ -48,9 +48,7 @@ def live(
     frame_rate_hz: float | None = None,
     camera: str = "",
     begin: str = "rows",
-    step_s: float | None = None,
     reference_start: str | None = None,
-    timezone: str | None = None,
     store: PathLike | None = None,
     start: str | None = None,
     nominal_hz: float | None = None,
@@ -58,6 +56,7 @@ def live(
     track: TrackSettings | None = None,
     settings: LiveSettings | None = None,
     progress: Progress = silent,
+    **reading: Any,
 ) -> LiveResult:
     """Judge whether a recorded feed was live, as the node ``live`` does: nothing before its time.
 
@@ -65,7 +64,7 @@ def live(
     ----------
     recording, frame_time_s, frame_rate_hz, camera, begin, progress
         As :func:`rsenf.track` takes them.
-    reference, step_s, reference_start, timezone, store
+    reference, reference_start, store, **reading
         As :func:`rsenf.verify` takes them; one, with times of day.
     reference_camera : str
         Another camera of an ``.mcap`` recording, in place of a reference.
@@ -109,7 +108,7 @@ def live(
         raise UsageError("nothing to compare with", "give a reference, or another camera")
     else:
         (one,) = open_references(
-            reference, step_s=step_s, start=reference_start, timezone=timezone, store=store
+            reference, start=reference_start, store=store, assumed_hz=nominal_hz, **reading
         )
         if not one.t0_ns:
             raise UsageError(

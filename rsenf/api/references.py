@@ -6,7 +6,7 @@ import dataclasses
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias, cast
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,7 @@ from rsenf.match.series import Grid
 from rsenf.messages.schema import FloatArray
 from rsenf.reference import Reference, open_reference, reference_of
 from rsenf.reference.moments import utc_ns
-from rsenf.reference.options import Stamp
+from rsenf.reference.options import ReadOptions
 from rsenf.reference.store import StoredReference
 
 Opened: TypeAlias = Reference | StoredReference
@@ -29,13 +29,9 @@ PIECE = 1 << 20  # samples looked at together
 def open_references(
     references: References,
     *,
-    step_s: float | None = None,
     start: str | None = None,
-    timezone: str | None = None,
     store: PathLike | None = None,
-    column: str | None = None,
-    stamp: Stamp = "start",
-    nominal_hz: float | None = None,
+    **reading: Any,
 ) -> list[Opened]:
     """Open one reference or several; two of one name get numbers.
 
@@ -43,18 +39,20 @@ def open_references(
     ----------
     references : path, ``store:GRID``, Reference, array_like, or sequence of the first three
         An array is of frequencies in Hz, one each ``step_s``, NaN in gaps.
-    step_s : float, optional
-        Time between the values of an array, or of a file that has no times.
     start : str, optional
         When an array begins, ISO 8601, UTC unless it says; unknown when not given.
-    timezone, store, column, stamp, nominal_hz
-        As :func:`rsenf.reference.open_reference` takes them.
+    store : path, optional
+        Where ``store:GRID`` is looked for.
+    **reading
+        As :class:`rsenf.reference.options.ReadOptions` takes them: ``step_s``, which arrays need,
+        ``timezone``, ``time_format``, ``time_column``, ``column``, ``stamp`` ….
 
     Raises
     ------
     UsageError
         When there is no such file or grid, or an argument can't be meant so.
     """
+    options = ReadOptions(**reading)
     named: Sequence[PathLike | Opened]
     if isinstance(references, str | os.PathLike | Opened):
         named = [references]
@@ -62,18 +60,21 @@ def open_references(
         isinstance(one, str | os.PathLike | Opened) for one in references
     ):
         named = references
-    elif step_s is None:
+    elif options.step_s is None:
         raise UsageError("an array is no reference without its step", "give step_s, in seconds")
     else:
         begin_ns = utc_ns(start, "start of the reference") if start else 0
         values = cast("ArrayLike", references)
-        named = [reference_of(values, step_s, start_utc_ns=begin_ns, nominal_hz=nominal_hz)]
+        named = [
+            reference_of(
+                values, options.step_s, start_utc_ns=begin_ns, nominal_hz=options.nominal_hz
+            )
+        ]
     opened: list[Opened] = []
     names: set[str] = set()
     for one in named:
         reference = one if isinstance(one, Opened) else open_reference(
-            os.fspath(one), store=store, timezone=timezone, step_s=step_s, column=column,
-            stamp=stamp, nominal_hz=nominal_hz,
+            os.fspath(one), store=store, **reading
         )  # fmt: skip
         name, number = reference.grid, 2
         while name in names:
@@ -87,7 +88,7 @@ def grids_of(references: Sequence[Opened]) -> list[Grid]:
     """Return references as matchers take them."""
     # A stored one's samples are read as they are asked for: matchers ask for slices.
     return [
-        Grid(r.grid, r.nominal_hz, r.t0_ns, r.step_s, cast("FloatArray", r.freq_hz))
+        Grid(r.grid, r.nominal_hz, r.t0_ns, r.step_s, cast("FloatArray", r.freq_hz), r.zone_unknown)
         for r in references
     ]
 

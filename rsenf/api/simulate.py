@@ -46,8 +46,6 @@ def simulate(
     lamp: str | None = None,
     clock_ppm: float | None = None,
     reference: References | None = None,
-    step_s: float | None = None,
-    timezone: str | None = None,
     start_s: float = 0.0,
     nominal_hz: float | None = None,
     strips: int = 1,
@@ -55,6 +53,7 @@ def simulate(
     camera: str = "camera",
     encodings: Mapping[str, Codec] | None = None,
     progress: Progress = silent,
+    **reading: Any,
 ) -> SimulateResult:
     """Film a lamp on a grid with a simulated rolling-shutter camera.
 
@@ -77,9 +76,8 @@ def simulate(
     lamp : str, optional
         Such as led or halogen.
     reference : path, ``store:GRID``, Reference or array_like, optional
-        The grid's frequency; drawn from the seed when not given.
-    step_s, timezone
-        As :func:`rsenf.verify` takes them.
+        The grid's frequency; drawn from the seed when not given. ``**reading`` says how it is
+        read, as :func:`rsenf.verify` takes it: ``step_s`` of an array.
     start_s : float
         Where on the grid's path the clip begins.
     nominal_hz : float, optional
@@ -120,7 +118,7 @@ def simulate(
     if reference is None:
         grid = synthetic_grid(seed, duration_s + 1, nominal_hz=nominal_hz or 50.0, start_s=start_s)
     else:
-        (one,) = open_references(reference, step_s=step_s, timezone=timezone, nominal_hz=nominal_hz)
+        (one,) = open_references(reference, nominal_hz=nominal_hz, **reading)
         grid = GridPath(np.asarray(one.freq_hz), one.step_s, start_s, one.nominal_hz)
     rate_hz = float(whole.shutter.frame_rate)
 

@@ -56,9 +56,7 @@ def verify(
     frame_rate_hz: float | None = None,
     camera: str = "",
     begin: str = "rows",
-    step_s: float | None = None,
     reference_start: str | None = None,
-    timezone: str | None = None,
     store: PathLike | None = None,
     start: str | None = None,
     method: str = "phase",
@@ -71,6 +69,7 @@ def verify(
     case: PathLike | None = None,
     command: str = "",
     progress: Progress = silent,
+    **reading: Any,
 ) -> VerifyResult:
     """Compare a recording's ENF with a grid reference at every lag.
 
@@ -80,12 +79,8 @@ def verify(
         As :func:`rsenf.track` takes them.
     reference : path, ``store:GRID``, Reference, array_like, or sequence of the first three
         A file, a grid of the store, or an array of frequencies in Hz; several for several grids.
-    step_s : float, optional
-        Time between the values of an array, or of a file that has no times.
     reference_start : str, optional
         When an array begins, ISO 8601, UTC unless it says.
-    timezone : str, optional
-        Of a file's times, such as Europe/Paris; UTC otherwise.
     store : path, optional
         Where ``store:GRID`` is looked for.
     start : str, optional
@@ -103,6 +98,9 @@ def verify(
         YAML of the case that it belongs to: case, exhibit, examiner, laboratory, received.
     command : str, optional
         What to type for the same report, for who reads it.
+    **reading
+        How a file is read, as :class:`rsenf.reference.options.ReadOptions` takes it: ``timezone``,
+        ``time_format``, ``column`` …; and ``step_s``, between the values of an array.
 
     Raises
     ------
@@ -138,7 +136,7 @@ def verify(
         check_folder(report)
         made_utc = moment_of_report()
     references = open_references(
-        reference, step_s=step_s, start=reference_start, timezone=timezone, store=store
+        reference, start=reference_start, store=store, assumed_hz=nominal_hz, **reading
     )
     source = opened(recording, frame_time_s, frame_rate_hz, camera, begin)
     if report and not source.path:
@@ -215,7 +213,7 @@ def verify(
             {
                 "begin": begin, "camera": camera, "input": source.name,
                 "reference": [r.name for r in references], "start": start, "method": method,
-                "nominal_hz": nominal_hz, "step_s": step_s, "timezone": timezone,
+                "nominal_hz": nominal_hz, **reading,
             },
             command,
         )  # fmt: skip
@@ -297,6 +295,8 @@ class VerifyResult(Result):
         Error of the camera's clock; positive is fast.
     search_size : int
         Lags compared.
+    zone_unknown : bool
+        Whether the reference's times told no zone: every time is by whole hours uncertain.
     candidates : list of dict
         Ranked, the best first.
     warnings : list of str
@@ -327,6 +327,7 @@ class VerifyResult(Result):
     seconds_used: float
     idle_ratio: float | None
     method: str
+    zone_unknown: bool
     candidates: list[CandidateJson]
     warnings: list[str]
     case: dict[str, str] | None

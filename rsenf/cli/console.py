@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 
 # A turned camera is told from the data.
 EITHER_WAY: dict[str, Any] = {"read_out_axis": "auto"}
-# How a reference is read, but not where the grid is told by the recording.
-OF_IMPORT = ("nominal_hz", "start_utc_ns")
+# How a reference is read, but not as an option: what a recording is compared with may be of another
+# grid than the nominal frequency that it was given.
+OF_IMPORT = ("nominal_hz", "assumed_hz", "start_utc_ns")
 # Set for what a run starts; of use in a shell, too.
 CONNECT = "RSENF_CONNECT"
 
@@ -177,7 +178,8 @@ def references_of(args: argparse.Namespace) -> list[Opened]:
     """Open what ``--reference`` names."""
     from rsenf.api.references import open_references
 
-    return open_references(args.reference, store=args.store, **read_options(args))
+    store = getattr(args, "store", None)
+    return open_references(args.reference, store=store, **read_options(args))
 
 
 def read_options(args: argparse.Namespace) -> dict[str, Any]:
@@ -186,7 +188,10 @@ def read_options(args: argparse.Namespace) -> dict[str, Any]:
     from rsenf.reference.options import ReadOptions
 
     told = given_by(args, ReadOptions).items()
-    return {name: value for name, value in told if name not in OF_IMPORT}
+    return {
+        **{name: value for name, value in told if name not in OF_IMPORT},
+        "assumed_hz": getattr(args, "nominal_hz", None),
+    }
 
 
 def add_bus_arguments(parser: argparse.ArgumentParser, *graph: str) -> None:

@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     new = add("import", "read files into the store")
     new.add_argument("files", nargs="+", type=Path, metavar="FILE")
     new.add_argument("--grid", metavar="NAME", help="what to call it; as the file otherwise")
-    add_settings(new, "reading", ReadOptions, leave_out=("start_utc_ns",))
+    add_settings(new, "reading", ReadOptions, leave_out=("assumed_hz", "start_utc_ns"))
     new.add_argument(
         "--start", metavar="TIME", help="of the first sample, for files that tell no dates"
     )

@@ -34,6 +34,7 @@ _COMMA = re.compile(r",(?![^\[]*\])")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     from rsenf.cli import options
+    from rsenf.cli.console import add_reference_arguments
     from rsenf.cli.options import count, positive
     from rsenf.model import CATALOGUE, CaptureModel
 
@@ -55,8 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     grid.add_argument("--reference", type=Path, metavar="REF", help="measured; drawn otherwise")
     grid.add_argument("--start-s", type=float, default=0.0, metavar="S", help="where on it (0)")
     grid.add_argument("--nominal-hz", type=float, choices=(50.0, 60.0), help="50, or that of REF")
-    grid.add_argument("--timezone", metavar="ZONE", help="of REF's times, for example Europe/Paris")
-    grid.add_argument("--step-s", type=positive, metavar="S", help="of REF, where it has no times")
+    add_reference_arguments(parser)
     camera = parser.add_argument_group("the capture, over the model file")
     camera.add_argument("--model", type=Path, metavar="FILE", help="YAML; see configs/model")
     camera.add_argument("--size", type=size, metavar="1280x720", help="columns and rows")
@@ -90,16 +90,15 @@ def run(args: argparse.Namespace) -> int:
     """Make the clip and its truth."""
     from rsenf.api.references import open_references
     from rsenf.api.simulate import simulate
-    from rsenf.cli.console import note, print_json, progress_bar
+    from rsenf.cli.console import note, print_json, progress_bar, read_options
     from rsenf.errors import EXIT_DONE
     from rsenf.model import load_effects
 
     for path in args.effects:
         load_effects(path)
     model = _model_of(args)
-    references = open_references(
-        args.reference, timezone=args.timezone, step_s=args.step_s, nominal_hz=args.nominal_hz
-    ) if args.reference else None  # fmt: skip
+    reading = read_options(args) | {"nominal_hz": args.nominal_hz}
+    references = open_references(args.reference, **reading) if args.reference else None
     for line in references[0].notes if references else ():
         note(f"{args.reference}: {line}")
     with progress_bar("filming", args.duration_s) as progress:

@@ -56,13 +56,14 @@ def result_of(
         search_size=finding.search_size,
         seconds_used=finding.seconds_used,
         idle_ratio=finding.idle_ratio,
-        claim=_claim(finding, claim_lag_s, settings) if claimed_utc_ns else "",
+        claim=_claim(finding, claim_lag_s, grid, settings) if claimed_utc_ns else "",
         claimed_utc_ns=claimed_utc_ns,
         verbal=finding.verbal,
         final=final,
         candidates=candidates,
         claim_log10_lr=finding.claim_log10_lr,
         claim_log10_lr_other=finding.claim_log10_lr_other,
+        zone_unknown=grid.zone_unknown,
         warnings=(
             *_jump_warning(jumps),
             *finding.warnings,
@@ -71,20 +72,23 @@ def result_of(
     )
 
 
-def _claim(finding: Finding, claim_lag_s: float, settings: MatchSettings) -> str:
+def _claim(finding: Finding, claim_lag_s: float, grid: Grid, settings: MatchSettings) -> str:
     """Supported by a match there, or as a time that needed no search; refuted by a match elsewhere
-    or a misfit there.
+    or a misfit there. Where the zone is unknown only a match that is no whole hours away refutes.
     """
     if math.isnan(claim_lag_s):
         return "undecidable"
     if finding.decision == "match":
         near = abs(finding.lag_s - claim_lag_s) <= settings.tolerance_s
-        return "supported" if near else "refuted"
+        if near:
+            return "supported"
+        hours = _zone_hours(finding.lag_s - claim_lag_s, settings.tolerance_s)
+        return "undecidable" if grid.zone_unknown and hours else "refuted"
     limit = settings.min_log10_lr
     if min(finding.claim_log10_lr, finding.claim_log10_lr_other) >= limit:
         return "supported"
     misfit = finding.claim_fit < settings.min_fit or finding.claim_log10_lr <= -limit
-    return "refuted" if misfit else "undecidable"
+    return "refuted" if misfit and not grid.zone_unknown else "undecidable"
 
 
 def _jump_warning(jumps: int) -> list[str]:
@@ -104,6 +108,11 @@ def _warnings(
     out = []
     if claimed_utc_ns and not grid.t0_ns:
         out.append("the reference's start time isn't known, so the claim can't be tested")
+    if claimed_utc_ns and grid.zone_unknown:
+        out.append(
+            "the reference's times tell no zone (--timezone): the claim was tried as if they were "
+            "UTC, and whole hours can't refute it"
+        )
     if track is not None and _outside(grid, track, claim_lag_s, settings):
         out.append(
             "the claimed start lies outside of the reference, which lasts from "

@@ -94,7 +94,8 @@ class Track:
 class Grid:
     """A reference: sample ``k`` is the mean over ``[k, k + 1)·step_s`` from its start.
 
-    ``freq_hz`` (n,) is NaN in gaps; ``t0_ns`` is UTC since 1970 or 0 for unknown.
+    ``freq_hz`` (n,) is NaN in gaps; ``t0_ns`` is UTC since 1970 or 0 for unknown, and off by whole
+    hours perhaps where the zone of its times is unknown.
     """
 
     name: str
@@ -102,6 +103,7 @@ class Grid:
     t0_ns: int
     step_s: float
     freq_hz: FloatArray
+    zone_unknown: bool = False
 
     @property
     def duration_s(self) -> float:
@@ -198,7 +200,7 @@ def grid_of(blocks: Sequence[ReferenceBlock]) -> Grid:
     for block in blocks:
         freq[block.first : block.first + block.samples] = block.freq_hz
     one = blocks[0]
-    return Grid(one.grid, one.nominal_hz, one.t0_ns, one.step_ns / 1e9, freq)
+    return Grid(one.grid, one.nominal_hz, one.t0_ns, one.step_ns / 1e9, freq, one.zone_unknown)
 
 
 def to_step_of(track: Track, grid: Grid) -> Grid:

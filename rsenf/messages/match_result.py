@@ -57,3 +57,4 @@ class MatchResult:
     warnings: tuple[str, ...] = field(24, "what a reader should know", ())
     claim_log10_lr: float = field(25, "for the claimed time against none in the reference", NAN)
     claim_log10_lr_other: float = field(26, "for the claimed time against another time", NAN)
+    zone_unknown: bool = field(27, "whether the reference's times told no zone", False)

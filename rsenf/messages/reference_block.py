@@ -31,3 +31,4 @@ class ReferenceBlock:
         wire="fixed32",
         shape=("samples",),
     )
+    zone_unknown: bool = field(11, "whether its times told no zone and were taken as UTC", False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +26,24 @@ FREQUENCY_NAMES = (
     "enf",
     "enf_hz",
     "value",
+    "frequenz",
+    "netzfrequenz",
+    "fréquence",
+    "frecuencia",
+    "frequenza",
+)
+DEVIATION_NAMES = (
+    "deviation",
+    "frequency_deviation",
+    "freq_deviation",
+    "delta_f",
+    "delta",
+    "δf",
+    "∆f",
+    "df",
+    "f-50",
+    "f-60",
+    "mhz",
 )
 TIME_NAMES = (
     "timestamp",
@@ -54,29 +72,34 @@ _UNIT = re.compile(r"\s*[\[(].*?[\])]\s*")
 class Columns:
     """Consecutive cells of the frequency column, and of the time column where there is one.
 
-    Both are Arrow arrays of one length: text, numbers or, of times, Arrow's own time stamps.
+    Both are Arrow arrays of one length: text, numbers or, of times, Arrow's own time stamps. What
+    the columns are called may tell the unit of the one and the zone of the other.
     """
 
     frequency: pa.Array
     time: pa.Array | None
+    frequency_name: str = ""
+    time_name: str = ""
 
     def __add__(self, other: Columns) -> Columns:
         """Join two parts of one file."""
         import pyarrow as pa
 
-        return Columns(
-            pa.concat_arrays([self.frequency, other.frequency]),
-            None if self.time is None else pa.concat_arrays([self.time, other.time]),
+        return replace(
+            self,
+            frequency=pa.concat_arrays([self.frequency, other.frequency]),
+            time=None if self.time is None else pa.concat_arrays([self.time, other.time]),
         )
 
     def split(self, rows: int) -> tuple[Columns, Columns]:
         """Return the first rows, and the others."""
-        first = Columns(self.frequency[:rows], self.time and self.time[:rows])
-        return first, Columns(self.frequency[rows:], self.time and self.time[rows:])
+        first = replace(self, frequency=self.frequency[:rows], time=self.time and self.time[:rows])
+        rest = replace(self, frequency=self.frequency[rows:], time=self.time and self.time[rows:])
+        return first, rest
 
 
 def find_columns(
-    header: Sequence[str], where: str, column: str | None
+    header: Sequence[str], where: str, column: str | None, time_column: str | None = None
 ) -> tuple[int, int | None, int | None]:
     """Tell by their names which columns hold the frequency, the time, and a date apart.
 
@@ -87,24 +110,46 @@ def find_columns(
         Name of the file, for error messages.
     column : str, optional
         Name of the frequency column; looked for among the usual names when not given.
+    time_column : str, optional
+        Name of the time column, likewise.
 
     Raises
     ------
     ReferenceFormatError
-        When there is no such frequency column.
+        When there is no such frequency column, or none of a name that is given.
     """
     names = [_plain(name) for name in header]
-    wanted = FREQUENCY_NAMES if column is None else (_plain(column),)
-    frequency = _first_of(wanted, names)
-    if frequency is None:
-        asked = "no frequency column" if column is None else f"no column {column!r}"
+
+    def missing(what: str) -> ReferenceFormatError:
         found = ", ".join(name.strip() for name in header)
-        raise ReferenceFormatError(
-            f"{asked} in {where}; its columns are: {found}", f"expected {ACCEPTED}"
+        return ReferenceFormatError(
+            f"{what} in {where}; its columns are: {found}", f"expected {ACCEPTED}"
         )
+
+    for asked in (column, time_column):
+        if asked is not None and _plain(asked) not in names:
+            raise missing(f"no column {asked!r}")
+    usual = (*FREQUENCY_NAMES, *DEVIATION_NAMES) if column is None else (_plain(column),)
+    bare = [re.sub(r"_?m?hz$", "", name) for name in names]
+    frequency = _first_of(usual, names)
+    frequency = _first_of(usual, bare) if frequency is None else frequency
+    if frequency is None:
+        raise missing("no frequency column")
     others = [name if i != frequency else "" for i, name in enumerate(names)]
-    time, date = _first_of(TIME_NAMES, others), _first_of(("date",), others)
+    wanted = TIME_NAMES if time_column is None else (_plain(time_column),)
+    time, date = _first_of(wanted, others), _first_of(("date",), others)
     return frequency, time, date if date != time else None
+
+
+def says_utc(name: str) -> bool:
+    """Whether a time column's name says that its times are UTC."""
+    return bool(re.search(r"(?<![a-z])(utc|gmt)(?![a-z+-])", name.lower()))
+
+
+def unit_said(name: str) -> str:
+    """Return the unit that a frequency column's name says: 'mHz', 'Hz' or ''."""
+    found = re.search(r"(?<![a-z])(m?)hz(?![a-z])", name.lower())
+    return "" if found is None else f"{found[1]}Hz"
 
 
 def numbers(cells: pa.Array) -> FloatArray:

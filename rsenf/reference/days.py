@@ -15,7 +15,7 @@ from rsenf.errors import ReferenceFormatError
 from rsenf.messages.schema import FloatArray, Int64Array
 from rsenf.reference.local_time import to_utc
 from rsenf.reference.notes import Notes
-from rsenf.timebase import nanoseconds
+from rsenf.timebase import NO_ZONE, nanoseconds
 
 DAY_S = 86400
 
@@ -111,5 +111,6 @@ def _midnights(
     notes.say(f"days taken to begin at midnight {timezone or 'UTC'}")
     local_ns = local.astype(np.int64)
     if timezone is None:
+        notes.say(NO_ZONE)
         return local_ns, np.ones(days, np.bool_)
     return to_utc(local_ns, timezone, notes)

@@ -90,11 +90,11 @@ def _offsets_at(local_ns: Int64Array, timezone: str) -> tuple[Int64Array, Int64A
     """Offsets in seconds east for the first and the second time that each time comes."""
     zone = zone_of(timezone)
     quarters, index = np.unique(local_ns // QUARTER_NS, return_inverse=True)
-    offsets = np.array([_offsets_s(int(q), zone) for q in quarters], np.int64).reshape(-1, 2)
+    offsets = np.array([offsets_s(int(q), zone) for q in quarters], np.int64).reshape(-1, 2)
     return offsets[index, 0], offsets[index, 1]
 
 
-def _offsets_s(quarter: int, zone: ZoneInfo) -> tuple[int, int]:
+def offsets_s(quarter: int, zone: ZoneInfo) -> tuple[int, int]:
     """Offsets in seconds east for the first and the second time that a quarter of an hour comes."""
     local = _EPOCH + timedelta(seconds=quarter * 900)
     first, second = (local.replace(tzinfo=zone, fold=fold).utcoffset() for fold in (0, 1))

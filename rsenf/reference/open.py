@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rsenf.errors import UsageError
 from rsenf.reference.moments import utc_ns
-from rsenf.reference.options import Stamp
+from rsenf.reference.options import ReadOptions
 from rsenf.reference.read import read_reference
 from rsenf.reference.reference import Reference
 
@@ -24,28 +24,25 @@ def open_reference(
     spec: str | Path,
     *,
     store: str | os.PathLike[str] | None = None,
-    timezone: str | None = None,
-    step_s: float | None = None,
-    column: str | None = None,
-    nominal_hz: float | None = None,
-    stamp: Stamp = "start",
     grid: str = "",
+    **reading: Any,
 ) -> Reference | StoredReference:
     """Open a reference.
 
     Parameters
     ----------
     spec : str or Path
-        A file, for :func:`rsenf.reference.read_reference`, which takes all other arguments; or
+        A file, for :func:`rsenf.reference.read_reference`; or
         ``store:GRID[@STEP][?from=TIME&to=TIME]``, a grid of the store: its finest step, unless
         one is named; all there is, or what begins at or after the one time and before the other
         (ISO 8601, UTC unless it says). Of the store nothing is read before it is asked for.
     store : str or Path, optional
         Folder of the store; the default one when not given.
-    nominal_hz, grid
-        What it must be, and what to call it, as of a file.
-    timezone, step_s, column, stamp
-        Of files only; they have no bearing on the store.
+    grid : str
+        What to call it; as the file or the grid of the store otherwise.
+    **reading
+        As :class:`rsenf.reference.options.ReadOptions` takes them. Of them only ``nominal_hz`` has
+        a bearing on the store.
 
     Raises
     ------
@@ -55,18 +52,11 @@ def open_reference(
         When it can't be read.
     """
     if not str(spec).startswith(STORE):
-        return read_reference(
-            spec,
-            timezone=timezone,
-            step_s=step_s,
-            column=column,
-            nominal_hz=nominal_hz,
-            stamp=stamp,
-            grid=grid,
-        )
-    reference = _from_store(str(spec), store, grid, nominal_hz)
-    if timezone or column or step_s or stamp != "start":
-        line = "--timezone, --step-s, --column and --stamp have no bearing on the store"
+        return read_reference(spec, grid=grid, **reading)
+    options = ReadOptions(**reading)
+    reference = _from_store(str(spec), store, grid, options.nominal_hz)
+    if replace(options, nominal_hz=None, assumed_hz=None) != ReadOptions():
+        line = "what says how files are read (--timezone, --column …) has no bearing on the store"
         reference = replace(reference, notes=(*reference.notes, line))
     return reference
 

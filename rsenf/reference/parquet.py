@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 BATCH_ROWS = 1 << 18
 
 
-def parquet_columns(path: Path, column: str | None) -> Iterator[Columns]:
+def parquet_columns(
+    path: Path, column: str | None, time_column: str | None = None
+) -> Iterator[Columns]:
     """Yield the frequency and the time column, some rows at a time.
 
     A time column is known by its name, or as the only one of Arrow's time stamps.
@@ -31,12 +33,13 @@ def parquet_columns(path: Path, column: str | None) -> Iterator[Columns]:
     try:
         with parquet.ParquetFile(path) as file:
             fields = list(file.schema_arrow)
-            frequency, time = _find(fields, path.name, column)
+            frequency, time = _find(fields, path.name, column, time_column)
             wanted = [f.name for f in (frequency, time) if f is not None]
             for batch in file.iter_batches(BATCH_ROWS, columns=wanted, use_threads=False):
                 if batch.num_rows:
                     times = None if time is None else batch.column(time.name)
-                    yield Columns(batch.column(frequency.name), times)
+                    time_name = "" if time is None else time.name
+                    yield Columns(batch.column(frequency.name), times, frequency.name, time_name)
     except pa.ArrowException as exc:
         reason = str(exc).splitlines()[0].rstrip(". ")
         raise ReferenceFormatError(
@@ -45,11 +48,12 @@ def parquet_columns(path: Path, column: str | None) -> Iterator[Columns]:
 
 
 def _find(
-    fields: list[pa.Field], where: str, column: str | None
+    fields: list[pa.Field], where: str, column: str | None, time_column: str | None
 ) -> tuple[pa.Field, pa.Field | None]:
     import pyarrow as pa
 
-    frequency, time, _ = find_columns([f.name for f in fields], where, column)
+    names = [f.name for f in fields]
+    frequency, time, _ = find_columns(names, where, column, time_column)
     kind = fields[frequency].type
     if not _is_readable(kind):
         raise ReferenceFormatError(

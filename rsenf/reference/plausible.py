@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from rsenf.errors import ReferenceFormatError
 from rsenf.messages.schema import FloatArray
+from rsenf.reference.columns import unit_said
 from rsenf.reference.notes import Notes
 
 NOMINALS_HZ = (50.0, 60.0)
 NEAR_HZ = 1.5  # no grid strays further from its nominal frequency and stays connected
 MIN_VALUES = 2
+# Deviations that grow beyond the one are no Hz, those that stay below the other no mHz.
+LEAST_IN_MHZ, MOST_IN_HZ = 5.0, 0.5
 TYPICAL_DEVIATION_MHZ = 100.0  # the median of hours of a grid is well within; mains volts aren't
 
 
@@ -41,7 +46,7 @@ def nominal_of(freq_hz: FloatArray, where: str, asked_hz: float | None) -> float
     if nominal is None:
         raise ReferenceFormatError(
             f"{where}: values around {typical:.6g} are no grid frequency in Hz",
-            _cure(typical, float(np.ptp(freq_hz[ok]))),
+            _cure(typical),
         )
     if asked_hz is not None and asked_hz != nominal:
         raise ReferenceFormatError(
@@ -51,16 +56,73 @@ def nominal_of(freq_hz: FloatArray, where: str, asked_hz: float | None) -> float
     return nominal
 
 
-def _cure(typical: float, spread: float) -> str:
+def _cure(typical: float) -> str:
     if any(abs(typical / 2 - n) <= NEAR_HZ for n in NOMINALS_HZ):
         return "looks like illumination frequency: halve it"
     if any(abs(typical / 1e3 - n) <= NEAR_HZ for n in NOMINALS_HZ):
-        return "looks like millihertz: divide by 1000"
-    if abs(typical) <= NEAR_HZ and spread <= 2 * NEAR_HZ:
-        return "looks like deviations from the nominal frequency: add 50 or 60"
-    if abs(typical) <= TYPICAL_DEVIATION_MHZ and spread <= 2e3 * NEAR_HZ:
-        return "looks like deviations in mHz: divide by 1000 and add 50 or 60"
+        return "looks like millihertz: call the column mHz, or divide by 1000"
     return "is it the right column? See --column"
+
+
+@dataclass(frozen=True)
+class Unit:
+    """What a column's values count: ``freq = offset + factor · value``, in Hz."""
+
+    factor: float = 1.0
+    offset_hz: float = 0.0
+
+    def to_hz(self, values: FloatArray) -> FloatArray:
+        """Return frequencies; those that are in Hz already to the last bit."""
+        return values if self == Unit() else self.offset_hz + self.factor * values
+
+
+def unit_of(
+    values: FloatArray, name: str, where: str, nominal_hz: float | None, notes: Notes
+) -> Unit:
+    """Tell what a column's values count: frequencies, or deviations from the nominal one.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        NaN for no reading.
+    name : str
+        Of the column; it may tell Hz from mHz.
+    where : str
+        Name of the file, for error messages.
+    nominal_hz : float, optional
+        What deviations are from.
+    notes : Notes
+
+    Raises
+    ------
+    ReferenceFormatError
+        When they are deviations, and nothing tells their unit or the nominal frequency.
+    """
+    ok = values[np.isfinite(values)]
+    if ok.size < MIN_VALUES:
+        return Unit()
+    typical, spread, said = float(np.median(ok)), float(np.ptp(ok)), unit_said(name)
+    if said == "mHz" and any(abs(typical / 1e3 - n) <= NEAR_HZ for n in NOMINALS_HZ):
+        notes.say("frequencies in mHz, by the name of their column")
+        return Unit(1e-3)
+    whole = any(np.median(np.abs(ok - k * n)) <= NEAR_HZ for n in NOMINALS_HZ for k in (1, 2))
+    near_0 = abs(typical) <= TYPICAL_DEVIATION_MHZ and 0 < spread <= 2e3 * NEAR_HZ
+    if not near_0 or (whole and said != "mHz"):
+        return Unit()
+    largest = float(np.abs(ok).max())
+    sizes = "mHz" if largest >= LEAST_IN_MHZ else "Hz" if largest <= MOST_IN_HZ else ""
+    unit = said or sizes
+    if not unit or (said and sizes and said != sizes):
+        raise ReferenceFormatError(
+            f"{where}: deviations of up to {largest:g}, in Hz or in mHz?",
+            "call their column mHz or Hz",
+        )
+    if nominal_hz is None:
+        raise ReferenceFormatError(
+            f"{where}: deviations in {unit} from which frequency? Give --nominal-hz 50 or 60"
+        )
+    notes.say(f"values are deviations in {unit} from {nominal_hz:g} Hz")
+    return Unit(1e-3 if unit == "mHz" else 1.0, nominal_hz)
 
 
 def without_outliers(freq_hz: FloatArray, nominal_hz: float, notes: Notes) -> FloatArray:

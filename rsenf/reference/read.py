@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +13,7 @@ from rsenf.errors import ReferenceFormatError, UsageError
 from rsenf.messages.schema import FloatArray
 from rsenf.reference.axis import to_axis
 from rsenf.reference.notes import Notes
-from rsenf.reference.options import ReadOptions, Stamp
+from rsenf.reference.options import ReadOptions
 from rsenf.reference.plausible import nominal_of, without_outliers
 from rsenf.reference.readings import Readings
 from rsenf.reference.reference import Reference, gap_lengths
@@ -22,13 +23,8 @@ from rsenf.timebase import NS_PER_S
 def read_reference(
     path: str | Path,
     *,
-    timezone: str | None = None,
-    step_s: float | None = None,
-    column: str | None = None,
-    nominal_hz: float | None = None,
-    stamp: Stamp = "start",
     grid: str = "",
-    start_utc_ns: int = 0,
+    **reading: Any,
 ) -> Reference:
     """Read a grid's frequency from a file, all of it at once.
 
@@ -36,20 +32,10 @@ def read_reference(
     ----------
     path : str or Path
         CSV, plain or gzipped; Parquet; NPZ of days; or WAV of the mains.
-    timezone : str, optional
-        IANA name of the zone of times that don't tell their own; UTC when not given.
-    step_s : float, optional
-        Time between samples; needed when there is no time column.
-    column : str, optional
-        Name of the frequency column.
-    nominal_hz : float, optional
-        50 or 60; told from the values when not given.
-    stamp : {'start', 'centre'}
-        Which part of its sample's interval a time stamp names.
     grid : str
         Name of the grid; that of the file when not given.
-    start_utc_ns : int
-        Start of a reference that doesn't tell its own, UTC since 1970; 0 for unknown.
+    **reading
+        As :class:`rsenf.reference.options.ReadOptions` takes them.
 
     Raises
     ------
@@ -59,14 +45,7 @@ def read_reference(
         When the file can't be read as a reference.
     """
     path = Path(path)
-    options = ReadOptions(
-        timezone=timezone,
-        step_s=step_s,
-        column=column,
-        nominal_hz=nominal_hz,
-        stamp=stamp,
-        start_utc_ns=start_utc_ns,
-    )
+    options = ReadOptions(**reading)
     sha256 = file_sha256(path)
     readings = Readings(path, options)
     axis = to_axis(readings, path.name)

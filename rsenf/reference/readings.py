@@ -12,12 +12,12 @@ import numpy as np
 from rsenf.errors import ReferenceFormatError
 from rsenf.messages.schema import FloatArray, Int64Array
 from rsenf.reference.axis import Piece, Raster, find_raster
-from rsenf.reference.columns import Columns, numbers
+from rsenf.reference.columns import Columns, numbers, says_utc
 from rsenf.reference.days import read_days
 from rsenf.reference.notes import Notes
 from rsenf.reference.options import ReadOptions
 from rsenf.reference.parquet import parquet_columns
-from rsenf.reference.plausible import MIN_VALUES, nominal_of, without_outliers
+from rsenf.reference.plausible import MIN_VALUES, Unit, nominal_of, unit_of, without_outliers
 from rsenf.reference.table import table_columns
 from rsenf.reference.text import text_blocks
 from rsenf.reference.times import TimeReader
@@ -47,6 +47,8 @@ class Readings:
     def __init__(self, path: Path, options: ReadOptions) -> None:
         self._path, self._options = path, options
         self._dated = True
+        self._column = ""
+        self._unit = Unit()
         self.notes = Notes()
         self.nominal_hz = float("nan")
         """50 or 60, from the first piece on."""
@@ -76,9 +78,12 @@ class Readings:
         if ending == ".npz":
             return self._from_days()
         if ending in (".parquet", ".pq"):
-            return self._from_columns(parquet_columns(path, options.column))
-        blocks = text_blocks(path)
-        return self._from_columns(table_columns(blocks, path.name, options.column, self.notes))
+            return self._from_columns(parquet_columns(path, options.column, options.time_column))
+        return self._from_columns(
+            table_columns(
+                text_blocks(path), path.name, options.column, self.notes, options.time_column
+            )
+        )
 
     def _from_wav(self) -> Iterator[Stamped]:
         found = demodulate(self._path, self._options.nominal_hz)
@@ -99,6 +104,7 @@ class Readings:
         first = next(parts, None)
         if first is None:
             raise ReferenceFormatError(f"{self._path.name} holds no values")
+        self._column = first.frequency_name
         parts = itertools.chain([first], parts)
         return self._one_after_another(parts) if first.time is None else self._timed(parts)
 
@@ -116,7 +122,7 @@ class Readings:
             rows += freq.size
 
     def _timed(self, columns: Iterable[Columns]) -> Iterator[Stamped]:
-        rows = TimedRows(self._path.name, self._options.timezone, self.notes)
+        rows = TimedRows(self._path.name, self._options, self.notes)
         for new, more in _with_more(columns):
             stamped = rows.read(new, more=more)
             self._dated = rows.dated
@@ -130,7 +136,12 @@ class Readings:
         """Find the nominal frequency in the first part; let no others through."""
         for t_ns, freq_hz in parts:
             if np.isnan(self.nominal_hz):
-                self.nominal_hz = nominal_of(freq_hz, self._path.name, self._options.nominal_hz)
+                where, options = self._path.name, self._options
+                self._unit = unit_of(
+                    freq_hz, self._column, where, options.deviations_from_hz, self.notes
+                )
+                self.nominal_hz = nominal_of(self._unit.to_hz(freq_hz), where, options.nominal_hz)
+            freq_hz = self._unit.to_hz(freq_hz)
             yield Stamped(t_ns, without_outliers(freq_hz, self.nominal_hz, self.notes))
 
     def _placed(self, parts: Iterable[Stamped]) -> Iterator[Piece]:
@@ -156,8 +167,7 @@ class TimedRows:
     ----------
     where : str
         Name of the file, for error messages.
-    timezone : str, optional
-        Of times that don't tell their own; UTC when not given.
+    options : ReadOptions
     notes : Notes
 
     Attributes
@@ -166,19 +176,32 @@ class TimedRows:
         So far; and those with a time.
     """
 
-    def __init__(self, where: str, timezone: str | None, notes: Notes) -> None:
-        self._times = TimeReader(where, timezone, notes)
-        self._notes = notes
+    def __init__(self, where: str, options: ReadOptions, notes: Notes) -> None:
+        self._where, self._options, self._notes = where, options, notes
+        self._times: TimeReader | None = None
         self._waiting: Columns | None = None
         self.rows = self.usable = 0
 
     @property
     def dated(self) -> bool:
         """Whether times are since 1970, from the first part on."""
-        return self._times.absolute
+        return self._times is None or self._times.absolute
+
+    def check(self) -> None:
+        """Refuse times of which day and month can't be told apart so far."""
+        if self._times is not None:
+            self._times.check()
 
     def read(self, new: Columns, *, more: bool) -> Stamped:
         """Read the next rows; with ``more`` to come, as many as they can't change any more."""
+        if self._times is None:
+            self._times = TimeReader(
+                self._where,
+                self._options.timezone,
+                self._notes,
+                self._options.time_format,
+                utc=says_utc(new.time_name),
+            )
         part = new if self._waiting is None else self._waiting + new
         read = self._times.read(part.time, more=more)
         now, self._waiting = part.split(read.t_ns.size)

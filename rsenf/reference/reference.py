@@ -10,7 +10,7 @@ import numpy as np
 
 from rsenf.messages import Header, ReferenceBlock
 from rsenf.messages.schema import FloatArray, UInt32Array
-from rsenf.timebase import NS_PER_S, nanoseconds
+from rsenf.timebase import NO_ZONE, NS_PER_S, nanoseconds
 
 if TYPE_CHECKING:
     from rsenf.reference.store import StoredReference
@@ -66,6 +66,11 @@ class Reference:
         return self.t0_ns + nanoseconds(self.duration_s) if self.t0_ns else 0
 
     @property
+    def zone_unknown(self) -> bool:
+        """Whether its times told no zone, and nobody said which: they were taken as UTC."""
+        return NO_ZONE in self.notes
+
+    @property
     def valid_samples(self) -> int:
         """Samples that aren't gaps."""
         return int(np.isfinite(self.freq_hz).sum())
@@ -97,7 +102,8 @@ class Reference:
             freq[span], readings[span] = block.freq_hz, block.readings
         one = parts[0]
         step_s = one.step_ns / NS_PER_S
-        return cls(one.grid, one.nominal_hz, one.t0_ns, step_s, freq, readings)
+        notes = (NO_ZONE,) if one.zone_unknown else ()
+        return cls(one.grid, one.nominal_hz, one.t0_ns, step_s, freq, readings, notes)
 
 
 def reference_blocks(
@@ -130,6 +136,7 @@ def reference_blocks(
             total=reference.freq_hz.size,
             freq_hz=freq,
             readings=reference.readings[span],
+            zone_unknown=reference.zone_unknown,
         )
 
 

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rsenf.errors import ReferenceFormatError
 from rsenf.reference.columns import ACCEPTED, Columns, find_columns, number
 from rsenf.reference.notes import Notes
+from rsenf.reference.written_times import looks_written
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 HEAD_ROWS = 100
-_TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?")
+_TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?(\s?[AaPp][Mm])?")
+_DATE = re.compile(r"\d{1,4}([./-])\d{1,2}\1\d{1,4}")
+_SEPARATOR = re.compile(r'"?sep=(.)"?', re.IGNORECASE)  # a first line for spreadsheets
+LEAST_UNIX = 1e8  # of numbers that are times since 1970
 
 
 @dataclass(frozen=True)
@@ -30,10 +34,16 @@ class Layout:
     frequency: int
     time: int | None = None
     date: int | None = None
+    frequency_name: str = ""
+    time_name: str = ""
 
 
 def table_columns(
-    blocks: Iterable[str], where: str, column: str | None, notes: Notes
+    blocks: Iterable[str],
+    where: str,
+    column: str | None,
+    notes: Notes,
+    time_column: str | None = None,
 ) -> Iterator[Columns]:
     """Yield the columns of a text file, block by block.
 
@@ -46,6 +56,8 @@ def table_columns(
     column : str, optional
         Name of the frequency column; looked for among the usual names when not given.
     notes : Notes
+    time_column : str, optional
+        Name of the time column; looked for by its name, then by what is in it, when not given.
 
     Raises
     ------
@@ -58,7 +70,7 @@ def table_columns(
         if layout is None:
             if not (lines := _lines(text)):
                 continue
-            layout, skip = _layout(lines, where, column, notes)
+            layout, skip = _layout(lines, where, column, time_column, notes)
             text = "\n".join(lines[skip:])
         columns = _split(text, layout)
         rows += len(columns.frequency)
@@ -78,15 +90,22 @@ def _rows(lines: list[str], separator: str) -> list[list[str]]:
     return list(csv.reader(lines, delimiter=separator, skipinitialspace=True))
 
 
-def _layout(lines: list[str], where: str, column: str | None, notes: Notes) -> tuple[Layout, int]:
-    """Return where the cells are, and how many of the lines are the header."""
-    separator = _separator(lines)
+def _layout(
+    lines: list[str], where: str, column: str | None, time_column: str | None, notes: Notes
+) -> tuple[Layout, int]:
+    """Return where the cells are, and how many of the lines are before the values."""
+    told = _SEPARATOR.fullmatch(lines[0].rstrip())
+    above = 1 if told else 0
+    lines = lines[above:]
+    if not lines:
+        raise ReferenceFormatError(f"{where} has no values")
+    separator = told[1] if told else _separator(lines)
     rows = _rows(lines[: HEAD_ROWS + 1], separator)
     if _is_header(rows[0]):
-        return _with_header(rows, separator, where, column), 1
-    if column is not None:
-        raise ReferenceFormatError(f"{where} has no header, so no column {column!r}")
-    return _without_header(rows[:HEAD_ROWS], separator, where, notes), 0
+        return _with_header(rows, separator, where, column, time_column), above + 1
+    if asked := column or time_column:
+        raise ReferenceFormatError(f"{where} has no header, so no column {asked!r}")
+    return _without_header(rows[:HEAD_ROWS], separator, where, notes), above
 
 
 def _separator(lines: list[str]) -> str:
@@ -100,18 +119,36 @@ def _is_header(row: list[str]) -> bool:
     return any(c[:1].isalpha() and np.isnan(number(c)) for c in (cell.strip() for cell in row))
 
 
-def _with_header(rows: list[list[str]], separator: str, where: str, column: str | None) -> Layout:
+def _with_header(
+    rows: list[list[str]], separator: str, where: str, column: str | None, time_column: str | None
+) -> Layout:
     header, body = rows[0], rows[1:]
-    frequency, time, date = find_columns(header, where, column)
+    frequency, time, date = find_columns(header, where, column, time_column)
     if body and len(body[0]) > len(header):
         raise ReferenceFormatError(
             f"{where}: {len(header)} columns in the header, {len(body[0])} in the first row",
             "a decimal comma needs ; or tab between the columns",
         )
-    first = body[0][time].strip() if body and time is not None and time < len(body[0]) else ""
-    if not _TIME_OF_DAY.fullmatch(first):
+    first = [cell.strip() for cell in body[0]] if body else []
+    others = {i: cell for i, cell in enumerate(first) if i != frequency}
+    if time is None:
+        time = _first_that(_is_time, others)
+    if time is None:
+        time = _first_that(_TIME_OF_DAY.fullmatch, others)
+    if time is None or not _TIME_OF_DAY.fullmatch(others.get(time, "")):
         date = None
-    return Layout(separator, len(header), frequency, time, date)
+    elif date is None:
+        date = _first_that(_DATE.fullmatch, others)
+    time_name = "" if time is None else header[time]
+    return Layout(separator, len(header), frequency, time, date, header[frequency], time_name)
+
+
+def _first_that(test: Callable[[str], Any], cells: dict[int, str]) -> int | None:
+    return next((i for i, cell in cells.items() if test(cell)), None)
+
+
+def _is_time(cell: str) -> bool:
+    return looks_written(cell) or number(cell) >= LEAST_UNIX
 
 
 def _without_header(rows: list[list[str]], separator: str, where: str, notes: Notes) -> Layout:
@@ -138,7 +175,7 @@ def _split(text: str, layout: Layout) -> Columns:
     time = None if layout.time is None else cells[layout.time]
     if layout.date is not None:
         time = pc.binary_join_element_wise(cells[layout.date], time, " ")
-    return Columns(cells[layout.frequency], time)
+    return Columns(cells[layout.frequency], time, layout.frequency_name, layout.time_name)
 
 
 def _split_plain(text: str, layout: Layout, wanted: list[int]) -> dict[int, pa.Array] | None:

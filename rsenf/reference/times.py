@@ -1,4 +1,4 @@
-"""A column of times to UTC: ISO 8601 with or without a zone, Unix time, or seconds from a start."""
+"""A column of times to UTC: written with or without a zone, Unix time, or seconds from a start."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 from rsenf.errors import ReferenceFormatError
 from rsenf.messages.schema import FloatArray, Int64Array
 from rsenf.reference.columns import numbers
+from rsenf.reference.daylight import find_jump
 from rsenf.reference.local_time import settled, to_utc
 from rsenf.reference.notes import Notes
-from rsenf.timebase import NS_PER_S
+from rsenf.reference.written_times import ACCEPTED, HEAD_CELLS, ZONE, WrittenTimes
+from rsenf.timebase import NO_ZONE, NS_PER_S
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-ACCEPTED = "ISO 8601 (2022-09-17 00:00:01), Unix time in seconds or milliseconds, or seconds"
-HEAD_CELLS = 1000
-_ZONED = r"^(?P<local>.*:\d\d(?:[.,]\d+)?)\s*(?P<zone>[zZ]|UTC|GMT|[+-]\d\d:?(?:\d\d)?)$"
+ENDS_NS = 2 * 3600 * NS_PER_S  # of a piece, looked at with the next: a doubled hour may be cut
+_ZONED = rf"^(?P<local>.*:\d\d(?:[.,]\d+)?(?:\s?[AaPp][Mm])?)\s*(?P<zone>{ZONE})$"
 # From this size on a number counts so many ns since 1970; smaller ones are seconds from a start.
 _UNITS = ((1e17, 1), (1e14, 1_000), (1e11, 1_000_000), (1e8, NS_PER_S))
 
@@ -46,10 +47,26 @@ class TimeReader:
     timezone : str, optional
         IANA name of the zone of times that don't tell their own; UTC when not given.
     notes : Notes
+    time_format : str, optional
+        Of ``strptime``; told from the cells when not given.
+    utc : bool
+        Whether their column is called so; a zone that is given or written goes before it.
     """
 
-    def __init__(self, where: str, timezone: str | None, notes: Notes) -> None:
+    def __init__(
+        self,
+        where: str,
+        timezone: str | None,
+        notes: Notes,
+        time_format: str | None = None,
+        *,
+        utc: bool = False,
+    ) -> None:
         self._where, self._timezone, self._notes = where, timezone, notes
+        self._utc = utc
+        self._written = WrittenTimes(where, time_format, notes)
+        self._format = time_format
+        self._before_ns = np.empty(0, np.int64)
         self._unit_ns: int | None = None
         self._form = ""
         self._any = False
@@ -62,19 +79,30 @@ class TimeReader:
         Raises
         ------
         ReferenceFormatError
-            When hardly any of the first piece is a time.
+            When hardly any of the first piece is a time, when day and month can't be told apart,
+            or when times without a zone jump as daylight saving does.
         """
         if not self._form:
-            self._form = _form_of(cells)
+            self._form = "text" if self._format else _form_of(cells)
             if self._form == "numbers":
                 self._find_unit(numbers(cells))
         if self._form == "numbers":
             return self._from_numbers(numbers(cells))
         if self._form == "stamps":
-            local_ns, offset_s = _from_stamps(cells)
+            local, offset_s = _from_stamps(cells)
         else:
-            local_ns, offset_s = _from_text(cells)
-        return self._from_local(local_ns, offset_s, cells, more)
+            texts, offset_s = _without_zones(cells)
+            if not self._written.knows_format(texts):
+                if more:
+                    return Times(np.empty(0, np.int64), np.empty(0, np.bool_))
+                raise self._written.ambiguity
+            local = self._written.read(texts)
+        return self._from_local(local, offset_s, cells, more)
+
+    def check(self) -> None:
+        """Refuse times of which day and month can't be told apart so far."""
+        if self._form == "text" and not self._written.known:
+            raise self._written.ambiguity
 
     def _find_unit(self, values: FloatArray) -> None:
         typical = float(np.nanmedian(np.abs(values)))
@@ -99,21 +127,38 @@ class TimeReader:
         if not self._any:
             raise ReferenceFormatError(
                 f"{self._where}: {cells[0].as_py()!r} in the time column is no time",
-                f"expected {ACCEPTED}",
+                f"expected {self._format or ACCEPTED}; see --time-format and --time-column",
             )
         t_ns = np.where(ok, local.astype(np.int64), 0)
         naive = np.isnan(offset_s) & ok
         t_ns -= np.where(np.isnan(offset_s), 0.0, offset_s).astype(np.int64) * NS_PER_S
         if not naive.any():
             return Times(t_ns, ok)
+        if self._timezone is None and self._utc:
+            self._notes.say("times are UTC, as their column is called")
+            return Times(t_ns, ok)
         self._notes.say(f"times without a zone taken as {self._timezone or 'UTC'}")
         if self._timezone is None:
+            self._notes.say(NO_ZONE)
+            self._check_jumps(t_ns[naive])
             return Times(t_ns, ok)
         rows = np.flatnonzero(naive)
         done = settled(t_ns[rows], self._timezone) if more else rows.size
         end = t_ns.size if done == rows.size else rows[done]
         t_ns[rows[:done]], ok[rows[:done]] = to_utc(t_ns[rows[:done]], self._timezone, self._notes)
         return Times(t_ns[:end], ok[:end])
+
+    def _check_jumps(self, local_ns: Int64Array) -> None:
+        """Refuse times that nobody gave a zone and that can't be UTC."""
+        joined = np.concatenate([self._before_ns, local_ns])
+        if jump := find_jump(joined):
+            at = str(np.datetime64(jump.local_ns, "ns").astype("datetime64[m]")).replace("T", " ")
+            raise ReferenceFormatError(
+                f"{self._where}: the hour from {at} is {jump.what}, as by daylight saving, and the "
+                "times tell no zone: give --timezone",
+                f"for example {jump.zone}; UTC, if they are UTC",
+            )
+        self._before_ns = joined[np.abs(joined - joined[-1]) <= ENDS_NS]
 
 
 def _form_of(cells: pa.Array) -> str:
@@ -133,9 +178,8 @@ def _from_stamps(cells: pa.Array) -> tuple[NDArray[np.datetime64], FloatArray]:
     return local, np.full(len(cells), 0.0 if zoned else np.nan)
 
 
-def _from_text(cells: pa.Array) -> tuple[NDArray[np.datetime64], FloatArray]:
-    """Return local times, and their zones as seconds east; NaN for none."""
-    import pyarrow as pa
+def _without_zones(cells: pa.Array) -> tuple[pa.Array, FloatArray]:
+    """Return cells of local times, and their zones as seconds east; NaN for none."""
     import pyarrow.compute as pc
 
     offset_s = np.full(len(cells), np.nan)
@@ -145,11 +189,7 @@ def _from_text(cells: pa.Array) -> tuple[NDArray[np.datetime64], FloatArray]:
         east = np.array([_seconds_east(zone) for zone in zones.dictionary.to_pylist()] + [np.nan])
         offset_s = east[zones.indices.fill_null(-1).to_numpy(zero_copy_only=False)]
         cells = pc.coalesce(pc.struct_field(parts, "local"), cells)
-    try:
-        local = cells.cast(pa.timestamp("ns"))
-    except pa.ArrowInvalid:
-        return _parse(cells), offset_s
-    return local.to_numpy(zero_copy_only=False), offset_s
+    return cells, offset_s
 
 
 def _seconds_east(zone: str) -> int:
@@ -159,18 +199,3 @@ def _seconds_east(zone: str) -> int:
     digits = zone[1:].replace(":", "")
     east = int(digits[:2]) * 3600 + int(digits[2:] or 0) * 60
     return -east if zone[0] == "-" else east
-
-
-def _parse(cells: pa.Array) -> NDArray[np.datetime64]:
-    plain = [c.replace("/", "-").replace(",", ".").strip() for c in cells.to_pylist()]
-    try:
-        return np.array(plain, "datetime64[ns]")
-    except ValueError:
-        return np.array([_parse_one(cell) for cell in plain], "datetime64[ns]")
-
-
-def _parse_one(cell: str) -> np.datetime64:
-    try:
-        return np.datetime64(cell, "ns")
-    except ValueError:
-        return np.datetime64("NaT", "ns")

@@ -18,7 +18,7 @@ from rsenf.report.panels.score import draw_score
 from rsenf.report.panels.spectrogram import draw_spectrogram
 from rsenf.report.score_curve import ScoreCurve, no_curve, score_curve
 from rsenf.report.spectrum import ThinRows
-from rsenf.timebase import utc_text
+from rsenf.report.verdict import headline
 from rsenf.whole_file import whole_file
 
 
@@ -55,7 +55,7 @@ def draw(
     with fixed_style(), whole_file(path) as temporary:
         figure = new_figure(10, 10)
         top, middle, bottom = figure.subplots(3, 1)
-        figure.suptitle(textwrap.fill(_headline(result), 100), color=INK, fontsize="medium")
+        figure.suptitle(textwrap.fill(headline(result), 100), color=INK, fontsize="medium")
         draw_spectrogram(top, rows, estimates)
         draw_enf(middle, track, grid, result)
         draw_score(bottom, curve, grid.t0_ns if grid else 0, result)
@@ -71,16 +71,3 @@ def curve_of(
     first_s = -track.first_s - track.enf_hz.size * track.hop_s
     pieces = lag_scores(track, grid, settings, result.lag_s)
     return score_curve(pieces, first_s, grid.duration_s, result.lag_s)
-
-
-def _headline(result: MatchResult) -> str:
-    if result.decision != "match":
-        return f"{result.decision}: {result.reason}"
-    return f"match: the recording begins {_place(result)}"
-
-
-def _place(result: MatchResult) -> str:
-    utc = utc_text(result.start_utc_ns)
-    error = f" ± {result.lag_std_s:.2f}" if math.isfinite(result.lag_std_s) else ""
-    place = f"{result.lag_s:.2f}{error} s into the reference"
-    return f"at {utc}, {place}" if utc else place

@@ -9,7 +9,7 @@ from typing_extensions import TypedDict  # Pydantic's, before Python 3.12
 
 from rsenf.match.calibration import calibration
 from rsenf.messages import Candidate, MatchResult
-from rsenf.timebase import utc_text
+from rsenf.timebase import NO_ZONE, utc_text
 
 CALIBRATED = "phase"  # the method whose likelihood ratios are
 
@@ -68,6 +68,7 @@ def verdict_json(result: MatchResult, warnings: list[str]) -> dict[str, Any]:
         "seconds_used": result.seconds_used,
         "idle_ratio": number(result.idle_ratio),
         "method": result.method,
+        "zone_unknown": result.zone_unknown,
         "candidates": [_candidate_json(c) for c in result.candidates],
         "warnings": warnings,
     }
@@ -87,7 +88,7 @@ def _candidate_json(candidate: Candidate) -> CandidateJson:
 
 def verdict_words(result: MatchResult) -> str:
     """Say a verdict to a person, in a few lines."""
-    lines = [_headline(result)]
+    lines = [headline(result)]
     if math.isfinite(result.lag_s):
         lines += [f"  {name:15} {text}" for name, text in _details(result)]
     if result.claim:
@@ -95,9 +96,11 @@ def verdict_words(result: MatchResult) -> str:
     return "\n".join(lines)
 
 
-def _headline(result: MatchResult) -> str:
+def headline(result: MatchResult) -> str:
+    """Say a verdict in a line."""
     if result.decision == "match":
-        return f"match: the recording begins {_when(result)}"
+        zone = f"; {NO_ZONE}" if result.zone_unknown else ""
+        return f"match: the recording begins {_when(result)}{zone}"
     return f"{result.decision}: {result.reason}"
 
 

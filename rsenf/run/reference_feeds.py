@@ -18,7 +18,6 @@ from rsenf.reference.live import (
     follow_wav,
 )
 from rsenf.reference.notes import Notes
-from rsenf.reference.options import ReadOptions
 from rsenf.run.node import NodeProcess
 from rsenf.run.pump import Lane, pump
 from rsenf.run.runner import Runner
@@ -111,14 +110,7 @@ def _grown(node: NodeProcess, config: Any) -> Iterator[ReferenceBlock]:
 
     if path.suffix.lower() == ".wav":
         return follow_wav(path, grid, nominal_hz, wait, node.run_id)
-    options = ReadOptions(
-        timezone=config.timezone,
-        step_s=config.step_s,
-        column=config.column,
-        nominal_hz=nominal_hz,
-        stamp=config.stamp,
-    )
-    return follow_table(path, grid, options, wait, node.run_id)
+    return follow_table(path, grid, config.reading, wait, node.run_id)
 
 
 def _heard(node: NodeProcess, config: Any, device: str) -> Iterator[ReferenceBlock]:

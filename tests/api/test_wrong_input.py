@@ -57,6 +57,10 @@ GRID_HZ = np.full(600, 50.01)
             "metric1 compares the hypotheses of the ENF method paper, not stft",
         ),
         (lambda: rsenf.verify(ROWS, "gone.csv", frame_rate_hz=30.0), "no reference file gone.csv"),
+        (
+            lambda: rsenf.verify(ROWS, "gone.csv", frame_rate_hz=30.0, time_format="dd.mm.yyyy"),
+            "no format of times",
+        ),
         (lambda: rsenf.live(ROWS, frame_rate_hz=30.0, start="2026-01-15"), "nothing to compare"),
         (lambda: rsenf.live(ROWS, GRID_HZ, frame_rate_hz=30.0, step_s=1.0), "when its pictures"),
         (

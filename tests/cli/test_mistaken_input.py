@@ -59,6 +59,83 @@ def test_a_reference_in_another_time_zone(rsenf: Rsenf, hidden: HiddenClip, tmp_
     assert "outside of the reference, which lasts from 2024-03-01T04:30" in said(found)
 
 
+def local_reference(hidden: HiddenClip, path: Path, hours: int = 1) -> Path:
+    """The hidden clip's reference by a clock that is ahead of UTC and doesn't say so."""
+    rows = [row.split("Z,") for row in hidden.reference.read_text().splitlines()[1:]]
+    ahead = np.timedelta64(hours, "h")
+    local = [f"{np.datetime64(t) + ahead},{f}" for t, f in rows]
+    path.write_text("\n".join(["time,frequency", *local]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("later_s", [0, 3600])
+def test_a_reference_that_tells_no_zone(
+    rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path, later_s: int
+) -> None:
+    """An hour off may be the zone's fault: such a claim isn't refuted."""
+    path = local_reference(hidden, tmp_path / "local.csv")
+    start = str(np.datetime64(hidden.start_utc.removesuffix("Z")) + np.timedelta64(later_s, "s"))
+    done = rsenf("verify", hidden.clip, "--reference", path, "--start", start)
+    first = done.stdout.splitlines()[0]
+    assert first.startswith("match: ")
+    assert first.endswith("; zone unknown: by whole hours uncertain")
+    found = verify(rsenf, hidden.clip, path, "--start", start)
+    assert found["zone_unknown"]
+    assert found["claim"] == ("supported" if later_s else "undecidable")
+    assert "the reference's times tell no zone (--timezone)" in said(found)
+    assert ("off by just +1 h" in said(found)) == (not later_s)
+
+
+def test_what_is_no_whole_hours_away_is_refuted_without_a_zone(
+    rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path
+) -> None:
+    path = local_reference(hidden, tmp_path / "local.csv")
+    start = str(np.datetime64(hidden.start_utc.removesuffix("Z")) + np.timedelta64(900, "s"))
+    assert verify(rsenf, hidden.clip, path, "--start", start)["claim"] == "refuted"
+
+
+def test_a_night_of_daylight_saving_without_a_zone(
+    rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path
+) -> None:
+    values = [row.split(",")[1] for row in hidden.reference.read_text().splitlines()[1:]]
+    utc = np.datetime64("2024-03-31T00:00:00") + np.arange(len(values)).astype("timedelta64[s]")
+    hours = 1 + (utc >= np.datetime64("2024-03-31T01:00:00"))
+    path = tmp_path / "night.csv"
+    local = utc + hours.astype("timedelta64[h]")
+    path.write_text("time,Hz\n" + "".join(f"{t},{f}\n" for t, f in zip(local, values, strict=True)))
+    done = rsenf("verify", hidden.clip, "--reference", path)
+    assert done.returncode == 2
+    assert "the hour from 2024-03-31 02:00 is skipped, as by daylight saving" in done.stderr
+    assert "give --timezone" in done.stderr
+    found = verify(rsenf, hidden.clip, path, "--timezone", "Europe/Berlin")
+    assert found["lag_s"] == pytest.approx(hidden.lag_s, abs=1)
+    assert not found["zone_unknown"]
+
+
+def test_a_reference_as_a_spreadsheet_writes_it(
+    rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path
+) -> None:
+    rows = [row.split("Z,") for row in hidden.reference.read_text().splitlines()[1:]]
+    path = tmp_path / "sheet.csv"
+    lines = [
+        f"{np.datetime64(t).astype(object):%d/%m/%Y %H:%M:%S};{1e3 * (float(f) - 50):.2f}".replace(
+            ".", ","
+        )
+        for t, f in rows
+    ]
+    path.write_text("\n".join(["sep=;", "Zeit;Abweichung [mHz]", *lines]) + "\n")
+    words = ["--column", "Abweichung", "--timezone", "UTC"]
+    done = rsenf("verify", hidden.clip, "--reference", path, *words)
+    assert done.returncode == 2
+    assert "may be day or month first: give --time-format '%d/%m/%Y %H:%M:%S'" in done.stderr
+    words += ["--time-format", "%d/%m/%Y %H:%M:%S"]
+    done = rsenf("verify", hidden.clip, "--reference", path, *words)
+    assert "deviations in mHz from which frequency? Give --nominal-hz 50 or 60" in done.stderr
+    found = verify(rsenf, hidden.clip, path, *words, "--nominal-hz", "50")
+    assert found["start_utc"][:18] == hidden.start_utc[:18]
+    assert "values are deviations in mHz from 50 Hz" in said(found)
+
+
 def test_a_wrong_step(rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path) -> None:
     values = values_alone(hidden, tmp_path / "values.csv")
     found = verify(rsenf, hidden.clip, values, "--step-s", "2")

@@ -51,7 +51,7 @@ ANALYSING: list[tuple[list[str], list[type[Any]]]] = [
     (["bench", "recording-time"], [RecordingPlan]),
 ]
 # Told by another argument of their verbs.
-OTHERWISE = {"start_utc_ns", "part", "out", "archive"}
+OTHERWISE = {"start_utc_ns", "assumed_hz", "part", "out", "archive"}
 CASES = [
     pytest.param(words, settings, option, id=f"{' '.join(words[:2])} {option.name}")
     for words, every in ANALYSING
@@ -66,6 +66,8 @@ VALUES: dict[str, Any] = {
     "method": "paper",
     "nominal_hz": 60.0,
     "column": "f",
+    "time_column": "Zeit",
+    "time_format": "%d/%m/%Y %H:%M:%S",
     "timezone": "Europe/Paris",
     "strips": 4,
     "line_m": -1,

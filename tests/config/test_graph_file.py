@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -9,11 +10,14 @@ from pathlib import Path
 import pytest
 from rsenf_nodes.decode import DecodeNode
 from rsenf_nodes.match import MatchNode
+from rsenf_nodes.reference import ReferenceNode
 
+from rsenf.cli.console import OF_IMPORT
 from rsenf.config import Graph, load_graph
 from rsenf.config.graph import reader_of_frames, runs_ahead, sender_of
 from rsenf.config.model_file import SimulatedInput
 from rsenf.errors import EXIT_USAGE, ConfigError, UsageError
+from rsenf.reference.options import ReadOptions
 from tests.conftest import ROOT
 
 GOOD = """\
@@ -138,6 +142,7 @@ nodes:
     match: {min_secnds: 3}
   record: {kind: record, out: "${NOT_SET_ANYWHERE}", flush_every_s: 0}
   reference: {kind: reference, grid: ce, input: ce.csv, timezone: [Europe/Paris]}
+  other: {kind: reference, grid: us, input: us.csv, time_format: mm/dd/yyyy}
 """
     found = problems(text)
     expected = [
@@ -161,11 +166,21 @@ nodes:
         ("20", "nodes.match.match: unknown key 'min_secnds'; did you mean 'min_seconds'?"),
         ("21", "nodes.record.flush_every_s: Input should be greater than 0 (read: 0)"),
         ("22", "nodes.reference.timezone: Input should be a valid string"),
+        ("23", "nodes.other.time_format: no format of times 'mm/dd/yyyy'"),
     ]
     for line, words in expected:
         assert [f for f in found if f.startswith(f"{line}: ") and words in f], (line, words)
     assert len(found) == len(expected)
     assert "did you mean 'rows'?" in next(f for f in found if "rowz" in f)
+
+
+def test_a_reference_is_read_in_a_graph_as_anywhere() -> None:
+    """Every option of reading is a key of the node, with the same default."""
+    node = ReferenceNode(kind="reference", grid="ce", input="ce.csv")
+    for option in dataclasses.fields(ReadOptions):
+        if option.name not in OF_IMPORT or option.name == "nominal_hz":
+            assert getattr(node, option.name) == option.default
+    assert node.reading == ReadOptions()
 
 
 @pytest.mark.parametrize(

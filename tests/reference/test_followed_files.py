@@ -65,6 +65,18 @@ def table(tmp_path: Path) -> Path:
     return path
 
 
+def test_days_that_may_be_months_are_asked_for_before_the_next_midnight(tmp_path: Path) -> None:
+    path, form = tmp_path / "grid.csv", "%d/%m/%Y %H:%M:%S"
+    lines = [f"05/03/2026 08:00:0{k},{k - 2.5}" for k in range(8)]
+    path.write_text("\n".join(["time,mHz", *lines]) + "\n")
+    with pytest.raises(ReferenceFormatError, match="day or month first: give --time-format"):
+        followed(path, nothing, nominal_hz=50.0)
+    reference = joined(followed(path, nothing, nominal_hz=50.0, time_format=form))
+    assert reference.zone_unknown
+    assert reference.t0_ns == np.datetime64("2026-03-05T08:00:00", "ns").astype(np.int64)
+    np.testing.assert_allclose(reference.freq_hz, 50 + 1e-3 * (np.arange(8) - 2.5))
+
+
 def test_rows_come_as_they_are_written_and_whole(table: Path) -> None:
     line = rows(12, 1)
     blocks = followed(

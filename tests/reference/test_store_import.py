@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -11,6 +13,8 @@ import pytest
 from rsenf.errors import RecordingError, ReferenceFormatError, SchemaMismatch, UsageError
 from rsenf.reference import open_reference
 from rsenf.reference.store import all_series, facts, find_series
+from rsenf.reference.store.record import KEY, record_in
+from rsenf.timebase import NO_ZONE
 from tests.reference.reference_files import T0_NS, stamps, values, write_wav
 from tests.reference.store_files import TODAY, S, bring, files_in, held, write_csv
 from tests.reference.test_times import local_stamps
@@ -28,8 +32,8 @@ def test_where_an_import_comes_from_is_kept(tmp_path):
     assert (r.grid, r.name, r.size_bytes) == ("ce", "grid.csv", path.stat().st_size)
     assert (r.rows, r.samples, r.imported_utc) == (49, 49, TODAY)
     assert r.options == {
-        "timezone": None, "step_s": 1.0, "column": None, "nominal_hz": None, "stamp": "centre",
-        "start_utc_ns": 0,
+        "timezone": None, "step_s": 1.0, "column": None, "time_column": None, "time_format": None,
+        "nominal_hz": None, "stamp": "centre", "assumed_hz": None, "start_utc_ns": 0,
     }  # fmt: skip
     assert files_in(tmp_path / "store") == [f"ce/1s/{r.sha256[:16]}.parquet"]
 
@@ -72,6 +76,34 @@ def test_what_contradicts_itself_is_not_healed_by_what_comes_later(tmp_path):
         freq[4] = value
         bring(store, write_csv(tmp_path / f"{n}.csv", DAY + np.arange(10 + n), freq))
     assert np.flatnonzero(np.isnan(held(store)[1])).tolist() == [4]
+
+
+def test_a_zone_that_is_unknown_stays_so_in_the_store(tmp_path):
+    store = tmp_path / "store"
+    for n, (end, options) in enumerate(
+        [("Z", {}), ("", {"timezone": "UTC"}), ("", {}), ("+01:00", {})]
+    ):
+        path = tmp_path / f"{n}.csv"
+        rows = [f"{t}{end},{f}" for t, f in zip(stamps(60), values(60), strict=True)]
+        path.write_text("\n".join(["time,frequency", *rows]))
+        done = bring(store, path, f"grid{n}", **options)
+        assert done.record.zone_unknown == (n == 2)
+        assert open_reference(f"store:grid{n}", store=store).zone_unknown == (n == 2)
+
+
+def test_an_import_of_before_there_were_these_options(tmp_path):
+    """Its record has no such options, nor a note of the zone."""
+    path = tmp_path / "grid.csv"
+    rows = [f"{t},{f}" for t, f in zip(stamps(60), values(60), strict=True)]
+    path.write_text("\n".join(["time,frequency", *rows]))
+    done = bring(tmp_path / "store", path)
+    old = asdict(done.record)
+    del old["options"]["time_format"], old["options"]["time_column"]
+    old["notes"] = [line for line in old["notes"] if line != NO_ZONE]
+    metadata = {KEY.encode(): json.dumps({"version": 1, **old}).encode()}
+    read = record_in(metadata, done.path)
+    assert read.options == done.record.options
+    assert read.zone_unknown
 
 
 def test_steps_and_grids_stand_side_by_side(tmp_path):

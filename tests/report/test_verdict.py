@@ -59,6 +59,16 @@ def test_a_match_in_words() -> None:
     ]
 
 
+def test_a_zone_that_is_unknown_stands_in_the_first_line() -> None:
+    unknown = dataclasses.replace(MATCH, zone_unknown=True)
+    assert verdict_words(unknown).splitlines()[0] == (
+        "match: the recording begins 2022-09-17T11:06:40.312Z, "
+        "40000.31 ± 0.01 s into the reference; zone unknown: by whole hours uncertain"
+    )
+    assert verdict_json(unknown, [])["zone_unknown"] is True
+    assert verdict_json(MATCH, [])["zone_unknown"] is False
+
+
 def test_what_decides_nothing_says_what_may_help() -> None:
     reason = "several times fit about equally well"
     undecided = dataclasses.replace(

@@ -59,7 +59,7 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
     ],
     "reference": [
         {"store": "STORE", "step_s": 1, "column": "frequency", "nominal_hz": 50, "stamp": "centre",
-         "timezone": "Europe/Paris"},
+         "timezone": "Europe/Paris", "time_column": "time", "time_format": "%Y-%m-%d %H:%M:%S"},
         {"follow": True},
     ],
     "record": [

@@ -34,12 +34,15 @@ class Growing:
         Sample that comes next.
     late : int
         Readings of samples that had been told already: left out.
+    zone_unknown : bool
+        Whether their times tell no zone.
     """
 
     def __init__(self, grid: str, step_s: float = 1.0, run_id: str = "") -> None:
         self.grid, self.step_s, self.step_ns = grid, step_s, nanoseconds(step_s)
         self.t0_ns = self.next = self.late = 0
         self.nominal_hz = float("nan")
+        self.zone_unknown = False
         self._header = Header(run_id=run_id, source=f"reference/{grid}", epoch=-1)
 
     def covers(self, earliest_ns: int, latest_ns: int, back_s: float = SET_BACK_S) -> bool:
@@ -121,4 +124,5 @@ class Growing:
             samples=values.size,
             freq_hz=values,
             readings=np.isfinite(values).astype(np.uint32),
+            zone_unknown=self.zone_unknown,
         )

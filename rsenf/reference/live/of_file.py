@@ -16,10 +16,10 @@ from rsenf.reference.axis import find_raster
 from rsenf.reference.live.growing import Growing
 from rsenf.reference.notes import Notes
 from rsenf.reference.options import ReadOptions
-from rsenf.reference.plausible import nominal_of, without_outliers
+from rsenf.reference.plausible import Unit, nominal_of, unit_of, without_outliers
 from rsenf.reference.readings import TimedRows
 from rsenf.reference.table import table_columns
-from rsenf.timebase import NS_PER_S
+from rsenf.timebase import NO_ZONE, NS_PER_S
 
 PIECE_BYTES = 1 << 22
 # A header and some rows: what the columns, and the step between rows, can be told by.
@@ -67,16 +67,23 @@ def _followed(
     growing: Growing | None = None
     for text in _generations(path, wait):
         notes = Notes()
-        rows = TimedRows(path.name, options.timezone, notes)
-        for columns in table_columns(text, path.name, options.column, notes):
+        rows = TimedRows(path.name, options, notes)
+        unit: Unit | None = None
+        for columns in table_columns(text, path.name, options.column, notes, options.time_column):
             if columns.time is None:
                 raise _undated(path)
             t_ns, freq_hz = rows.read(columns, more=True)
+            rows.check()
             if not rows.dated:
                 raise _undated(path)
             if not t_ns.size:
                 continue
+            unit = unit or unit_of(
+                freq_hz, columns.frequency_name, path.name, options.deviations_from_hz, notes
+            )
+            freq_hz = unit.to_hz(freq_hz)
             growing = growing or _begun(path, grid, options, run_id, t_ns, freq_hz)
+            growing.zone_unknown = NO_ZONE in notes.lines
             if options.stamp == "centre":
                 t_ns = t_ns - growing.step_ns // 2
             freq_hz = without_outliers(freq_hz, growing.nominal_hz, notes)

@@ -49,6 +49,7 @@ class RelayedReference:
         if self._growing is None:
             self._nominal_hz = message.nominal_hz
             self._growing = Growing(self._grid, message.step_ns / NS_PER_S, self._run_id)
+        self._growing.zone_unknown = message.zone_unknown
         index = np.arange(message.first, message.first + message.samples)
         freq_hz = without_outliers(message.freq_hz, message.nominal_hz, self.notes)
         t_ns = message.t0_ns + index * message.step_ns

@@ -9,9 +9,12 @@ from typing import Any
 
 from rsenf.errors import ReferenceFormatError, SchemaMismatch
 from rsenf.reference.axis import Raster
+from rsenf.reference.options import ReadOptions
+from rsenf.timebase import NO_ZONE
 
 VERSION = 1  # of the format of the store's files
 KEY = "rsenf"
+TAKEN_AS_UTC = "times without a zone taken as UTC"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +45,11 @@ class Record:
         """When samples begin; they are numbered from 1970."""
         return Raster(self.phase_ns, self.step_ns)
 
+    @property
+    def zone_unknown(self) -> bool:
+        """Whether its times told no zone, and nobody said which."""
+        return NO_ZONE in self.notes
+
     def metadata(self) -> dict[str, str]:
         """Return it as Parquet's metadata."""
         return {KEY: json.dumps({"version": VERSION, **asdict(self)})}
@@ -67,4 +75,8 @@ def record_in(metadata: dict[bytes, bytes] | None, path: Path) -> Record:
             f"{path}: version {version} of the store's format, not {VERSION}",
             "written by another rsenf: use that one, or import the original again",
         )
-    return Record(**held | {"notes": tuple(held["notes"])})
+    # Of before these were told: options that weren't there, and times that were silently UTC.
+    options, notes = asdict(ReadOptions()) | held["options"], tuple(held["notes"])
+    if options["timezone"] is None and TAKEN_AS_UTC in notes and NO_ZONE not in notes:
+        notes = (*notes, NO_ZONE)
+    return Record(**held | {"options": options, "notes": notes})

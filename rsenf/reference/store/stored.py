@@ -13,7 +13,7 @@ from rsenf.messages.schema import Int64Array
 from rsenf.reference.store.folder import Series, find_series
 from rsenf.reference.store.lazy import Blocks, StoredSamples
 from rsenf.reference.store.record import Record
-from rsenf.timebase import nanoseconds, utc_text
+from rsenf.timebase import NO_ZONE, nanoseconds, utc_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +46,11 @@ class StoredReference:
     def end_ns(self) -> int:
         """End of the last sample, UTC since 1970."""
         return self.t0_ns + nanoseconds(self.duration_s)
+
+    @property
+    def zone_unknown(self) -> bool:
+        """Whether one of its imports told no zone, and nobody said which."""
+        return NO_ZONE in self.notes
 
 
 def stored_reference(
@@ -93,6 +98,7 @@ def stored_reference(
         notes=(
             f"from the store: {series.name}, {utc_text(t0_ns)} to {utc_text(end_ns)}, "
             f"imports: {len(series.files)}",
+            *([NO_ZONE] if any(f.record.zone_unknown for f in series.files) else []),
         ),
         sha256=hashlib.sha256("\n".join(hashes).encode()).hexdigest(),
         name=f"store:{series.name}",

@@ -6,7 +6,7 @@ import math
 
 from rsenf.report.recording_time.case import Case
 from rsenf.report.recording_time.texts import RATIOLESS
-from rsenf.timebase import seconds, utc_text
+from rsenf.timebase import NO_ZONE, seconds, utc_text
 
 CLAIMS = {
     "supported": "The recording fits the reference at the claimed time. How much that weighs is "
@@ -36,7 +36,8 @@ def place(case: Case) -> str:
     interval = f" (± {reach_s:.2f} s, 95 % interval)" if math.isfinite(reach_s) else ""
     on = f" on the grid {result.grid}" if len(case.references) > 1 else ""
     if result.start_utc_ns:
-        return f"at {when(result.start_utc_ns)}{interval}{on}"
+        zone = f", {NO_ZONE}" if result.zone_unknown else ""
+        return f"at {when(result.start_utc_ns)}{interval}{on}{zone}"
     return f"{result.lag_s:.2f} s after the start of the reference{interval}{on}"
 
 

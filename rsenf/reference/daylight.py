@@ -1,0 +1,85 @@
+"""Times that tell no zone, and skip or repeat an hour where daylight saving begins or ends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+from zoneinfo import ZoneInfo, available_timezones
+
+import numpy as np
+
+from rsenf.messages.schema import Int64Array
+from rsenf.reference.local_time import QUARTER_NS, offsets_s
+from rsenf.timebase import NS_PER_S
+
+HOUR_NS = 3600 * NS_PER_S
+LEAST_SLACK_NS = 60 * NS_PER_S  # some values may be missing beside the hour
+ENOUGH = 0.9  # of an hour's stamps come twice
+# Looked at before all others, as the examples that most readers know.
+_USUAL = (
+    "Europe/Berlin", "Europe/London", "Europe/Athens", "America/New_York", "America/Chicago",
+    "America/Denver", "America/Los_Angeles", "Australia/Sydney", "America/Sao_Paulo",
+)  # fmt: skip
+
+
+class Jump(NamedTuple):
+    """An hour that begins at ``local_ns`` and is 'skipped' or 'repeated', as it is in a zone."""
+
+    local_ns: int
+    what: str
+    zone: str
+
+
+def find_jump(local_ns: Int64Array) -> Jump | None:
+    """Return the first jump of stamps, in the order of a file, that is daylight saving's."""
+    steps = np.diff(local_ns)
+    moving = steps[steps != 0]
+    if not moving.size:
+        return None
+    if np.median(moving) < 0:  # the newest first
+        return find_jump(local_ns[::-1])
+    usual_ns = float(np.median(moving))
+    slack_ns = min(max(LEAST_SLACK_NS, 2 * usual_ns), QUARTER_NS)
+    for quarter, what in _hours(local_ns, steps, usual_ns, slack_ns):
+        if zone := _zone_that(what, quarter):
+            return Jump(quarter * QUARTER_NS, what, zone)
+    return None
+
+
+def _hours(
+    local_ns: Int64Array, steps: Int64Array, usual_ns: float, slack_ns: float
+) -> Iterator[tuple[int, str]]:
+    """Yield the quarters with which hours begin that are missing, or there twice."""
+    skipped = np.flatnonzero((steps >= HOUR_NS) & (steps <= HOUR_NS + slack_ns))
+    for quarter in _quarters(local_ns[skipped], local_ns[skipped + 1] - HOUR_NS):
+        yield quarter, "skipped"
+    back = np.flatnonzero((steps < 0) & (steps >= -HOUR_NS) & (steps <= slack_ns - HOUR_NS))
+    for quarter in _quarters(local_ns[back + 1], local_ns[back] - HOUR_NS):
+        yield quarter, "repeated"
+    # A file that was sorted has both passes of a repeated hour side by side.
+    quarters, twice = np.unique(local_ns[1:][steps == 0] // QUARTER_NS, return_counts=True)
+    doubled = dict(zip(quarters.tolist(), twice.tolist(), strict=True))
+    for quarter in doubled:
+        inside = sum(doubled.get(quarter + i, 0) for i in range(4))
+        beside = doubled.get(quarter - 1, 0) + doubled.get(quarter + 4, 0)
+        if inside * usual_ns >= ENOUGH * HOUR_NS and not beside:
+            yield quarter, "repeated"
+
+
+def _quarters(*near_ns: Int64Array) -> list[int]:
+    """Return the quarters of an hour that begin nearest to some times."""
+    return [int(q) for q in np.unique((np.concatenate(near_ns) + QUARTER_NS // 2) // QUARTER_NS)]
+
+
+def _zone_that(what: str, quarter: int) -> str | None:
+    """Return a zone in which exactly the hour that begins with a quarter is skipped or repeated."""
+    others = sorted(available_timezones() - set(_USUAL))
+    return next((n for n in (*_USUAL, *others) if _does(ZoneInfo(n), what, quarter)), None)
+
+
+def _does(zone: ZoneInfo, what: str, quarter: int) -> bool:
+    def is_so(at: int) -> bool:
+        first, second = offsets_s(at, zone)
+        return first < second if what == "skipped" else first > second
+
+    return is_so(quarter) and is_so(quarter + 3) and not (is_so(quarter - 1) or is_so(quarter + 4))
