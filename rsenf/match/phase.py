@@ -13,6 +13,7 @@ from rsenf.match.calibration import calibration
 from rsenf.match.clip_phase import RAD_PER_CYCLE, ClipPhase, clip_phase
 from rsenf.match.evidence import verbal
 from rsenf.match.generic_grid import BAD_SHARE, generic_log_likelihood, no_grid_log_likelihood
+from rsenf.match.inliers import inliers, stretches
 from rsenf.match.matcher import ENOUGH_COVERAGE, Finding, claimed_lag_s, start_ns
 from rsenf.match.phase_search import (
     APART_S,
@@ -26,7 +27,6 @@ from rsenf.match.phase_search import (
 from rsenf.match.score import LagScorer, Peak
 from rsenf.match.series import Grid, Track, phases, to_step_of
 from rsenf.match.settings import MatchSettings
-from rsenf.match.telling import stretches, telling
 from rsenf.messages import Candidate
 
 LN10 = math.log(10.0)
@@ -66,7 +66,7 @@ def match_phase(
     """
     whole = clip_phase(track)
     assert whole is not None  # the stage asks for a matcher that can do with what there is
-    clip = whole.only(telling(whole))
+    clip = whole.only(inliers(whole))
     found = search_phase(track, clip, grids, settings)
     if not found.places:
         return Finding(
@@ -112,7 +112,7 @@ def least_log10_lr(clip: ClipPhase) -> float:
     against a time than that they do follow one, which is for the clip itself to show: by a course
     that a grid is likelier to take than anything else is, and with errors that can't be as large.
     """
-    own = telling(clip)
+    own = inliers(clip)
     bad = sum(not own[first] for first, _ in stretches(clip))
     kept = clip.only(own)
     shown = generic_log_likelihood(kept, robust=True) - no_grid_log_likelihood(kept)

@@ -1,4 +1,4 @@
-"""The seconds of a clip that may follow a grid; what no grid can have done tells of no time.
+"""Inliers: the seconds of a clip that may follow a grid; what no grid can have done tells of no time.
 
 Where something moves, or the picture's brightness jumps, phases come out that no grid's frequency
 can be behind. They would make every time look wrong, and any course whatever too. Which seconds
@@ -22,7 +22,7 @@ LEAST = 10  # phases of a clip, below which none is left out
 
 
 @lru_cache(maxsize=4)
-def telling(clip: ClipPhase) -> NDArray[np.bool_]:
+def inliers(clip: ClipPhase) -> NDArray[np.bool_]:
     """Return which phases may follow a grid; all, where hardly any would be left.
 
     Each block of :data:`BLOCK_S` is looked at by itself: what is beside it has no say.
