@@ -1,4 +1,4 @@
-"""Inliers: the seconds of a clip that may follow a grid; what no grid can have done tells of no time.
+"""Inliers: the seconds of a clip that may follow a grid; what no grid can have done tells nothing.
 
 Where something moves, or the picture's brightness jumps, phases come out that no grid's frequency
 can be behind. They would make every time look wrong, and any course whatever too. Which seconds
