@@ -42,7 +42,8 @@ class SeamWatch:
         self._waiting: deque[FlickerSecond] = deque()
         self._whole = 0  # frames in a row of which none slipped
         self._is_told = False  # whether one that slips would be seen
-        self._is_slipped = self._is_clear = False
+        self._is_clear = False
+        self._slips: list[int] = []  # numbers of the first frames after what may be seams
         self._off_hz, self._seconds = [0.0, 0.0], 0  # by the stamps and by the other rate, summed
 
     def update(self, seconds: Iterable[FlickerSecond]) -> list[FlickerSecond]:
@@ -70,6 +71,14 @@ class SeamWatch:
         return dataclasses.replace(second, usable=False, reason=SEAMS)
 
     @property
+    def _is_slipped(self) -> bool:
+        """Whether frames slipped as they do at seams: a whole number of beats apart."""
+        return bool(self._slips) and all(
+            abs(math.remainder(slip - self._slips[0], BEAT_FRAMES)) <= SLACK_FRAMES
+            for slip in self._slips
+        )
+
+    @property
     def _log_odds(self) -> float:
         """Logarithm of the odds of the frame rate by the stamps."""
         if self._is_clear or not self._seconds:
@@ -92,7 +101,7 @@ class SeamWatch:
         if other < 1.0 and second.doubled is not None:
             slips += second.doubled
             self._is_told = True
-        self._is_slipped |= bool(slips)
+        self._slips += slips
         after = int((second.frame_number >= max(slips, default=-1)).sum())
         self._whole = (after if slips else self._whole + after) if self._is_told else 0
         self._is_clear |= self._whole > BEAT_FRAMES + SLACK_FRAMES

@@ -88,3 +88,8 @@ def test_pictures_shown_twice_tell_where_light_does_not() -> None:
     ]
     assert not any(s.usable for s in said(of))
     assert all(s.usable for s in said([dataclasses.replace(s, doubled=()) for s in of]))
+
+
+def test_frames_that_slip_within_a_beat_are_no_seams() -> None:
+    assert all(s.usable for s in said(seconds(30, 100.0, slips={5: -1, 20: -1})))
+    assert not any(s.usable for s in said(seconds(60, 100.1, slips={5: -1, 38: -1})))
