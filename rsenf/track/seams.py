@@ -98,10 +98,12 @@ class SeamWatch:
         self._off_hz[1] += second.f0_hz * other - nominal_hz
         slips = [slip.frame_number for slip in second.slips if _is_seam(slip, second, other)]
         self._is_told = _tells_slips(second)
-        if other < 1.0 and second.doubled is not None:
+        if second.doubled is not None and other < 1.0:
             slips += second.doubled
             self._is_told = True
         self._slips += slips
+        if second.doubled and other > 1.0:  # a picture shown twice isn't a frame lost
+            self._slips = [s for s in self._slips if min(abs(s - d) for d in second.doubled) > 1]
         after = int((second.frame_number >= max(slips, default=-1)).sum())
         self._whole = (after if slips else self._whole + after) if self._is_told else 0
         self._is_clear |= self._whole > BEAT_FRAMES + SLACK_FRAMES

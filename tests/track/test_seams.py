@@ -93,3 +93,10 @@ def test_pictures_shown_twice_tell_where_light_does_not() -> None:
 def test_frames_that_slip_within_a_beat_are_no_seams() -> None:
     assert all(s.usable for s in said(seconds(30, 100.0, slips={5: -1, 20: -1})))
     assert not any(s.usable for s in said(seconds(60, 100.1, slips={5: -1, 38: -1})))
+
+
+def test_a_picture_shown_twice_is_no_frame_lost() -> None:
+    of = seconds(30, 100.0, NTSC_HZ, slips={20: 1})
+    assert not any(s.usable for s in said(of))
+    of[21] = dataclasses.replace(of[21], doubled=(20 * 30 + 7,))
+    assert all(s.usable for s in said(of))
