@@ -23,10 +23,10 @@ WHOLE_HZ = (24.0, 30.0, 48.0, 60.0, 120.0)
 RATE_RATIO = 1e-4  # of a rate's distance from a usual one
 BEAT_FRAMES = 1001
 SLACK_FRAMES = 8  # by which a place may be wrong
-# Logarithm of the odds of the rate by the stamps, by the frequency alone: below the first seconds
-# wait, below the second they aren't told in the end, as one recording in twenty may be converted
-# so. Where a frame slipped the rate has to be sure.
-WAIT_LOG_ODDS, LEAST_LOG_ODDS = 0.0, -3.0
+# Logarithm of the odds of the rate by the stamps, by the frequency alone. One recording in twenty
+# may be converted so: below the first that is likelier than one in five, and seconds wait; below
+# the second it is even, and they aren't told in the end. Where a frame slipped it has to be sure.
+WAIT_LOG_ODDS, LEAST_LOG_ODDS = -1.4, -3.0
 SAME_TURNS = 0.05  # between leaps of the phase that are the same
 CLEARLY = 2.0  # times the likelihood that a slip takes to be found
 HOLD_S = 60  # seconds wait at most so long
