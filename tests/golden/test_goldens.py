@@ -103,8 +103,10 @@ def test_frames_are_lacking() -> None:
     assert set(periods) == {1, 2}
 
 
-def test_the_looped_feed_is_no_match() -> None:
-    assert result("looped").decision == "no_match"
+def test_the_looped_feed_is_of_no_time() -> None:
+    found = result("looped")
+    assert found.decision == "no_decision"
+    assert any("follow no grid's course" in warning for warning in found.warnings)
 
 
 def test_the_others_are_of_their_time() -> None:
