@@ -109,6 +109,8 @@ def find_conversion(
     """
     parts, noise = _parts(columns)
     seen = float(np.sum(parts**2)) - noise
+    if not seen > 0.0:
+        return None
     shown = round_rate(shown_hz)
     place = np.rint((t_s - t_s[0]) * shown).astype(np.int64)
     plain_rad = _strongest_tone(parts, t_s, place, shown)
