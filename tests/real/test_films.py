@@ -9,7 +9,7 @@ import pytest
 
 from tests.real import films
 
-SEED = 30035  # a light that blinks, 24 frames/s
+SEED = 40033  # rain, 48 frames/s
 
 
 def test_a_scene_is_dark_and_lit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
