@@ -16,12 +16,12 @@ from rsenf.bench.calibration.grids import Stretch, stretches
 from rsenf.bench.calibration.real_clips import LAGS_S, degraded, reference_of
 from rsenf.bench.judge import number
 from rsenf.match.clip_phase import clip_phase
+from rsenf.match.inliers import inliers
 from rsenf.match.jumps import without_jumps
 from rsenf.match.phase import least_log10_lr, weigh, weigh_claim
 from rsenf.match.phase_search import PhaseSearch, search_phase
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
-from rsenf.match.inliers import inliers
 
 VERSION = 2
 AWAY_S = 600.0  # a clip's time is taken out of the reference with so much around it
