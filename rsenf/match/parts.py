@@ -3,7 +3,8 @@
 A clip that was cut and rejoined, looped, or put together from several recordings fits nowhere as a
 whole. Its pieces do, each at a lag of its own. Windows of the clip are searched for one by one; the
 one that says most is followed both ways for as long as the clip agrees with its lag, and what is
-left over is looked at in the same way.
+left over is looked at in the same way, near what was found at first: most edits leave out or put in
+seconds or minutes. Where no piece tells enough by itself, two that lie near each other may.
 """
 
 from __future__ import annotations
@@ -11,13 +12,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.match.calibration import calibration
 from rsenf.match.clip_phase import ClipPhase
+from rsenf.match.forecast import forecast
+from rsenf.match.generic_grid import generic_log_likelihood
 from rsenf.match.phase_search import PhaseScorer, Place, refined, search_phase
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
@@ -25,7 +28,12 @@ from rsenf.messages.schema import FloatArray
 
 WINDOW_S = 50.0  # the shortest that are searched for
 WINDOWS = 3  # of one stretch that are, at most
-ROUNDS = 2  # of looking at what is left over
+SHORT_S = 15.0  # the shortest beside a part that is known, and of those that are found in pairs
+ROUNDS = 4  # of looking at what is left over
+NEAR_S, NEAR_STEP_S = 600.0, 0.5  # of a part's lag, in which its neighbours' are looked for
+REFINED = 6  # places near a part, or pairs, that are
+# What an edit moves the time by is as likely to be of one order of magnitude as of another.
+LEAST_EDIT_S, MOST_EDIT_S = 0.1, 3600.0
 LEAST = 10  # phases of a part
 ENDS = 48  # of a part that are tried at first
 # Nats by which the place of a window must be likelier than none, the search counted, for it to be
@@ -48,6 +56,20 @@ class Part:
     span: Span
     place: Place
     log10_lr: float
+
+
+@dataclass(frozen=True)
+class _Hope:
+    """A window, where it may fit, and what it costs to have searched for that (nats)."""
+
+    place: Place
+    window: Span
+    cost: float
+
+    @property
+    def odds(self) -> float:
+        """Log odds of the place, the search counted."""
+        return self.place.weight - self.cost
 
 
 class Parts:
@@ -78,8 +100,9 @@ class Parts:
             known = [part.place for part in out]
             more = []
             for free in between(out, whole):
-                more += self._tried(known, free, 0.0) or self._search(free)
-            if not more:
+                more += self._tried(known, free, 0.0) or self._near(known, free)
+                more += [] if more else self._search(free)
+            if not (more := more or ([] if out else self._pair(whole))):
                 break
             out = sorted(out + more, key=lambda part: part.span)
         return out
@@ -90,7 +113,7 @@ class Parts:
         among = np.any([(index > first) & (index < last) for first, last in spans], axis=0)
         return float(self._scorers[place.grid].scores(np.array([place.lag_s]), among)[0])
 
-    def _tried(self, places: Sequence[Place], stretch: Span, searched: float) -> list[Part]:
+    def _tried(self, places: Sequence[Place], stretch: Span, cost: float) -> list[Part]:
         """Follow known places through a stretch."""
         windows = self._windows(stretch, self.settings.min_seconds)
         if not windows:
@@ -99,25 +122,89 @@ class Parts:
         for place in places:
             scores = self._span_scores(place, *np.array(windows).T)
             found += [
-                (replace(place, score=float(score)), window)
+                _Hope(replace(place, score=float(score)), window, cost)
                 for score, window in zip(scores, windows, strict=True)
             ]
-        return self._followed(found, stretch, searched)
+        return self._followed(found, stretch)
+
+    def _near(self, known: Sequence[Place], stretch: Span) -> list[Part]:
+        """Search for the windows of a stretch about known places."""
+        steps = round(NEAR_S / NEAR_STEP_S)
+        away_s = np.delete(np.arange(-steps, steps + 1), steps) * NEAR_STEP_S
+        cost = edit_cost(away_s) + math.log(max(len(known), 1))
+        found = []
+        for window in self._windows(stretch, SHORT_S, WINDOWS) if known else ():
+            for place in known:
+                scores = self._window_scorer(window, place.grid).scores(
+                    place.lag_s + away_s, quick=True
+                )
+                best = np.argsort(cost - scores)[:REFINED]
+                for lag_s, own in zip(place.lag_s + away_s[best], cost[best], strict=True):
+                    rough = replace(place, lag_s=float(lag_s), lag_std_s=0.25, score=0.0)
+                    found.append(_Hope(self._at_top(rough, window), window, float(own)))
+        return self._followed(found, stretch)
 
     def _search(self, stretch: Span) -> list[Part]:
         """Search for the windows of a stretch, and follow what is found."""
-        found = []
-        for window in self._windows(stretch, WINDOW_S, WINDOWS):
-            places = search_phase(
-                self._track_of(window), self.clip.between(*window), self.grids, self.settings
-            ).places
-            found += [(place, window) for place in places[:1]]
-        return self._followed(found, stretch, self._searched)
+        found = [
+            _Hope(place, window, self._searched)
+            for window in self._windows(stretch, WINDOW_S, WINDOWS)
+            for place in self._places(window)[:1]
+        ]
+        return self._followed(found, stretch)
+
+    def _pair(self, whole: Span) -> list[Part]:
+        """Find two stretches that tell enough together: an edit lies between their times."""
+        windows = self._windows(whole, SHORT_S, WINDOWS)
+        hopes = []
+        for (first, one), (second, other) in combinations(
+            [(window, self._places(window)) for window in windows], 2
+        ):
+            weight, lag_s, grid = (
+                [np.array([getattr(place, name) for place in own]) for own in (one, other)]
+                for name in ("weight", "lag_s", "grid")
+            )
+            both = np.add.outer(*weight) - edit_cost(np.subtract.outer(*lag_s))
+            both[np.not_equal.outer(*grid)] = -np.inf
+            for at in np.argsort(-both, axis=None)[:REFINED]:
+                a, b = np.unravel_index(at, both.shape)
+                hopes.append(
+                    (self._at_top(one[a], first), first, self._at_top(other[b], second), second)
+                )
+        found = [self._joined(*hope, whole) for hope in hopes]
+        best = max(found, key=lambda pair: pair[0].log10_lr, default=())
+        return list(best) if best and best[0].log10_lr >= self.settings.min_log10_lr else []
+
+    def _joined(
+        self, one: Place, first: Span, other: Place, second: Span, whole: Span
+    ) -> tuple[Part, Part]:
+        """Follow two places from their windows, and weigh them together."""
+        one, first, _ = self._grown_from(one, first, (whole[0], second[0]))
+        other, second, _ = self._grown_from(other, second, (first[1], whole[1]))
+        # Of two that meet, one end follows from the other.
+        inner = [first[0] > whole[0], True, second[0] - first[1] > LEAST, second[1] < whole[1]]
+        chosen = sum(inner) * math.log(self.clip.size)
+        cost = self._searched + float(edit_cost(np.array(one.lag_s - other.lag_s))) + chosen
+        log10_lr = calibration().absent((one.weight + other.weight - cost) / LN10)
+        return Part(first, one, log10_lr), Part(second, other, log10_lr)
+
+    def _places(self, window: Span) -> list[Place]:
+        """Search the references for a window."""
+        clip = self.clip.between(*window)
+        settings = replace(self.settings, min_seconds=0.5 * SHORT_S)
+        return search_phase(self._track_of(window), clip, self.grids, settings).places
+
+    def _window_scorer(self, window: Span, grid: int) -> PhaseScorer:
+        clip = self.clip.between(*window)
+        return PhaseScorer(clip, self.grids[grid], self._any_length, robust=False)
+
+    def _at_top(self, place: Place, window: Span) -> Place:
+        return refined(self._window_scorer(window, place.grid), place)
 
     def _windows(self, stretch: Span, shortest_s: float, most: int | None = None) -> list[Span]:
         """Divide a stretch into equal windows; none where it is too short to tell anything."""
         first, last = stretch
-        if (last - first) * self.clip.hop_s < self.settings.min_seconds:
+        if (last - first) * self.clip.hop_s < min(shortest_s, self.settings.min_seconds):
             return []
         length_s = self.clip.t_s[last - 1] - self.clip.t_s[first] + self.clip.hop_s
         count = int(np.clip(length_s / shortest_s, 1, most))
@@ -129,38 +216,57 @@ class Parts:
         first, last = np.rint(t_s / self.track.hop_s).astype(int)
         return self.track.between(int(first), int(last) + 1)
 
-    def _followed(
-        self, found: Sequence[tuple[Place, Span]], stretch: Span, searched: float
-    ) -> list[Part]:
+    def _followed(self, found: Sequence[_Hope], stretch: Span) -> list[Part]:
         """Follow places from their windows, what says most first, as far as there is room."""
         out: list[Part] = []
-        for place, (first, last) in sorted(found, key=lambda pw: -pw[0].weight):
-            if place.weight - searched < LEAST_HOPE:
+        for hope in sorted(found, key=lambda hope: -hope.odds):
+            if hope.odds < LEAST_HOPE:
                 break
+            first, last = hope.window
             for free in between(out, stretch):
                 window = max(first, free[0]), min(last, free[1])
                 if window[1] - window[0] > LEAST:
-                    out += self._follow(place, window, free, searched)
+                    out += self._follow(hope.place, window, free, hope.cost)
                     out.sort(key=lambda part: part.span)
         return out
 
     def _follow(
-        self, place: Place, window: Span, stretch: Span, searched: float
+        self, place: Place, window: Span, stretch: Span, cost: float
     ) -> tuple[Part] | tuple[()]:
         """Follow a lag from a window both ways; nothing where what fits tells too little."""
-        span = window
-        for quick in (True, False):
-            span = self._grown(place, span, stretch, quick=quick)
-            own = PhaseScorer(
-                self.clip.between(*span), self.grids[place.grid], self._any_length, robust=False
-            )
-            place = refined(own, place)
-        # Of all the ends that it might have had, but for those of the stretch.
-        inner = (span[0] > stretch[0]) + (span[1] < stretch[1])
-        chosen = inner * math.log(stretch[1] - stretch[0])
-        log10_lr = calibration().absent((place.weight - searched - chosen) / LN10)
+        place, span, chosen = self._grown_from(place, window, stretch)
+        log10_lr = calibration().absent((place.weight - cost - chosen) / LN10)
         enough = log10_lr >= self.settings.min_log10_lr
         return (Part(span, place, log10_lr),) if enough else ()
+
+    def _grown_from(self, place: Place, span: Span, stretch: Span) -> tuple[Place, Span, float]:
+        """Follow a lag from a window both ways.
+
+        Returns the place, the span, and what its choice costs (nats): that of all the ends that it
+        might have had, but for those of the stretch.
+        """
+        for quick in (True, False):
+            span = self._grown(place, span, stretch, quick=quick)
+            place = self._at_top(place, span)
+        place = replace(place, score=place.score + self._by_runs(place, span))
+        inner = (span[0] > stretch[0]) + (span[1] < stretch[1])
+        return place, span, inner * math.log(stretch[1] - stretch[0])
+
+    def _by_runs(self, place: Place, span: Span) -> float:
+        """What a score changes by where the reference has gaps, if any grid may start anew there.
+
+        At a lag with a gap just where the clip was cut the jump counts for nothing. It mustn't
+        count against any other grid either.
+        """
+        clip = self.clip.between(*span)
+        grid = self.grids[place.grid]
+        known = forecast(grid, np.array([place.lag_s]), clip.t_s)[1][:, 0]
+        if known[1:].all():
+            return 0.0
+        whole = generic_log_likelihood(clip)
+        ends = [*np.flatnonzero(~known).tolist(), clip.size]
+        runs = [generic_log_likelihood(clip.between(a, b)).sum() for a, b in pairwise(ends)]
+        return float(whole[known].sum() - sum(runs))
 
     def _grown(self, place: Place, span: Span, stretch: Span, *, quick: bool) -> Span:
         """Move the ends of a span to where the clip agrees with a lag the longest."""
@@ -179,6 +285,12 @@ class Parts:
         among = (index > firsts) & (index < lasts)
         lag_s = np.full(firsts.size, place.lag_s)
         return self._scorers[place.grid].scores(lag_s, among, quick=quick)
+
+
+def edit_cost(away_s: FloatArray) -> FloatArray:
+    """What it costs to look for a neighbour's lag at some distance from a known one (nats)."""
+    size_s = np.maximum(np.abs(away_s), LEAST_EDIT_S)
+    return np.asarray(np.log(2.0 * math.log(MOST_EDIT_S / LEAST_EDIT_S) * size_s), np.float64)
 
 
 def between(parts: Sequence[Part], stretch: Span) -> list[Span]:
