@@ -48,7 +48,12 @@ def examined(
     parts = found.found(best, _claimed(grids, claimed_utc_ns, settings.tolerance_s))
     if parts:
         assembly = assembled(found, parts, settings.tolerance_s)
-        warned = replace(finding, warnings=(*finding.warnings, *assembly.warnings))
+        warned = replace(
+            finding,
+            warnings=(*finding.warnings, *assembly.warnings),
+            segments=assembly.segments,
+            edits=assembly.edits,
+        )
         fitting = sum(last - first for first, last in (part.span for part in parts))
         is_most = assembly.one_time and fitting >= MOST_OF_CLIP * clip.size
         if not assembly.warnings or (is_most and finding.decision == "match"):

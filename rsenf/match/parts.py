@@ -21,7 +21,7 @@ from rsenf.match.calibration import calibration
 from rsenf.match.clip_phase import ClipPhase
 from rsenf.match.forecast import forecast
 from rsenf.match.generic_grid import generic_log_likelihood
-from rsenf.match.phase_search import PhaseScorer, Place, refined, search_phase
+from rsenf.match.phase_search import PhaseScorer, Place, distinct, refined, search_phase
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
@@ -31,10 +31,12 @@ WINDOWS = 3  # of one stretch that are, at most
 SHORT_S = 15.0  # the shortest beside a part that is known, and of those that are found in pairs
 ROUNDS = 4  # of looking at what is left over
 NEAR_S, NEAR_STEP_S = 600.0, 0.5  # of a part's lag, in which its neighbours' are looked for
+NEAR_LOG10_LR = 1.0  # what a place so near needs, of a stretch that doesn't fit a known one
 REFINED = 6  # places near a part, or pairs, that are
 # What an edit moves the time by is as likely to be of one order of magnitude as of another.
 LEAST_EDIT_S, MOST_EDIT_S = 0.1, 3600.0
 LEAST = 10  # phases of a part
+BESIDE = 10  # phases beside the ends of two parts, in which one turns into the other
 ENDS = 48  # of a part that are tried at first
 # Nats by which the place of a window must be likelier than none, the search counted, for it to be
 # followed: with what lies beside it, it may tell enough.
@@ -113,6 +115,26 @@ class Parts:
         among = np.any([(index > first) & (index < last) for first, last in spans], axis=0)
         return float(self._scorers[place.grid].scores(np.array([place.lag_s]), among)[0])
 
+    def meeting(self, a: Part, b: Part) -> tuple[float, float]:
+        """Where in the clip one part ends and the next begins, and its standard error (s).
+
+        The phase that comes first after it is as likely anywhere in a turn.
+        """
+        gap = slice(a.span[1] - 1, b.span[0] + 1)
+        first, last = max(a.span[1] - BESIDE, a.span[0] + 2), min(b.span[0] + BESIDE, b.span[1] - 1)
+        gap_s = float(self.clip.t_s[b.span[0]] - self.clip.t_s[a.span[1] - 1])
+        if gap_s > BESIDE * self.clip.hop_s or first >= last:
+            return float(self.clip.t_s[gap].mean()), gap_s / math.sqrt(12.0)
+        ends = np.arange(first, last)
+        generic = self._scorers[a.place.grid].readings[0].generic[ends]
+        score = self._span_scores(a.place, a.span[0], ends) - generic
+        score += self._span_scores(b.place, ends, b.span[1])
+        weight = np.exp(score - np.logaddexp.reduce(score))
+        way_s = self.clip.t_s[ends] - self.clip.t_s[ends - 1]
+        at_s = self.clip.t_s[ends] - way_s / 2
+        mean_s = float(weight @ at_s)
+        return mean_s, math.sqrt(float(weight @ ((at_s - mean_s) ** 2 + way_s**2 / 12.0)))
+
     def _tried(self, places: Sequence[Place], stretch: Span, cost: float) -> list[Part]:
         """Follow known places through a stretch."""
         windows = self._windows(stretch, self.settings.min_seconds)
@@ -130,19 +152,25 @@ class Parts:
     def _near(self, known: Sequence[Place], stretch: Span) -> list[Part]:
         """Search for the windows of a stretch about known places."""
         steps = round(NEAR_S / NEAR_STEP_S)
-        away_s = np.delete(np.arange(-steps, steps + 1), steps) * NEAR_STEP_S
-        cost = edit_cost(away_s) + math.log(max(len(known), 1))
+        away_s = np.linspace(-NEAR_S, NEAR_S, 2 * steps + 1)
+        cost, choice = edit_cost(away_s), math.log(max(len(known), 1))
         found = []
         for window in self._windows(stretch, SHORT_S, WINDOWS) if known else ():
             for place in known:
                 scores = self._window_scorer(window, place.grid).scores(
                     place.lag_s + away_s, quick=True
                 )
-                best = np.argsort(cost - scores)[:REFINED]
-                for lag_s, own in zip(place.lag_s + away_s[best], cost[best], strict=True):
-                    rough = replace(place, lag_s=float(lag_s), lag_std_s=0.25, score=0.0)
-                    found.append(_Hope(self._at_top(rough, window), window, float(own)))
-        return self._followed(found, stretch)
+                rough = [
+                    replace(
+                        place, lag_s=float(place.lag_s + away), lag_std_s=0.25, score=float(own)
+                    )
+                    for away, own in zip(away_s, scores - cost, strict=True)
+                ]
+                for one in distinct(rough)[:REFINED]:
+                    top = self._at_top(one, window)
+                    own = float(edit_cost(np.array(top.lag_s - place.lag_s))) + choice
+                    found.append(_Hope(top, window, own))
+        return self._followed(found, stretch, NEAR_LOG10_LR)
 
     def _search(self, stretch: Span) -> list[Part]:
         """Search for the windows of a stretch, and follow what is found."""
@@ -216,8 +244,11 @@ class Parts:
         first, last = np.rint(t_s / self.track.hop_s).astype(int)
         return self.track.between(int(first), int(last) + 1)
 
-    def _followed(self, found: Sequence[_Hope], stretch: Span) -> list[Part]:
+    def _followed(
+        self, found: Sequence[_Hope], stretch: Span, least: float | None = None
+    ) -> list[Part]:
         """Follow places from their windows, what says most first, as far as there is room."""
+        least = self.settings.min_log10_lr if least is None else least
         out: list[Part] = []
         for hope in sorted(found, key=lambda hope: -hope.odds):
             if hope.odds < LEAST_HOPE:
@@ -226,18 +257,17 @@ class Parts:
             for free in between(out, stretch):
                 window = max(first, free[0]), min(last, free[1])
                 if window[1] - window[0] > LEAST:
-                    out += self._follow(hope.place, window, free, hope.cost)
+                    out += self._follow(hope.place, window, free, hope.cost, least)
                     out.sort(key=lambda part: part.span)
         return out
 
     def _follow(
-        self, place: Place, window: Span, stretch: Span, cost: float
+        self, place: Place, window: Span, stretch: Span, cost: float, least: float
     ) -> tuple[Part] | tuple[()]:
         """Follow a lag from a window both ways; nothing where what fits tells too little."""
         place, span, chosen = self._grown_from(place, window, stretch)
         log10_lr = calibration().absent((place.weight - cost - chosen) / LN10)
-        enough = log10_lr >= self.settings.min_log10_lr
-        return (Part(span, place, log10_lr),) if enough else ()
+        return (Part(span, place, log10_lr),) if log10_lr >= least else ()
 
     def _grown_from(self, place: Place, span: Span, stretch: Span) -> tuple[Place, Span, float]:
         """Follow a lag from a window both ways.

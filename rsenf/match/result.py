@@ -68,6 +68,8 @@ def result_of(
             *finding.warnings,
             *_warnings(finding, grid, track, claim_lag_s, claimed_utc_ns, settings),
         ),
+        segments=finding.segments,
+        edits=finding.edits,
     )
 
 
