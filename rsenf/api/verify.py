@@ -282,6 +282,9 @@ class VerifyResult(Result):
         Lags compared.
     candidates : list of dict
         Ranked, the best first.
+    segments, edits : list of dict
+        Of an edited recording: the stretches that fit by themselves, each with its own time, and
+        what was done between them. None of a whole one.
     warnings : list of str
         All that a reader should know, what could not be read among it.
     """
@@ -309,6 +312,8 @@ class VerifyResult(Result):
     idle_ratio: float | None
     method: str
     candidates: list[dict[str, Any]]
+    segments: list[dict[str, Any]]
+    edits: list[dict[str, Any]]
     warnings: list[str]
 
     @property

@@ -9,7 +9,7 @@ from dataclasses import replace
 from rsenf.match.clip_phase import clip_phase
 from rsenf.match.joins import assembled
 from rsenf.match.matcher import Finding, claimed_lag_s
-from rsenf.match.parts import LEAST, Parts
+from rsenf.match.parts import LEAST, Part, Parts
 from rsenf.match.phase_search import Place
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
@@ -59,6 +59,7 @@ def examined(
         if not assembly.warnings or (is_most and finding.decision == "match"):
             return warned
         reason, first = "parts of the clip fit, but not as one recording", parts[0]
+        warned = _placed_by(warned, parts, grids, settings.tolerance_s)
         begins_at = first.place.lag_s if first.span[0] < LEAST else math.nan
         grid = grids[first.place.grid]
     else:
@@ -75,6 +76,34 @@ def examined(
     if away_s > settings.tolerance_s and finding.claim_log10_lr <= -settings.min_log10_lr:
         return left
     return replace(left, claim_log10_lr=math.nan, claim_log10_lr_other=math.nan)
+
+
+def _placed_by(
+    finding: Finding, parts: Sequence[Part], grids: Sequence[Grid], tolerance_s: float
+) -> Finding:
+    """Put a finding whose time is that of no part at the longest one's: as a whole it has none."""
+    near = (
+        abs(part.place.lag_s - finding.lag_s) <= tolerance_s
+        and grids[part.place.grid] is finding.grid
+        for part in parts
+    )
+    if any(near):
+        return finding
+    place = max(parts, key=lambda part: part.span[1] - part.span[0]).place
+    return replace(
+        finding,
+        grid=grids[place.grid],
+        lag_s=place.lag_s,
+        lag_std_s=place.lag_std_s,
+        correlation=math.nan,
+        log10_lr=math.nan,
+        log10_lr_absent=math.nan,
+        clock_ppm=math.nan,
+        clock_std_ppm=math.nan,
+        residual_std_hz=math.nan,
+        expected_std_hz=math.nan,
+        verbal="",
+    )
 
 
 def _claimed(grids: Sequence[Grid], claimed_utc_ns: int, tolerance_s: float) -> list[Place]:

@@ -6,9 +6,10 @@ import math
 from typing import Any
 
 from rsenf.match.calibration import calibration
-from rsenf.messages import Candidate, MatchResult
+from rsenf.messages import Candidate, Edit, MatchResult, Segment
 from rsenf.timebase import utc_text
 
+UNEDITED = "the recording as the camera wrote it, before anything was done to it"
 CALIBRATED = "phase"  # the method whose likelihood ratios are
 
 
@@ -55,7 +56,32 @@ def verdict_json(result: MatchResult, warnings: list[str]) -> dict[str, Any]:
         "idle_ratio": number(result.idle_ratio),
         "method": result.method,
         "candidates": [_candidate_json(c) for c in result.candidates],
+        "segments": [_segment_json(segment) for segment in result.segments],
+        "edits": [_edit_json(edit) for edit in result.edits],
         "warnings": warnings,
+    }
+
+
+def _segment_json(segment: Segment) -> dict[str, Any]:
+    return {
+        "from_s": number(segment.from_s),
+        "to_s": number(segment.to_s),
+        "grid": segment.grid,
+        "lag_s": number(segment.lag_s),
+        "lag_std_s": number(segment.lag_std_s),
+        "start_utc": utc_text(segment.start_utc_ns),
+        "log10_lr": number(segment.log10_lr),
+    }
+
+
+def _edit_json(edit: Edit) -> dict[str, Any]:
+    return {
+        "kind": edit.kind,
+        "at_s": number(edit.at_s),
+        "at_std_s": number(edit.at_std_s),
+        "size_s": number(edit.size_s),
+        "size_std_s": number(edit.size_std_s),
+        "text": edit.text,
     }
 
 
@@ -74,11 +100,30 @@ def _candidate_json(candidate: Candidate) -> dict[str, Any]:
 def verdict_words(result: MatchResult) -> str:
     """Say a verdict to a person, in a few lines."""
     lines = [_headline(result)]
-    if math.isfinite(result.lag_s):
-        lines += [f"  {name:15} {text}" for name, text in _details(result)]
+    details = _details(result) if math.isfinite(result.lag_s) else []
+    if result.decision != "match" and result.edits:
+        details = [*_segments(result), ("what may help", UNEDITED)]
+    lines += [f"  {name:15} {text}" for name, text in details]
     if result.claim:
         lines.append(f"  {'claimed start':15} {utc_text(result.claimed_utc_ns)}: {result.claim}")
     return "\n".join(lines)
+
+
+def _segments(result: MatchResult) -> list[tuple[str, str]]:
+    """Return when each segment of an edited clip begins, and what was done between them."""
+    limit = ratio_limits(result.method)["absent"]
+    return [
+        *(
+            (
+                f"{one.from_s:.0f} to {one.to_s:.0f} s",
+                f"from {utc_text(one.start_utc_ns) or f'{one.lag_s:.2f} s into the reference'} "
+                f"(± {one.lag_std_s:.2f} s); another time is "
+                f"{_less_likely(one.log10_lr, limit)}",
+            )
+            for one in result.segments
+        ),
+        *(("edited?", edit.text) for edit in result.edits),
+    ]
 
 
 def _headline(result: MatchResult) -> str:
