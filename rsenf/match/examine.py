@@ -46,8 +46,8 @@ def examined(
     number = next(i for i, grid in enumerate(grids) if grid is finding.grid)
     best = Place(number, finding.lag_s, finding.lag_std_s, 0.0)
     parts = found.found(best, _claimed(grids, claimed_utc_ns, settings.tolerance_s))
-    if parts:
-        assembly = assembled(found, parts, settings.tolerance_s)
+    assembly = assembled(found, parts, settings.tolerance_s) if parts else None
+    if assembly and assembly.edits:
         warned = replace(
             finding,
             warnings=(*finding.warnings, *assembly.warnings),
@@ -56,7 +56,7 @@ def examined(
         )
         fitting = sum(last - first for first, last in (part.span for part in parts))
         is_most = assembly.one_time and fitting >= MOST_OF_CLIP * clip.size
-        if not assembly.warnings or (is_most and finding.decision == "match"):
+        if is_most and finding.decision == "match":
             return warned
         reason, first = "parts of the clip fit, but not as one recording", parts[0]
         warned = _placed_by(warned, parts, grids, settings.tolerance_s)

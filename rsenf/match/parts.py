@@ -10,7 +10,7 @@ seconds or minutes. Where no piece tells enough by itself, two that lie near eac
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 
@@ -104,7 +104,7 @@ class Parts:
             for free in between(out, whole):
                 more += self._tried(known, free, 0.0) or self._near(known, free)
                 more += [] if more else self._search(free)
-            if not (more := more or ([] if out else self._pair(whole))):
+            if not (more := more or ([] if out else self._pieced(whole))):
                 break
             out = sorted(out + more, key=lambda part: part.span)
         return out
@@ -181,13 +181,20 @@ class Parts:
         ]
         return self._followed(found, stretch)
 
-    def _pair(self, whole: Span) -> list[Part]:
+    def _pieced(self, whole: Span) -> list[Part]:
+        """Search for shorter windows: one by one, and for two that tell enough together."""
+        places = {window: self._places(window) for window in self._windows(whole, SHORT_S, WINDOWS)}
+        alone = [
+            _Hope(place, window, self._searched)
+            for window, own in places.items()
+            for place in own[:1]
+        ]
+        return self._followed(alone, whole) or self._pair(places, whole)
+
+    def _pair(self, places: Mapping[Span, list[Place]], whole: Span) -> list[Part]:
         """Find two stretches that tell enough together: an edit lies between their times."""
-        windows = self._windows(whole, SHORT_S, WINDOWS)
         hopes = []
-        for (first, one), (second, other) in combinations(
-            [(window, self._places(window)) for window in windows], 2
-        ):
+        for (first, one), (second, other) in combinations(places.items(), 2):
             weight, lag_s, grid = (
                 [np.array([getattr(place, name) for place in own]) for own in (one, other)]
                 for name in ("weight", "lag_s", "grid")
@@ -212,8 +219,12 @@ class Parts:
         # Of two that meet, one end follows from the other.
         inner = [first[0] > whole[0], True, second[0] - first[1] > LEAST, second[1] < whole[1]]
         chosen = sum(inner) * math.log(self.clip.size)
-        cost = self._searched + float(edit_cost(np.array(one.lag_s - other.lag_s))) + chosen
+        away = float(edit_cost(np.array(one.lag_s - other.lag_s)))
+        cost = self._searched + away + chosen
         log10_lr = calibration().absent((one.weight + other.weight - cost) / LN10)
+        # Neither is to be carried by the other.
+        least = min(calibration().absent((p.weight - away) / LN10) for p in (one, other))
+        log10_lr = log10_lr if least >= NEAR_LOG10_LR else -math.inf
         return Part(first, one, log10_lr), Part(second, other, log10_lr)
 
     def _places(self, window: Span) -> list[Place]:
