@@ -66,7 +66,8 @@ def examined(
         supposed = None if finding.decision == "match" else what_fits(track, grids, settings)
         if supposed is None:
             return finding
-        warned = replace(finding, warnings=(*finding.warnings, supposed.warning))
+        warnings = (*finding.warnings, supposed.mistake.text)
+        warned = replace(finding, warnings=warnings, edits=(supposed.mistake,))
         reason = "the clip would fit, but for a mistake"
         begins_at, grid = supposed.lag_s, supposed.grid
     left = replace(warned, decision="no_decision", reason=reason)

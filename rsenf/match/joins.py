@@ -133,7 +133,7 @@ def _edit(found: Parts, a: Part, b: Part) -> Edit:
         kind, text = "cut", f"at {at} of the clip {size} are missing: cut and rejoined? {sure}"
     elif end_s + later_s <= begin_s + OVERLAP_S:
         kind = "rearranged"
-        text = f"from {at} on the clip shows what was recorded before: rearranged?"
+        text = f"from {at} on the clip shows what was recorded before: rearranged? back by {size} {sure}"
     elif before_s - (next_s + later_s) >= OVERLAP_S:
         kind = "repeated"
         text = f"from {at} on the clip goes back by {size} and shows as much again: looped? {sure}"

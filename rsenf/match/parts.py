@@ -33,6 +33,7 @@ ROUNDS = 4  # of looking at what is left over
 NEAR_S, NEAR_STEP_S = 600.0, 0.5  # of a part's lag, in which its neighbours' are looked for
 NEAR_LOG10_LR = 1.0  # what a place so near needs, of a stretch that doesn't fit a known one
 REFINED = 6  # places near a part, or pairs, that are
+FOLLOWED = 3  # pairs
 # What an edit moves the time by is as likely to be of one order of magnitude as of another.
 LEAST_EDIT_S, MOST_EDIT_S = 0.1, 3600.0
 LEAST = 10  # phases of a part
@@ -203,10 +204,12 @@ class Parts:
             both[np.not_equal.outer(*grid)] = -np.inf
             for at in np.argsort(-both, axis=None)[:REFINED]:
                 a, b = np.unravel_index(at, both.shape)
-                hopes.append(
-                    (self._at_top(one[a], first), first, self._at_top(other[b], second), second)
-                )
-        found = [self._joined(*hope, whole) for hope in hopes]
+                tops = self._at_top(one[a], first), self._at_top(other[b], second)
+                odds = _together(*tops) - self._searched
+                if odds >= LEAST_HOPE:
+                    hopes.append((odds, tops[0], first, tops[1], second))
+        hopes.sort(key=lambda hope: -hope[0])
+        found = [self._joined(*hope[1:], whole) for hope in hopes[:FOLLOWED]]
         best = max(found, key=lambda pair: pair[0].log10_lr, default=())
         return list(best) if best and best[0].log10_lr >= self.settings.min_log10_lr else []
 
@@ -219,12 +222,12 @@ class Parts:
         # Of two that meet, one end follows from the other.
         inner = [first[0] > whole[0], True, second[0] - first[1] > LEAST, second[1] < whole[1]]
         chosen = sum(inner) * math.log(self.clip.size)
-        away = float(edit_cost(np.array(one.lag_s - other.lag_s)))
-        cost = self._searched + away + chosen
-        log10_lr = calibration().absent((one.weight + other.weight - cost) / LN10)
+        together = _together(one, other)
+        log10_lr = calibration().absent((together - self._searched - chosen) / LN10)
         # Neither is to be carried by the other.
-        least = min(calibration().absent((p.weight - away) / LN10) for p in (one, other))
-        log10_lr = log10_lr if least >= NEAR_LOG10_LR else -math.inf
+        weaker = together - max(one.weight, other.weight)
+        if calibration().absent(weaker / LN10) < NEAR_LOG10_LR:
+            log10_lr = -math.inf
         return Part(first, one, log10_lr), Part(second, other, log10_lr)
 
     def _places(self, window: Span) -> list[Place]:
@@ -267,7 +270,7 @@ class Parts:
             first, last = hope.window
             for free in between(out, stretch):
                 window = max(first, free[0]), min(last, free[1])
-                if window[1] - window[0] > LEAST:
+                if window[1] - window[0] >= LEAST:
                     out += self._follow(hope.place, window, free, hope.cost, least)
                     out.sort(key=lambda part: part.span)
         return out
@@ -332,6 +335,11 @@ def edit_cost(away_s: FloatArray) -> FloatArray:
     """What it costs to look for a neighbour's lag at some distance from a known one (nats)."""
     size_s = np.maximum(np.abs(away_s), LEAST_EDIT_S)
     return np.asarray(np.log(2.0 * math.log(MOST_EDIT_S / LEAST_EDIT_S) * size_s), np.float64)
+
+
+def _together(one: Place, other: Place) -> float:
+    """Weight of two places, that of the edit between them counted."""
+    return one.weight + other.weight - float(edit_cost(np.array(one.lag_s - other.lag_s)))
 
 
 def between(parts: Sequence[Part], stretch: Span) -> list[Span]:

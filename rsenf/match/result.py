@@ -119,7 +119,7 @@ def _warnings(
     if track is None or math.isnan(finding.lag_s):
         return out
     missed_s = track.usable * track.hop_s - finding.seconds_used
-    if missed_s >= track.hop_s:
+    if missed_s >= track.hop_s and not finding.segments:
         out.append(f"{missed_s:g} usable seconds of the clip have no reference at the best time")
     if (
         finding.decision == "match"

@@ -45,7 +45,8 @@ class Edit:
 
     kind: str = field(
         1,
-        "'cut', 'repeated', 'inserted', 'replaced', 'rearranged', 'joined', 'jump', 'end', 'speed'",
+        "'cut', 'repeated', 'inserted', 'replaced', 'rearranged', 'joined', 'jump', 'end', 'speed' "
+        "or 'step' of the reference",
         "",
     )
     at_s: float = field(2, "where, from the clip's first frame", NAN)
@@ -53,6 +54,8 @@ class Edit:
     size_s: float = field(4, "seconds missing, shown again, put in, or that fit nothing", NAN)
     size_std_s: float = field(5, "its standard error", NAN)
     text: str = field(6, "in words", "")
+    speed_ratio: float = field(7, "of the speed it is played at to the one it was filmed at", NAN)
+    speed_ratio_std: float = field(8, "its standard error", NAN)
 
 
 @message(version=1)

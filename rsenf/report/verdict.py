@@ -81,6 +81,8 @@ def _edit_json(edit: Edit) -> dict[str, Any]:
         "at_std_s": number(edit.at_std_s),
         "size_s": number(edit.size_s),
         "size_std_s": number(edit.size_std_s),
+        "speed_ratio": number(edit.speed_ratio),
+        "speed_ratio_std": number(edit.speed_ratio_std),
         "text": edit.text,
     }
 
@@ -101,8 +103,11 @@ def verdict_words(result: MatchResult) -> str:
     """Say a verdict to a person, in a few lines."""
     lines = [_headline(result)]
     details = _details(result) if math.isfinite(result.lag_s) else []
-    if result.decision != "match" and result.edits:
-        details = [*_segments(result), ("what may help", UNEDITED)]
+    edits = [("edited?", edit.text) for edit in result.edits]
+    if result.decision != "match" and result.segments:
+        details = [*_segments(result), *edits, ("what may help", UNEDITED)]
+    else:
+        details += edits
     lines += [f"  {name:15} {text}" for name, text in details]
     if result.claim:
         lines.append(f"  {'claimed start':15} {utc_text(result.claimed_utc_ns)}: {result.claim}")
@@ -110,19 +115,16 @@ def verdict_words(result: MatchResult) -> str:
 
 
 def _segments(result: MatchResult) -> list[tuple[str, str]]:
-    """Return when each segment of an edited clip begins, and what was done between them."""
+    """Return when each segment of an edited clip begins."""
     limit = ratio_limits(result.method)["absent"]
     return [
-        *(
-            (
-                f"{one.from_s:.0f} to {one.to_s:.0f} s",
-                f"from {utc_text(one.start_utc_ns) or f'{one.lag_s:.2f} s into the reference'} "
-                f"(± {one.lag_std_s:.2f} s); another time is "
-                f"{_less_likely(one.log10_lr, limit)}",
-            )
-            for one in result.segments
-        ),
-        *(("edited?", edit.text) for edit in result.edits),
+        (
+            f"{one.from_s:.0f} to {one.to_s:.0f} s",
+            f"from {utc_text(one.start_utc_ns) or f'{one.lag_s:.2f} s into the reference'} "
+            f"(± {one.lag_std_s:.2f} s); another time is "
+            f"{_less_likely(one.log10_lr, limit)}",
+        )
+        for one in result.segments
     ]
 
 

@@ -35,7 +35,7 @@ def what_would_help(case: Case) -> list[str]:
         return []
     if not usable_s:
         return list(_NO_SIGNAL)
-    if result.edits:
+    if result.segments:
         return [_UNEDITED]
     gaps = ["A reference with fewer gaps."] if any(r.gaps for r in case.references) else []
     if result.decision == "no_match":

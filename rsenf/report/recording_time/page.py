@@ -40,7 +40,7 @@ class Section(NamedTuple):
 SECTIONS = (
     Section("evidence", "Weight of the evidence"),
     Section("claim", "The claim", about="claim"),
-    Section("segments", "Segments of an edited recording", "Segments", about="edits"),
+    Section("segments", "What seems to have been done to the recording", "Edits", about="edits"),
     Section("help", "What would help", about="what_would_help"),
     Section("pictures", "Pictures"),
     Section("candidates", "Candidates"),
