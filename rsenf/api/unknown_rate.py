@@ -157,12 +157,13 @@ def _speed(blocks: list[RowBlock], rate_hz: float, rate_std_ppm: float) -> Edit:
     stated_hz = float(frame[-1] - frame[0]) / float(time_s[-1] - time_s[0])
     ratio = stated_hz / rate_hz
     side = "faster" if ratio > 1.0 else "slower"
+    percent = f"{100.0 * abs(ratio - 1.0):.3f} % (± {max(1e-4 * rate_std_ppm, 0.001):.3f} %)"
     return Edit(
         kind="speed",
         speed_ratio=ratio,
         speed_ratio_std=1e-6 * rate_std_ppm,
-        text=f"played {100.0 * abs(ratio - 1.0):.3f} % (± {max(1e-4 * rate_std_ppm, 0.001):.3f} %) "
-        f"{side} than it was filmed, or wrong frame times: {stated_hz:.3f} frames/s are stated, {rate_hz:.3f} fit",
+        text=f"played {percent} {side} than it was filmed, or wrong frame times: "
+        f"{stated_hz:.3f} frames/s are stated, {rate_hz:.3f} fit",
     )
 
 

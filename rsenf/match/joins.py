@@ -133,12 +133,13 @@ def _edit(found: Parts, a: Part, b: Part) -> Edit:
         kind, text = "cut", f"at {at} of the clip {size} are missing: cut and rejoined? {sure}"
     elif end_s + later_s <= begin_s + OVERLAP_S:
         kind = "rearranged"
-        text = f"from {at} on the clip shows what was recorded before: rearranged? back by {size} {sure}"
+        text = f"from {at} on the clip shows what was recorded before: rearranged?"
+        text += f" Back by {size} {sure}"
     elif before_s - (next_s + later_s) >= OVERLAP_S:
         kind = "repeated"
         text = f"from {at} on the clip goes back by {size} and shows as much again: looped? {sure}"
     else:
-        kind = "inserted"
+        kind, at_s = "inserted", before_s
         text = (
             f"between {before_s:.0f} and {next_s:.0f} s of the clip are {size} that the reference "
             "lacks: something put in or shown twice, or samples missing from a reference without "

@@ -1,8 +1,8 @@
 """Edits of simulated clips: how many are found, put where they are, and seen where none is.
 
-Not a test by itself: ``python -m tests.match.edits 200 5000`` edits 200 clips from seed 5000 on, and
-leaves as many whole, of which every third isn't in the reference. Nobody claims a start. Seeds below
-1000 are for development.
+Not a test by itself: ``python -m tests.match.edits 200 5000`` edits 200 clips from seed 5000 on,
+and leaves as many whole, of which every third isn't in the reference. Nobody claims a start. Seeds
+below 1000 are for development.
 """
 
 from __future__ import annotations
