@@ -6,6 +6,7 @@ long enough to tell. What fits then is named, with its cure; it decides nothing.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -13,7 +14,7 @@ from rsenf.match.calibration import calibration
 from rsenf.match.clip_phase import ClipPhase, clip_phase
 from rsenf.match.matcher import moment
 from rsenf.match.phase import weigh
-from rsenf.match.phase_search import PhaseSearch, search_phase
+from rsenf.match.phase_search import PhaseScorer, PhaseSearch, refined, search_phase
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import Edit
@@ -96,6 +97,12 @@ def _other_steps(
 
 def _sure(found: PhaseSearch, settings: MatchSettings) -> bool:
     if not found.places:
+        return False
+    # Much of it may be bad; but of an edited clip a wrong time fits some, so all must fit a little.
+    best = found.places[0]
+    scorer = found.scorers[best.grid]
+    whole = PhaseScorer(scorer.clip, scorer.grid, scorer.settings, robust=False)
+    if refined(whole, best).weight < math.log(max(found.span_s, 1.0)):
         return False
     raw, lines = weigh(found), calibration()
     return min(lines.other(raw.other), lines.absent(raw.absent)) >= settings.min_log10_lr

@@ -42,16 +42,19 @@ def edited(seed: int) -> tuple[str, Trial, list[float], list[float]]:
     if kind == "repeated":
         size_s = -np.minimum(size_s, at_s)
     inserted = kind == "inserted"
-    pieces, begin_s = [], draw.start_s
+    pieces, begin_s, clip_s, lags_s = [], draw.start_s, 0.0, []
     for length, size in zip(lengths, [*size_s, 0.0], strict=True):
         pieces.append(Piece(draw.day, begin_s, float(length)))
+        lags_s.append(begin_s - clip_s)
+        clip_s += length + (size if inserted else 0.0)
         begin_s += length + (0.0 if inserted else size)
     if inserted:
         other_s = measured_start(draw.other, float(size_s[0]), draw.rng)
         pieces.insert(1, Piece(draw.other, other_s, float(size_s[0])))
         size_s = -size_s
     track = edited_clip(pieces, seed, draw.quality)
-    return kind, Trial(track, [draw.reference()]), at_s.tolist(), size_s.tolist()
+    trial = Trial(track, [draw.reference()], tuple(lags_s))
+    return kind, trial, at_s.tolist(), size_s.tolist()
 
 
 def whole(seed: int) -> Trial:
@@ -70,6 +73,7 @@ def main(count: int, first_seed: int) -> None:
         told["clips"] += 1
         told["edits"] += len(at_s)
         told["told"] += bool(result.edits)
+        told["match at a wrong time"] += trial.wrong(result) == "match at a wrong time"
         told["match without a word"] += result.decision == "match" and not result.edits
         told["no match"] += result.decision == "no_match"
         sized = [edit for edit in result.edits if np.isfinite(edit.size_std_s)]
