@@ -16,12 +16,12 @@ from rsenf.bench.calibration.grids import Stretch, stretches
 from rsenf.bench.calibration.real_clips import LAGS_S, degraded, reference_of
 from rsenf.bench.judge import number
 from rsenf.match.clip_phase import clip_phase
+from rsenf.match.inliers import inliers
 from rsenf.match.jumps import without_jumps
 from rsenf.match.phase import least_log10_lr, weigh, weigh_claim
 from rsenf.match.phase_search import PhaseSearch, search_phase
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
-from rsenf.match.telling import telling
 
 VERSION = 2
 AWAY_S = 600.0  # a clip's time is taken out of the reference with so much around it
@@ -73,7 +73,7 @@ def searched(task: Search) -> dict[str, Any]:
     phases = clip_phase(track)
     if phases is None or track.usable < settings.min_seconds:
         return record | {"usable": False}
-    found = search_phase(track, phases.only(telling(phases)), [grid], settings)
+    found = search_phase(track, phases.only(inliers(phases)), [grid], settings)
     return record | {
         "usable": True,
         "least": least_log10_lr(phases),
@@ -123,7 +123,7 @@ def real_searched(task: RealSearch) -> dict[str, Any]:
     if phases is None or track.usable < settings.min_seconds:
         return record | {"usable": False}
     grid = reference_of(task.folder, clip.name, clip.reference)
-    found = search_phase(track, phases.only(telling(phases)), [grid], settings)
+    found = search_phase(track, phases.only(inliers(phases)), [grid], settings)
     absent = [_of_search(track, other, settings) for other in elsewhere]
     claims = [_claimed(found, clip.lag_s + rng.uniform(-0.5, 0.5), settings)]
     claims += [
@@ -153,7 +153,7 @@ def _day(task: RealSearch, rng: np.random.Generator) -> Grid:
 def _of_search(track: Track, grid: Grid, settings: MatchSettings) -> PhaseSearch:
     phases = clip_phase(track)
     assert phases is not None
-    return search_phase(track, phases.only(telling(phases)), [grid], settings)
+    return search_phase(track, phases.only(inliers(phases)), [grid], settings)
 
 
 def _shortened(stretch: Stretch, rng: np.random.Generator) -> Stretch:
