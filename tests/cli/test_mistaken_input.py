@@ -106,8 +106,12 @@ def test_a_cut_is_told_without_a_claim(rsenf: Rsenf, hidden: HiddenClip, tmp_pat
 def test_another_speed(rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path, speed: float) -> None:
     clip = edited(hidden, tmp_path / "fast.npz", None, speed)
     found = verify(rsenf, clip, hidden.reference, "--start", hidden.start_utc)
-    assert (found["decision"], found["claim"]) == ("no_decision", "undecidable")
-    assert "another speed, or wrong frame times?" in said(found)
+    assert (found["decision"], found["claim"]) == ("match", "supported")
+    assert found["lag_s"] == pytest.approx(hidden.lag_s, abs=0.1)
+    (edit,) = found["edits"]
+    assert edit["kind"] == "speed"
+    assert edit["speed_ratio"] == pytest.approx(speed, abs=1e-4)
+    assert "than it was filmed, or wrong frame times" in edit["text"]
 
 
 def test_a_clip_that_was_coded_twice(rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path) -> None:
