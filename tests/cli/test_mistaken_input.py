@@ -184,9 +184,11 @@ def test_another_speed(rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path, speed: 
     clip = edited(hidden, tmp_path / "fast.npz", None, speed)
     found = verify(rsenf, clip, hidden.reference, "--start", hidden.start_utc)
     assert (found["decision"], found["claim"]) == ("match", "supported")
-    assert found["warnings"][0].startswith("the frame rate seems wrong")
-    assert "and 29.97" in found["warnings"][0]
-    assert found["start_utc"][:19] == hidden.start_utc[:19]
+    assert found["lag_s"] == pytest.approx(hidden.lag_s, abs=0.1)
+    (edit,) = found["edits"]
+    assert edit["kind"] == "speed"
+    assert edit["speed_ratio"] == pytest.approx(speed, abs=1e-4)
+    assert "than it was filmed, or wrong frame times" in edit["text"]
 
 
 def test_a_clip_that_was_coded_twice(rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path) -> None:
