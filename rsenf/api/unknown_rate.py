@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rsenf.match.settings import MatchSettings
-from rsenf.messages import EnfEstimate, MatchResult, RateBasis, RateHypothesis, RowBlock
+from rsenf.messages import Edit, EnfEstimate, MatchResult, RateBasis, RateHypothesis, RowBlock
 from rsenf.run.inline import Analysis
 from rsenf.run.inputs import Input
 
@@ -144,9 +144,27 @@ def find_rate(
             search_size=searched,
             clock_ppm=math.nan,
             clock_std_ppm=math.nan,
+            edits=() if is_assumed else (_speed(rows.blocks, rate_hz, result.clock_std_ppm),),
         )
     ]
     return AtRate(best, retimed, f"{tried}, and {rate_hz:.3f} frames/s fits")
+
+
+def _speed(blocks: list[RowBlock], rate_hz: float, rate_std_ppm: float) -> Edit:
+    """Say how fast a recording is played, by its stated frame times and the rate that fits."""
+    frame = np.concatenate([block.frame_number for block in blocks])
+    time_s = 1e-9 * np.concatenate([block.frame_pts_ns for block in blocks])
+    stated_hz = float(frame[-1] - frame[0]) / float(time_s[-1] - time_s[0])
+    ratio = stated_hz / rate_hz
+    side = "faster" if ratio > 1.0 else "slower"
+    percent = f"{100.0 * abs(ratio - 1.0):.3f} % (± {max(1e-4 * rate_std_ppm, 0.001):.3f} %)"
+    return Edit(
+        kind="speed",
+        speed_ratio=ratio,
+        speed_ratio_std=1e-6 * rate_std_ppm,
+        text=f"played {percent} {side} than it was filmed, or wrong frame times: "
+        f"{stated_hz:.3f} frames/s are stated, {rate_hz:.3f} fit",
+    )
 
 
 def _agree(one: MatchResult, other: MatchResult, tolerance_s: float) -> bool:

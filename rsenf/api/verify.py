@@ -38,7 +38,7 @@ from rsenf.messages import RowBlock
 from rsenf.reference.moments import utc_ns
 from rsenf.report.against import against_json, against_words
 from rsenf.report.spectrum import ThinRows
-from rsenf.report.verdict import CandidateJson, verdict_json, verdict_words
+from rsenf.report.verdict import CandidateJson, EditJson, SegmentJson, verdict_json, verdict_words
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import Analysis, Tap, analyse
 from rsenf.run.inputs import Input
@@ -299,6 +299,9 @@ class VerifyResult(Result):
         Whether the reference's times told no zone: every time is by whole hours uncertain.
     candidates : list of dict
         Ranked, the best first.
+    segments, edits : list of dict
+        Of an edited recording: the stretches that fit by themselves, each with its own time, and
+        what was done between them. None of a whole one.
     warnings : list of str
         All that a reader should know, what could not be read among it.
     case : dict or None
@@ -329,6 +332,8 @@ class VerifyResult(Result):
     method: str
     zone_unknown: bool
     candidates: list[CandidateJson]
+    segments: list[SegmentJson]
+    edits: list[EditJson]
     warnings: list[str]
     case: dict[str, str] | None
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 from rsenf.match.clip_phase import clip_phase
 from rsenf.match.joins import assembled
 from rsenf.match.matcher import Finding, claimed_lag_s
-from rsenf.match.parts import LEAST, Parts
+from rsenf.match.parts import LEAST, Part, Parts
 from rsenf.match.phase_search import Place
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
@@ -46,21 +46,28 @@ def examined(
     number = next(i for i, grid in enumerate(grids) if grid is finding.grid)
     best = Place(number, finding.lag_s, finding.lag_std_s, 0.0)
     parts = found.found(best, _claimed(grids, claimed_utc_ns, settings.tolerance_s))
-    if parts:
-        assembly = assembled(found, parts, settings.tolerance_s)
-        warned = replace(finding, warnings=(*finding.warnings, *assembly.warnings))
+    assembly = assembled(found, parts, settings.tolerance_s) if parts else None
+    if assembly and assembly.edits:
+        warned = replace(
+            finding,
+            warnings=(*finding.warnings, *assembly.warnings),
+            segments=assembly.segments,
+            edits=assembly.edits,
+        )
         fitting = sum(last - first for first, last in (part.span for part in parts))
         is_most = assembly.one_time and fitting >= MOST_OF_CLIP * clip.size
-        if not assembly.warnings or (is_most and finding.decision == "match"):
+        if is_most and finding.decision == "match":
             return warned
         reason, first = "parts of the clip fit, but not as one recording", parts[0]
+        warned = _placed_by(warned, parts, grids, settings.tolerance_s)
         begins_at = first.place.lag_s if first.span[0] < LEAST else math.nan
         grid = grids[first.place.grid]
     else:
         supposed = None if finding.decision == "match" else what_fits(track, grids, settings)
         if supposed is None:
             return finding
-        warned = replace(finding, warnings=(*finding.warnings, supposed.warning))
+        warnings = (*finding.warnings, supposed.mistake.text)
+        warned = replace(finding, warnings=warnings, edits=(supposed.mistake,))
         reason = "the clip would fit, but for a mistake"
         begins_at, grid = supposed.lag_s, supposed.grid
     left = replace(warned, decision="no_decision", reason=reason)
@@ -70,6 +77,34 @@ def examined(
     if away_s > settings.tolerance_s and finding.claim_log10_lr <= -settings.min_log10_lr:
         return left
     return replace(left, claim_log10_lr=math.nan, claim_log10_lr_other=math.nan)
+
+
+def _placed_by(
+    finding: Finding, parts: Sequence[Part], grids: Sequence[Grid], tolerance_s: float
+) -> Finding:
+    """Put a finding whose time is that of no part at the longest one's: as a whole it has none."""
+    near = (
+        abs(part.place.lag_s - finding.lag_s) <= tolerance_s
+        and grids[part.place.grid] is finding.grid
+        for part in parts
+    )
+    if any(near):
+        return finding
+    place = max(parts, key=lambda part: part.span[1] - part.span[0]).place
+    return replace(
+        finding,
+        grid=grids[place.grid],
+        lag_s=place.lag_s,
+        lag_std_s=place.lag_std_s,
+        correlation=math.nan,
+        log10_lr=math.nan,
+        log10_lr_absent=math.nan,
+        clock_ppm=math.nan,
+        clock_std_ppm=math.nan,
+        residual_std_hz=math.nan,
+        expected_std_hz=math.nan,
+        verbal="",
+    )
 
 
 def _claimed(grids: Sequence[Grid], claimed_utc_ns: int, tolerance_s: float) -> list[Place]:

@@ -7,14 +7,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 
-from rsenf.match.matcher import moment
+from rsenf.match.matcher import moment, start_ns
 from rsenf.match.parts import Part, Parts, Span
+from rsenf.messages import Edit, Segment
 
 # Nats by which one lag must say less of some stretches than each of them says by its own, before
 # they are said not to go together. Of unedited clips with errors of all kinds and sizes it was 6 at
 # most; a reference that is itself at fault brings up to 60.
 MISFIT = 15.0
 SAME_S, SAME_STDS = 0.1, 4.0  # lags that differ by less may be one
+REPLACED_S = 12.0  # between parts of one recording, from which on it is a passage, and no jump
 OVERLAP_S = 5.0  # of what two parts show, from which on it is shown again
 
 
@@ -22,11 +24,13 @@ OVERLAP_S = 5.0  # of what two parts show, from which on it is shown again
 class Assembly:
     """How a clip's parts go together.
 
-    ``one_time`` says that they lie as those of one recording do; ``warnings`` what is wrong with
-    it, and nothing where nothing is.
+    ``one_time`` says that they lie as those of one recording do; ``edits`` what is wrong with it,
+    and ``segments`` the parts, none of either where nothing is; ``warnings`` says the same.
     """
 
     one_time: bool
+    segments: tuple[Segment, ...]
+    edits: tuple[Edit, ...]
     warnings: tuple[str, ...]
 
 
@@ -43,13 +47,30 @@ def assembled(found: Parts, parts: Sequence[Part], tolerance_s: float) -> Assemb
         By which the lags of one recording's parts may differ.
     """
     wrong = [*_joins(found, parts), *_ends(found, parts)]
+    warnings = [edit.text for edit in wrong]
     if wrong and len(parts) > 1:
-        wrong.insert(0, "; ".join(_where(found, part) for part in parts))
+        warnings.insert(0, "; ".join(_where(found, part) for part in parts))
+    segments = [_segment(found, part) for part in parts if wrong]
     one_time = all(_one_time(a, b, tolerance_s) for a, b in combinations(parts, 2))
-    return Assembly(one_time, tuple(wrong))
+    wrong.sort(key=lambda edit: edit.at_s)
+    return Assembly(one_time, tuple(segments), tuple(wrong), tuple(warnings))
 
 
-def _joins(found: Parts, parts: Sequence[Part]) -> list[str]:
+def _segment(found: Parts, part: Part) -> Segment:
+    from_s, to_s = _ends_s(found, part.span)
+    grid, lag_s = found.grids[part.place.grid], part.place.lag_s + from_s
+    return Segment(
+        from_s=from_s,
+        to_s=to_s,
+        grid=grid.name,
+        lag_s=lag_s,
+        lag_std_s=part.place.lag_std_s,
+        start_utc_ns=start_ns(grid, lag_s),
+        log10_lr=part.log10_lr,
+    )
+
+
+def _joins(found: Parts, parts: Sequence[Part]) -> list[Edit]:
     """Say what happened between each part and the next, where they don't simply go on."""
     out = []
     for a, b in pairwise(parts):
@@ -74,39 +95,63 @@ def _best_as_one(found: Parts, a: Part, b: Part) -> float:
     return max(found.score(part.place, a.span, b.span) for part in (a, b))
 
 
-def _jump(found: Parts, a: Part, b: Part) -> str:
+def _jump(found: Parts, a: Part, b: Part) -> Edit:
+    """Say that what lies between two parts of one recording fits neither, or that nothing does."""
     (_, from_s), (to_s, _) = _ends_s(found, a.span), _ends_s(found, b.span)
-    return (
-        f"at about {(from_s + to_s) / 2:.0f} s of the clip the light's phase jumps: frames dropped "
-        "there, a moment cut out, or is the reference at fault?"
-    )
-
-
-def _edit(found: Parts, a: Part, b: Part) -> str:
-    """Say how one part comes to lie after another."""
-    if a.place.grid != b.place.grid:
-        return "the clip was put together from recordings in different grids?"
-    _, at_s = _ends_s(found, a.span)
-    next_s, end_s = _ends_s(found, b.span)
-    later_s = b.place.lag_s - a.place.lag_s
-    if later_s > 0:
-        return f"at {at_s:.0f} s of the clip {later_s:.1f} s are missing: cut and rejoined?"
-    shown_again_s = at_s - (next_s + later_s)
-    begin_s, _ = _ends_s(found, a.span)
-    if end_s + later_s <= begin_s + OVERLAP_S:
-        return f"from {next_s:.0f} s on the clip shows what was recorded before: rearranged?"
-    if shown_again_s >= OVERLAP_S:
-        return (
-            f"from {next_s:.0f} s on the clip goes back by {-later_s:.1f} s and shows "
-            f"{shown_again_s:.0f} s again: looped?"
+    at_s, at_std_s = found.meeting(a, b)
+    if to_s - from_s >= REPLACED_S:
+        return Edit(
+            kind="replaced",
+            at_s=from_s,
+            at_std_s=at_std_s,
+            size_s=to_s - from_s,
+            text=f"from {from_s:.0f} to {to_s:.0f} s the clip doesn't fit what is before and after "
+            "it: another passage in its place, or is the reference at fault there?",
         )
-    return (
-        f"between {at_s:.0f} and {next_s:.0f} s of the clip are {-later_s:.1f} s that the "
-        "reference lacks: something put in, or samples missing from a reference without times?"
+    return Edit(
+        kind="jump",
+        at_s=at_s,
+        at_std_s=at_std_s,
+        text=f"at about {at_s:.0f} s of the clip the light's phase jumps: frames dropped "
+        "there, a moment cut out, or is the reference at fault?",
     )
 
 
-def _ends(found: Parts, parts: Sequence[Part]) -> list[str]:
+def _edit(found: Parts, a: Part, b: Part) -> Edit:
+    """Say how one part comes to lie after another."""
+    at_s, at_std_s = found.meeting(a, b)
+    if a.place.grid != b.place.grid:
+        text = "the clip was put together from recordings in different grids?"
+        return Edit(kind="joined", at_s=at_s, at_std_s=at_std_s, text=text)
+    later_s = b.place.lag_s - a.place.lag_s
+    size_std_s = math.hypot(a.place.lag_std_s, b.place.lag_std_s)
+    at, size = f"{at_s:.0f} s", f"{abs(later_s):.1f} s"
+    sure = f"(where: ± {max(at_std_s, 1.0):.0f} s, by how much: ± {max(size_std_s, 0.1):.1f} s)"
+    begin_s, before_s = _ends_s(found, a.span)
+    next_s, end_s = _ends_s(found, b.span)
+    if later_s > 0:
+        kind, text = "cut", f"at {at} of the clip {size} are missing: cut and rejoined? {sure}"
+    elif end_s + later_s <= begin_s + OVERLAP_S:
+        kind = "rearranged"
+        text = f"from {at} on the clip shows what was recorded before: rearranged?"
+        text += f" Back by {size} {sure}"
+    elif before_s - (next_s + later_s) >= OVERLAP_S:
+        kind = "repeated"
+        text = f"from {at} on the clip goes back by {size} and shows as much again: looped? {sure}"
+    else:
+        kind, at_s = "inserted", before_s
+        text = (
+            f"between {before_s:.0f} and {next_s:.0f} s of the clip are {size} that the reference "
+            "lacks: something put in or shown twice, or samples missing from a reference without "
+            f"times? {sure}"
+        )
+    return Edit(
+        kind=kind, at_s=at_s, at_std_s=at_std_s, size_s=abs(later_s), size_std_s=size_std_s,
+        text=text,
+    )  # fmt: skip
+
+
+def _ends(found: Parts, parts: Sequence[Part]) -> list[Edit]:
     """Say of the clip's ends whether they fit what is beside them."""
     first, last, out = parts[0], parts[-1], []
     head, tail = (0, first.span[0]), (last.span[1], found.clip.size)
@@ -117,10 +162,11 @@ def _ends(found: Parts, parts: Sequence[Part]) -> list[str]:
         if found.score(part.place, part.span) - found.score(part.place, longer) >= MISFIT:
             from_s, to_s = _ends_s(found, end)
             own = "" if len(parts) > 1 else f", while {_where(found, part)}"
-            out.append(
+            text = (
                 f"the clip's {name} {to_s - from_s:.0f} s don't fit what is beside them{own}: "
                 "edited, another recording joined on, or is the reference at fault there?"
             )
+            out.append(Edit(kind="end", at_s=from_s, size_s=to_s - from_s, text=text))
     return out
 
 

@@ -14,7 +14,7 @@ from rsenf.match.paper_tracks import Hypotheses
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.match.speed import off_speed
-from rsenf.messages import Candidate
+from rsenf.messages import Candidate, Edit, Segment
 from rsenf.timebase import nanoseconds, seconds, utc_text
 
 NEAR_HZ = 0.5  # frequencies nearer than this have the same nominal one
@@ -55,6 +55,8 @@ class Finding:
     verbal: str = ""
     candidates: tuple[Candidate, ...] = ()
     warnings: tuple[str, ...] = ()
+    segments: tuple[Segment, ...] = ()
+    edits: tuple[Edit, ...] = ()
 
 
 class Matcher(Protocol):

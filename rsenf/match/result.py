@@ -69,6 +69,8 @@ def result_of(
             *finding.warnings,
             *_warnings(finding, grid, track, claim_lag_s, claimed_utc_ns, settings),
         ),
+        segments=finding.segments,
+        edits=finding.edits,
     )
 
 
@@ -126,7 +128,7 @@ def _warnings(
     if track is None or math.isnan(finding.lag_s):
         return out
     missed_s = track.usable * track.hop_s - finding.seconds_used
-    if missed_s >= track.hop_s:
+    if missed_s >= track.hop_s and not finding.segments:
         out.append(f"{missed_s:g} usable seconds of the clip have no reference at the best time")
     if (
         finding.decision == "match"

@@ -6,6 +6,7 @@ long enough to tell. What fits then is named, with its cure; it decides nothing.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -13,9 +14,10 @@ from rsenf.match.calibration import calibration
 from rsenf.match.clip_phase import ClipPhase, clip_phase
 from rsenf.match.matcher import moment
 from rsenf.match.phase import weigh
-from rsenf.match.phase_search import PhaseSearch, search_phase
+from rsenf.match.phase_search import PhaseScorer, PhaseSearch, refined, search_phase
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
+from rsenf.messages import Edit
 
 STRETCH_S = 120.0  # of the clip
 STEPS_S = (0.1, 0.5, 1.0, 2.0)  # of references, mostly
@@ -27,11 +29,11 @@ LEAST_PPM = 200.0  # that aren't a camera's
 
 @dataclass(frozen=True, eq=False)
 class Supposition:
-    """Where a clip would fit, were a mistake made, and that mistake in words."""
+    """Where a clip would fit, were a mistake made, and that mistake."""
 
     grid: Grid
     lag_s: float
-    warning: str
+    mistake: Edit
 
 
 def what_fits(track: Track, grids: Sequence[Grid], settings: MatchSettings) -> Supposition | None:
@@ -54,17 +56,23 @@ def _other_speed(
         return None
     best = found.places[0]
     grid = grids[best.grid]
-    away_hz = found.scorers[best.grid].clock(best.lag_s).offset_hz
+    clock = found.scorers[best.grid].clock(best.lag_s)
+    away_hz = clock.offset_hz
     if abs(away_hz) < LEAST_PPM * 1e-6 * part.nominal_hz:
         return None
     side = "faster" if away_hz > 0 else "slower"
-    return Supposition(
-        grid,
-        best.lag_s,
+    text = (
         f"played {abs(away_hz) / part.nominal_hz:.3%} {side} than it was filmed, the clip would "
         f"begin {moment(grid, best.lag_s)}: wrong frame times? 30 and 29.97 frames/s differ by "
-        "0.1 %",
+        "0.1 %"
     )
+    mistake = Edit(
+        kind="speed",
+        text=text,
+        speed_ratio=1.0 + away_hz / part.nominal_hz,
+        speed_ratio_std=clock.offset_std_hz / part.nominal_hz,
+    )
+    return Supposition(grid, best.lag_s, mistake)
 
 
 def _other_steps(
@@ -80,16 +88,21 @@ def _other_steps(
         found = search_phase(part, clip, others, settings)
         if _sure(found, settings):
             best = found.places[0]
-            yield Supposition(
-                others[best.grid],
-                best.lag_s,
+            text = (
                 f"with a step of {step_s:g} s instead of {grids[0].step_s:g} s the reference would "
-                f"fit, {best.lag_s:.1f} s into it: is the step wrong?",
+                f"fit, {best.lag_s:.1f} s into it: is the step wrong?"
             )
+            yield Supposition(others[best.grid], best.lag_s, Edit(kind="step", text=text))
 
 
 def _sure(found: PhaseSearch, settings: MatchSettings) -> bool:
     if not found.places:
+        return False
+    # Much of it may be bad; but of an edited clip a wrong time fits some, so all must fit a little.
+    best = found.places[0]
+    scorer = found.scorers[best.grid]
+    whole = PhaseScorer(scorer.clip, scorer.grid, scorer.settings, robust=False)
+    if refined(whole, best).weight < math.log(max(found.span_s, 1.0)):
         return False
     raw, lines = weigh(found), calibration()
     return min(lines.other(raw.other), lines.absent(raw.absent)) >= settings.min_log10_lr

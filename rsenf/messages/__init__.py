@@ -20,7 +20,7 @@ from rsenf.messages.frame import Frame, VideoPacket
 from rsenf.messages.header import Header, Mark, RateBasis
 from rsenf.messages.health import Health
 from rsenf.messages.idle_estimate import IdleEstimate
-from rsenf.messages.match_result import Candidate, MatchResult
+from rsenf.messages.match_result import Candidate, Edit, MatchResult, Segment
 from rsenf.messages.rate_hypothesis import RateHypothesis
 from rsenf.messages.reference_block import ReferenceBlock
 from rsenf.messages.row_block import RowBlock
@@ -30,6 +30,7 @@ __all__ = [
     "Alarm",
     "Candidate",
     "DiscoveryVerdict",
+    "Edit",
     "EnfEstimate",
     "FoundEffect",
     "Frame",
@@ -43,6 +44,7 @@ __all__ = [
     "RateHypothesis",
     "ReferenceBlock",
     "RowBlock",
+    "Segment",
     "VideoPacket",
     "canonical",
     "class_for",

@@ -26,6 +26,40 @@ class Candidate:
 
 @message(version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Segment:
+    """A stretch of an edited clip that fits by itself."""
+
+    from_s: float = field(1, "begin, from the clip's first frame", NAN)
+    to_s: float = field(2, "end", NAN)
+    grid: str = field(3, "reference that it fits", "")
+    lag_s: float = field(4, "its begin minus the reference's first sample", NAN)
+    lag_std_s: float = field(5, "its standard error", NAN)
+    start_utc_ns: int = field(6, "when it begins, UTC since 1970; 0 is unknown", 0)
+    log10_lr: float = field(7, "against none; near or with the other segments, where found so", NAN)
+
+
+@message(version=1)
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Edit:
+    """What seems to have been done to a clip, or to the reference, in one place."""
+
+    kind: str = field(
+        1,
+        "'cut', 'repeated', 'inserted', 'replaced', 'rearranged', 'joined', 'jump', 'end', 'speed' "
+        "or 'step' of the reference",
+        "",
+    )
+    at_s: float = field(2, "where, from the clip's first frame", NAN)
+    at_std_s: float = field(3, "its standard error", NAN)
+    size_s: float = field(4, "seconds missing, shown again, put in, or that fit nothing", NAN)
+    size_std_s: float = field(5, "its standard error", NAN)
+    text: str = field(6, "in words", "")
+    speed_ratio: float = field(7, "of the speed it is played at to the one it was filmed at", NAN)
+    speed_ratio_std: float = field(8, "its standard error", NAN)
+
+
+@message(version=1)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class MatchResult:
     """Best lag, its uncertainty, and the decision."""
 
@@ -58,3 +92,5 @@ class MatchResult:
     claim_log10_lr: float = field(25, "for the claimed time against none in the reference", NAN)
     claim_log10_lr_other: float = field(26, "for the claimed time against another time", NAN)
     zone_unknown: bool = field(27, "whether the reference's times told no zone", False)
+    segments: tuple[Segment, ...] = field(28, "of an edited clip, in its order", ())
+    edits: tuple[Edit, ...] = field(29, "what was done to it, in its order", ())

@@ -8,9 +8,10 @@ from typing import Any
 from typing_extensions import TypedDict  # Pydantic's, before Python 3.12
 
 from rsenf.match.calibration import calibration
-from rsenf.messages import Candidate, MatchResult
+from rsenf.messages import Candidate, Edit, MatchResult, Segment
 from rsenf.timebase import NO_ZONE, utc_text
 
+UNEDITED = "the recording as the camera wrote it, before anything was done to it"
 CALIBRATED = "phase"  # the method whose likelihood ratios are
 
 
@@ -24,6 +25,31 @@ class CandidateJson(TypedDict):
     clock_ppm: float | None
     log10_lr: float | None
     seconds_used: float
+
+
+class SegmentJson(TypedDict):
+    """A stretch of an edited recording that fits by itself."""
+
+    from_s: float | None
+    to_s: float | None
+    grid: str
+    lag_s: float | None
+    lag_std_s: float | None
+    start_utc: str | None
+    log10_lr: float | None
+
+
+class EditJson(TypedDict):
+    """What was done to a recording, at one place of it or to all."""
+
+    kind: str
+    at_s: float | None
+    at_std_s: float | None
+    size_s: float | None
+    size_std_s: float | None
+    speed_ratio: float | None
+    speed_ratio_std: float | None
+    text: str
 
 
 def number(value: float) -> float | None:
@@ -70,7 +96,34 @@ def verdict_json(result: MatchResult, warnings: list[str]) -> dict[str, Any]:
         "method": result.method,
         "zone_unknown": result.zone_unknown,
         "candidates": [_candidate_json(c) for c in result.candidates],
+        "segments": [_segment_json(segment) for segment in result.segments],
+        "edits": [_edit_json(edit) for edit in result.edits],
         "warnings": warnings,
+    }
+
+
+def _segment_json(segment: Segment) -> SegmentJson:
+    return {
+        "from_s": number(segment.from_s),
+        "to_s": number(segment.to_s),
+        "grid": segment.grid,
+        "lag_s": number(segment.lag_s),
+        "lag_std_s": number(segment.lag_std_s),
+        "start_utc": utc_text(segment.start_utc_ns),
+        "log10_lr": number(segment.log10_lr),
+    }
+
+
+def _edit_json(edit: Edit) -> EditJson:
+    return {
+        "kind": edit.kind,
+        "at_s": number(edit.at_s),
+        "at_std_s": number(edit.at_std_s),
+        "size_s": number(edit.size_s),
+        "size_std_s": number(edit.size_std_s),
+        "speed_ratio": number(edit.speed_ratio),
+        "speed_ratio_std": number(edit.speed_ratio_std),
+        "text": edit.text,
     }
 
 
@@ -89,11 +142,30 @@ def _candidate_json(candidate: Candidate) -> CandidateJson:
 def verdict_words(result: MatchResult) -> str:
     """Say a verdict to a person, in a few lines."""
     lines = [headline(result)]
-    if math.isfinite(result.lag_s):
-        lines += [f"  {name:15} {text}" for name, text in _details(result)]
+    details = _details(result) if math.isfinite(result.lag_s) else []
+    edits = [("edited?", edit.text) for edit in result.edits]
+    if result.decision != "match" and result.segments:
+        details = [*_segments(result), *edits, ("what may help", UNEDITED)]
+    else:
+        details += edits
+    lines += [f"  {name:15} {text}" for name, text in details]
     if result.claim:
         lines.append(f"  {'claimed start':15} {utc_text(result.claimed_utc_ns)}: {result.claim}")
     return "\n".join(lines)
+
+
+def _segments(result: MatchResult) -> list[tuple[str, str]]:
+    """Return when each segment of an edited clip begins."""
+    limit = ratio_limits(result.method)["absent"]
+    return [
+        (
+            f"{one.from_s:.0f} to {one.to_s:.0f} s",
+            f"from {utc_text(one.start_utc_ns) or f'{one.lag_s:.2f} s into the reference'} "
+            f"(± {one.lag_std_s:.2f} s); another time is "
+            f"{_less_likely(one.log10_lr, limit)}",
+        )
+        for one in result.segments
+    ]
 
 
 def headline(result: MatchResult) -> str:

@@ -160,14 +160,35 @@ def test_a_clip_that_was_cut_and_rejoined(rsenf: Rsenf, hidden: HiddenClip, tmp_
     assert "fit from 2024-03-01T10:39:05" in said(found)
 
 
+def test_a_cut_is_told_without_a_claim(rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path) -> None:
+    rate_hz = 30000 / 1001
+    frame = np.arange(round(102 * rate_hz))
+    kept = (frame < 39 * rate_hz) | (frame >= 51 * rate_hz)
+    clip = edited(hidden, tmp_path / "cut.npz", np.r_[kept, np.zeros(1000, bool)])
+    report = tmp_path / "report"
+    found = verify(rsenf, clip, hidden.reference, "--report", report)
+    assert found["decision"] == "no_decision"
+    assert "at 39 s of the clip 12.0 s are missing: cut and rejoined?" in said(found)
+    (edit,) = found["edits"]
+    assert (edit["kind"], round(edit["at_s"]), round(edit["size_s"])) == ("cut", 39, 12)
+    first, second = found["segments"]
+    assert first["start_utc"].startswith("2024-03-01T10:39:05")
+    assert second["start_utc"].startswith("2024-03-01T10:39:5")
+    page = (report / "report.html").read_text()
+    assert "What seems to have been done to the recording" in page
+    assert edit["text"].split(":")[0] in page
+
+
 @pytest.mark.parametrize("speed", [1.01, 0.99])
 def test_another_speed(rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path, speed: float) -> None:
     clip = edited(hidden, tmp_path / "fast.npz", None, speed)
     found = verify(rsenf, clip, hidden.reference, "--start", hidden.start_utc)
     assert (found["decision"], found["claim"]) == ("match", "supported")
-    assert found["warnings"][0].startswith("the frame rate seems wrong")
-    assert "and 29.97" in found["warnings"][0]
-    assert found["start_utc"][:19] == hidden.start_utc[:19]
+    assert found["lag_s"] == pytest.approx(hidden.lag_s, abs=0.1)
+    (edit,) = found["edits"]
+    assert edit["kind"] == "speed"
+    assert edit["speed_ratio"] == pytest.approx(speed, abs=1e-4)
+    assert "than it was filmed, or wrong frame times" in edit["text"]
 
 
 def test_a_clip_that_was_coded_twice(rsenf: Rsenf, hidden: HiddenClip, tmp_path: Path) -> None:

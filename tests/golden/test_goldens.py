@@ -107,6 +107,9 @@ def test_the_looped_feed_is_of_no_time() -> None:
     found = result("looped")
     assert found.decision == "no_decision"
     assert any("follow no grid's course" in warning for warning in found.warnings)
+    (scene,) = (s for s in SCENES if s.name == "looped")
+    assert found.segments[0].lag_s == pytest.approx(start_of(scene), abs=0.2)
+    assert found.edits
 
 
 def test_the_others_are_of_their_time() -> None:

@@ -64,6 +64,55 @@ def test_a_clip_that_was_cut_names_both_times_and_what_is_missing(first, second,
     assert float(words[words.index("clip") + 1]) == pytest.approx(out_s, abs=0.5)
 
 
+def test_two_stretches_that_tell_enough_only_together():
+    """Neither would be found by itself in two hours; nobody says when the clip begins."""
+    quality = Quality(noise_rad=0.03)
+    result = verdict(clip_of_pieces((0, 40), (52, 40), quality=quality))
+    assert (result.decision, [edit.kind for edit in result.edits]) == ("no_decision", ["cut"])
+    (edit,) = result.edits
+    assert edit.at_s == pytest.approx(40, abs=3)
+    assert edit.size_s == pytest.approx(12, abs=3 * edit.size_std_s)
+    assert edit.text in result.warnings
+    first, second = result.segments
+    assert second.lag_s - second.from_s - (first.lag_s - first.from_s) == pytest.approx(edit.size_s)
+    assert first.start_utc_ns - T0_NS == pytest.approx(BEGIN_S * 1e9, abs=1e9)
+    assert min(first.log10_lr, second.log10_lr) >= 2
+    # The time told is that of a part, not of whatever a mixture of both fits best.
+    assert min(abs(result.lag_s - BEGIN_S), abs(result.lag_s - BEGIN_S - 12)) < 1
+
+
+def test_several_edits_are_told_in_their_order():
+    pieces = (0, 70), (30, 60), (150, 80)
+    result = verdict(clip_of_pieces(*pieces, seed=7))
+    assert [edit.kind for edit in result.edits] == ["repeated", "cut"]
+    assert [edit.at_s for edit in result.edits] == pytest.approx([70, 130], abs=3)
+    assert [edit.size_s for edit in result.edits] == pytest.approx([40, 60], abs=0.5)
+    assert [one.from_s for one in result.segments] == pytest.approx([0, 70, 130], abs=4)
+
+
+def test_something_put_in_and_something_in_its_place():
+    foreign = Piece(OTHER, 900.0, 40)
+    for later_s, kind in ((0, "inserted"), (40, "replaced")):
+        pieces = [Piece(DAY, BEGIN_S, 90), foreign, Piece(DAY, BEGIN_S + 90 + later_s, 90)]
+        result = verdict(edited_clip(pieces, 8))
+        (edit,) = result.edits
+        assert edit.kind == kind
+        assert edit.at_s == pytest.approx(90, abs=4)
+        assert edit.size_s == pytest.approx(40, abs=0.5 if kind == "inserted" else 6)
+
+
+def test_a_gap_of_the_reference_just_at_a_cut_is_no_place():
+    """There a jump of the phase would count for nothing, and any other grid seem unlikely."""
+    whole = GRID.freq_hz.copy()
+    whole[1000:1010] = np.nan
+    track, _ = without_jumps(clip_of_pieces((0, 40), (52, 40), seed=9))
+    grid = dataclasses.replace(GRID, freq_hz=whole)
+    found = Parts(track, clip_phase(track), [grid], MatchSettings())
+    at_gap = Place(0, 1005.0 - 40.0, 0.3, 0.0)
+    parts = found.found(at_gap)
+    assert [part.place.lag_s - BEGIN_S for part in parts] == pytest.approx([0, 12], abs=0.5)
+
+
 def test_a_loop():
     result = verdict(clip_of_pieces((0, 100), (0, 100)))
     assert result.decision == "no_decision"
@@ -155,6 +204,10 @@ def test_frame_rates_taken_for_each_other(percent, seconds):
     assert result.decision != "no_match"
     assert result.claim != "refuted"
     assert "30 and 29.97 frames/s differ" in said(result)
+    for edit in result.edits:
+        assert edit.kind == "speed"
+        assert edit.speed_ratio == pytest.approx(1 + percent / 100, abs=2e-4)
+    assert result.edits or result.decision == "match"
 
 
 def test_nothing_is_said_of_what_nothing_is_wrong_with():
@@ -162,6 +215,7 @@ def test_nothing_is_said_of_what_nothing_is_wrong_with():
         quality = Quality(noise_rad=noise_rad, clock_ppm=40.0)
         there = clip_of_pieces((0, 180), seed=seed, quality=quality)
         assert hints(verdict(there)) == []
+        assert verdict(there).edits == verdict(there).segments == ()
         elsewhere = edited_clip([Piece(OTHER, 300.0 + 400 * seed, 180)], seed, quality)
         assert hints(verdict(elsewhere)) == []
 

@@ -19,6 +19,7 @@ _NO_MATCH = (
     "Whether the clip is one unedited piece, played at its own speed.",
     "The camera's own file, not a copy that was coded again.",
 )
+_UNEDITED = "The recording as the camera wrote it, before anything was done to it."
 _NO_DECISION = (
     "A reference of fewer hours, if other evidence narrows the time: fewer wrong times to mistake.",
     "The camera's own file, not a copy that was coded again: clearer flicker, smaller errors.",
@@ -34,6 +35,8 @@ def what_would_help(case: Case) -> list[str]:
         return []
     if not usable_s:
         return list(_NO_SIGNAL)
+    if result.segments:
+        return [_UNEDITED]
     gaps = ["A reference with fewer gaps."] if any(r.gaps for r in case.references) else []
     if result.decision == "no_match":
         return [*_NO_MATCH, *gaps]

@@ -67,6 +67,7 @@ def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> Docum
         "likelihood_ratio_texts": ratio_texts(result),
         "conditions": conditions(case),
         "claim": _claim(case),
+        "edits": case.verdict["edits"],
         "what_would_help": what_would_help(case),
         "pictures": [_picture(p) for p in pictures],
         "pictures_left_out": left_out(case),

@@ -6,6 +6,8 @@ from typing import Any, Literal
 
 from typing_extensions import TypedDict  # Pydantic's, before Python 3.12
 
+from rsenf.report.verdict import EditJson
+
 Comparison = TypedDict(
     "Comparison",
     {"for": str, "against": str, "log10_lr": float | None, "verbal": str, "sentence": str},
@@ -93,6 +95,7 @@ class Document(TypedDict):
     likelihood_ratio_texts: RatioTexts
     conditions: list[str]
     claim: Claim | None
+    edits: list[EditJson]
     what_would_help: list[str]
     pictures: list[PictureFile]
     pictures_left_out: str

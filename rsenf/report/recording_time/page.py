@@ -43,6 +43,7 @@ SECTIONS = (
     Section("evidence", "Weight of the evidence"),
     Section("claim", "The claim", about="claim"),
     Section("conditions", "What this is conditioned on", "Conditions"),
+    Section("segments", "What seems to have been done to the recording", "Edits", about="edits"),
     Section("help", "What would help", about="what_would_help"),
     Section("pictures", "Pictures"),
     Section("candidates", "Candidates"),
