@@ -69,6 +69,7 @@ def _of_var(name: str) -> Tolerance:
 _LEVEL = Tolerance(
     "a level of 255 is rounded to 1.5e-5 in each of a few single-precision steps", absolute=1e-4
 )
+_COUNTED = Tolerance("a count of pixels over all of them", relative=ROUNDED)
 _ERROR = Tolerance("an error is known to a few per cent at best", relative=SHARE)
 _DECIBEL = Tolerance("a quarter of a per cent in power", absolute=0.01)
 _IDLE = Tolerance("a hundredth of the error of the best second, 0.01 %", absolute=1e-6)
@@ -83,7 +84,12 @@ _CLOCK = Tolerance("a hundredth of 1 ppm, the best that any clip has told", abso
 
 # By message and field.
 TOLERANCES: dict[str, dict[str, Tolerance]] = {
-    "RowBlock": {"level": _LEVEL, "tile_level": _LEVEL},
+    "RowBlock": {
+        "level": _LEVEL,
+        "tile_level": _LEVEL,
+        "steady_ratio": _COUNTED,
+        "clipped_ratio": _COUNTED,
+    },
     "EnfEstimate": {
         "line_hz": _EXACT,
         "frame_rate_hz": _EXACT,
@@ -138,6 +144,30 @@ TOLERANCES: dict[str, dict[str, Tolerance]] = {
         "clock_ppm": _CLOCK,
         "log10_lr": _BAN,
     },
+    "Segment": {
+        "from_s": _LAG,
+        "to_s": _LAG,
+        "lag_s": _of_std("lag_std_s"),
+        "lag_std_s": _ERROR,
+        "start_utc_ns": _of_std("lag_std_s", 1e9),
+        "log10_lr": _BAN,
+    },
+    "Edit": {
+        "at_s": _of_std("at_std_s"),
+        "at_std_s": _ERROR,
+        "size_s": _of_std("size_std_s"),
+        "size_std_s": _ERROR,
+        "speed_ratio": _of_std("speed_ratio_std"),
+        "speed_ratio_std": _ERROR,
+    },
+    "Liveness": {
+        "lag_s": _of_std("lag_std_s"),
+        "lag_std_s": _ERROR,
+        "clock_ppm": _of_std("clock_std_ppm"),
+        "clock_std_ppm": _ERROR,
+        "log10_lr": _BAN,
+    },
+    "Alarm": {"value": _RATIO, "limit": _RATIO},
     "DiscoveryVerdict": {
         "gap_before": _RATIO,
         "gap_after": _RATIO,
