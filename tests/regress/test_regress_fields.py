@@ -6,7 +6,7 @@ import dataclasses
 
 import pytest
 
-from rsenf.messages import EnfEstimate, IdleEstimate, MatchResult, RateHypothesis, RowBlock
+from rsenf.messages import EnfEstimate, MatchResult, RowBlock
 from rsenf.messages.match_result import Candidate
 from rsenf.messages.schema import field_specs, message_classes
 from rsenf.regress.fields import OTHER, moved
@@ -103,7 +103,7 @@ def test_words(then: str, now: str, same: bool) -> None:
     assert [m.field for m in moved(a, b, exact=True)] == ["reason"]
 
 
-# What is read from a file or a clock, or counted: no arithmetic that another processor does otherwise.
+# What is read from a file or a clock, or counted: no processor does it otherwise.
 _NOT_COMPUTED = {"nominal_hz", "declared_rate_hz", "seconds_used"}
 _MEASURED = {"Health", "ReferenceBlock"}
 
