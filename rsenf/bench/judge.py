@@ -119,7 +119,12 @@ def _enf(grid: Grid, out: list[Any]) -> dict[str, Any]:
     good = [m for m in said if m.usable]
     t_s = np.array([m.t_s for m in good])
     found_hz = np.array([m.enf_hz for m in good])
-    true_hz = grid.mean_hz(t_s - MEAN_S / 2, t_s + MEAN_S / 2) if good else found_hz
+    # Estimates are on the clock that the slips are undone on; the grid is on the file's.
+    slipped_s = np.cumsum([m.slip_frames.sum() / m.frame_rate_hz if m.slips else 0.0 for m in said])
+    after_s = np.array([late for m, late in zip(said, slipped_s, strict=True) if m.usable])
+    before_s = np.append(0.0, slipped_s)[:-1][[m.usable for m in said]]
+    begin_s, end_s = t_s - MEAN_S / 2 - before_s, t_s + MEAN_S / 2 - after_s
+    true_hz = grid.mean_hz(begin_s, end_s) if good else found_hz
     error_hz = found_hz - true_hz
     # Where the direction of read-out is left open, either sign of the deviation is answered for.
     mirror_hz = np.array([m.mirror_hz for m in good])

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.grid_prior import NODE_S, NODES_PER_S, PhasePrior, phase_prior
+from rsenf.flicker.grid_prior import NODE_S, PhasePrior, phase_prior
 from rsenf.flicker.joint_fit import JointFit, State
 from rsenf.flicker.node_noise import (
     ACROSS_HZ,
@@ -156,7 +156,7 @@ def _alone(frames: Frames, gathered: Gathered, settled: _Settled) -> PhaseFit:
     psi_rad = settled.prior.basis @ settled.coefficient
     return PhaseFit(
         psi_rad=psi_rad,
-        second_var_hz2=_second_var_hz2(settled.prior, settled.covariance),
+        second_var_hz2=settled.prior.second_var_hz2(settled.covariance),
         template=amplitude.harmonic[0],
         weights=amplitude.weights[0],
         information=settled.information,
@@ -185,7 +185,7 @@ def _together(
     template, weights = joint.state.amplitude[first], np.asarray(1.0 / joint.noise[first])
     return PhaseFit(
         psi_rad=psi_rad,
-        second_var_hz2=_second_var_hz2(settled.prior, joint.covariance),
+        second_var_hz2=settled.prior.second_var_hz2(joint.covariance),
         template=template,
         weights=weights,
         information=joint.information,
@@ -205,11 +205,6 @@ def _size_ratio(amplitude: Complex, orders: tuple[float, ...], order: float) -> 
         return 0.0
     first, other = (np.linalg.norm(amplitude[orders.index(k)]) for k in (1, order))
     return float(other / first) if first else 0.0
-
-
-def _second_var_hz2(prior: PhasePrior, covariance: Float) -> Float:
-    over_second = (prior.basis[NODES_PER_S:] - prior.basis[:-NODES_PER_S]) / (2.0 * np.pi)
-    return np.asarray(np.sum((over_second @ covariance) * over_second, axis=1))
 
 
 def _as_first(frames: Gathered, psi_rad: Float, order: int) -> Float | None:

@@ -282,7 +282,8 @@ def course_of(
     stands_hz = rate_hz * round(2.0 * nominal_hz / rate_hz)  # whose alias is exactly 0 Hz
     sign, is_known = direction_of(found, stands_hz - 2.0 * nominal_hz)
     told = sign * found.phase_rad + 2.0 * np.pi * (stands_hz - 2.0 * nominal_hz) * t_s
-    prior = phase_prior((end - start) * NODES_PER_S + 1).basis
+    grid = phase_prior((end - start) * NODES_PER_S + 1)
+    prior = grid.basis
     seen = np.column_stack([at_frames(t_s - start, direction) for direction in prior.T])
     noise = found.phase_cov + 1e-12 * np.eye(t_s.size)
     heard = np.linalg.solve(noise, np.column_stack([seen, told - told.mean()]))
@@ -295,8 +296,7 @@ def course_of(
     why = why_not(2.0 * nominal_hz + mean_hz, nominal_hz, rate_hz, wander, light)
     if why:
         return why
-    over_second = (prior[NODES_PER_S:] - prior[:-NODES_PER_S]) / (2.0 * np.pi)
-    variance = np.einsum("ij,ji->i", over_second, np.linalg.solve(precision, over_second.T))
+    variance = grid.second_var_hz2(np.asarray(np.linalg.inv(precision), np.float64))
     variance *= _misfit(t_s - start, told - told.mean() - seen @ coefficient, noise, variance.size)
     variance += (stands_hz / rate_hz * rate_std_hz) ** 2
     mirror_hz = np.nan if is_known else stands_hz

@@ -35,7 +35,8 @@ Complex = NDArray[np.complex128]
 
 def fit_by_frames(frames: Frames, psi_rad: Float) -> PhaseFit:
     """Most probable phase near a first guess."""
-    prior = phase_prior(psi_rad.size).basis
+    grid = phase_prior(psi_rad.size)
+    prior = grid.basis
     place = _Place(frames.t_s, psi_rad.size)
     coefficient = np.linalg.lstsq(prior, psi_rad, rcond=1e-9)[0]
     trust = np.ones(psi_rad.size)
@@ -69,7 +70,7 @@ def fit_by_frames(frames: Frames, psi_rad: Float) -> PhaseFit:
     solved = np.linalg.solve(precision, over_second.T)
     return PhaseFit(
         psi_rad=psi,
-        second_var_hz2=np.einsum("ij,ji->i", over_second, solved),
+        second_var_hz2=np.einsum("ij,ji->i", over_second, solved) + grid.left_out_hz2,
         template=amplitude.harmonic[0],
         weights=amplitude.weights[0],
         information=information,
