@@ -74,7 +74,7 @@ def find_slips(
     Parameters
     ----------
     light : ndarray of complex, shape (frames,)
-        Each frame's flicker relative to a smooth course of its phase, of size 1.
+        Each frame's flicker relative to a smooth course of its phase, of about the same size.
     step_rad : float
         By how much the light's phase turns in a frame period.
     equal : ndarray of bool, shape (frames,)
@@ -97,10 +97,12 @@ def find_slips(
         return []
     half = HALVES[-1]
     sizes = np.abs(light[: light.size // half * half].reshape(-1, half).mean(axis=1))
-    if not np.mean(_is_usual(sizes)) >= STEADY_RATIO:
+    # A fit that leaps have bent takes the flicker for smaller than it is.
+    usual = float(np.median(sizes)) if sizes.size else 0.0
+    if not (usual > 0.0 and np.mean(_is_usual(sizes / usual)) >= STEADY_RATIO):
         return []
     found: list[tuple[int, int]] = []
-    light, free = light.copy(), np.arange(light.size) >= first
+    light, free = light / usual, np.arange(light.size) >= first
     while len(found) < MOST_AT_ONCE:
         one = _likeliest(light, slips, leap, equal, free)
         if one is None:

@@ -121,6 +121,9 @@ class StillFlicker:
         if not found.determined:
             self.why = TOO_STILL
             return False
+        if _are_opposed(rows, fields):
+            self.why = FIELDS
+            return False
         rate_hz, rate_std_hz = frame_rate(t_s, numbers)
         level = float(np.mean(found.texture(rows, frames)))
         turns = abs(found.turns) + 1.0
@@ -128,9 +131,6 @@ class StillFlicker:
         course = course_of(found, self.nominal_hz, rate_hz, rate_std_hz, start, end, light)
         if isinstance(course, str):
             self.why = course
-            return False
-        if _are_opposed(rows, fields):
-            self.why = FIELDS
             return False
         self._path = _path(found, course, start, level, self._path)
         return True
