@@ -57,7 +57,7 @@ def steps_in(told: Float, precision: Float) -> Steps:
     top = _later(score)[:, None] + share * score[:, None]
     own = np.diag(precision)[:, None]
     heard = later[:, None] + 2.0 * share * beside[:, None] + share**2 * own
-    heard = np.maximum(heard, 1e-12 * heard.max())
+    heard = np.maximum(heard, max(1e-12 * heard.max(), 1e-300))
     usual = max(float(np.median(top[1:-1] ** 2 / heard[1:-1])) / USUAL, 1.0)
     return Steps(top / heard, np.sqrt(usual / heard))
 
