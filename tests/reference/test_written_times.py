@@ -162,3 +162,12 @@ def test_a_year_of_ordinary_times_is_as_it_was(tmp_path):
     reference = read_reference(path, step_s=0.5)
     assert reference.t0_ns == utc_ns("2026-01-15T08:00:00")
     assert any("without a time that can be used, left out: 1" in line for line in reference.notes)
+
+
+@pytest.mark.parametrize("day", ["31.02.2026", "30.02.2026", "29.02.2025", "31.04.2026"])
+def test_a_day_that_no_month_has_is_no_time(tmp_path, day):
+    times = [f"{day} 08:{i // 60:02}:{i % 60:02}" for i in range(N)]
+    with pytest.raises(ReferenceFormatError, match="is no time"):
+        read_stamped(tmp_path, times, values(N))
+    with pytest.raises(ReferenceFormatError, match="is no time"):
+        read_stamped(tmp_path, times, values(N), time_format="%d.%m.%Y %H:%M:%S")
