@@ -21,7 +21,6 @@ HARMONICS = 3
 # that are the same as the last, beyond which a codec makes them so.
 SAME_RATIO, MOST_DOUBLED = 0.02, 0.1
 AGAIN_S = 60.0  # after which it is looked whether there is one, where there was none
-BLENDED = "neighbouring frames are blended: another frame rate was made of them"
 
 
 class Conversions:
@@ -96,7 +95,7 @@ class Conversions:
 
 def words_of(conversion: Conversion) -> str:
     """Say to a reader why frame times can't be gone by."""
-    return BLENDED if conversion.blended else (
+    return conversion.why_not_undone or (
         "frames were dropped or doubled to convert the rate from "
         f"{conversion.source_hz:.6g} frames/s: only projection undoes that"
     )  # fmt: skip

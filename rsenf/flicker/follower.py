@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, Found, acquire
-from rsenf.flicker.conversions import BLENDED, Conversions
+from rsenf.flicker.conversions import Conversions
 from rsenf.flicker.frame_clock import frame_periods, usual_gap_ns
 from rsenf.flicker.lock import (
     AHEAD_S,
@@ -74,7 +74,7 @@ class FlickerFollower:
         self._ramp: NDArray[np.complex128] | None = None
         self._why = NO_FLICKER
         self._try_again = 0  # second from which on a converted frame rate is looked for again
-        self._is_blended = False
+        self._why_remade = ""  # why frame times can't be had back
 
     def update(self, block: RowBlock) -> list[FlickerSecond]:
         """Take a block of rows; return the seconds that it completes."""
@@ -174,7 +174,7 @@ class FlickerFollower:
 
     def _look_still(self, end: int, *, final: bool) -> None:
         """Look, now and then, for flicker that stands nearly still."""
-        if self._still is None or self._is_blended or end < SHORTEST_S:
+        if self._still is None or self._why_remade or end < SHORTEST_S:
             return
         self._still.forget_before(end - SPAN_S)
         if final or end % EVERY_S == 0:
@@ -259,8 +259,8 @@ class FlickerFollower:
         if self._buffer.conversion is None and span_s[1] >= self._try_again:
             self._try_again = span_s[1] + LOOK_S
             conversion, is_proven = self._conversions.find(*span_s)
-            self._is_blended = conversion is not None and conversion.blended
-            if conversion is not None and not conversion.blended:
+            self._why_remade = conversion.why_not_undone if conversion else ""
+            if conversion is not None and not self._why_remade:
                 if span_s[1] - span_s[0] < BRIEF_S:
                     return TOO_SHORT
                 taken_s, source_hz = conversion.taken_s(t_s), conversion.source_hz
@@ -272,8 +272,8 @@ class FlickerFollower:
                     self._cells.convert(conversion)
                     self._rate_hz, self._still = source_hz, None
                     return found
-        if self._is_blended:
-            return BLENDED
+        if self._why_remade:
+            return self._why_remade
         return acquire(
             self._nominals, self._basis, t_s, columns, self._rate_hz, span_s, self._min_snr
         )

@@ -187,6 +187,8 @@ class Lock:
             return dataclasses.replace(blank, reason="the flicker is much weaker than around")
         unsettled = 1.0 + UNSETTLED * abs(np.log(gain))
         variance = float(fit.second_var_hz2[node]) * unsettled**2 + MODEL_STD_HZ**2
+        if (made := buffer.conversion) is not None:
+            variance += (2.0 * self.nominal_hz * made.source_std_hz / made.source_hz) ** 2
         least = float(np.min(fit.second_var_hz2)) + SURE_STD_HZ**2
         from_end = min(blank.index - start, psi.size // NODES_PER_S - 1 - (blank.index - start))
         if from_end < END_S and variance > LEAST_SURE * least:

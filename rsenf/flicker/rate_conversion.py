@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import partial
 from itertools import product
 
@@ -28,6 +29,7 @@ PARTS = 4  # of the pictures' change, the strongest, in which light is looked fo
 OFFSETS_HZ = 0.4  # of the illumination's frequency from its nominal
 PLACES, FINE = 16, 33  # of the beat that are tried, and around the best
 OFF_RATIO = (0.0, -3e-4, 3e-4)  # by which cameras are off their nominal rate
+OFF_STD_RATIO = 5e-5  # how well the rate of one that is off is known
 PADDED = 4  # length of a spectrum over that of the stretch
 ORDERS = (1.0, 2.0, 3.0, 0.5, 1.5)  # harmonics; half-wave lamps have halves of the first
 STILL_HZ = 1.0  # light whose alias is nearer to 0 Hz stands nearly still
@@ -43,7 +45,13 @@ MIN_BY_ONE = 0.9
 MIN_FIRST, MIN_EXPLAINED, MIN_OF_REST = 0.5, 0.7, 0.5
 MIN_BLENDED = 0.95  # of all that is no noise: a lost frame looks a little like a blend
 SAME_POWER = 1e-9
+# A beat of so few frames has its tones where a lamp's overtones are: neither can be ruled out.
+SHORT_BEAT = 3
 EDGE = 4e-3  # of a frame: so near to the next one it isn't sure which is shown
+
+
+BLENDED = "neighbouring frames are blended: another frame rate was made of them"
+DOUBTFUL = "light with strong overtones, or frames dropped at a short beat: which?"
 
 
 @dataclass(frozen=True)
@@ -60,12 +68,25 @@ class Conversion:
         The beat's: ``a``, 0 to 1.
     blended : bool
         Whether neighbours are mixed; else whole frames are dropped or doubled.
+    doubtful : bool
+        Whether it is known by light that overtones explain as well.
     """
 
     source_hz: float
     shown_hz: float
     place: float
     blended: bool = False
+    doubtful: bool = False
+
+    @property
+    def why_not_undone(self) -> str:
+        """Why frame times can't be had back; '' where they can."""
+        return BLENDED if self.blended else DOUBTFUL if self.doubtful else ""
+
+    @property
+    def source_std_hz(self) -> float:
+        """Standard error of the camera's rate; 0 for a nominal one."""
+        return 0.0 if self.source_hz in RATES_HZ else OFF_STD_RATIO * self.source_hz
 
     def source_frames(self, stamp_s: Float) -> Float:
         """Frames of the camera since the first one shown, not yet rounded down."""
@@ -149,7 +170,13 @@ def find_conversion(
                 continue
             if explained > best + (MIN_OF_REST * (seen - best) if off else 0.0):
                 best, found = explained, tries[top]
-    return found
+    return replace(found, doubtful=_is_short(found)) if found else None
+
+
+def _is_short(found: Conversion) -> bool:
+    """Whether the beat is no longer than a few of the frames shown."""
+    ratio = Fraction(round_rate(found.source_hz) / found.shown_hz).limit_denominator(1000)
+    return not found.blended and ratio.denominator <= SHORT_BEAT
 
 
 def round_rate(rate_hz: float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from rsenf.flicker import mains
-from rsenf.flicker.conversions import BLENDED
+from rsenf.flicker.rate_conversion import BLENDED, DOUBTFUL
 from rsenf.idle.seen import Finding, Seen
 
 # Flicker that is still to so great a part has turned by less than about a radian: at a span of
@@ -45,7 +45,7 @@ STILL = Finding(
     "a radian: it can't be told from the picture's texture",
 )
 WEAK = refused(mains.FAINT)
-REMADE = refused(BLENDED)
+REMADE = tuple(map(refused, (BLENDED, DOUBTFUL)))
 NO_ROWS = refused("one mean for the whole frame: the rows are needed")
 SAWTOOTH = refused(
     "the brightness ramps and is reset at key frames: weighted prediction of the encoder, not light"

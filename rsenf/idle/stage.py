@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.flicker.conversions import BLENDED
 from rsenf.flicker.frame_clock import FrameClock
 from rsenf.flicker.frame_rate import (
     DOUBTFUL,
@@ -179,8 +178,9 @@ class IdleStage:
             return NO_ROWS
         if self._sawtooth.found:
             return SAWTOOTH
-        if BLENDED in self._pairing.reasons:
-            return REMADE
+        for remade in REMADE:
+            if remade.reason in self._pairing.reasons:
+                return remade
         seen = Seen(
             moments=self._moments,
             still_rows=self._still_rows,

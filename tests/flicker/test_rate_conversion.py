@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.flicker.conversions import BLENDED
 from rsenf.flicker.picture_news import News, find_remade
 from rsenf.flicker.profile import ProfileBasis
-from rsenf.flicker.rate_conversion import Conversion, find_conversion
+from rsenf.flicker.rate_conversion import BLENDED, Conversion, find_conversion
 from rsenf.messages import Header
 from rsenf.rows.luminance import blocks_from_luminance
 from tests.discrepancy.foreign_camera import Case, shoot, trial

@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from rsenf.flicker.conversions import BLENDED
+from rsenf.flicker.rate_conversion import BLENDED
 from rsenf.messages import EnfEstimate, Header
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
