@@ -9,7 +9,7 @@ the phase hardly turns, nothing can tell them apart, and the result says so.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ STEPS = 12
 WORTH = 20.0
 # Orders of a lamp's share that varies down the rows; and what it must leave of the residual.
 SHARES, SHARES_WORTH = 4, 0.7
+# What light of half the phase must leave of the residual.
+HALF_WORTH = 0.5
 # The phase must have turned this far, and the circle's radius be known this well.
 MIN_SPAN_RAD = 1.0
 MAX_TURNS_STD = 0.02  # half a point of the idle period at 25 frames a second
@@ -223,7 +225,7 @@ def separate(
     uneven = refine(data, point.flicker.with_share(SHARES), STEPS)
     if explained(uneven) < HOPELESS:
         return None
-    point = _with_share(_with_harmonics(point), uneven)
+    point = _at_half(_with_share(_with_harmonics(point), uneven))
     ratio = noise_ratio(point)
     point = refine(data, point.flicker, STEPS, ratio)
     plausible = 0.0 < point.flicker.series[0].real < MAX_AMPLITUDE
@@ -251,6 +253,24 @@ def _with_harmonics(point: Point) -> Point:
         if enough:
             break
     return point
+
+
+def _at_half(point: Point) -> Point:
+    """Take the light for the second harmonic of one of half its phase, where that explains more."""
+    data, flicker = point.data, point.flicker
+    half = replace(flicker, phase_rad=flicker.phase_rad / 2.0, turns=flicker.turns / 2.0)
+    first = half.waves(data.t_s, data.place)[0]
+    seen = data.centred(np.stack([first.real, -first.imag]))
+    weighted = data.weighted(seen).reshape(2, -1)
+    size = np.linalg.solve(weighted @ seen.reshape(2, -1).T, weighted @ point.residual.ravel())
+    shift = float(np.arctan2(size[1], size[0]))
+    order = np.arange(1, min(flicker.series.size, HARMONICS // 2) + 1)
+    series = np.zeros(2 * order.size, np.complex128)
+    series[0] = np.hypot(*size)
+    series[1::2] = flicker.series[: order.size] * np.exp(-2j * shift * order)
+    start = replace(half, phase_rad=half.phase_rad + shift, series=series)
+    other = refine(data, start, STEPS)
+    return other if other.power < HALF_WORTH * point.power else point
 
 
 def _result(point: Point, ratio: float) -> ZeroAlias:
