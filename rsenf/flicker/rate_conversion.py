@@ -175,7 +175,8 @@ def find_conversion(
 
 def _is_short(found: Conversion) -> bool:
     """Whether the beat is no longer than a few of the frames shown."""
-    ratio = Fraction(round_rate(found.source_hz) / found.shown_hz).limit_denominator(1000)
+    nominal_hz = min(RATES_HZ, key=lambda usual: abs(usual - found.source_hz))
+    ratio = Fraction(nominal_hz / found.shown_hz).limit_denominator(1000)
     return not found.blended and ratio.denominator <= SHORT_BEAT
 
 

@@ -15,6 +15,7 @@ from tests.flicker.foreign_rows import follow
         ("interlaced", "24", 60.0, 9874, FIELDS),  # by its second harmonic 23 mHz off
         ("half-wave part", "25", 50.0, 20510, HALF),
         ("half-wave part", "60", 60.0, 20507, HALF),
+        ("second harmonic, moving object", "30.01", 60.0, 31007, HALF),  # taken for the first
     ],
 )
 def test_it_is_not_followed(

@@ -124,6 +124,20 @@ def test_texture_is_that_of_steady_light() -> None:
     assert np.std(found.texture(clip.level, clip.frames) / steady) < 1e-3
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_second_harmonic_far_larger_than_the_first_is_none(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    turns, t_s = rng.uniform(0.9, 2.5), np.arange(120) * 0.5
+    phase = np.cumsum(0.05 * rng.standard_normal(120)) + 0.1 * t_s
+    place = (np.arange(100) + 0.5) / 100
+    angle = phase[:, None] + 2 * np.pi * turns * place
+    light = 1 + 0.02 * np.cos(angle) + 0.1 * np.cos(2 * angle + 1)
+    level = 100 * np.exp(0.1 * rng.standard_normal(100)) * light
+    found = separate(level + 0.3 * rng.standard_normal(level.shape), t_s)
+    assert found is not None
+    assert abs(found.turns - turns) < 5 * found.turns_std < 0.05
+
+
 def test_errors_have_the_size_of_their_standard_errors() -> None:
     """Over noise, textures, ramps and paths: cheap rows by the same law, written out here."""
     scores = []

@@ -6,11 +6,13 @@ import itertools
 
 import pytest
 
-from rsenf.flicker.rate_conversion import BLENDED
+from rsenf.flicker.rate_conversion import BLENDED, DOUBTFUL
 from rsenf.messages import EnfEstimate, Header
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
 from tests.discrepancy.foreign_camera import Case, film
+from tests.discrepancy.foreign_camera.trials import trial
+from tests.flicker.foreign_rows import follow
 
 METHODS = ("stft", "phase", "superpixel", "row_concat")
 
@@ -40,3 +42,21 @@ def test_nothing_is_said_of_a_converted_film(method: str, hidden: str, seed: int
 @pytest.mark.parametrize("method", METHODS)
 def test_what_is_not_converted_is_answered(method: str) -> None:
     assert any(m.usable for m in _tracked(method, seed=2))
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("second harmonic", 31080), ("stamp jitter", 31297)])
+def test_overtones_that_a_short_beat_makes_as_well_are_not_undone(kind: str, seed: int) -> None:
+    """As if 50 frames/s had become 30, the light would be a 60 Hz grid's: 10 Hz off."""
+    made = follow(trial(kind, seed, rate="30", nominal_hz=50.0, grid="rough", duration_s=60.0))
+    assert not made.off_hz.size
+    assert DOUBTFUL in {second.reason for second in made.seconds}
+
+
+def test_the_rate_of_a_camera_that_is_off_is_doubted() -> None:
+    made = follow(
+        trial(
+            "converted", 31020, rate="60.02", nominal_hz=50.0, grid="continental", duration_s=60.0
+        )
+    )
+    assert made.off_hz.size > 20
+    assert made.rms_z < 2.0
