@@ -15,6 +15,8 @@ from rsenf.messages import Header, RowBlock
 from rsenf.model import CaptureModel, GridPath, Shutter, simulate_rows, synthetic_grid
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.track.stft import StftTracker
+from tests.discrepancy.foreign_camera import film
+from tests.discrepancy.foreign_camera.trials import trial
 
 GRID = synthetic_grid(21, 40.0)
 TRUE_RATIO = 0.3
@@ -82,3 +84,15 @@ def test_rows_that_no_idle_method_can_take_are_a_result(blocks: Sequence[RowBloc
     found = judge.judge_idle([None], TRUE_RATIO)  # type: ignore[list-item]  # on purpose
     assert set(found) == set(IDLE_METHODS)
     assert all(result["broke"].startswith("AttributeError") for result in found.values())
+
+
+def test_seconds_after_lost_frames_are_judged_by_the_time_that_passed() -> None:
+    """Three frames are lost, stamps silent: by these, later seconds would be 0.1 s too early."""
+    filmed = film(
+        trial("frames lost", 22018, rate="24000/1001", nominal_hz=50.0, grid="continental")
+    )
+    blocks = list(blocks_from_luminance(filmed.level, filmed.stamp_s, Header()))
+    found = judge.enf_by("projection", blocks, filmed)
+    relative = np.array(found["error_mhz"]) / np.array(found["std_mhz"])
+    assert relative.size > 50
+    assert np.sqrt(np.mean(relative**2)) < 1.7
