@@ -84,10 +84,10 @@ def _joins(found: Parts, parts: Sequence[Part]) -> list[Edit]:
 
 
 def _one_time(a: Part, b: Part, within_s: float) -> bool:
-    """Whether the lags of two parts differ by no more than so much, or than by their errors."""
+    """Whether the lags of two parts may differ by no more than so much, by their errors."""
     apart_s = abs(a.place.lag_s - b.place.lag_s)
     error_s = math.hypot(a.place.lag_std_s, b.place.lag_std_s)
-    return a.place.grid == b.place.grid and apart_s <= max(within_s, SAME_STDS * error_s)
+    return a.place.grid == b.place.grid and apart_s - SAME_STDS * error_s <= within_s
 
 
 def _best_as_one(found: Parts, a: Part, b: Part) -> float:
