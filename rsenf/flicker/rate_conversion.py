@@ -156,28 +156,37 @@ def find_conversion(
         power, _ = _first_harmonic(parts, t_s, place, tries, nominal_hz)
         if power.max() < least_first:
             continue
-        near = tries[int(power.argmax())]
+        near = tries[_middle_of_best(power)]
         for off in OFF_RATIO:
             tries = _around(near, off, float(place.mean()))
             power, hz = _first_harmonic(parts, t_s, place, tries, nominal_hz)
-            # Where the beat is short, places between two of its steps are the same.
-            same = np.flatnonzero(power > (1.0 - SAME_POWER) * power.max())
-            top = int(same[same.size // 2])
+            top = _middle_of_best(power)
             light_rad = 2.0 * np.pi * hz[top] * tries[top].taken_s(t_s)
             waves_of = partial(_converted, tries[top], t_s, hz[top])
             explained = _explained(parts, light_rad, waves_of)
             if blended and explained < MIN_BLENDED * seen:
                 continue
-            if explained > best + (MIN_OF_REST * (seen - best) if off else 0.0):
+            # One that is off has to beat a nominal one clearly.
+            if explained > best + (MIN_OF_REST * (seen - best) if off and found else 0.0):
                 best, found = explained, tries[top]
     return replace(found, doubtful=_is_short(found)) if found else None
 
 
+def _middle_of_best(power: Float) -> int:
+    """Return which place is best: where the beat is short, all between two of its steps are."""
+    same = np.flatnonzero(power > (1.0 - SAME_POWER) * power.max())
+    return int(same[same.size // 2])
+
+
 def _is_short(found: Conversion) -> bool:
     """Whether the beat is no longer than a few of the frames shown."""
+    return not found.blended and _beat_frames(found) <= SHORT_BEAT
+
+
+def _beat_frames(found: Conversion) -> int:
+    """Frames shown until a nominal rate's beat comes again."""
     nominal_hz = min(RATES_HZ, key=lambda usual: abs(usual - found.source_hz))
-    ratio = Fraction(nominal_hz / found.shown_hz).limit_denominator(1000)
-    return not found.blended and ratio.denominator <= SHORT_BEAT
+    return Fraction(nominal_hz / found.shown_hz).limit_denominator(1000).denominator
 
 
 def round_rate(rate_hz: float) -> float:
@@ -216,11 +225,15 @@ def _nearly_still(parts: Float, place: NDArray[np.int64], shown_hz: float) -> fl
 
 
 def _around(near: Conversion, off_ratio: float, middle: float) -> list[Conversion]:
-    """Conversions from a slightly other rate, of nearly the same place in the stretch's middle."""
+    """Conversions from a slightly other rate, of nearly the same place in the stretch's middle.
+
+    All places between two steps of the beat are the same for a nominal rate, not for others.
+    """
     moved = near.place - off_ratio * near.source_hz / near.shown_hz * middle
+    reach = max(1.0 / _beat_frames(near), 1.0 / PLACES)
     return [
         replace(near, source_hz=near.source_hz * (1.0 + off_ratio), place=float(place % 1.0))
-        for place in moved + np.linspace(-1.0, 1.0, FINE) / PLACES
+        for place in moved + np.linspace(-reach, reach, FINE)
     ]
 
 
