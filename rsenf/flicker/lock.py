@@ -32,6 +32,7 @@ from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slipping_fit import Window
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.flicker.tone import AT_EDGE, Tone, ToneFinder
+from rsenf.flicker.turning import turning
 from rsenf.flicker.wander import Wander, wander_of
 
 Float = NDArray[np.float64]
@@ -64,6 +65,7 @@ END_S = 5
 MOST_SECOND = 0.35
 # Of light at the grid's own frequency, where that may as well be the first harmonic.
 MOST_HALF = 0.1
+APART_CELLS = 1.0  # by which two tones are told apart
 HALF = "light at the grid's own frequency, or a read-out from the last row to the first: which?"
 
 
@@ -165,7 +167,7 @@ class Lock:
         self._path.forget_before(start)
         if not reason:
             self._learn(fit)
-            reason = self._why_mirrored(fit)
+            reason = self._why_mirrored(fit) or self._why_alternates(buffer, fit, start, stop)
         blank = dataclasses.replace(
             blank,
             turns=self.turns,
@@ -296,6 +298,26 @@ class Lock:
             if abs(apart_hz) < SEARCH_HZ and ratio > most:
                 return reason
         return ""
+
+    def _why_alternates(self, buffer: SlowTime, fit: PhaseFit, start: int, stop: int) -> str:
+        """Say why the true flicker may be half of what is followed; '' where it isn't.
+
+        At 60 frames/s light at 200 Hz has the alias of 100 Hz with its sign reversed. The true
+        flicker is then at half the followed frequency, its sign changed from frame to frame.
+        """
+        sum_hz = 6.0 * self.nominal_hz  # of light at 2·f_0, and of the mirrored f_0
+        apart_hz, is_odd = alias_hz(sum_hz, self._rate_hz) / 2.0, round(sum_hz / self._rate_hz) % 2
+        if not (is_odd and APART_CELLS / (stop - start) < abs(apart_hz) < SEARCH_HZ / 2.0):
+            return ""
+        t_s, columns = buffer.usable_of(start, stop)
+        phase = 4.0 * np.pi * self.nominal_hz * t_s + at_frames(t_s - start, fit.psi_rad)
+        sign = 1.0 - 2.0 * (np.rint(t_s * self._rate_hz) % 2.0)
+        of_frames = [sign * turning(0.5 * phase), *(turning(k * phase) for k in (1.0, 2.0, 3.0))]
+        waves = np.stack([np.ones_like(t_s), *(w for f in of_frames for w in (f.real, f.imag))], 1)
+        found = np.linalg.lstsq(waves, columns, rcond=None)[0]
+        half, first = (fit.weights @ (found[k] ** 2 + found[k + 1] ** 2) for k in (1, 3))
+        noise = 4.0 * fit.weights.size / t_s.size
+        return SECOND if half - noise > MOST_HALF**2 * first else ""
 
     def _aligned(self, fit: PhaseFit) -> PhaseFit:
         """Return a fit whose template is in phase with the ramp: what no fit can know by itself."""
