@@ -40,7 +40,7 @@ Complex = NDArray[np.complex128]
 
 WINDOW_S = 31  # that a second's phase is fitted in
 AHEAD_S = 15  # of it, after the first second that it is fitted for
-TOGETHER_S = 4  # seconds that share a window
+TOGETHER_S = 6
 SHORT_S = 3  # the shortest that anything is fitted in
 JUDGED_S = 12  # windows that begin within so many share a look at whether it is mains light
 CHECK_S = 20  # window in which the tone has to stand out
@@ -111,6 +111,7 @@ class Lock:
         self._path = PhasePath(found.psi_rad, start)
         self._fit: tuple[tuple[int, int], PhaseFit | None] = (0, 0), None
         self._checked: tuple[tuple[int, int], tuple[Tone, str]] = (0, 0), (_NO_TONE, TOO_FEW)
+        self._alternates: tuple[tuple[int, int], str] = (0, 0), ""
         self.failed = 0  # seconds in a row in which the tone didn't stand out
         self.settled_s = 0  # nothing slips any more before this second
         self._apart_turns = 0.0
@@ -167,7 +168,9 @@ class Lock:
         self._path.forget_before(start)
         if not reason:
             self._learn(fit)
-            reason = self._why_mirrored(fit) or self._why_alternates(buffer, fit, start, stop)
+            if self._alternates[0] != (start, stop):
+                self._alternates = (start, stop), self._why_alternates(buffer, fit, start, stop)
+            reason = self._why_mirrored(fit) or self._alternates[1]
         blank = dataclasses.replace(
             blank,
             turns=self.turns,
@@ -314,7 +317,7 @@ class Lock:
         sign = 1.0 - 2.0 * (np.rint(t_s * self._rate_hz) % 2.0)
         of_frames = [sign * turning(0.5 * phase), *(turning(k * phase) for k in (1.0, 2.0, 3.0))]
         waves = np.stack([np.ones_like(t_s), *(w for f in of_frames for w in (f.real, f.imag))], 1)
-        found = np.linalg.lstsq(waves, columns, rcond=None)[0]
+        found = np.linalg.solve(waves.T @ waves, waves.T @ columns)
         half, first = (fit.weights @ (found[k] ** 2 + found[k + 1] ** 2) for k in (1, 3))
         noise = 4.0 * fit.weights.size / t_s.size
         return SECOND if half - noise > MOST_HALF**2 * first else ""
