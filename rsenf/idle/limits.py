@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from rsenf.flicker import mains
 from rsenf.flicker.rate_conversion import BLENDED, DOUBTFUL
+from rsenf.idle.row_tones import row_tones
 from rsenf.idle.seen import Finding, Seen
 
 # Flicker that is still to so great a part has turned by less than about a radian: at a span of
@@ -25,10 +28,14 @@ MIXED, ONE_TURNS, ONE_STILL_TURNS = 3.0, 0.007, 0.03
 SLACK_RATIO = 0.02
 # Of the rows' tones, the least share that adds up along the ramp.
 MIN_COHERENCE = 0.6
+# Phase between even and odd rows that makes two fields, in rad and in standard errors; bands for
+# the latter.
+LEAST_FIELD_RAD, FIELD_STDS, FIELD_BANDS = 0.1, 6.0, 24
 # Two grids whose light shows alike from frame to frame, within so many Hz.
 ALIKE_HZ = 1.0
 
 SEVERAL = "light of several phases: its mixture's change down the rows can't be told from read-out"
+INTERLACED = "interlaced: even rows and odd ones are of different times"
 CROP = "a crop, as by electronic image stabilisation, counts as idle"
 
 
@@ -84,6 +91,31 @@ def checked(seen: Seen, finding: Finding) -> Finding:
     if finding.read_out_s * seen.frame_rate_hz - 1.0 > max(SLACK_RATIO, 3.0 * std_ratio):
         return TOO_LONG
     return finding
+
+
+def woven_fields(seen: Seen) -> Finding | None:
+    """Refuse pictures that are woven of two fields, by the phase between their rows.
+
+    A row's phase is halfway between its neighbours' where all rows are read in turn. Woven fields
+    are half a frame apart. Where that is a whole number of the light's periods nothing shows.
+    """
+    if seen.stands_still or hardly_turned(seen):
+        return None
+    tone, _ = row_tones(seen.moments)
+    odd = tone[1:-1:2]
+    even = tone[: 2 * odd.size : 2] + tone[2 : 2 * odd.size + 1 : 2]
+    parts = [part.sum() for part in np.array_split(odd * even.conj(), FIELD_BANDS)]
+    mean = sum(parts)
+    offset_rad = float(np.angle(mean))
+    away = np.array(parts) * np.exp(-1j * offset_rad)
+    std_rad = float(np.sqrt(np.sum(away.imag**2)) / np.abs(mean)) if mean else np.inf
+    if not abs(offset_rad) > max(LEAST_FIELD_RAD, FIELD_STDS * std_rad):
+        return None
+    half_rad = np.pi * seen.f0_hz / seen.frame_rate_hz
+    off = [abs(np.angle(np.exp(1j * (offset_rad - sign * half_rad)))) for sign in (1, -1)]
+    first = "top" if off[0] < off[1] else "bottom"
+    whose = f", {first} field first" if min(off) < 0.5 * max(off) else ""
+    return refused(f"{INTERLACED}{whose}: separate the fields, or deinterlace, then try again")
 
 
 def _apart_turns(seen: Seen) -> float:

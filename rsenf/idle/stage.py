@@ -33,6 +33,7 @@ from rsenf.idle.limits import (
     are_alike,
     checked,
     look_alike,
+    woven_fields,
 )
 from rsenf.idle.moments import Moments
 from rsenf.idle.pairing import Pairing, PhasedBlock
@@ -195,6 +196,8 @@ class IdleStage:
         )
         if not (seen.followed or is_still):
             return Finding(verdict="no_signal", reason=self._why_nothing(seen))
+        if woven := woven_fields(seen):
+            return woven
         finding = self._conclude(seen)
         is_mirrored = np.isfinite(seen.mirror_hz) and not seen.stands_still
         if finding.verdict == "estimated" and is_mirrored:

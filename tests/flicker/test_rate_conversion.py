@@ -139,3 +139,11 @@ def test_a_beat_of_a_few_frames_is_no_overtones_of_the_other_grid() -> None:
     assert clip.converted
     assert clip.off_hz.size > 50
     assert clip.rms_z < 2.0
+
+
+@pytest.mark.parametrize(("seed", "rate"), [(33220, "30.01"), (33195, "60.02")])
+def test_a_beat_that_is_off_is_found_wherever_it_steps(seed: int, rate: str) -> None:
+    """A rate a little off nominal moves its beat by a step in the window that is looked at."""
+    grid = "rough" if rate == "30.01" else "continental"
+    clip = follow(trial("converted", seed, rate=rate, nominal_hz=50.0, grid=grid))
+    assert not clip.off_hz.size or (clip.converted and clip.rms_z < 2.0)
