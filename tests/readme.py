@@ -1,4 +1,4 @@
-"""The README's command blocks, so that CI runs what the README says and nothing else.
+"""Command blocks of the README and the pages of help: CI runs what they say and nothing else.
 
 Blocks are fenced ``console`` blocks; lines that begin with ``$ `` are commands. A block may be
 named by the HTML comment before it: ``<!-- test -->``. A block named ``not-run`` shows a command
@@ -12,7 +12,20 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-README = Path(__file__).resolve().parent.parent / "README.md"
+ROOT = Path(__file__).resolve().parent.parent
+README = ROOT / "README.md"
+
+
+def pages() -> list[Path]:
+    """Return the README, then the pages of help in their order."""
+    # Read as text: this runs before anything is installed.
+    listed = (ROOT / "rsenf/help/__init__.py").read_text(encoding="utf-8")
+    topics = re.findall(
+        r'"([a-z]+)"', listed[listed.index("TOPICS = (") : listed.index(")  # fmt")]
+    )
+    return [README, *(ROOT / f"rsenf/help/{topic}.md" for topic in topics)]
+
+
 _BLOCK = re.compile(
     r"(?:<!-- *(?P<name>[\w-]+)(?::[^>]*)? *-->\n)?```console\n(?P<body>.*?)```", re.S
 )
@@ -23,19 +36,20 @@ class Block:
     """One fenced block."""
 
     name: str
-    line: int
+    place: str
     commands: tuple[str, ...]
 
 
 def blocks() -> list[Block]:
-    """Return every command block of the README, in order."""
-    text = README.read_text(encoding="utf-8")
+    """Return every command block, in order."""
     out = []
-    for match in _BLOCK.finditer(text):
-        body = match["body"].replace("\\\n", " ")
-        commands = tuple(ln[2:].strip() for ln in body.splitlines() if ln.startswith("$ "))
-        line = text.count("\n", 0, match.start("body")) + 1
-        out.append(Block(match["name"] or "", line, commands))
+    for page in pages():
+        text = page.read_text(encoding="utf-8")
+        for match in _BLOCK.finditer(text):
+            body = match["body"].replace("\\\n", " ")
+            commands = tuple(ln[2:].strip() for ln in body.splitlines() if ln.startswith("$ "))
+            line = text.count("\n", 0, match.start("body")) + 1
+            out.append(Block(match["name"] or "", f"{page.name}:{line}", commands))
     return out
 
 

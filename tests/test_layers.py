@@ -17,6 +17,7 @@ ALLOWED: dict[str, set[str]] = {
     "registry": {"errors"},
     "timebase": set(),
     "version": set(),
+    "help": set(),
     "stage": set(),
     "medians": set(),
     "whole_file": {"errors"},
@@ -92,6 +93,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "cli": {
         *BASE,
+        "help",
         "version",
         *SIGNAL,
         "api",

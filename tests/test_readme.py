@@ -1,4 +1,4 @@
-"""Every command of the README is run, in order, in one folder, as a reader would."""
+"""Commands of the README and the pages of help are run, in order, in one folder, as by a reader."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import ROOT
-from tests.readme import README, blocks
+from tests.readme import README, blocks, pages
 
 # Run by .ci/run, which builds the environments that they describe.
 BY_CI = {"demo", "test"}
@@ -24,7 +24,7 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder like the checkout, with the demo made, and the README's own files in it."""
     folder = tmp_path_factory.mktemp("reader")
     shutil.copytree(ROOT / "configs", folder / "configs")
-    text = README.read_text(encoding="utf-8")
+    text = "".join(page.read_text(encoding="utf-8") for page in pages())
     for name, body in re.findall(r"<!-- file: (\S+) -->\n```(?:python|toml)\n(.*?)```", text, re.S):
         (folder / name).write_text(body, encoding="utf-8")
     install(folder)
@@ -62,15 +62,15 @@ def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.processes
 @pytest.mark.parametrize(
-    ("line", "command"),
+    ("place", "command"),
     [
-        (block.line, command)
+        (block.place, command)
         for block in blocks()
         if block.name not in {*BY_CI, "not-run"}
         for command in block.commands
     ],
 )
-def test_command(line: int, command: str, reader: Path) -> None:
+def test_command(place: str, command: str, reader: Path) -> None:
     done = run(command, reader)
     if "listen.py" in command:
         assert done.stdout.count(" Hz") >= 5, done.stdout
@@ -88,7 +88,28 @@ def test_the_two_commands_are_there() -> None:
     assert all(len(b.commands) == 1 for b in blocks() if b.name in BY_CI)
 
 
-def test_every_file_the_readme_names_exists() -> None:
-    text = README.read_text(encoding="utf-8")
-    for target in re.findall(r"\]\(((?!https?:)[^)#]+)\)", text):
-        assert (ROOT / target).exists(), target
+def test_every_file_that_is_named_exists() -> None:
+    for page in pages():
+        text = page.read_text(encoding="utf-8")
+        for target in re.findall(r"\]\(((?!https?:)[^)#]+)\)", text):
+            assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_every_place_in_a_page_that_is_named_exists() -> None:
+    for page in pages():
+        text = page.read_text(encoding="utf-8")
+        for target in re.findall(r"\]\(#([^)]+)\)", text):
+            titles = re.findall(r"^#+ (.*)", text, re.M)
+            assert target in {
+                re.sub(r"[^a-z0-9 -]", "", t.lower()).replace(" ", "-") for t in titles
+            }
+
+
+def test_the_pages_are_those_that_there_are() -> None:
+    assert {page.name for page in pages()[1:]} == {
+        p.name for p in (ROOT / "rsenf/help").glob("*.md")
+    }
+
+
+def test_people_finish_the_readme() -> None:
+    assert len(README.read_text(encoding="utf-8").splitlines()) <= 300

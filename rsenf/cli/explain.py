@@ -1,6 +1,7 @@
-"""Explain a message, an exit code or the layout of keys; write the schemas.
+"""Show a page of help, a message, the exit codes or the layout of keys; write the schemas.
 
 rsenf explain                     what there is to explain
+rsenf explain verify              a page of help
 rsenf explain EnfEstimate         the fields of a message, as Protobuf with units
 rsenf explain exit-codes | keys | contract
 rsenf explain schemas --out DIR   write rsenf.proto, rsenf.desc, and JSON Schemas of a graph file,
@@ -10,8 +11,11 @@ rsenf explain schemas --out DIR   write rsenf.proto, rsenf.desc, and JSON Schema
 from __future__ import annotations
 
 import argparse
+import re
+import sys
 from pathlib import Path
 
+COMMENT = re.compile(r"<!--.*?-->\n?", re.S)  # for the tests of a page, not for its reader
 EXIT_CODES = """\
 0    done; 'no usable signal', 'no match' and 'too short to tell' are results too
 1    failed: no decodable frame, a source that can't be reached, a node that died, a full disk
@@ -76,14 +80,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Explain something."""
     from rsenf.errors import UsageError
+    from rsenf.help import TOPICS, page_of, title_of
     from rsenf.messages.proto_text import message_text
     from rsenf.messages.schema import message_classes
 
     classes = message_classes()
     topics = {"exit-codes": EXIT_CODES, "keys": KEYS, "contract": CONTRACT}
     if not args.what:
+        print("\n".join(f"{topic:<12}{title_of(topic)}" for topic in TOPICS))
         print("Messages:", ", ".join(classes))
         print("Also:    ", ", ".join([*topics, "schemas"]))
+    elif args.what in TOPICS:
+        _show(page_of(args.what).read_text(encoding="utf-8"))
     elif args.what in classes:
         print(message_text(classes[args.what]))
     elif args.what in topics:
@@ -95,6 +103,19 @@ def run(args: argparse.Namespace) -> int:
     else:
         raise UsageError(f"nothing to explain about {args.what!r}", "see 'rsenf explain'")
     return 0
+
+
+def _show(page: str) -> None:
+    """Print a page, rendered where somebody reads it in a terminal."""
+    if not sys.stdout.isatty():
+        print(page, end="")
+        return
+    from rich.console import Console
+    from rich.markdown import Markdown
+
+    console = Console()
+    with console.pager(styles=True):
+        console.print(Markdown(COMMENT.sub("", page), hyperlinks=False))
 
 
 def schema_files() -> dict[str, bytes]:

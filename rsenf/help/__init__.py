@@ -1,0 +1,23 @@
+"""The pages of help, which ``rsenf explain TOPIC`` shows: one Markdown file for each topic."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+# In the order in which a newcomer reads them; commands of later pages use files of earlier ones.
+TOPICS = (
+    "api", "verify", "references", "idle", "cameras", "live", "model", "discover", "batch",
+    "graphs", "hosts", "recordings", "dashboard", "extend", "errors", "results", "glossary",
+    "changes",
+)  # fmt: skip
+
+
+def page_of(topic: str) -> Path:
+    """Return the file of a topic."""
+    return Path(__file__).with_name(f"{topic}.md")
+
+
+def title_of(topic: str) -> str:
+    """Return the title of a topic's page."""
+    with page_of(topic).open(encoding="utf-8") as page:
+        return page.readline().removeprefix("# ").strip()
