@@ -1,4 +1,7 @@
-"""What a batch does with one recording: the analysis, and what came out as a row of a table."""
+"""What a batch does with one recording: the analysis, and what came out as a row of a table.
+
+A recording's ENF in a few figures.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,15 @@ import contextlib
 import functools
 import hashlib
 import json
+import math
 import re
 import socket
+import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rsenf import __version__
 from rsenf.api.discover import PAGE, discover
@@ -23,8 +29,8 @@ from rsenf.api.verify import verify
 from rsenf.batch.columns import DONE, NO_SIGNAL, UNUSABLE, Row, make_row
 from rsenf.batch.recordings import Recording, recording_of
 from rsenf.batch.settings import Settings
-from rsenf.batch.track_figures import track_figures
 from rsenf.errors import InputError, NoSignal, RsenfError, SchemaMismatch, UsageError
+from rsenf.messages import EnfEstimate
 from rsenf.model import load_effects
 from rsenf.record.provenance import input_facts
 from rsenf.report.discovery import effect_words
@@ -32,6 +38,41 @@ from rsenf.report.hint_words import kind_words
 from rsenf.report.verdict import number
 from rsenf.run.inputs import Input, open_input_file
 from rsenf.whole_file import whole_file
+
+
+def track_figures(estimates: Sequence[EnfEstimate], frame_rate_hz: float) -> dict[str, Any]:
+    """Return how many values there are, and what the usable ones come to.
+
+    The mean's standard error is the mean of theirs: their errors may be one and the same, as where
+    windows overlap, and then averaging gains nothing.
+
+    Parameters
+    ----------
+    estimates : sequence of EnfEstimate
+    frame_rate_hz : float
+        Of the camera, over all of the recording.
+    """
+    usable = [e for e in estimates if e.usable]
+    figures: dict[str, Any] = {"values": len(estimates), "usable_values": len(usable)}
+    if not usable:
+        return figures
+    enf_hz = [e.enf_hz for e in usable]
+    std_hz = [math.sqrt(e.enf_var_hz2) for e in usable if e.enf_var_hz2 >= 0.0]
+    snr_db = [e.snr_db for e in usable if math.isfinite(e.snr_db)]
+    last = usable[-1]
+    return figures | {
+        "enf_mean_hz": statistics.fmean(enf_hz),
+        "enf_mean_std_hz": statistics.fmean(std_hz) if std_hz else None,
+        "enf_min_hz": min(enf_hz),
+        "enf_max_hz": max(enf_hz),
+        "enf_std_median_hz": statistics.median(std_hz) if std_hz else None,
+        "snr_median_db": statistics.median(snr_db) if snr_db else None,
+        "nominal_hz": last.nominal_hz,
+        "harmonic": last.harmonic,
+        "line_hz": last.line_hz,
+        "frame_rate_hz": frame_rate_hz,
+    }
+
 
 TRACKS, DISCOVERIES = "tracks", "discoveries"  # folders within a batch's
 

@@ -1,4 +1,9 @@
-"""A graph file: read, checked, and with recordings in the place of nodes if asked for."""
+"""A graph file: read, checked, and with recordings in the place of nodes if asked for.
+
+What the schema of a graph can't see: whether its nodes fit together.
+
+Whether a graph that is split over hosts holds together.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +12,161 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from rsenf.bus.keys import REFERENCE, TOPICS, matches
+from rsenf.bus.zenoh_bus import setting_problem
 from rsenf.config.check import check
-from rsenf.config.graph import Graph, completed
-from rsenf.config.node_kind import NODE_KINDS, NodeKind
+from rsenf.config.graph import BusConfig, Graph, completed, host_of, reader_of_frames, sender_of
+from rsenf.config.graph import reader_of_frames as reader_of
+from rsenf.config.node_kind import NODE_KINDS, NodeKind, Problem
 from rsenf.config.secrets import hide
-from rsenf.config.wiring import overwriting, problems
 from rsenf.config.yaml_lines import YamlText
 from rsenf.errors import ConfigError, UsageError
+
+
+def host_problems(graph: Graph) -> Iterator[Problem]:
+    """Yield where in the file something doesn't fit, and what."""
+    yield from _unsecured(graph)
+    if not graph.hosts:
+        return
+    for key in sorted(graph.bus.model_fields_set - {"zenoh"}):
+        if getattr(graph.bus, key) != BusConfig.model_fields[key].default:
+            yield ("bus", key), "the hosts open routers of their own; name their 'address'"
+    yield from _misplaced(graph)
+    yield from _unlinked(graph)
+    yield from _far_rings(graph)
+
+
+def _misplaced(graph: Graph) -> Iterator[Problem]:
+    for name, host in graph.hosts.items():
+        for node in dict.fromkeys(host.nodes):
+            if node not in graph.nodes:
+                yield ("hosts", name, "nodes"), f"no node {node!r} in this graph"
+            elif (first := host_of(graph, node)) != name:
+                yield ("hosts", name, "nodes"), f"node {node!r} runs on host {first!r} already"
+            elif host.nodes.count(node) > 1:
+                yield ("hosts", name, "nodes"), f"{node!r} stands here twice"
+    for node in graph.nodes:
+        if not host_of(graph, node):
+            yield ("nodes", node), f"runs on no host; one of {', '.join(graph.hosts)}"
+
+
+def _unlinked(graph: Graph) -> Iterator[Problem]:
+    for name, host in graph.hosts.items():
+        for endpoint in filter(None, (host.address, *host.listen)):
+            if problem := setting_problem("connect/endpoints", [endpoint]):
+                yield ("hosts", name, "address"), f"{endpoint!r}: {problem}"
+        for other in host.links:
+            if other not in graph.hosts:
+                known = ", ".join(graph.hosts)
+                yield ("hosts", name, "links"), f"no host {other!r}; one of {known}"
+            elif other == name or graph.hosts[other].address is None:
+                yield ("hosts", name, "links"), f"host {other!r} has no address to link to"
+    first = next(iter(graph.hosts))
+    reached = _reached_from(graph, first)
+    for name in graph.hosts:
+        if name not in reached:
+            yield ("hosts", name), f"no links lead from here to host {first!r}"
+
+
+def _unsecured(graph: Graph) -> Iterator[Problem]:
+    if graph.tls and not graph.hosts:
+        yield ("tls",), "is for the links between 'hosts', and the graph has none"
+    if graph.access and not graph.tls:
+        yield ("access",), "nobody can be told apart without 'tls'"
+    for name, host in graph.hosts.items() if graph.tls else ():
+        for endpoint in filter(None, (host.address, *host.listen)):
+            if not endpoint.startswith(("tls/", "quic/")):
+                yield ("hosts", name, "address"), f"{endpoint!r} goes past the certificates: tls/…"
+    for name, access in graph.access.items():
+        for below in access.publish:
+            try:
+                matches(below, "any")
+            except UsageError as exc:
+                yield ("access", name, "publish"), str(exc)
+
+
+def _reached_from(graph: Graph, first: str) -> set[str]:
+    pairs = [(name, other) for name, host in graph.hosts.items() for other in host.links]
+    reached, before = {first}, set[str]()
+    while reached != before:
+        before = set(reached)
+        reached |= {n for pair in pairs if reached & set(pair) for n in pair}
+    return reached
+
+
+def _far_rings(graph: Graph) -> Iterator[Problem]:
+    """Yield rings in shared memory that are to be read on another host."""
+    for name, node in graph.nodes.items():
+        if node.uses_ring:
+            for topic, camera in node.outputs():
+                reader = reader_of(graph, camera) if topic == "frames" else ""
+                there = host_of(graph, reader)
+                if there and there != host_of(graph, name):
+                    text = f"node {reader!r} reads them on host {there!r}; use 'tcp' or 'fused'"
+                    yield ("nodes", name, "frames"), text
+
+
+def problems(graph: Graph) -> list[Problem]:
+    """What doesn't fit together: where in the file, and what."""
+    found = [*_of_bus(graph.bus), *host_problems(graph)]
+    for name, path in overwriting(graph):
+        found.append((("nodes", name, "out"), f"{path} is played by this graph"))
+    for name, node in graph.nodes.items():
+        of_node = [*node.problems(graph), *_twice(graph, name, node), *_unread(graph, node)]
+        # With a bus of somebody else's, what is missing here may be sent there.
+        if not graph.bus.is_elsewhere:
+            of_node += _unfed(graph, node)
+        found += [(("nodes", name, *below), text) for below, text in of_node]
+    return found
+
+
+def overwriting(graph: Graph) -> Iterator[tuple[str, str]]:
+    """Yield the nodes that would record over what the graph plays, and where."""
+    played = {Path(node.plays).resolve() for node in graph.nodes.values() if node.plays}
+    for name, node in graph.nodes.items():
+        if node.writes and Path(node.writes).resolve() in played:
+            yield name, node.writes
+
+
+def _of_bus(bus: BusConfig) -> Iterator[Problem]:
+    if bus.listen and bus.is_elsewhere:
+        yield ("bus", "listen"), "only a router of the run's own listens; leave out 'connect'"
+    for path, value in bus.zenoh.items():
+        if problem := setting_problem(path, value):
+            yield ("bus", "zenoh", path), problem
+
+
+def _unread(graph: Graph, node: NodeKind) -> Iterator[Problem]:
+    """Yield a ring that nobody of this graph reads: its writer would wait for ever."""
+    for topic, camera in node.outputs() if node.uses_ring and graph.bus.is_elsewhere else ():
+        if topic == "frames" and not reader_of_frames(graph, camera):
+            yield ("frames",), f"no node here reads the ring of {camera!r}; use 'tcp' or 'fused'"
+
+
+def _twice(graph: Graph, name: str, node: NodeKind) -> Iterator[Problem]:
+    """Yield what another node, or this one, does already."""
+    sent = node.outputs()
+    for topic in {stream.topic for stream in sent} - set(TOPICS):
+        yield (node.named_by,), f"sends {topic!r}, which is no topic; there are {', '.join(TOPICS)}"
+    for stream in dict.fromkeys(sent):
+        first = sender_of(graph, *stream)
+        if first != name:
+            text = f"node {first!r} sends the {stream.topic} of {stream.of!r} already"
+            yield (node.named_by,), text
+        elif sent.count(stream) > 1:
+            yield (node.named_by,), f"{stream.of!r} stands here twice"
+    if node.writes:
+        first = next(n for n, other in graph.nodes.items() if other.writes == node.writes)
+        if first != name:
+            yield ("out",), f"node {first!r} writes {node.writes} already"
+
+
+def _unfed(graph: Graph, node: NodeKind) -> Iterator[Problem]:
+    """Yield every input that nobody sends."""
+    for (topic, of), where, _ in graph.inputs_of(node):
+        if not sender_of(graph, topic, of):
+            camera = "" if topic == REFERENCE else " of camera"
+            yield (where,), f"nobody sends the {topic}{camera} {of!r}"
 
 
 def load_graph(path: str | Path, replayed: Mapping[str, str] | None = None) -> Graph:

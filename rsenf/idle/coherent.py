@@ -1,13 +1,83 @@
-"""The coherent estimator: maximum likelihood over all frames, rows and harmonics."""
+"""The coherent estimator: maximum likelihood over all frames, rows and harmonics.
+
+Flicker that stands still from frame to frame: 25 frames a second on 50 Hz, 30 on 60, and so on.
+
+The alias is at 0 Hz, and every row's flicker looks like texture, but for the grid's deviation,
+which turns all rows' phases together. Texture, ramp and phases are fitted jointly
+(:mod:`rsenf.flicker.zero_alias`). The mirror image fits equally well: read-out from the last row,
+and the deviation with the other sign.
+"""
 
 from __future__ import annotations
 
-from rsenf.idle.limits import MIN_COHERENCE, NO_RAMP, STILL, WEAK, hardly_turned, is_weak
+from dataclasses import replace
+
+import numpy as np
+
+from rsenf.flicker.lines import alias_hz
+from rsenf.flicker.mains import MIN_FLICKER_RATIO
+from rsenf.flicker.still import SPAN_S, course_of, direction_of
+from rsenf.flicker.zero_alias import ZeroAlias
+from rsenf.idle.limits import (
+    MIN_COHERENCE,
+    NO_FLICKER,
+    NO_RAMP,
+    STILL,
+    TOO_SHORT,
+    WEAK,
+    hardly_turned,
+    is_weak,
+    refused,
+)
 from rsenf.idle.ramp import Profile, find_ramp
 from rsenf.idle.row_tones import coherence, row_tones
 from rsenf.idle.seen import Finding, Seen
 from rsenf.idle.spread import bend_var, freedom, jackknife_var
-from rsenf.idle.still import still
+
+EVERY_S = 4  # that spans are whole multiples of, so that few are prepared for
+
+
+def still(seen: Seen) -> Finding:
+    """Conclude from the joint fit of texture and flicker."""
+    if not seen.still_rows.enough:
+        return TOO_SHORT
+    fit = seen.still_rows.told_apart()
+    if fit is None or not fit.is_flicker:
+        return NO_FLICKER
+    if fit.amplitude < MIN_FLICKER_RATIO:
+        return WEAK
+    if not fit.determined:
+        return STILL
+    why = _why_no_grid(seen, fit)
+    return refused(why) if why else _claim(seen, fit)
+
+
+def _why_no_grid(seen: Seen, fit: ZeroAlias) -> str:
+    """Say why what was told apart isn't a grid's light, by its first minutes."""
+    end = int(min(fit.t_s[-1], fit.t_s[0] + SPAN_S) / EVERY_S + 1) * EVERY_S
+    start = int(fit.t_s[0])
+    part = fit.t_s < end
+    early = replace(
+        fit,
+        t_s=fit.t_s[part],
+        phase_rad=fit.phase_rad[part],
+        phase_cov=fit.phase_cov[np.ix_(part, part)],
+    )
+    light = seen.still_rows.light
+    course = course_of(early, seen.nominal_hz, seen.frame_rate_hz, 0.0, start, end, light)
+    return course if isinstance(course, str) else ""
+
+
+def _claim(seen: Seen, fit: ZeroAlias) -> Finding:
+    """Claim the ramp, and its direction if the fit or the grid's usual deviation tells it."""
+    turned = (fit.phase_rad[-1] - fit.phase_rad[0]) / (fit.t_s[-1] - fit.t_s[0])
+    carrier_hz = 2.0 * seen.nominal_hz
+    still_hz = carrier_hz - alias_hz(carrier_hz, seen.frame_rate_hz)
+    sign, is_known = direction_of(fit, still_hz - carrier_hz)
+    f0_hz = still_hz + sign * float(turned / (2.0 * np.pi))
+    found = Finding.of_turns(sign * fit.turns, fit.turns_std**2, f0_hz)
+    return found if is_known else found.undirected(still_hz)
+
 
 BEYOND = 1.05  # of the steepest ramp that a frame has room for: its peak may lie a little outside
 

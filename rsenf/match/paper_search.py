@@ -2,24 +2,130 @@
 
 Section V of the paper: the ENF of each hypothesis is correlated with the reference, and the peak of
 the correlation and its lag are kept. What is made of them is for the metrics to say.
+
+The best lag of each of many series that share their holes, against one long series.
+
+What :func:`rsenf.match.ncc.masked_ncc` finds for one series, without its tables: the long series
+is transformed once for all, and so are the sums that only the holes make.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.match.paper_lags import best_lags
+from rsenf.match.ncc import MIN_FFT, ROUNDING, BoolArray
 from rsenf.match.paper_tracks import Hypotheses
 from rsenf.match.search import ways
 from rsenf.match.series import Grid, to_step_of
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
+
+
+class BestLags(NamedTuple):
+    """The lag of the greatest correlation of each series, and what is found there.
+
+    NaN where no lag has a correlation; ``offset`` is the mean of ``x − y``; ``compared`` lags had
+    enough pairs.
+    """
+
+    lag: NDArray[np.int64]
+    correlation: FloatArray
+    offset: FloatArray
+    pairs: NDArray[np.int64]
+    compared: int
+
+
+def best_lags(
+    x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray, *, min_pairs: int
+) -> BestLags:
+    """Correlate at every lag at which enough valid values of the two meet.
+
+    Parameters
+    ----------
+    x : ndarray, shape (series, n)
+    x_ok : ndarray of bool, shape (n,)
+        Where they are valid, all alike.
+    y, y_ok : ndarray, shape (N,)
+        The long series, and where it is valid.
+    min_pairs : int
+        Least number of pairs at a lag.
+
+    Returns
+    -------
+    BestLags
+        At lag ``l``, value ``x[i]`` meets ``y[i + l]``.
+    """
+    held = max(int(x_ok.sum()), 1)
+    level_x, level_y = _means(x, x_ok), _means(y[None], y_ok)[0]
+    x, y = np.where(x_ok, x - level_x, 0.0), np.where(y_ok, y - level_y, 0.0)
+    least_x = ROUNDING * (x * x).sum(axis=1) / held
+    least_y = ROUNDING * float(y @ y) / max(int(y_ok.sum()), 1)
+    best, offset = (np.full(len(x), np.nan) for _ in range(2))
+    lag, used = (np.zeros(len(x), np.int64) for _ in range(2))
+    compared = 0
+    for stretch in _stretches(x.shape[1], y, y_ok):
+        pairs, sum_y, sum_yy = stretch.sums(x_ok.astype(np.float64), 0, 1, 2)
+        enough = np.rint(pairs) >= max(min_pairs, 1)
+        compared += int(enough.sum())
+        n = np.where(enough, np.rint(pairs), 1.0)
+        mean_y = sum_y / n
+        var_y = sum_yy / n - mean_y**2
+        for i, one in enumerate(x):
+            sum_x, sum_xy = stretch.sums(one, 0, 1)
+            (sum_xx,) = stretch.sums(one * one, 0)
+            mean_x = sum_x / n
+            var_x = sum_xx / n - mean_x**2
+            varies = enough & (var_x > least_x[i]) & (var_y > least_y)
+            spread = np.sqrt(np.where(varies, var_x * var_y, 1.0))
+            correlation = np.where(varies, (sum_xy / n - mean_x * mean_y) / spread, -np.inf)
+            top = int(np.argmax(correlation))
+            if varies[top] and not correlation[top] <= best[i]:
+                best[i], lag[i], used[i] = correlation[top], stretch.first + top, n[top]
+                offset[i] = mean_x[top] - mean_y[top]
+    offset += level_x[:, 0] - level_y
+    return BestLags(lag, np.clip(best, -1.0, 1.0), offset, used, compared)
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretch:
+    """``count`` lags from ``first`` on; ``spectra`` of the long series' powers 0, 1 and 2."""
+
+    first: int
+    count: int
+    size: int
+    spectra: NDArray[np.complex128]
+
+    def sums(self, short: FloatArray, *powers: int) -> FloatArray:
+        """Sums of a short series times the long one's powers, shape (powers, count)."""
+        from scipy import fft
+
+        spectrum = np.conj(fft.rfft(short, self.size))
+        sums = fft.irfft(spectrum * self.spectra[list(powers)], self.size)
+        return np.asarray(sums[:, : self.count], np.float64)
+
+
+def _stretches(length: int, y: FloatArray, y_ok: BoolArray) -> Iterator[_Stretch]:
+    """Take the long series in overlapping stretches, every lag in one of them."""
+    from scipy import fft
+
+    size = fft.next_fast_len(max(MIN_FFT, 4 * length), real=True)
+    for first in range(1 - length, y.size, size - length + 1):
+        part = slice(max(first, 0), min(first + size, y.size))
+        beyond = (part.start - first, first + size - part.stop)
+        valid, long = np.pad(y_ok[part].astype(np.float64), beyond), np.pad(y[part], beyond)
+        spectra = fft.rfft(np.stack([valid, long, long * long]))
+        yield _Stretch(first, min(size - length + 1, y.size - first), size, spectra)
+
+
+def _means(v: FloatArray, ok: BoolArray) -> FloatArray:
+    """Mean of each row's valid values, shape (rows, 1); 0 without any."""
+    return np.asarray(v[:, ok].mean(axis=1, keepdims=True) if ok.any() else np.zeros((len(v), 1)))
 
 
 @dataclass(frozen=True, eq=False)

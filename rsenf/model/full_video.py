@@ -1,4 +1,7 @@
-"""The full depth: luma frames, rendered faster than they are filmed."""
+"""The full depth: luma frames, rendered faster than they are filmed.
+
+Pixels of a frame: levels × light + noise, rounded to bytes, a band of lines at a time.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,121 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsenf.model.capture_model import CaptureModel
-from rsenf.model.exposures import Capture
+from rsenf.model.exposures import Capture, ExposedBlock
 from rsenf.model.grid import GridPath
-from rsenf.model.renderer import Luma, Renderer
+from rsenf.model.line_light import LineLight
+from rsenf.model.noise import Float32Array, Int64Array, NoiseBank
 from rsenf.model.seeds import generator
+from rsenf.model.sensor import Sensor
+from rsenf.model.strips import places
 from rsenf.model.truth import truth_of
+from rsenf.model.view import Region, View
+
+# Lines rendered together: their floats stay in the processor's cache.
+_BAND_PIXELS = 64_000
+
+Luma = NDArray[np.uint8]
+
+
+class Renderer:
+    """Renders the frames of one clip, in the order of their lines.
+
+    Parameters
+    ----------
+    view : View
+        The scene.
+    sensor : Sensor
+        Whose noise it is.
+    exponent : float
+        Of the camera's power law.
+    seed : int
+        Seed of the noise.
+    """
+
+    def __init__(self, view: View, sensor: Sensor, exponent: float, seed: int) -> None:
+        self._view, self._sensor, self._exponent = view, sensor, exponent
+        self._level = _Canvas(view.wall, view.patch)
+        patch_sigma = None if view.patch is None else self._sigma_of(view.patch)
+        self._sigma = _Canvas(self._sigma_of(view.wall), patch_sigma)
+        self._line_level = view.wall.mean(axis=1)
+        self._line_variance = sensor.variance(self._line_level, exponent)
+        self._lines, pixels = view.wall.shape
+        self._places = places(pixels)
+        self._bank = NoiseBank(pixels, seed)
+        self._band_lines = max(_BAND_PIXELS // pixels, 1)
+        self._light = np.empty((self._band_lines, pixels), np.float32)
+        self._luma: Luma = np.empty(view.wall.shape, np.uint8)
+
+    def noise_places(self, rng: np.random.Generator, frames: int) -> Int64Array:
+        """Draw which noise each line of some frames has: (frames, lines)."""
+        return self._bank.places(rng, (frames, self._lines))
+
+    def render(self, exposed: ExposedBlock, frame: int, noise_places: Int64Array) -> Luma:
+        """Render one frame of a block: (lines, pixels), valid until the next."""
+        import cv2
+
+        light = exposed.light
+        region = self._view.region(float(exposed.start_s[frame]))
+        level = self._level.with_patch(region, self._moved(exposed.shift_px[frame]))
+        # The noise is a wall's that stands still: a shift of a few pixels changes it by little.
+        sigma = self._sigma.with_patch(region, None)
+        louder = self._louder(light.level[frame])
+        for top in range(0, self._lines, self._band_lines):
+            band = slice(top, min(top + self._band_lines, self._lines))
+            lit = self._light[: band.stop - top]
+            noise = self._bank.rows(noise_places[band])
+            noise *= np.multiply(sigma[band], louder[band, None], out=lit)
+            if light.offset is not None:
+                noise += light.offset[band, None]
+            self._lit(level[band], light, frame, band, lit)
+            # Adds, rounds to the nearest level and clips to 0 … 255, in one pass.
+            cv2.add(lit, noise, self._luma[band], None, cv2.CV_8U)
+        return self._luma
+
+    def _lit(
+        self, level: Float32Array, light: LineLight, frame: int, band: slice, out: Float32Array
+    ) -> None:
+        if light.slope is None:
+            np.multiply(level, light.level[frame, band, None], out=out)
+            return
+        np.multiply(light.slope[frame, band, None], self._places, out=out)
+        out += light.level[frame, band, None]
+        out *= level
+
+    def _louder(self, gain: Float32Array) -> Float32Array:
+        """Shot noise follows the light; once a line is exact enough for its few per cent."""
+        variance = self._sensor.variance(self._line_level * gain, self._exponent)
+        return np.asarray(np.sqrt(variance / self._line_variance))
+
+    def _moved(self, shift_px: NDArray[np.float64]) -> Float32Array | None:
+        return self._view.shifted(shift_px) if shift_px.any() else None
+
+    def _sigma_of(self, level: Float32Array) -> Float32Array:
+        return np.asarray(np.sqrt(self._sensor.variance(level, self._exponent)), np.float32)
+
+
+class _Canvas:
+    """A picture with a patch that is laid on it anew for each frame."""
+
+    def __init__(self, ground: Float32Array, patch: Float32Array | None) -> None:
+        self._ground, self._patch = ground, patch
+        self._picture = ground if patch is None else ground.copy()
+        self._covered: Region = (slice(0), slice(0))
+
+    def with_patch(self, region: Region | None, moved: Float32Array | None) -> Float32Array:
+        """Lay the patch on the ground, or on the ground as it has moved for this frame."""
+        if region is None or self._patch is None:
+            return self._picture if moved is None else moved
+        if moved is not None:
+            moved[region] = self._patch
+            return moved
+        self._picture[self._covered] = self._ground[self._covered]
+        self._picture[region] = self._patch
+        self._covered = region
+        return self._picture
 
 
 class FrameStream:

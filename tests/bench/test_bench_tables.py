@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from rsenf.bench.bounds import rate_bound
-from rsenf.bench.claims_table import claims_rows
-from rsenf.bench.document import tabulate
+from rsenf.bench.document import claims_rows, tabulate
 from rsenf.bench.enf_table import enf_rows
 from rsenf.bench.idle_table import idle_rows
 from rsenf.bench.text import page, text

@@ -9,11 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsenf.bench.live.estimates import estimates_of
-from rsenf.bench.live.footage import Shown, show
 from rsenf.bench.live.grids import LATE_S, T0_NS
 from rsenf.bench.live.plan import ATTACKS, FROZEN, HONEST, KINDS, LOOP, ROUND, Feed, LivePlan
-from rsenf.bench.live.watched import watch
+from rsenf.bench.live.watched import Shown, estimates_of, show, watch
 from rsenf.errors import UsageError
 from rsenf.messages import EnfEstimate, IdleEstimate, ReferenceBlock, RowBlock
 from rsenf.timebase import nanoseconds

@@ -10,9 +10,8 @@ import pytest
 from rsenf.bench.film import film
 from rsenf.bench.recording_time import films
 from rsenf.bench.recording_time.days import lit_day
-from rsenf.bench.recording_time.films import has_film, make_film, read_rows, read_truth
+from rsenf.bench.recording_time.films import has_film, make_film, read_rows, read_truth, setting_of
 from rsenf.bench.recording_time.plan import Film
-from rsenf.bench.recording_time.scene import setting_of
 from rsenf.bench.recording_time.session import make_missing
 from rsenf.errors import InputError, RecordingError
 from rsenf.messages.codec import digest

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rsenf.bench.recording_time.days import lit_day, stretch
+from rsenf.bench.recording_time.films import setting_of
 from rsenf.bench.recording_time.plan import Film
-from rsenf.bench.recording_time.scene import setting_of
 from rsenf.bench.recording_time.search import PAPER_METRICS, ClipEnf, Said, Search
 from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, Header, RowBlock

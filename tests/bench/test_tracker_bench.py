@@ -11,9 +11,8 @@ import pytest
 
 from rsenf.bench.tracker.hour import Hour
 from rsenf.bench.tracker.light import BLOCK_FRAMES, Light, cycles, reference
-from rsenf.bench.tracker.planes import Planes, planes
 from rsenf.bench.tracker.table import tabulate, text
-from rsenf.bench.tracker.trials import measured, trials
+from rsenf.bench.tracker.trials import Planes, measured, planes, trials
 from rsenf.track import METHODS, TrackSettings, make_tracker
 
 

@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 from bus_samples import FRAMES, frame, take
 
-from rsenf.bus.bus import Publisher
+from rsenf.bus.bus import Publisher, apart
 from rsenf.bus.delivery import FRAMES_FILE, FRAMES_LIVE, Delivery
 from rsenf.bus.frames import FrameReceiver, FrameSender
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.loopback import Loopback
 from rsenf.bus.ring import ring_directory
-from rsenf.bus.several import apart
 from rsenf.errors import NodeFailed, SchemaMismatch
 from rsenf.messages import Frame, Header
 

@@ -17,8 +17,7 @@ import pytest
 from decode_clips import cut_short, make_clip, pictures, source_of
 
 from rsenf.decode import SourceSpec
-from rsenf.decode.ahead import BATCH_BYTES, BATCH_FRAMES, BATCHES, Step, ahead
-from rsenf.decode.file import FileSource, _threads
+from rsenf.decode.file import BATCH_BYTES, BATCH_FRAMES, BATCHES, FileSource, Step, _threads, ahead
 from rsenf.decode.waiting import Stop
 from rsenf.messages import Frame, VideoPacket
 from rsenf.run.patience import wait_until

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.discrepancy.course import form_of
+from rsenf.discrepancy.result import form_of
 
 T_S = np.arange(0.0, 60.0, 1 / 25)
 

@@ -9,7 +9,7 @@ import pytest
 
 from rsenf.discrepancy.measured import measured_of
 from rsenf.discrepancy.result import discovery_json
-from rsenf.discrepancy.stamps import gap_of_stamps
+from rsenf.discrepancy.verdict import gap_of_stamps
 from rsenf.messages import Header
 from rsenf.rows.luminance import blocks_from_luminance
 from tests.discrepancy.hidden_effects import Hidden, hidden

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsenf.match.ncc import masked_ncc
-from rsenf.match.paper_lags import best_lags
+from rsenf.match.paper_search import best_lags
 
 
 @pytest.mark.parametrize("holes", [False, True])

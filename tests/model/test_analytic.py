@@ -8,7 +8,7 @@ import pytest
 from rsenf.errors import UsageError
 from rsenf.model.analytic import COSINE, RECTIFIED, SpectralLine, lines
 from rsenf.model.analytic_filter_bank import branch_gain, output_spectrum
-from rsenf.model.analytic_strongest import PRINTED_TIE, strongest
+from rsenf.model.analytic_tables import PRINTED_TIE, strongest
 
 
 def near(found: tuple[SpectralLine, ...], freq_hz: float) -> SpectralLine:

@@ -12,8 +12,7 @@ from rsenf.model import CaptureModel, GridPath, Light, Scene, Sensor, Shutter, s
 from rsenf.model.analytic import COSINE, RECTIFIED, lines
 from rsenf.model.analytic_figure import CASES, strongest_against_idle
 from rsenf.model.analytic_simulation import DURATION_S, strongest_peak
-from rsenf.model.analytic_strongest import strongest
-from rsenf.model.analytic_tables import Reading
+from rsenf.model.analytic_tables import Reading, strongest
 
 # So wide a picture has so little row noise that lines 2e-6 of the strongest apart keep their order.
 ROWS, COLUMNS, F0_HZ = 240, 4096, 100.0

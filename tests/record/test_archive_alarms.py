@@ -13,10 +13,10 @@ from record_samples import NOW_NS, SECOND_NS, Clock, header, packet, rows
 
 from rsenf.messages import Alarm, encode
 from rsenf.record import open_recording
+from rsenf.record.archive.alarm_files import Kept, Ring
 from rsenf.record.archive.alarms import AlarmSpan, add_alarm, alarms_of
 from rsenf.record.archive.layout import Camera, archived_files
 from rsenf.record.archive.retention import Keeper
-from rsenf.record.archive.ring import Kept, Ring
 from rsenf.record.disk import Usage
 from rsenf.record.held import hold, is_held
 from rsenf.record.settings import AlarmSettings, Retention, Rotation

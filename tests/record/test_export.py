@@ -21,7 +21,7 @@ from rsenf.messages import EnfEstimate, IdleEstimate, Mark, RowBlock
 from rsenf.messages.schema import field_specs, message_classes
 from rsenf.record import Recorder, open_recording
 from rsenf.record.export import Part, RecordedLight, write_sound, write_table
-from rsenf.record.export.columns import Columns
+from rsenf.record.export.table import Columns
 
 TRACK = "rsenf/site/cam/track"
 IDLE = "rsenf/site/cam/idle"

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from rsenf.errors import UsageError
 from rsenf.match.series import Grid
 from rsenf.reference import Reference, open_reference, reference_blocks
-from rsenf.reference.store.lazy import CACHED_BLOCKS
 from rsenf.reference.store.sample_file import BLOCK
+from rsenf.reference.store.stored import CACHED_BLOCKS
 from tests.reference.reference_files import values
 from tests.reference.store_files import BORDER, S, bring, write_csv
 

@@ -14,7 +14,7 @@ from run_samples import GRAPH, block, end_after, node_on
 from rsenf.bus.delivery import SIGNALS
 from rsenf.bus.loopback import Loopback
 from rsenf.config import Graph
-from rsenf.config.wiring import problems
+from rsenf.config.load import problems
 from rsenf.errors import RecordingError
 from rsenf.messages import Alarm, Header
 from rsenf.record import open_recording

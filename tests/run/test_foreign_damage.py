@@ -17,8 +17,7 @@ from hypothesis import strategies as st
 from rsenf.errors import SchemaMismatch
 from rsenf.run.foreign import foxglove, ros
 from rsenf.run.foreign.picture import Coded, Raw
-from rsenf.run.foreign.pixels import raw_luma
-from rsenf.run.foreign.stream import PictureStream
+from rsenf.run.foreign.stream import PictureStream, raw_luma
 
 SCHEMAS = {
     ros.reader_of: ["sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"],

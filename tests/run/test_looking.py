@@ -18,7 +18,7 @@ from rsenf.cli import main
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, RsenfError
 from rsenf.messages import EnfEstimate, Header, Health, RowBlock, VideoPacket
 from rsenf.messages.plain import plain
-from rsenf.run.latency import LastMinute
+from rsenf.run.health import LastMinute
 from rsenf.run.rates import Rates
 from rsenf.run.roster import Roster
 from rsenf.run.supervisor import free_endpoint

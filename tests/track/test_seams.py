@@ -9,7 +9,7 @@ import pytest
 
 from rsenf.flicker.frame_slips import FrameSlip
 from rsenf.flicker.second import FlickerSecond
-from rsenf.track.seams import SEAMS, SeamWatch
+from rsenf.track.projection import SEAMS, SeamWatch
 
 NTSC_HZ = 30e3 / 1001
 

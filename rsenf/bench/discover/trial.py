@@ -1,4 +1,7 @@
-"""A case made, given to the workflow, and its truth opened afterwards."""
+"""A case made, given to the workflow, and its truth opened afterwards.
+
+The model that was written, given back to the simulator: what it makes must lack nothing.
+"""
 
 from __future__ import annotations
 
@@ -8,21 +11,47 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import yaml
 
 from rsenf.bench.discover.filmed import codec_of, filmed, sampled
-from rsenf.bench.discover.given_back import given_back
 from rsenf.bench.discover.judge import judged, parameter_error
 from rsenf.bench.discover.outside import OUTSIDE, done_to
 from rsenf.bench.discover.plan import Case
 from rsenf.bench.discover.scene import Drawn, drawn
+from rsenf.config.model_file import load_model
 from rsenf.discrepancy.measured import measured_of
-from rsenf.discrepancy.result import discovery_json
-from rsenf.discrepancy.verdict import discover
+from rsenf.discrepancy.result import discovery_json, model_of
+from rsenf.discrepancy.verdict import Discovery, discover
 from rsenf.errors import RsenfError
 from rsenf.messages import Header, RowBlock
-from rsenf.model import simulate_rows
+from rsenf.model import GridPath, simulate_rows
 from rsenf.model.seeds import generator
 from rsenf.rows.luminance import blocks_from_luminance
+
+OTHER = 10**6  # between the seed of a case and that of what its model makes
+
+
+def given_back(found: Discovery, grid: GridPath, duration_s: float, seed: int, folder: Path) -> str:
+    """Write a model, read it, simulate with it, and return the verdict on what comes out.
+
+    Parameters
+    ----------
+    found : Discovery
+    grid : GridPath
+        That the simulation films.
+    duration_s : float
+    seed : int
+        Of the case.
+    folder : path
+        For the file.
+    """
+    path = folder / "model.yaml"
+    path.write_text(yaml.safe_dump(model_of(found, "a case").to_dict(), sort_keys=False))
+    model = load_model(path)
+    rows = simulate_rows(model, grid, duration_s, seed + OTHER, strips=found.last.data.strips)
+    blocks = blocks_from_luminance(np.asarray(rows.level), rows.frame_time_s, Header())
+    return discover(model, measured_of(list(blocks))).verdict
+
 
 GIVEN_BACK = 4  # of so many models one
 

@@ -1,18 +1,227 @@
-"""All that a monitor receives of a feed and its grid, in the order in which it comes."""
+"""All that a monitor receives of a feed and its grid, in the order in which it comes.
+
+A feed's rows through the trackers, kept on the disk: the dear part of watching one.
+
+What a camera takes, and which of it a feed shows when.
+
+A feed has a slot for each frame period. An honest one shows what the camera takes then; an attack
+fills the slots from its beginning on with other frames, stamped and numbered as those that they
+replace would have been.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import heapq
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rsenf.bench.live.estimates import estimates_of
-from rsenf.bench.live.footage import Shown, show
-from rsenf.bench.live.grids import reference_blocks
-from rsenf.bench.live.plan import Feed
-from rsenf.timebase import seconds
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.bench.live.grids import T0_NS, Watched, reference_blocks, watched_grid
+from rsenf.bench.live.plan import FROZEN, LOOP, OTHER, REPLAY, SPLICE, Feed
+from rsenf.bench.live.scene import camera_of, frame_rate_of
+from rsenf.bench.scenes import spread
+from rsenf.idle import IdleSettings, make_idle
+from rsenf.messages import EnfEstimate, Header, IdleEstimate, RowBlock
+from rsenf.messages.schema import Float32Array, FloatArray
+from rsenf.model import simulate_rows
+from rsenf.model.row_level import RowData
+from rsenf.model.seeds import generator
+from rsenf.record.reader import open_recording
+from rsenf.record.writer import Recorder
+from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.stage import Stage
+from rsenf.timebase import nanoseconds, seconds
+from rsenf.track import TrackSettings, make_tracker
+from rsenf.whole_file import whole_file
+
+LEAD_S = 620.0  # of footage before the feed, that may be played later
+LOOP_S, SPLICE_S, REPLAY_S, BACK_S = (5.0, 90.0), (20.0, 120.0), (5.0, 600.0), (5.0, 150.0)
+OTHER_TIME = 0.5  # of the other cameras show another time; the rest are as live as the first
+# Half of the attacks are coded once more; the rest are put in as they were, bit for bit.
+RECODED, RECODED_LEVEL = 0.5, 0.05  # share, and noise of a row's mean
+LATENCY_S, JITTER_S = 0.2, 0.02  # from the last frame of a block to the host
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A feed as it is shown.
+
+    Parameters
+    ----------
+    blocks : list of RowBlock
+        Stamped with the host's clock at their arrival.
+    attack_ns : int or None
+        Host's clock at the start of the first false frame.
+    watched : Watched
+    truth : dict
+        What is true of the feed, as plain values.
+    """
+
+    blocks: list[RowBlock]
+    attack_ns: int | None
+    watched: Watched
+    truth: dict[str, float | str | bool]
+
+
+def show(feed: Feed, grids: Path | None) -> Shown:
+    """Have the camera take its footage, and fill the feed's slots.
+
+    Parameters
+    ----------
+    feed : Feed
+    grids : Path or None
+        Folder of measured grids.
+    """
+    watched = watched_grid(grids, feed.part, feed.seed, LEAD_S, feed.length_s)
+    rate_hz = float(frame_rate_of(feed.seed))
+    footage = _take(feed, watched, "camera", watched.footage_s)
+    lead, slots = round(LEAD_S * rate_hz), round(feed.length_s * rate_hz)
+    level = footage.level[lead : lead + slots].copy()
+    time_s = footage.frame_time_s[lead : lead + slots]
+    model = footage.capture.model
+    factor = 1 + footage.truth["clock_ppm"] * 1e-6
+    true_s = watched.footage_s + time_s / factor
+    truth: dict[str, float | str | bool] = {
+        "clock_ppm": footage.truth["clock_ppm"],
+        "frame_rate": str(model.shutter.frame_rate),
+        "idle_ratio": model.shutter.idle_ratio,
+        "lamp": model.light.lamp,
+        "coded": any(effect.name == "codec_lowpass" for effect in model.effects),
+        "grid": watched.stretch.name,
+    }
+    attack_ns = None
+    if feed.attack_s is not None:
+        first = round(feed.attack_s * rate_hz)
+        attack_ns = T0_NS + nanoseconds(float(true_s[first]))
+        rng = generator(feed.seed, "live attack")
+        if feed.kind == OTHER:
+            false, truth["away_s"] = _other_camera(feed, watched, slots - first, rng)
+        else:
+            index, truth["away_s"] = _again(feed.kind, lead + first, slots - first, rate_hz, rng)
+            false = footage.level[index]
+        recoded = feed.kind != FROZEN and bool(rng.random() < RECODED)
+        truth["recoded"] = recoded
+        if recoded:
+            noise = rng.standard_normal(false.shape, dtype=np.float32)
+            false = false + np.float32(RECODED_LEVEL) * noise
+        level[first:] = false
+    return Shown(_blocks(feed, level, time_s - time_s[0], true_s), attack_ns, watched, truth)
+
+
+def _take(feed: Feed, watched: Watched, which: str, start_s: float) -> RowData:
+    length_s = LEAD_S + feed.length_s + 1.0
+    model = camera_of(feed.seed, length_s, which)
+    # A camera's own random numbers: the seed of its name, as `camera_of` has it.
+    seed = int(generator(feed.seed, f"live footage of {which}").integers(2**31))
+    return simulate_rows(model, watched.path(start_s), length_s, seed)
+
+
+def _again(
+    kind: str, now: int, count: int, rate_hz: float, rng: np.random.Generator
+) -> tuple[NDArray[np.intp], float]:
+    """Which frames of the footage fill the slots of an attack, and how far back it goes (s)."""
+    ahead = np.arange(count)
+    if kind == FROZEN:
+        return np.full(count, now - 1), 0.0
+    if kind == LOOP:
+        length = round(spread(rng, LOOP_S) * rate_hz)
+        return now - length + ahead % length, length / rate_hz
+    back = round(spread(rng, REPLAY_S if kind == REPLAY else BACK_S) * rate_hz)
+    if kind == REPLAY:
+        return now - back + ahead, back / rate_hz
+    assert kind == SPLICE
+    length = round(spread(rng, SPLICE_S) * rate_hz)
+    return np.where(ahead < length, now - back + ahead, now + ahead), back / rate_hz
+
+
+def _other_camera(
+    feed: Feed, watched: Watched, count: int, rng: np.random.Generator
+) -> tuple[Float32Array, float]:
+    """Frames of another camera, and how old they are."""
+    old_s = spread(rng, REPLAY_S) if rng.random() < OTHER_TIME else 0.0
+    footage = _take(feed, watched, "other camera", watched.footage_s - old_s)
+    return footage.level[-count:], old_s
+
+
+def _blocks(
+    feed: Feed, level: Float32Array, time_s: FloatArray, true_s: FloatArray
+) -> list[RowBlock]:
+    """Cut a feed into blocks that arrive as a network brings them."""
+    blocks = list(blocks_from_luminance(level, time_s, Header(source=f"bench/{feed.key}")))
+    late_s = LATENCY_S + generator(feed.seed, "live arrival").exponential(JITTER_S, len(blocks))
+    last = np.array([block.header.frame_last for block in blocks])
+    arrival_s = np.maximum.accumulate(true_s[last] + late_s)
+    return [
+        dataclasses.replace(
+            block,
+            header=dataclasses.replace(
+                block.header, arrival_time_ns=T0_NS + nanoseconds(float(at_s))
+            ),
+        )
+        for block, at_s in zip(blocks, arrival_s, strict=True)
+    ]
+
+
+IDLE_EVERY_S = 30.0  # as often as usual it would cost as much as all the rest
+
+Estimate = EnfEstimate | IdleEstimate
+
+
+def estimates_of(
+    feed: Feed, blocks: Sequence[RowBlock], nominal_hz: float, folder: Path | None
+) -> list[Estimate]:
+    """Return the estimates of a feed's ENF and idle ratio, from the disk where they are there.
+
+    Parameters
+    ----------
+    feed : Feed
+    blocks : sequence of RowBlock
+        Its rows.
+    nominal_hz : float
+        Of its grid.
+    folder : Path or None
+        Where estimates are kept; without one they aren't.
+
+    Raises
+    ------
+    RecordingError
+        When they can't be written.
+    """
+    if folder is None:
+        return list(_tracked(blocks, nominal_hz))
+    path = folder / f"{feed.key}.mcap"
+    if not path.is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        with (
+            whole_file(path) as temporary,
+            Recorder(temporary, run_info={}, clock_ns=time.time_ns, fsync=False) as recorder,
+        ):
+            for estimate in _tracked(blocks, nominal_hz):
+                recorder.write("track" if isinstance(estimate, EnfEstimate) else "idle", estimate)
+    return [message for _, message, _ in open_recording(path).messages()]
+
+
+def _tracked(blocks: Sequence[RowBlock], nominal_hz: float) -> Iterator[Any]:
+    """Yield what the stages say, stamped with the arrival of the rows that completed it.
+
+    What only the end of a stream brings out never reaches a monitor that watches it.
+    """
+    stages: tuple[Stage, ...] = (
+        make_tracker(TrackSettings(nominal_hz=nominal_hz)),
+        make_idle(IdleSettings(nominal_hz=nominal_hz, every_s=IDLE_EVERY_S)),
+    )
+    for block in blocks:
+        for stage in stages:
+            for estimate in stage.update(block):
+                arrived_ns = block.header.arrival_time_ns
+                header = dataclasses.replace(estimate.header, arrival_time_ns=arrived_ns)
+                yield dataclasses.replace(estimate, header=header)
 
 
 @dataclass(frozen=True, eq=False)

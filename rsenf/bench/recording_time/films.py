@@ -1,4 +1,7 @@
-"""Films on the disk: the rows of each coding as a recording, and the truth; whole or not at all."""
+"""Films on the disk: the rows of each coding as a recording, and the truth; whole or not at all.
+
+What a film shows: a wall in a lamp's light; in the moving ones somebody passes, hand-held.
+"""
 
 from __future__ import annotations
 
@@ -8,20 +11,72 @@ import os
 import shutil
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from rsenf.bench.film import film
 from rsenf.bench.grids import MARGIN_S
 from rsenf.bench.measure import versions
+from rsenf.bench.plan import SIZES
 from rsenf.bench.recording_time.days import lit_day
-from rsenf.bench.recording_time.plan import NOMINAL_HZ, Film
-from rsenf.bench.recording_time.scene import setting_of
+from rsenf.bench.recording_time.plan import FRAME_RATE, MOVING, NOMINAL_HZ, Film
+from rsenf.bench.scenes import EXPOSURE_S, IDLE_RATIO, MEAN_LEVEL, TEXTURE_RATIO, Setting, spread
 from rsenf.errors import InputError, RecordingError
 from rsenf.messages import RowBlock
-from rsenf.model import GridPath
+from rsenf.model import CaptureModel, GridPath, Light, Scene, Shake, Shutter, parse_frame_rate
 from rsenf.record.reader import open_recording
 from rsenf.record.writer import Recorder
+
+# Clocks of cameras: most are within 30 ppm, and now and then one is at 70.
+CLOCK_PPM, CLOCK_FREEDOM = 25.0, 4
+
+WIDTH_RATIO, HEIGHT_RATIO, TOP_RATIO = (0.1, 0.3), (0.3, 0.7), (0.0, 0.5)
+PERIOD_S, LEVEL_RATIO = (4.0, 20.0), (0.5, 1.3)
+SHAKE_PX, SHAKE_S = (0.1, 0.6), (0.1, 0.5)
+
+
+def setting_of(film: Film) -> Setting:
+    """Draw the capture of a film from its camera and its seed."""
+    camera, rng = film.camera_generator(), film.generator("scene")
+    columns, rows = SIZES[film.size]
+    model = CaptureModel(
+        name=film.key,
+        light=Light(lamp=film.lamp),
+        shutter=Shutter(
+            frame_rate=parse_frame_rate(FRAME_RATE),
+            rows=rows,
+            columns=columns,
+            idle_ratio=float(camera.uniform(*IDLE_RATIO)),
+        ),
+        scene=Scene(
+            mean_level=float(rng.uniform(*MEAN_LEVEL)),
+            texture_ratio=float(rng.uniform(*TEXTURE_RATIO)),
+        ),
+    )
+    exposure_s = spread(rng, EXPOSURE_S)
+    seed = int(rng.integers(2**31))
+    clock_ppm = CLOCK_PPM * float(camera.standard_t(CLOCK_FREEDOM))
+    model = model.with_effect("exposure", exposure_s=exposure_s)
+    model = model.with_effect("clock_skew", clock_ppm=clock_ppm)
+    return Setting(_moving(model, rng) if film.kind == MOVING else model, seed, exposure_s)
+
+
+def _moving(model: CaptureModel, rng: np.random.Generator) -> CaptureModel:
+    """Have something pass in front of the wall, and the camera held by hand."""
+    shake = Shake(shake_px=spread(rng, SHAKE_PX), time_constant_s=spread(rng, SHAKE_S))
+    held = replace(model, scene=replace(model.scene, shake=shake))
+    return held.with_effect(
+        "moving_object",
+        width_ratio=float(rng.uniform(*WIDTH_RATIO)),
+        height_ratio=float(rng.uniform(*HEIGHT_RATIO)),
+        top_ratio=float(rng.uniform(*TOP_RATIO)),
+        period_s=spread(rng, PERIOD_S),
+        level_ratio=float(rng.uniform(*LEVEL_RATIO)),
+    )
+
 
 VERSION = 1
 _TRUTH = "truth.json"

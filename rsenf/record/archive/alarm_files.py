@@ -1,19 +1,125 @@
-"""Files about alarms alone: the minutes before, from memory, and the minutes after."""
+"""Files about alarms alone: the minutes before, from memory, and the minutes after.
+
+The last minutes of a camera, in memory, until an alarm asks for them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
-from rsenf.messages import Header
+from rsenf.messages import Header, VideoPacket, decode
 from rsenf.record.archive.camera_files import CameraFiles
-from rsenf.record.archive.ring import Kept, Ring
 from rsenf.record.continuity import Continuity
 from rsenf.record.disk import MB
 from rsenf.record.settings import AlarmSettings, Rotation
 from rsenf.record.timeline import Timeline
 from rsenf.record.writer import Recorder
 from rsenf.timebase import nanoseconds
+
+STRETCH_NS = 1_000_000_000
+MESSAGE_BYTES = 1000  # that Python keeps beside a payload
+
+
+class Kept(NamedTuple):
+    """A message as it came, and when."""
+
+    received_ns: int
+    topic: str
+    cls: type[Any]
+    payload: bytes
+    header: Header
+
+
+class _Stretch:
+    """Messages that are forgotten together: from one key frame to the next, or a second's."""
+
+    def __init__(self, begun_ns: int) -> None:
+        self.begun_ns = self.video_ns = begun_ns  # the latest of the video
+        self.messages: deque[Kept] = deque()
+        self.size_bytes = 0
+
+    def add(self, message: Kept) -> None:
+        self.messages.append(message)
+        self.size_bytes += _size(message)
+        if message.cls is VideoPacket:
+            self.video_ns = message.received_ns
+
+    def pop(self) -> Kept:
+        oldest = self.messages.popleft()
+        self.size_bytes -= _size(oldest)
+        return oldest
+
+
+def _size(message: Kept) -> int:
+    return len(message.payload) + MESSAGE_BYTES
+
+
+class Ring:
+    """Keeps so much time, and somewhat more, so that its video begins with a key frame.
+
+    A stretch between key frames that is longer than that, or larger than may be, is cut: then the
+    oldest pictures can't be decoded, but all else is there.
+
+    Parameters
+    ----------
+    keep_ns : int
+        How much time.
+    most_bytes : int
+        Where this isn't enough for that time, the oldest go, and are counted.
+
+    Attributes
+    ----------
+    forgotten : int
+        Messages of that time that had to go, for lack of memory.
+    """
+
+    def __init__(self, keep_ns: int, most_bytes: int) -> None:
+        self._keep_ns, self._most_bytes = keep_ns, most_bytes
+        self._stretches: deque[_Stretch] = deque()
+        self._size_bytes = 0
+        self._forgotten_ns: deque[int] = deque()  # when they were received
+
+    def __iter__(self) -> Iterator[Kept]:
+        for stretch in self._stretches:
+            yield from stretch.messages
+
+    @property
+    def forgotten(self) -> int:
+        """How many messages lack."""
+        return len(self._forgotten_ns)
+
+    def add(self, message: Kept) -> None:
+        """Keep a message, and forget what is too old."""
+        if not self._stretches or self._begins_another(message):
+            self._stretches.append(_Stretch(message.received_ns))
+        self._stretches[-1].add(message)
+        self._size_bytes += _size(message)
+        since_ns = message.received_ns - self._keep_ns
+        while len(self._stretches) > 1 and self._stretches[1].begun_ns <= since_ns:
+            self._size_bytes -= self._stretches.popleft().size_bytes
+        while self._size_bytes > self._most_bytes:
+            self._make_room()
+        while self._forgotten_ns and self._forgotten_ns[0] < since_ns:
+            self._forgotten_ns.popleft()
+
+    def _begins_another(self, message: Kept) -> bool:
+        newest, now_ns = self._stretches[-1], message.received_ns
+        if message.cls is VideoPacket:
+            too_long = now_ns - newest.begun_ns >= max(self._keep_ns, STRETCH_NS)
+            return too_long or bool(decode(VideoPacket, message.payload).keyframe)
+        return now_ns - newest.video_ns >= STRETCH_NS  # where there is, or was, no video
+
+    def _make_room(self) -> None:
+        """Forget the oldest stretch, or of the only one as much as must be."""
+        oldest, alone = self._stretches[0], len(self._stretches) == 1
+        while oldest.messages and (not alone or self._size_bytes > self._most_bytes):
+            message = oldest.pop()
+            self._size_bytes -= _size(message)
+            self._forgotten_ns.append(message.received_ns)
+        if not oldest.messages:
+            self._stretches.popleft()
 
 
 class AlarmFiles:

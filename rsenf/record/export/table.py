@@ -1,24 +1,164 @@
-"""A topic as a table: CSV, or Parquet."""
+"""A topic as a table: CSV, or Parquet.
+
+The columns of row blocks: one line a frame, one column for each row and strip.
+
+Wide rather than long: a line is a frame with its exact time, so the columns of luma read as the
+matrix that they are, and nothing is repeated hundreds of times.
+
+The columns of a table of messages: one line a message, names and units as in its schema.
+"""
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
 from rsenf.errors import InputError, UsageError
-from rsenf.messages import Mark, RowBlock
-from rsenf.record.export.columns import Columns
-from rsenf.record.export.frame_rows import FrameRows
+from rsenf.messages import Header, Mark, RowBlock, schema_name
+from rsenf.messages.schema import FieldSpec, field_specs, message_classes
 from rsenf.record.export.part import Part
 from rsenf.record.reader import Recording
 from rsenf.whole_file import whole_file
+
+_TYPES = {
+    "int64": pa.int64(),
+    "double": pa.float64(),
+    "string": pa.string(),
+    "bool": pa.bool_(),
+    "float": pa.float32(),
+    "sfixed64": pa.int64(),
+    "fixed32": pa.uint32(),
+}
+# What stands before the fields of the header and of the message. The schema goes with its version.
+_ABOUT = [("topic", pa.string()), ("schema", pa.string()), ("log_time_ns", pa.int64())]
+
+
+class Columns:
+    """Columns of the messages of one class: all fields but pictures, the header's among them.
+
+    A list stays a list. NaN, which is "unknown" in a message, becomes null.
+
+    Parameters
+    ----------
+    topic : str
+        Topic that they come from.
+    cls : type
+        Their class.
+    """
+
+    def __init__(self, topic: str, cls: type[Any]) -> None:
+        self._topic = topic
+        self._schema = f"{schema_name(cls)}/{cls.VERSION}"
+        self._fields = [spec for spec in field_specs(cls) if _is_column(spec)]
+        described = [*field_specs(Header), *self._fields]
+        self.schema = pa.schema([*_ABOUT, *((spec.name, _type(spec)) for spec in described)])
+
+    def lines(self, message: Any, log_time_ns: int) -> list[dict[str, Any]]:
+        """Return the one line of a message, by column."""
+        line = self.about(message.header, log_time_ns)
+        line.update((spec.name, _value(getattr(message, spec.name))) for spec in self._fields)
+        return [line]
+
+    def about(self, header: Header, log_time_ns: int) -> dict[str, Any]:
+        """Return what stands before a message's own fields."""
+        about = {"topic": self._topic, "schema": self._schema, "log_time_ns": log_time_ns}
+        return about | {spec.name: getattr(header, spec.name) for spec in field_specs(Header)}
+
+
+def _is_column(spec: FieldSpec) -> bool:
+    return spec.wire not in ("bytes", "Header")
+
+
+def _type(spec: FieldSpec) -> Any:
+    inner = message_classes().get(spec.wire)
+    kind = _TYPES[spec.wire] if inner is None else pa.struct(
+        [(s.name, _type(s)) for s in field_specs(inner)]
+    )  # fmt: skip
+    return kind if spec.kind == "scalar" else pa.list_(kind)
+
+
+def _value(value: Any) -> Any:
+    """Value as Arrow takes it."""
+    if isinstance(value, float):
+        return None if math.isnan(value) else value
+    if isinstance(value, np.ndarray):
+        return _value(tuple(value.ravel().tolist()))
+    if isinstance(value, tuple):
+        return [_value(one) for one in value]
+    if hasattr(value, "VERSION"):
+        return {spec.name: _value(getattr(value, spec.name)) for spec in field_specs(type(value))}
+    return value
+
+
+# Fields of a block that hold for each of its frames.
+_OF_BLOCK = ("read_out_axis", "steady_ratio", "clipped_ratio", "usable", "reason")
+
+
+class FrameRows(Columns):
+    """Columns of the frames of row blocks; all of the shape of the first.
+
+    Parameters
+    ----------
+    topic : str
+        Topic that they come from.
+    first : RowBlock
+        The first block.
+    """
+
+    def __init__(self, topic: str, first: RowBlock) -> None:
+        super().__init__(topic, RowBlock)
+        self._shape = first.rows, first.strips
+        self._levels = [
+            f"luma_levels_row{row:04d}_strip{strip}"
+            for row in range(first.rows)
+            for strip in range(first.strips)
+        ]
+        own = [self.schema.field(name) for name in _OF_BLOCK]
+        blocks = self.schema.get_field_index("arrival_time_ns") + 1
+        self.schema = pa.schema(
+            [
+                *[self.schema.field(k) for k in range(blocks)],
+                *own,
+                pa.field("frame_number", pa.int64()),
+                pa.field("frame_pts_ns", pa.int64()),
+                *(pa.field(name, pa.float32()) for name in self._levels),
+            ]
+        )
+
+    def lines(self, message: RowBlock, log_time_ns: int) -> list[dict[str, Any]]:
+        """Return a line for each frame of a block.
+
+        Raises
+        ------
+        InputError
+            When the block has other rows or strips than the first.
+        """
+        if (message.rows, message.strips) != self._shape:
+            raise InputError(
+                f"the rows change from {self._shape[0]} × {self._shape[1]} strips to "
+                f"{message.rows} × {message.strips} at frame {message.header.frame_first}",
+                "export one stretch by itself, with --run and --epoch",
+            )
+        about = self.about(message.header, log_time_ns)
+        about |= {name: getattr(message, name) for name in _OF_BLOCK}
+        levels = np.reshape(message.level, (message.frames, -1)).tolist()
+        times = zip(message.frame_number.tolist(), message.frame_pts_ns.tolist(), strict=True)
+        return [
+            about
+            | {"frame_number": number, "frame_pts_ns": pts_ns}
+            | dict(zip(self._levels, level, strict=True))
+            for (number, pts_ns), level in zip(times, levels, strict=True)
+        ]
+
 
 _LINES = 512  # written at once: a few MB of the widest tables
 

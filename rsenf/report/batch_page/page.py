@@ -1,4 +1,7 @@
-"""The page: counts, the table, the settings. It needs nothing else, and sorts by its headings."""
+"""The page: counts, the table, the settings. It needs nothing else, and sorts by its headings.
+
+What the page shows of a row: figures with their errors, in units that people use.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,151 @@ import base64
 import hashlib
 import os
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rsenf.report.batch_page.cells import SHOWN, Cell, Column, figure
+from rsenf.report.idle import decimals
 from rsenf.report.pages import fill
+
+Row = Mapping[str, Any]
+_UNSURE_DECIMALS = 2  # of a figure without an error
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What is shown, and what it is sorted by: a number, a text, or None for what isn't known."""
+
+    text: str
+    key: float | str | None
+    link: str = ""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the page."""
+
+    heading: str
+    cell: Callable[[Row], Cell]
+    number: bool = False
+    badge: bool = False
+    whole: bool = False  # never broken into lines
+
+
+def text(heading: str, name: str, *, whole: bool = False) -> Column:
+    """Column of a text as it stands."""
+
+    def cell(row: Row) -> Cell:
+        value = row[name]
+        shown = "; ".join(value) if isinstance(value, list) else str(value or "").replace("_", " ")
+        return Cell(shown, shown or None)
+
+    return Column(heading, cell, whole=whole)
+
+
+def figure(heading: str, name: str, std: str = "", scale: float = 1.0) -> Column:
+    """Column of a number, times ``scale``, with the standard error that another column holds."""
+
+    def cell(row: Row) -> Cell:
+        value, error = row[name], row[std] if std else None
+        if value is None:
+            return Cell("", None)
+        if error is None:
+            return Cell(f"{scale * value:.{_UNSURE_DECIMALS}f}", scale * value)
+        places = decimals(scale * error)
+        return Cell(f"{scale * value:.{places}f} ± {scale * error:.{places}f}", scale * value)
+
+    return Column(heading, cell, number=True)
+
+
+def small(heading: str, name: str, std: str = "") -> Column:
+    """Column of a number far below 1, with the standard error that another column holds."""
+
+    def cell(row: Row) -> Cell:
+        value, error = row[name], row[std] if std else None
+        if value is None:
+            return Cell("", None)
+        return Cell(f"{value:.2e}" + (f" ± {error:.1e}" if error is not None else ""), value)
+
+    return Column(heading, cell, number=True)
+
+
+def between(heading: str, low: str, high: str, scale: float, places: int) -> Column:
+    """Column of a span."""
+
+    def cell(row: Row) -> Cell:
+        if row[low] is None or row[high] is None:
+            return Cell("", None)
+        lowest, highest = scale * row[low], scale * row[high]
+        return Cell(f"{lowest:.{places}f} to {highest:.{places}f}", lowest)
+
+    return Column(heading, cell, number=True)
+
+
+def share(heading: str, part: str, whole: str) -> Column:
+    """Column of so many of so many."""
+
+    def cell(row: Row) -> Cell:
+        if row[part] is None:
+            return Cell("", None)
+        return Cell(f"{row[part]} of {row[whole]}", row[part])
+
+    return Column(heading, cell, number=True)
+
+
+def file(heading: str, name: str) -> Column:
+    """Column of links to files beside the page."""
+
+    def cell(row: Row) -> Cell:
+        return Cell("open" if row[name] else "", row[name] or None, row[name] or "")
+
+    return Column(heading, cell)
+
+
+SHOWN: dict[str, tuple[Column, ...]] = {
+    "verify": (
+        text("decision", "decision"),
+        text("start (UTC)", "start_utc", whole=True),
+        figure("into the reference (s)", "lag_s", "lag_std_s"),
+        text("grid", "grid"),
+        figure("log10 LR, other times", "log10_lr"),
+        figure("log10 LR, elsewhere", "log10_lr_absent"),
+        text("in words", "verbal"),
+        text("claim", "claim"),
+        figure("camera's clock (ppm)", "clock_ppm", "clock_std_ppm"),
+        figure("usable (s)", "seconds_used"),
+    ),
+    "idle": (
+        text("verdict", "verdict"),
+        figure("idle (%)", "idle_ratio", "idle_ratio_std", 100.0),
+        between("95 % interval (%)", "idle_ratio_low", "idle_ratio_high", 100.0, 3),
+        figure("read-out (ms)", "read_out_time_s", "read_out_time_std_s", 1e3),
+        text("direction", "direction"),
+        figure("frames/s", "frame_rate_hz"),
+        figure("grid (Hz)", "nominal_hz"),
+    ),
+    "track": (
+        share("usable values", "usable_values", "values"),
+        figure("mean ENF (Hz)", "enf_mean_hz", "enf_mean_std_hz"),
+        between("from, to (Hz)", "enf_min_hz", "enf_max_hz", 1.0, 4),
+        figure("error of one (mHz)", "enf_std_median_hz", "", 1e3),
+        figure("SNR (dB)", "snr_median_db"),
+        figure("line (Hz)", "line_hz"),
+        figure("frames/s", "frame_rate_hz"),
+        file("values", "enf_file"),
+    ),
+    "discover": (
+        text("verdict", "verdict"),
+        text("effects", "effects"),
+        small("gap before", "gap_before", "gap_before_stderr"),
+        small("gap after", "gap_after", "gap_stderr"),
+        small("of the model's own data, at most", "gap_limit"),
+        text("unexplained", "unexplained"),
+        file("report", "report"),
+    ),
+}
+
 
 _HERE = Path(__file__).parent
 _TONES = {"done": "match", "no_signal": "no_decision", "unusable": "no_match", "failed": "no_match"}

@@ -1,16 +1,67 @@
-"""Pictures of a recording's ENF beside a reference."""
+"""Pictures of a recording's ENF beside a reference.
+
+The ENF of a recording beside what a model says of it on a reference, and what is left.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import groupby
+from typing import Any
 
 import numpy as np
 
-from rsenf.discrepancy.beside import BesideDiscovery
+from rsenf.discrepancy.beside import Beside, BesideDiscovery, LagFit
 from rsenf.report.pages import HEIGHT_IN, Picture, picture_of
-from rsenf.report.panels import fixed_style
-from rsenf.report.panels.enf_beside import draw_enf_beside
+from rsenf.report.panels import GRID, MARK, SIGNAL, fixed_style
 from rsenf.report.panels.gap_steps import draw_gap_steps
+
+
+def draw_enf_beside(
+    figure: Any, beside: Beside, fits: Sequence[tuple[str, LagFit]], noise_hz: float
+) -> None:
+    """Draw measured and simulated ENF, and below their difference, each fit in its column.
+
+    Parameters
+    ----------
+    figure : matplotlib figure
+    beside : Beside
+    fits : sequence of (str, LagFit)
+        With what to call each.
+    noise_hz : float
+        Standard deviation of a difference by chance.
+    """
+    drawn = figure.subplots(2, len(fits), sharex=True, sharey="row", squeeze=False)
+    for column, (name, fit) in enumerate(fits):
+        above, below = drawn[:, column]
+        above.set_title(name)
+        above.plot(beside.t_s, fit.said_hz, color=GRID, lw=3.0, label="simulated")
+        above.plot(beside.t_s, beside.enf_hz, color=SIGNAL, lw=1.2, label="measured")
+        above.ticklabel_format(axis="y", useOffset=False)
+        below.axhspan(-2e3 * noise_hz, 2e3 * noise_hz, color=SIGNAL, alpha=0.12, lw=0)
+        below.axhline(0.0, color=GRID, lw=0.8)
+        below.plot(beside.t_s, 1e3 * fit.left_hz, color=MARK, lw=1.0)
+        for begin_s, end_s in _held_out(beside):
+            below.axvspan(begin_s, end_s, ymax=0.04, color=GRID, lw=0)
+        below.set_xlabel("time in the recording (s)")
+    drawn[0, 0].set_ylabel("ENF (Hz)")
+    drawn[1, 0].set_ylabel("difference (mHz)")
+    low_hz, high_hz = drawn[0, 0].get_ylim()
+    drawn[0, 0].set_ylim(low_hz, high_hz + 0.15 * (high_hz - low_hz))  # room for the legend
+    drawn[0, 0].legend(
+        loc="upper center", frameon=False, ncols=2, fontsize="small", handlelength=1.2,
+        columnspacing=1.0,
+    )  # fmt: skip
+
+
+def _held_out(beside: Beside) -> list[tuple[float, float]]:
+    """From when to when each held-out block has values."""
+    own = np.where(beside.held_out, beside.block, np.nan)
+    blocks = groupby(zip(own.tolist(), beside.t_s.tolist(), strict=True), key=lambda at: at[0])
+    spans = [(number, [t_s for _, t_s in values]) for number, values in blocks]
+    return [(t_s[0], t_s[-1]) for number, t_s in spans if number == number]
+
 
 WIDTH_IN = 5.2
 _GAP = (

@@ -1,19 +1,122 @@
-"""The page's pictures, and what is said of each."""
+"""The page's pictures, and what is said of each.
+
+What is left by frequency, as the frames show it.
+
+The gap of each part of the picture and of the recording.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from rsenf.discrepancy.fit import Fit
+from rsenf.discrepancy.tone import flicker_hz
 from rsenf.discrepancy.verdict import Discovery
+from rsenf.discrepancy.where import Share, alias_spectrum
 from rsenf.report.discovery_page.steps import names_of
 from rsenf.report.pages import HEIGHT_IN, Picture, picture_of
-from rsenf.report.panels import fixed_style
-from rsenf.report.panels.alias_spectrum import draw_alias_spectrum
-from rsenf.report.panels.gap_places import axes_of, draw_gap_places
-from rsenf.report.panels.gap_steps import draw_gap_steps
+from rsenf.report.panels import GRID, INK, SIGNAL, extremes, fixed_style
+from rsenf.report.panels.gap_steps import FAR, draw_gap_steps
 from rsenf.report.panels.row_images import SHOWN_S, draw_row_images, most_left
+
+AXES = {
+    "row": ("by row", "row, from the top"),
+    "time_s": ("by time", "time in the recording (s)"),
+    "level": ("by level", "level of the wall"),
+    "strip": ("by strip", "strip, from the left"),
+}
+SURE = 3.0  # standard errors from which on a part is drawn full
+
+
+def axes_of(shares: Sequence[Share]) -> list[str]:
+    """Name the axes along which there is more than one part."""
+    names = [share.axis for share in shares]
+    return [axis for axis in AXES if names.count(axis) > 1]
+
+
+def draw_gap_places(
+    axes: Any, axis: str, sides: Sequence[tuple[Sequence[Share], float]], limit: float
+) -> None:
+    """Draw each part's own gap along an axis with its standard error, before and after.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+    axis : str
+        A key of ``AXES``.
+    sides : sequence of (sequence of Share, float)
+        Before, if there is such, and after; each with the whole gap.
+    limit : float
+        Below which a whole gap is none.
+    """
+    title, label = AXES[axis]
+    axes.set_title(title)
+    axes.set_yscale("log")
+    axes.minorticks_off()
+    lowest = limit / FAR
+    axes.axhspan(lowest, limit, color=SIGNAL, alpha=0.12, lw=0)
+    for (shares, whole), colour, width in zip(
+        reversed(sides), (SIGNAL, GRID), (3.0, 7.0), strict=False
+    ):
+        own = [share for share in shares if share.axis == axis]
+        for share in own:
+            # Parts are alike in size: each one's own gap is its share times how many there are.
+            value = max(abs(share.share * whole) * len(own), 1.1 * lowest)
+            error = value / max(abs(share.sure), 1e-9)
+            look = {"color": colour, "alpha": 1.0 if abs(share.sure) > SURE else 0.4}
+            look |= {"zorder": 2.0 if colour == GRID else 3.0}
+            axes.hlines(value, share.low, share.high, lw=width, **look)
+            middle = (share.low + share.high) / 2.0
+            axes.vlines(middle, max(value - error, lowest), value + error, lw=1, **look)
+        axes.set_xlim(own[0].low, own[-1].high)
+    axes.set_ylim(bottom=lowest)
+    axes.set_xlabel(label)
+    if axis == "strip":
+        axes.set_xticks([share.low + 0.5 for share in own], [f"{s.low + 1:.0f}" for s in own])
+
+
+WIDTH_PX = 500  # as fine as the picture can show; what is finer is drawn as its extremes
+MULTIPLES = 3  # of the flicker that are marked
+
+
+def draw_alias_spectrum(axes: Any, fits: Sequence[tuple[str, Fit]]) -> None:
+    """Draw the spectrum of what fits leave: one before, if there is such, and one after."""
+    axes.set_title("What is left, by frequency")
+    axes.set_yscale("log")
+    axes.minorticks_off()
+    floors, tops = [], []
+    looks = ((SIGNAL, 1.0, 3.0), (GRID, 2.2, 2.0))
+    for (name, fit), (colour, width, above) in zip(reversed(fits), looks, strict=False):
+        freq_hz, power = alias_spectrum(fit)
+        floor = float(np.median(np.abs(power))) or 1e-30
+        # Of noise alone, which is as often below zero, only the size of it is shown.
+        shown = extremes(np.maximum(power, floor), WIDTH_PX)[1]
+        at_hz = extremes(freq_hz, WIDTH_PX)[0]
+        axes.plot(at_hz, shown, color=colour, lw=width, label=name, zorder=above)
+        floors.append(floor)
+        tops.append(float(shown.max()))
+    axes.set_ylim(min(floors) / 2.0, max(tops) * 30.0)
+    for n, (alias_hz, _) in enumerate(flicker_hz(fits[0][1], range(1, MULTIPLES + 1)), 1):
+        axes.axvline(alias_hz, 0.78, 1.0, color=INK, lw=1)
+        name = "flicker" if n == 1 else f"{n}f"
+        # Their aliases may be neighbours: to either side, one below the other.
+        side, ha = (-3, "right") if n % 2 == 0 and alias_hz > 1.0 else (3, "left")
+        axes.annotate(
+            name, (alias_hz, 1.05 - 0.07 * n), (side, 0), xycoords=("data", "axes fraction"),
+            va="top", ha=ha, textcoords="offset points", color=INK, fontsize="small",
+        )  # fmt: skip
+    axes.set_xlim(0.0, float(fits[0][1].data.frame_rate) / 2.0)
+    axes.set_xlabel("frequency, as an alias between 0 and half the frame rate (Hz)")
+    axes.set_ylabel("share of the flicker's power")
+    if len(fits) > 1:
+        axes.legend(
+            frameon=False, fontsize="small", loc="upper right", ncols=2, reverse=True,
+            bbox_to_anchor=(1.0, 1.14),
+        )  # fmt: skip
+
 
 WIDTH_IN = 5.2
 _STEPS = (
