@@ -40,7 +40,7 @@ Complex = NDArray[np.complex128]
 
 WINDOW_S = 31  # that a second's phase is fitted in
 AHEAD_S = 15  # of it, after the first second that it is fitted for
-TOGETHER_S = 8  # seconds that share a window
+TOGETHER_S = 6  # seconds that share a window
 SHORT_S = 3  # the shortest that anything is fitted in
 JUDGED_S = 12  # windows that begin within so many share a look at whether it is mains light
 CHECK_S = 20  # window in which the tone has to stand out
