@@ -53,7 +53,7 @@ BEYOND_FRAME, TURNS_STD = 1.02, 0.1  # read-out over a frame's time; of turns
 # Alias of a nominal, about which all that moves slowly is; and near half the frame rate all that
 # alternates from frame to frame, such as what an encoder does.
 CREEPS_HZ = 1.0
-AT_ONCE = 0.15  # turns, below which all rows show the same
+AT_ONCE = 0.15  # turns, below which rows may all show the same
 # Illumination frequencies off the nominal: more than a large grid's, even with a frame rate that is
 # taken for its neighbour, a thousandth off; and such as a second harmonic's mirror image explains.
 FARTHEST_HZ, UNUSUAL_HZ = 0.3, 0.15
@@ -62,7 +62,7 @@ QUARTZ_HZ = (60 / 1.001, 60.0, 72.0, 75.0, 120 / 1.001, 120.0, 144.0, 200.0, 240
              400.0, 480.0, 500.0, 1000.0)  # fmt: skip
 QUARTZ_RATIO, QUARTZ_OFF_HZ = 1e-4, 0.02
 KEY_FRAMES = (8, 10, 12, 15, 16, 20, 24, 25, 30, 48, 50, 60)  # usual numbers from one to the next
-KEY_FRAMES_HZ = 1e-2
+KEY_FRAMES_HZ = (0.05, 0.01)  # where all rows show the same, and where some may be apart
 # Weaker flicker is nobody's: rounding, and what an exposure of a whole number of periods leaves.
 MIN_FLICKER_RATIO = 1e-4
 # Of a lamp that flickers by so much an exposure of a whole number of periods leaves a share that
@@ -185,7 +185,7 @@ def why_not(
     creeps = min(seen_hz, frame_rate_hz / 2.0 - seen_hz) < CREEPS_HZ
     if creeps and not (light.is_multiplied or wander.is_seen):
         return CREEPS
-    if abs(light.turns) < AT_ONCE and _is_keyed(f0_hz, light.hz_std, frame_rate_hz, wander):
+    if _is_keyed(f0_hz, light, frame_rate_hz, wander):
         return KEYED
     return light.why_not(f0_hz / frame_rate_hz, is_steady=wander.is_steady)
 
@@ -233,13 +233,19 @@ def _is_quartz(f0_hz: float, frame_rate_hz: float) -> bool:
     )
 
 
-def _is_keyed(f0_hz: float, hz_std: float, frame_rate_hz: float, wander: Wander) -> bool:
-    """Whether it repeats with a usual number of frames, and isn't seen to wander."""
+def _is_keyed(f0_hz: float, light: Light, frame_rate_hz: float, wander: Wander) -> bool:
+    """Whether all rows brighten at once, with a usual number of frames between.
+
+    And it isn't seen to wander as a grid does.
+    """
+    if abs(light.turns) > AT_ONCE:
+        return False
     if wander.known >= min(STEADY) and wander.squares > 1.0 and not wander.is_restless:
         return False
     seen = abs(alias_hz(f0_hz, frame_rate_hz)) / frame_rate_hz
-    near_hz = KEY_FRAMES_HZ + 2.0 * hz_std
-    return any(abs(seen - round(seen * n) / n) * frame_rate_hz < near_hz for n in KEY_FRAMES)
+    # A train of pulses has lines beside each other, which bend a path that is no grid's.
+    most_hz = KEY_FRAMES_HZ[0 if abs(light.turns) < TURNS_STEP else 1] + 2.0 * light.hz_std
+    return any(abs(seen - round(seen * n) / n) * frame_rate_hz < most_hz for n in KEY_FRAMES)
 
 
 def tells_cells(f0_hz: float, frame_rate_hz: float) -> bool:

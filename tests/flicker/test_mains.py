@@ -169,17 +169,19 @@ def test_what_alternates_from_frame_to_frame_is_claimed_by_nobody(seed: int) -> 
 def test_key_frames_are_told_within_the_error_of_a_frequency() -> None:
     rng = np.random.default_rng(0)
     level = 80.0 * np.exp(rng.uniform(-0.7, 0.7, (24, 4)))
-    at_once, rate_hz = light(level, 0.01 * level), 30000 / 1001
+    nearly, rate_hz = light(level, 0.01 * level), 30000 / 1001
+    nearly = dataclasses.replace(nearly, turns=0.1)
     off_hz = 0.01  # every third frame is at 99.9 Hz
     told = [
         mains.why_not(99.9 + times * off_hz, 50.0, rate_hz, wander.Wander(), known)
         for times, known in (
-            (0.5, at_once),
-            (1.5, at_once),
-            (1.5, dataclasses.replace(at_once, hz_std=0.006)),
+            (0.5, nearly),
+            (1.5, nearly),
+            (1.5, dataclasses.replace(nearly, hz_std=0.006)),
+            (4.5, dataclasses.replace(nearly, turns=0.0)),
         )
     ]
-    assert told == [mains.KEYED, "", mains.KEYED]
+    assert told == [mains.KEYED, "", mains.KEYED, mains.KEYED]
 
 
 def test_a_grid_is_seldom_steady_and_never_restless() -> None:
