@@ -19,7 +19,7 @@ from rsenf.api.recordings import read_recording
 from rsenf.api.references import References, grids_of, open_references
 from rsenf.api.shared import PathLike, Progress, Recording, opened, row_settings, silent
 from rsenf.config.model_file import load_model
-from rsenf.discrepancy.beside import (
+from rsenf.discrepancy.clock_offset import (
     BesideDiscovery,
     beside_json,
     beside_model,

@@ -235,7 +235,7 @@ class Inbox:
             self._change.notify_all()
 
 
-class Teller(Inbox):
+class CallbackInbox(Inbox):
     """Tells of each message as it comes, in the thread that brings it, and keeps none.
 
     Only for who looks on, and is quick: the transport waits meanwhile.

@@ -25,8 +25,8 @@ from rsenf.record.archive.holdings import Gap, Holding, TopicHolding, extent_of,
 from rsenf.record.archive.index import Entry, read_archive
 from rsenf.record.archive.layout import Camera, day_of
 from rsenf.record.archive.summary import TRUNCATED
-from rsenf.record.held import is_held
 from rsenf.record.stretches import Stretch
+from rsenf.record.write_lock import is_held
 from rsenf.reference.moments import utc_ns
 from rsenf.timebase import seconds, utc_text
 

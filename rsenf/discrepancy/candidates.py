@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.knobs import knobs_of, neutral, series_of, within
+from rsenf.discrepancy.fit_parameters import knobs_of, neutral, series_of, within
+from rsenf.discrepancy.jacobian import Slopes, by_knob
 from rsenf.discrepancy.order import with_order
 from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.series import halves, power, response
-from rsenf.discrepancy.slopes import Slopes, by_knob
 from rsenf.model import CATALOGUE, Effect
 from rsenf.model.parameters import Fitting
 

@@ -15,13 +15,13 @@ from typing import cast
 
 import numpy as np
 
+from rsenf.discrepancy.fit_parameters import FLICKER, IDLE, Knob, knobs_of, turned
+from rsenf.discrepancy.forward_model import Theory
 from rsenf.discrepancy.gap import Gap, gap_of
-from rsenf.discrepancy.knobs import FLICKER, IDLE, Knob, knobs_of, turned
-from rsenf.discrepancy.lean import USUAL, as_walls_may, leaned, leans
+from rsenf.discrepancy.jacobian import Slopes, slopes_of
 from rsenf.discrepancy.measured import BANDS, Float32Array, Measured
 from rsenf.discrepancy.series import improved
-from rsenf.discrepancy.slopes import Slopes, slopes_of
-from rsenf.discrepancy.theory import Theory
+from rsenf.discrepancy.strip_centroid import USUAL, as_walls_may, leaned, leans
 from rsenf.messages.schema import FloatArray
 
 FARTHEST_RAD, FARTHEST_STEPS = 1.0, 50.0  # that one step may go

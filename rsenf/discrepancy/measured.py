@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.discrepancy.apart import LINES, STRIPS, apart_of
 from rsenf.discrepancy.estimates import Estimates, estimate
 from rsenf.discrepancy.lines import (
     along_rows,
@@ -20,6 +19,7 @@ from rsenf.discrepancy.lines import (
     group_of,
     texture_of,
 )
+from rsenf.discrepancy.noise_axis import LINES, STRIPS, apart_of
 from rsenf.discrepancy.settings import BLOCK_S, FEWEST_BLOCKS, FEWEST_LINES, SHORTEST_S
 from rsenf.errors import InputError, NoSignal
 from rsenf.messages import RowBlock

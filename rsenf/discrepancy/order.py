@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.knobs import Knob
+from rsenf.discrepancy.fit_parameters import Knob
 from rsenf.model import Effect
 from rsenf.model.parameters import fittings
 

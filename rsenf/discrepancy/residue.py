@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from rsenf.discrepancy.apart import LINES
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.theory import plan
+from rsenf.discrepancy.forward_model import plan
+from rsenf.discrepancy.noise_axis import LINES
 from rsenf.messages.schema import FloatArray
 from rsenf.model.effects.residue import Residue
 

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.hint import hint_json, hint_of
-from rsenf.discrepancy.knobs import series_of
+from rsenf.discrepancy.fit_parameters import series_of
+from rsenf.discrepancy.forward_selection import Step
 from rsenf.discrepancy.lines import along_rows
 from rsenf.discrepancy.measured import Measured
-from rsenf.discrepancy.search import Step
+from rsenf.discrepancy.residual_classifier import hint_json, hint_of
 from rsenf.discrepancy.trial import Trial
 from rsenf.discrepancy.verdict import Discovery, stamps_gap
 from rsenf.messages.schema import FloatArray

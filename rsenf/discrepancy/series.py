@@ -12,9 +12,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsenf.discrepancy.knobs import series_of, within
+from rsenf.discrepancy.fit_parameters import series_of, within
+from rsenf.discrepancy.forward_model import Theory, plan
 from rsenf.discrepancy.measured import Float32Array, Measured
-from rsenf.discrepancy.theory import Theory, plan
 from rsenf.messages.schema import FloatArray
 from rsenf.model import Effect
 from rsenf.model.parameters import Fitting

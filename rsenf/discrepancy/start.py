@@ -8,12 +8,12 @@ import math
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit, fit, mean_square
-from rsenf.discrepancy.knobs import series_of
+from rsenf.discrepancy.fit_parameters import series_of
+from rsenf.discrepancy.forward_model import Course, Theory
+from rsenf.discrepancy.jacobian import slopes_of
 from rsenf.discrepancy.lines import averaged
 from rsenf.discrepancy.measured import Measured
 from rsenf.discrepancy.residue import residue_of
-from rsenf.discrepancy.slopes import slopes_of
-from rsenf.discrepancy.theory import Course, Theory
 from rsenf.errors import InputError, NoSignal
 from rsenf.match.series import track_of
 from rsenf.model import CaptureModel, Effect, Light

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit
+from rsenf.discrepancy.residual_breakdown import Share
 from rsenf.discrepancy.residue import residue_of
-from rsenf.discrepancy.where import Share
 
 HIGHEST_HZ = 3000.0  # that lamps' drivers flicker at, and row means can show
 HARMONICS = 4  # of the flicker that its lines are looked for among

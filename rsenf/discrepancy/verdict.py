@@ -16,15 +16,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rsenf.discrepancy.codec_baseline import Usual, usual_of
 from rsenf.discrepancy.fit import Fit, fit
-from rsenf.discrepancy.floor import Floor, floor_of
+from rsenf.discrepancy.forward_model import Theory, plan
+from rsenf.discrepancy.forward_selection import Step, needed, search
 from rsenf.discrepancy.measured import Float32Array, Measured
-from rsenf.discrepancy.search import Step, needed, search
+from rsenf.discrepancy.noise_floor import Floor, floor_of
+from rsenf.discrepancy.residual_breakdown import Share, where
 from rsenf.discrepancy.series import WHITE_STDS
 from rsenf.discrepancy.start import first_fit
-from rsenf.discrepancy.theory import Theory, plan
-from rsenf.discrepancy.usual import Usual, usual_of
-from rsenf.discrepancy.where import Share, where
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CATALOGUE, CaptureModel, Effect
 from rsenf.model.effects.residue import NOTHING_FITS

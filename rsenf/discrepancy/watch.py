@@ -15,13 +15,13 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import yaml
 
-from rsenf.discrepancy.knobs import filled, series_of
+from rsenf.discrepancy.fit_parameters import filled, series_of
 from rsenf.discrepancy.result import model_of
-from rsenf.discrepancy.rolling import Rolling, part_of
-from rsenf.discrepancy.seen import Seen, names_of, rest_of, seen_in
 from rsenf.discrepancy.settings import SHORTEST_WINDOW_S, WatchSettings
 from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.window import Look, look, missing_in
+from rsenf.discrepancy.window_buffer import Rolling, part_of
+from rsenf.discrepancy.window_summary import Seen, names_of, rest_of, seen_in
 from rsenf.errors import InputError
 from rsenf.messages import DiscoveryVerdict, FoundEffect, RowBlock
 from rsenf.model import CaptureModel, Effect

@@ -1,7 +1,7 @@
 """Follows the flicker's phase through a stream of row blocks, second by second.
 
 First it looks for flicker, window by window; what is found is followed from there, backwards to
-the first second that isn't out yet, and onwards (:mod:`rsenf.flicker.lock`).
+the first second that isn't out yet, and onwards (:mod:`rsenf.flicker.phase_tracker`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, Found, acquire
 from rsenf.flicker.conversions import Conversions
 from rsenf.flicker.frame_clock import frame_periods, usual_gap_ns
-from rsenf.flicker.lock import (
+from rsenf.flicker.mains import BRIEF_S, CREEPS, TOO_BRIEF, bands_of, cell_means
+from rsenf.flicker.near_dc_tracker import EVERY_S, SHORTEST_S, SPAN_S, StillFlicker, may_stand_still
+from rsenf.flicker.phase_tracker import (
     AHEAD_S,
     SHORT_S,
     TOGETHER_S,
@@ -22,11 +24,9 @@ from rsenf.flicker.lock import (
     WINDOW_S,
     Lock,
 )
-from rsenf.flicker.mains import BRIEF_S, CREEPS, TOO_BRIEF, bands_of, cell_means
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slow_time import SlowTime
-from rsenf.flicker.still import EVERY_S, SHORTEST_S, SPAN_S, StillFlicker, may_stand_still
 from rsenf.messages import RowBlock
 from rsenf.timebase import nanoseconds
 

@@ -36,7 +36,7 @@ from rsenf.flicker.node_noise import (
     noise_of_turning,
     power_of,
 )
-from rsenf.flicker.node_sums import Gathered, Told
+from rsenf.flicker.node_sums import Gathered, SufficientStatistics
 from rsenf.flicker.profile import ProfileBasis
 
 Float = NDArray[np.float64]
@@ -170,7 +170,7 @@ class JointFit:
             self._learn_roughness(state.coefficient, covariance.diagonal()[:directions])
         return Joint(state, noise.variance, step.information, covariance[:directions, :directions])
 
-    def _measure(self, state: State, told: Told, left: Float) -> _Noise:
+    def _measure(self, state: State, told: SufficientStatistics, left: Float) -> _Noise:
         """Noise near each order, by column and of their sum; and what follows from it."""
         real, imag = left[:, 1::2], left[:, 2::2]
         seen = float(told.waves[:, 0, 0].sum())
@@ -228,7 +228,7 @@ class JointFit:
         return _Ramp(lamp, mean, slope, precision, even)
 
     def _equations(
-        self, state: State, told: Told, left: Float, noise: _Noise, ramp: _Ramp
+        self, state: State, told: SufficientStatistics, left: Float, noise: _Noise, ramp: _Ramp
     ) -> _Equations:
         """Normal equations of path, lamp and turns, the amplitudes' own deviations eliminated."""
         nodes, waves, columns = left.shape

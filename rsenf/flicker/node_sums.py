@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.flicker.complex_exponential import turning
 from rsenf.flicker.grid_prior import NODE_S
-from rsenf.flicker.turning import turning
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -45,7 +45,7 @@ def at_frames(t_s: Float, values: Float) -> Float:
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class SufficientStatistics:
     """Sums over the frames around each node; the first wave is the constant 1.
 
     Attributes
@@ -59,10 +59,10 @@ class Told:
     columns: Float
     waves: Float
 
-    def weighted(self, trust: Float) -> Told:
+    def weighted(self, trust: Float) -> SufficientStatistics:
         """Return what nodes tell by how far each is trusted."""
         by_node = trust[:, None, None]
-        return Told(by_node * self.columns, by_node * self.waves)
+        return SufficientStatistics(by_node * self.columns, by_node * self.waves)
 
     def left(self, found: Float) -> Float:
         """Sums of waves times what is left of the columns, shape (nodes, waves, columns).
@@ -141,9 +141,9 @@ class Gathered:
             out[:, 1 + 2 * i], out[:, 2 + 2 * i] = wave.real, wave.imag
         return out
 
-    def told(self, waves: Float) -> Told:
+    def told(self, waves: Float) -> SufficientStatistics:
         """Sum the frames around each node."""
-        return Told(waves @ self.columns, waves @ waves.transpose(0, 2, 1))
+        return SufficientStatistics(waves @ self.columns, waves @ waves.transpose(0, 2, 1))
 
 
 def _between(t_s: Float, nodes: int) -> tuple[NDArray[np.intp], Float]:

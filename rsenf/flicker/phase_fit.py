@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.flicker.complex_exponential import turning
 from rsenf.flicker.grid_prior import NODE_S, PhasePrior, phase_prior
 from rsenf.flicker.joint_fit import JointFit, State
 from rsenf.flicker.node_noise import (
@@ -30,9 +31,8 @@ from rsenf.flicker.node_noise import (
     noise_of,
     noise_of_turning,
 )
-from rsenf.flicker.node_sums import Frames, Gathered, Told
+from rsenf.flicker.node_sums import Frames, Gathered, SufficientStatistics
 from rsenf.flicker.profile import ProfileBasis
-from rsenf.flicker.turning import turning
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -282,7 +282,7 @@ class Amplitudes:
         One over the columns' noise near each harmonic.
     found : ndarray, shape (waves, columns)
         Each wave's share of the columns.
-    told : Told
+    told : SufficientStatistics
         The sums that it follows from.
     left : ndarray, shape (nodes, HARMONICS, columns)
         Sums of what the model leaves times ``exp(j·k·φ)``.
@@ -291,11 +291,11 @@ class Amplitudes:
     harmonic: Complex
     weights: Float
     found: Float
-    told: Told
+    told: SufficientStatistics
     left: Complex
 
 
-def _amplitudes(told: Told, trust: Float, orders: tuple[float, ...]) -> Amplitudes:
+def _amplitudes(told: SufficientStatistics, trust: Float, orders: tuple[float, ...]) -> Amplitudes:
     gram = _weighted(trust, told.waves)
     seen, weight = float(told.waves[:, 0, 0].sum()), float(gram[0, 0])
     ridge = np.repeat([RIDGE * seen / HARMONIC_SIZE.get(k, FURTHER_SIZE) ** 2 for k in orders], 2)
@@ -316,7 +316,7 @@ def _weighted(trust: Float, sums: Float) -> Float:
     return (trust @ sums.reshape(trust.size, -1)).reshape(sums.shape[1:])
 
 
-def _left(told: Told, found: Float) -> tuple[Float, Float]:
+def _left(told: SufficientStatistics, found: Float) -> tuple[Float, Float]:
     """Sums of what is left of the columns times cosine and sine of the harmonics.
 
     Shapes (nodes, harmonics, columns): what the waves found would have added up to is taken away.
@@ -390,7 +390,7 @@ def _likelihood(amplitude: Amplitudes, trust: Float) -> tuple[Float, Float, Floa
     return gradient, information, (TAILS + 2.0) / (TAILS + away), gain[:, 0]
 
 
-def _squares(told: Told) -> tuple[Float, Complex]:
+def _squares(told: SufficientStatistics) -> tuple[Float, Complex]:
     """How many frames are around each node, (nodes, 1), and the sums of ``exp(2j·k·φ)``."""
     cosine, sine = (range(first, 2 * HARMONICS + 1, 2) for first in (1, 2))
     of = told.waves

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.flicker.complex_exponential import turning
 from rsenf.flicker.frame_slips import (
     LEAST_STEP_LOG_RATIO,
     MOST_AT_ONCE,
@@ -33,7 +34,6 @@ from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
 from rsenf.flicker.node_sums import Frames, at_frames
 from rsenf.flicker.phase_fit import PhaseFit, fit_phase
 from rsenf.flicker.profile import ProfileBasis
-from rsenf.flicker.turning import turning
 
 Float = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.turning import turning
+from rsenf.flicker.complex_exponential import turning
 
 Complex = NDArray[np.complex128]
 Float = NDArray[np.float64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rsenf.flicker.shared import Follower
-from rsenf.idle.seen import Finding, Seen
+from rsenf.idle.estimator_state import Finding, Seen
 from rsenf.idle.settings import IdleSettings
 from rsenf.idle.stage import IdleStage
 from rsenf.registry import Registry

@@ -16,8 +16,10 @@ import numpy as np
 
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.mains import MIN_FLICKER_RATIO
-from rsenf.flicker.still import SPAN_S, course_of, direction_of
+from rsenf.flicker.near_dc_tracker import SPAN_S, course_of, direction_of
 from rsenf.flicker.zero_alias import ZeroAlias
+from rsenf.idle.estimator_state import Finding, Seen
+from rsenf.idle.jackknife import bend_var, freedom, jackknife_var
 from rsenf.idle.limits import (
     MIN_COHERENCE,
     NO_FLICKER,
@@ -31,8 +33,6 @@ from rsenf.idle.limits import (
 )
 from rsenf.idle.ramp import Profile, find_ramp
 from rsenf.idle.row_tones import coherence, row_tones
-from rsenf.idle.seen import Finding, Seen
-from rsenf.idle.spread import bend_var, freedom, jackknife_var
 
 EVERY_S = 4  # that spans are whole multiples of, so that few are prepared for
 

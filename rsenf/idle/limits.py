@@ -8,8 +8,8 @@ import numpy as np
 
 from rsenf.flicker import mains
 from rsenf.flicker.rate_conversion import BLENDED, DOUBTFUL
+from rsenf.idle.estimator_state import Finding, Seen
 from rsenf.idle.row_tones import row_tones
-from rsenf.idle.seen import Finding, Seen
 
 # Flicker that is still to so great a part has turned by less than about a radian: at a span of
 # ``s`` radians the mean of ``exp(jψ)`` is ``sinc(s/2)``.

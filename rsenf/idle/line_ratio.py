@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.lines import Line, templates
+from rsenf.idle.estimator_state import Finding, Seen
 from rsenf.idle.limits import MIN_COHERENCE, STILL, WEAK, hardly_turned, is_weak, refused
 from rsenf.idle.row_tones import coherence, row_tones
-from rsenf.idle.seen import Finding, Seen
 
 Float = NDArray[np.float64]
 

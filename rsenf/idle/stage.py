@@ -23,6 +23,7 @@ from rsenf.flicker.frame_rate import (
 from rsenf.flicker.frame_slips import slip_words
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.shared import Follower
+from rsenf.idle.estimator_state import STILL_HZ, Finding, Seen
 from rsenf.idle.limits import (
     CROP,
     NO_FLICKER,
@@ -38,7 +39,6 @@ from rsenf.idle.limits import (
 from rsenf.idle.moments import Moments
 from rsenf.idle.pairing import Pairing, PhasedBlock
 from rsenf.idle.sawtooth import Sawtooth
-from rsenf.idle.seen import STILL_HZ, Finding, Seen
 from rsenf.idle.settings import IdleSettings
 from rsenf.idle.still_rows import StillRows
 from rsenf.messages import IdleEstimate, RateBasis, RowBlock

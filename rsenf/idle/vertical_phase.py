@@ -13,6 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.idle.estimator_state import Finding, Seen
+from rsenf.idle.jackknife import bends, freedom, left_out
 from rsenf.idle.limits import (
     MIN_COHERENCE,
     NO_RAMP,
@@ -23,8 +25,6 @@ from rsenf.idle.limits import (
     refused,
 )
 from rsenf.idle.row_tones import coherence, row_tones
-from rsenf.idle.seen import Finding, Seen
-from rsenf.idle.spread import bends, freedom, left_out
 
 Float = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from collections import deque
 import numpy as np
 
 from rsenf.live import past
-from rsenf.live.evidence import LONGEST_S, Evidence, Phase
+from rsenf.live.cusum import LONGEST_S, Evidence, Phase
 from rsenf.live.growing import GrowingGrid
 from rsenf.live.jumps import Jump, Jumps
 from rsenf.live.light import Change, FlickerSize

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 
 from rsenf.live.bank import TURN_RAD
-from rsenf.live.evidence import Evidence, Phase
+from rsenf.live.cusum import Evidence, Phase
 from rsenf.timebase import seconds
 
 AFTER_S = 3  # seconds after which is looked whether it is still out of the way

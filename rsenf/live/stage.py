@@ -9,9 +9,9 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
+from rsenf.live.alarm_events import frames_slipped, idle_changed, light_changed, phase_jump
 from rsenf.live.alarms import Alarms, numbered_after
 from rsenf.live.growing import GrowingGrid
-from rsenf.live.happenings import frames_slipped, idle_changed, light_changed, phase_jump
 from rsenf.live.judge import Judge
 from rsenf.live.light import IdlePeriod
 from rsenf.live.past import OwnPast

@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 
 from rsenf.match.calibration import calibration
 from rsenf.match.clip_phase import ClipPhase, clip_phase
-from rsenf.match.joins import assembled
 from rsenf.match.matcher import Finding, claimed_lag_s, moment
 from rsenf.match.parts import LEAST, Part, Parts
 from rsenf.match.phase import weigh
 from rsenf.match.phase_search import PhaseScorer, PhaseSearch, Place, refined, search_phase
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
+from rsenf.match.splice_detection import assembled
 from rsenf.messages import Edit
 
 STRETCH_S = 120.0  # of the clip

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.match.clip_phase import ClipPhase
-from rsenf.match.generic_grid import alone_log_likelihood, no_grid_log_likelihood
+from rsenf.match.ou_likelihood import alone_log_likelihood, no_grid_log_likelihood
 from rsenf.match.phase_filter import BLOCK_S
 
 # Nats by which a few seconds must be likelier under no grid than under any, to be left out.

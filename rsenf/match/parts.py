@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rsenf.match.calibration import calibration
 from rsenf.match.clip_phase import ClipPhase
 from rsenf.match.forecast import forecast
-from rsenf.match.generic_grid import generic_log_likelihood
+from rsenf.match.ou_likelihood import generic_log_likelihood
 from rsenf.match.phase_search import PhaseScorer, Place, distinct, refined, search_phase
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings

@@ -12,9 +12,9 @@ import numpy as np
 from rsenf.match.calibration import calibration
 from rsenf.match.clip_phase import RAD_PER_CYCLE, ClipPhase, clip_phase
 from rsenf.match.evidence import verbal
-from rsenf.match.generic_grid import BAD_SHARE, generic_log_likelihood, no_grid_log_likelihood
 from rsenf.match.inliers import inliers, stretches
 from rsenf.match.matcher import ENOUGH_COVERAGE, Finding, claimed_lag_s, start_ns
+from rsenf.match.ou_likelihood import BAD_SHARE, generic_log_likelihood, no_grid_log_likelihood
 from rsenf.match.phase_search import (
     APART_S,
     Clock,

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rsenf.match.clip_phase import ClipPhase, averaged
 from rsenf.match.coarse import KEPT, Survey, survey
 from rsenf.match.forecast import forecast
-from rsenf.match.generic_grid import (
+from rsenf.match.ou_likelihood import (
     BAD_SHARE,
     generic_log_likelihood,
     no_grid_log_likelihood,

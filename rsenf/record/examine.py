@@ -15,13 +15,13 @@ from rsenf.record.container import DamagedError, check_magic
 from rsenf.record.decoder import Decoder
 from rsenf.record.gaps import Gap, TopicNumbers
 from rsenf.record.growing import ABOUT, CLOSING
-from rsenf.record.held import is_held
+from rsenf.record.intact_records import Damage, Sound
 from rsenf.record.reader import open_file
 from rsenf.record.scan import Contents
-from rsenf.record.sound import Damage, Sound
 from rsenf.record.summary import read_contents
 from rsenf.record.tally import count_of
 from rsenf.record.topics import Topic, topics_of
+from rsenf.record.write_lock import is_held
 
 RECOVERED = "rsenf.recovered"
 

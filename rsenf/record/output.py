@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from rsenf.record.held import hold
+from rsenf.record.write_lock import hold
 
 RESERVE_STEP_BYTES = 1 << 20
 

@@ -13,7 +13,7 @@ from rsenf.record.container import DamagedError, Record, check_magic
 from rsenf.record.decoder import Decoder
 from rsenf.record.growing import ABOUT
 from rsenf.record.index import Index
-from rsenf.record.sound import Damage, sound_records
+from rsenf.record.intact_records import Damage, sound_records
 from rsenf.record.summary import read_contents
 from rsenf.record.topics import topics_of
 

@@ -17,12 +17,12 @@ from rsenf.record.chunk import ChunkBuilder, Times, extents_of, index_chunk, tim
 from rsenf.record.container import HEAD, MAGIC, pack, unpack, unpack_message
 from rsenf.record.examine import RECOVERED, Examination, examine
 from rsenf.record.finish import end_of_file
-from rsenf.record.held import is_held
 from rsenf.record.index import Index
+from rsenf.record.intact_records import OURS, Sound, sound_records
 from rsenf.record.output import write_all
 from rsenf.record.reader import open_file
 from rsenf.record.scan import Contents, times_of
-from rsenf.record.sound import OURS, Sound, sound_records
+from rsenf.record.write_lock import is_held
 from rsenf.whole_file import whole_file
 
 BACKUP = ".damaged"

@@ -12,7 +12,7 @@ from mcap.records import Channel, Schema
 from rsenf.record.chunk import Extent, Times, extents_of, index_chunk, timed
 from rsenf.record.container import MAGIC, Record, unpack, unpack_message
 from rsenf.record.index import Index
-from rsenf.record.sound import Damage, Sound, sound_records
+from rsenf.record.intact_records import Damage, Sound, sound_records
 
 Watch = Callable[[Sound | Damage], None]
 

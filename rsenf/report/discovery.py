@@ -25,7 +25,7 @@ def discovery_words(told: dict[str, Any]) -> str:
     ----------
     told : dict
         Of :func:`rsenf.discrepancy.discovery_json`, joined to that of a reference or not, or of
-        :func:`rsenf.discrepancy.beside.beside_json`.
+        :func:`rsenf.discrepancy.clock_offset.beside_json`.
     """
     gap, reference = told["gap"], told.get("reference", {})
     beside_rows = "gap" in reference  # of its own

@@ -27,7 +27,7 @@ from rsenf.messages import (
 )
 from rsenf.run.node_state import WENT_WRONG, NodeState, end_of
 from rsenf.run.peers import GIVEN_UP, LAST_WORDS
-from rsenf.run.revival import Revival, Spawn
+from rsenf.run.restart_policy import Revival, Spawn
 
 # Told to stop, sources end their streams and everything after them finishes by itself; who hasn't
 # by then is told too, and in the end made to. All within two seconds, unless the machine is so

@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 
 from rsenf.bus.bus import Bus, Publisher
 from rsenf.bus.delivery import HEALTH, LOOKING, Delivery, delivery_of
-from rsenf.bus.inbox import Inbox, Teller
+from rsenf.bus.inbox import CallbackInbox, Inbox
 from rsenf.bus.keys import (
     REFERENCE,
     alive_key,
@@ -168,7 +168,9 @@ class NodeProcess:
     def _watch_peers(self, *, health: bool) -> None:
         """Follow what the others say: by their health where they may not be of this program."""
         site, key = self.graph.site, health_key if health else word_key
-        words = Teller(lambda word: self.peers.on_state(node_of(word.key), word.message.state))
+        words = CallbackInbox(
+            lambda word: self.peers.on_state(node_of(word.key), word.message.state)
+        )
         self._bus.watch_alive(alive_key(site, "*"), self._on_alive)
         self._bus.subscribe(words, key(site, "*"), LOOKING)
 

@@ -25,8 +25,8 @@ import numpy as np
 from rsenf.flicker.follower import FlickerFollower
 from rsenf.flicker.frame_slips import HALVES, LEAST_LEAP_RAD, LEAST_LOG_RATIO, FrameSlip
 from rsenf.flicker.lines import SURE_LOG_ODDS, usual_log_odds
-from rsenf.flicker.lock import CHECK_S
 from rsenf.flicker.mains import FAINT, is_faint
+from rsenf.flicker.phase_tracker import CHECK_S
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.shared import Follower
 from rsenf.messages import EnfEstimate, Header, RowBlock

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from rsenf.bus.bus import Subscription
 from rsenf.bus.delivery import Delivery
-from rsenf.bus.inbox import Inbox, Received, Teller
+from rsenf.bus.inbox import CallbackInbox, Inbox, Received
 from rsenf.bus.sequence import Envelope
 from rsenf.messages import Candidate, Frame, Header, Health, RowBlock, encode, encoding_of
 
@@ -32,7 +32,7 @@ def test_a_lossy_topic_drops_its_oldest_and_counts() -> None:
 
 def test_a_teller_keeps_nothing_and_tells_what_is_accepted() -> None:
     told: list[Received] = []
-    teller = Teller(told.append)
+    teller = CallbackInbox(told.append)
     for seq in (0, 1, 1, 3):
         teller.put(envelope(estimate(seq)), DROPPING)
     teller.put(replace(envelope(estimate(4)), payload=b"\xff" * 9), DROPPING)

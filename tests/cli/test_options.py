@@ -222,7 +222,11 @@ def test_docstrings_are_read() -> None:
         """
 
     of_both = "of both, in where"
-    assert field_docs(Told) == {"one_s": of_both, "two_s": of_both, "three": "NMEA stays"}
+    assert field_docs(Told) == {
+        "one_s": of_both,
+        "two_s": of_both,
+        "three": "NMEA stays",
+    }
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsenf.discrepancy.beside import (
+from rsenf.discrepancy.clock_offset import (
     BesideDiscovery,
     Clip,
     beside_of,

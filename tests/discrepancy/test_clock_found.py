@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.discrepancy.beside import BesideDiscovery, beside_json, beside_model, joined
+from rsenf.discrepancy.clock_offset import BesideDiscovery, beside_json, beside_model, joined
 from rsenf.errors import InputError
 from rsenf.model import CaptureModel
 from tests.discrepancy.clock_cases import START_S, Filmed, filmed

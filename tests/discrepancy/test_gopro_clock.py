@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rsenf.discrepancy.beside import beside_json
+from rsenf.discrepancy.clock_offset import beside_json
 from tests.discrepancy.clock_cases import gopro
 
 pytestmark = pytest.mark.measured

@@ -7,9 +7,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from rsenf.discrepancy.apart import LINES, STRIPS, apart_of
 from rsenf.discrepancy.gap import gap_of
 from rsenf.discrepancy.measured import Measured
+from rsenf.discrepancy.noise_axis import LINES, STRIPS, apart_of
 
 FRAMES, ROWS = 900, 64
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from rsenf.discrepancy.fit import Fit, fit
-from rsenf.discrepancy.hint import hint_json, hint_of
+from rsenf.discrepancy.next_measurement import TELLS
+from rsenf.discrepancy.residual_breakdown import where
+from rsenf.discrepancy.residual_classifier import hint_json, hint_of
 from rsenf.discrepancy.result import discovery_json
 from rsenf.discrepancy.start import first_theory
-from rsenf.discrepancy.where import where
-from rsenf.discrepancy.would_tell import TELLS
 from rsenf.report.discovery import discovery_words
 from rsenf.report.hint_words import KINDS, kind_words, tone_words
 from tests.discrepancy.hidden_effects import PLAIN, Hidden, hidden

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.discrepancy.rolling import Rolling, thinned
 from rsenf.discrepancy.settings import WatchSettings
 from rsenf.discrepancy.watch import WatchStage, lasting
+from rsenf.discrepancy.window_buffer import Rolling, thinned
 from rsenf.errors import UsageError
 from rsenf.messages import DiscoveryVerdict, Header, RowBlock, canonical
 from rsenf.model import CaptureModel, Light, Shutter, simulate_rows, synthetic_grid

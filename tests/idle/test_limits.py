@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from rsenf.flicker.mains import is_second_harmonic
+from rsenf.idle.estimator_state import Finding, Seen
 from rsenf.idle.limits import are_alike, checked
 from rsenf.idle.moments import Moments
-from rsenf.idle.seen import Finding, Seen
 from rsenf.idle.still_rows import StillRows
 
 NTSC_HZ = 30000 / 1001

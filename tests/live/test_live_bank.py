@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.live.any_grid import AnyGrid
 from rsenf.live.bank import UNKNOWN_RAD2, Bank, Noise
+from rsenf.live.null_model import AnyGrid
 
 
 def drifting() -> Bank:

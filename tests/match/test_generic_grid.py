@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rsenf.flicker.grid_prior import INERTIA_S, WALKS, wander_rad2
-from rsenf.match import generic_grid
+from rsenf.match import ou_likelihood
 from rsenf.match.clip_phase import ClipPhase
-from rsenf.match.generic_grid import (
+from rsenf.match.ou_likelihood import (
     BAD_SHARE,
     LIVELINESS,
     MEAN_STD_HZ,
@@ -58,7 +58,7 @@ def test_whole_turns_of_a_phase_make_no_difference():
 
 
 def test_blocks_are_looked_at_for_themselves(monkeypatch):
-    monkeypatch.setattr(generic_grid, "BLOCK", 5)
+    monkeypatch.setattr(ou_likelihood, "BLOCK", 5)
     clip = clip_with(4, count=14)
     parts = [densely(clip.between(a, a + 6))[1:] for a in (0, 5, 10)]
     np.testing.assert_allclose(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rsenf.idle import seen as idle_seen
+from rsenf.idle import estimator_state as idle_state
 from rsenf.messages import EnfEstimate, RowBlock, encode
 from rsenf.record import open_recording
 from rsenf.record.growing import ABOUT
@@ -27,7 +27,7 @@ def _always(*_: object) -> bool:
 CHANGES = [
     ("moving", "rsenf.rows.steady.LEARNING_RATE", 0.06, "rows"),
     ("weak_cfl", "rsenf.track.projection.is_faint", _always, "track"),
-    ("still_2997", "rsenf.idle.seen.NORMAL_STDS", 2.1, "idle"),
+    ("still_2997", "rsenf.idle.estimator_state.NORMAL_STDS", 2.1, "idle"),
     ("still_2997", "rsenf.match.phase_search.APART_S", 60.0, "match"),
     ("no_mains_light", "rsenf.discrepancy.window.FEWEST_THERE", 2.0, "discover"),
 ]
@@ -68,14 +68,14 @@ def made_here(tmp_path: Path) -> Path:
 def test_rounding_is_seen_on_the_same_versions_and_allowed_on_others(
     made_here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(idle_seen, "NORMAL_STDS", 1.959964 * (1 + 1e-9))
+    monkeypatch.setattr(idle_state, "NORMAL_STDS", 1.959964 * (1 + 1e-9))
     assert _stages_that_moved(made_here) == ["idle"]
     facts = open_recording(made_here).metadata[ABOUT]
     monkeypatch.setattr(
         "rsenf.regress.versions.program_facts", lambda: {**facts, "library numpy": "99.0"}
     )
     assert _stages_that_moved(made_here) == []
-    monkeypatch.setattr(idle_seen, "NORMAL_STDS", 2.1)
+    monkeypatch.setattr(idle_state, "NORMAL_STDS", 2.1)
     assert _stages_that_moved(made_here) == ["idle"]
 
 

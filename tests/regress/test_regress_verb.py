@@ -17,7 +17,7 @@ from rsenf.cli import main
 from rsenf.config import Graph, shown
 from rsenf.config.load import with_replayed
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
-from rsenf.idle import seen as idle_seen
+from rsenf.idle import estimator_state as idle_state
 from rsenf.messages import EnfEstimate, Header, Health, RowBlock, VideoPacket
 from rsenf.record import Recorder, open_recording
 from rsenf.record.growing import ABOUT
@@ -75,7 +75,7 @@ def test_as_it_was(told: Told) -> None:
 
 
 def test_moved(told: Told, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(idle_seen, "NORMAL_STDS", 2.1)
+    monkeypatch.setattr(idle_state, "NORMAL_STDS", 2.1)
     path = FOLDER / "still_2997.mcap"
     code, out, _ = told(path)
     assert code == EXIT_FAILED
@@ -203,7 +203,7 @@ def test_a_video_that_has_times_of_decoding_only(
     assert [t.topic for t in result.topics if not t.passed] == []
     assert result.whole == untimed
     if not untimed:
-        monkeypatch.setattr(idle_seen, "NORMAL_STDS", 2.1)
+        monkeypatch.setattr(idle_state, "NORMAL_STDS", 2.1)
         code, _, err = told(path, "--accept", "--reason", "none")
         assert (code, err.count("without the times of its pictures")) == (EXIT_FAILED, 1)
 

@@ -28,7 +28,7 @@ from rsenf.run.node_state import NodeState
 from rsenf.run.outlets import _Departed
 from rsenf.run.patience import wait_until
 from rsenf.run.recording import of_run
-from rsenf.run.revival import FIRST_WORD_S, Restarts, Revival
+from rsenf.run.restart_policy import FIRST_WORD_S, Restarts, Revival
 
 RULE = {"limit": 2, "within_s": 60, "backoff_s": 1, "backoff_max_s": 3, "silent_s": 5}
 AGAIN = {**GRAPH, "restart": RULE}

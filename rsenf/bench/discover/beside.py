@@ -19,7 +19,7 @@ from rsenf.bench.discover.judge import WRONG, judged
 from rsenf.bench.discover.plan import Case
 from rsenf.bench.discover.scene import Drawn, drawn
 from rsenf.bench.grids import grid_for
-from rsenf.discrepancy.beside import beside_json, beside_of, clip_of, discover_beside, joined
+from rsenf.discrepancy.clock_offset import beside_json, beside_of, clip_of, discover_beside, joined
 from rsenf.discrepancy.measured import Measured, measured_of
 from rsenf.discrepancy.result import discovery_json, model_of
 from rsenf.discrepancy.verdict import discover

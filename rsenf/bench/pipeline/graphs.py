@@ -14,7 +14,7 @@ import yaml
 from rsenf.bench.memory import PEAK, memory_mb
 from rsenf.bench.pipeline.films import START, reference_of
 from rsenf.bus.delivery import LOOKING
-from rsenf.bus.inbox import Received, Teller
+from rsenf.bus.inbox import CallbackInbox, Received
 from rsenf.bus.keys import source_of, topic_of
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import load_graph
@@ -150,7 +150,7 @@ def run_split(split: Split, film: Path, folder: Path) -> Ran:
         ear = stack.enter_context(ExitStack())
         bus = ear.enter_context(open_bus(BusSettings(connect=(run.endpoint,))))
         done = threading.Event()
-        drum = Teller(partial(_hear, ran))
+        drum = CallbackInbox(partial(_hear, ran))
         for topic in HEARD:
             bus.subscribe(drum, f"rsenf/{SITE}/*/{topic}", LOOKING)
 

@@ -10,8 +10,8 @@ from typing import NamedTuple
 from rsenf.record.archive.alarms import AlarmSpan, alarms_of
 from rsenf.record.archive.layout import ArchivedFile, Camera, archived_files
 from rsenf.record.disk import Usage, disk_usage, low_bytes
-from rsenf.record.held import is_held
 from rsenf.record.settings import DiskLimits, Retention
+from rsenf.record.write_lock import is_held
 from rsenf.timebase import nanoseconds
 
 DAY_S = 86_400

@@ -13,10 +13,10 @@ take an import back is to remove its file.
 
 from __future__ import annotations
 
-from rsenf.reference.store.bring_in import Imported, import_file
 from rsenf.reference.store.export import export
 from rsenf.reference.store.facts import Facts, coverage, facts
 from rsenf.reference.store.folder import Series, all_series, default_store, find_series
+from rsenf.reference.store.importer import Imported, import_file
 from rsenf.reference.store.sample_file import SampleFile
 from rsenf.reference.store.stored import StoredReference, open_grid, stored_reference
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from rsenf import __version__
-from rsenf.discrepancy.beside import BesideDiscovery, where_beside
+from rsenf.discrepancy.clock_offset import BesideDiscovery, where_beside
 from rsenf.model import CATALOGUE, CaptureModel
 from rsenf.report.discovery_page.beside_pictures import draw_beside
 from rsenf.report.discovery_page.model_text import model_text
@@ -41,11 +41,11 @@ def beside_page(
     ----------
     found : BesideDiscovery
     told : dict
-        Of :func:`rsenf.discrepancy.beside.beside_json`.
+        Of :func:`rsenf.discrepancy.clock_offset.beside_json`.
     recording : str
         Name of what was looked at.
     extended : CaptureModel
-        Of :func:`rsenf.discrepancy.beside.beside_model`.
+        Of :func:`rsenf.discrepancy.clock_offset.beside_model`.
     """
     clip = found.beside.clip
     return fill(
@@ -71,7 +71,7 @@ def section(found: BesideDiscovery, told: dict[str, Any], first_picture: int) ->
     ----------
     found : BesideDiscovery
     told : dict
-        Of :func:`rsenf.discrepancy.beside.beside_json`.
+        Of :func:`rsenf.discrepancy.clock_offset.beside_json`.
     first_picture : int
         Where on the page its pictures begin.
     """

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.discrepancy.beside import Beside, BesideDiscovery, LagFit
+from rsenf.discrepancy.clock_offset import Beside, BesideDiscovery, LagFit
 from rsenf.report.pages import HEIGHT_IN, Picture, picture_of
 from rsenf.report.panels import GRID, MARK, SIGNAL, fixed_style
 from rsenf.report.panels.gap_steps import draw_gap_steps

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rsenf import __version__
-from rsenf.discrepancy.beside import BesideDiscovery, beside_json, joined
+from rsenf.discrepancy.clock_offset import BesideDiscovery, beside_json, joined
 from rsenf.discrepancy.verdict import Discovery
 from rsenf.model import CaptureModel
 from rsenf.report.discovery_page.beside import DEFINITIONS as BESIDE

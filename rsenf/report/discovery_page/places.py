@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rsenf.discrepancy.where import Share
+from rsenf.discrepancy.residual_breakdown import Share
 
 MOST = 10  # parts of an axis that are listed, those with most
 DIGITS = {"time_s": 1, "row": 0, "level": 1, "alias_hz": 2, "wander_hz": 3}

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.discrepancy.knobs import series_of
-from rsenf.discrepancy.search import WORST, Step
+from rsenf.discrepancy.fit_parameters import series_of
+from rsenf.discrepancy.forward_selection import WORST, Step
 from rsenf.discrepancy.trial import Trial
 from rsenf.discrepancy.verdict import Discovery
 from rsenf.model import Effect

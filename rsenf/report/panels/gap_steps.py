@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from rsenf.discrepancy.floor import Floor
 from rsenf.discrepancy.gap import Gap
+from rsenf.discrepancy.noise_floor import Floor
 from rsenf.report.panels import INK, MARK, SIGNAL
 
 FAR = 30.0  # below the limit, at most, is drawn

@@ -21,10 +21,10 @@ import numpy as np
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.gap import products
 from rsenf.discrepancy.measured import BANDS, Float32Array
+from rsenf.discrepancy.next_measurement import TELLS
+from rsenf.discrepancy.residual_breakdown import Share
 from rsenf.discrepancy.series import halves, power
 from rsenf.discrepancy.tone import HARMONICS, Tone, flicker_hz, is_at, tone_of
-from rsenf.discrepancy.where import Share
-from rsenf.discrepancy.would_tell import TELLS
 from rsenf.messages.schema import FloatArray
 from rsenf.model.effects.residue import NOTHING_FITS
 from rsenf.model.parameters import Fitting
@@ -213,7 +213,7 @@ def hint_of(last: Fit, after: Sequence[Share]) -> Hint:
     last : Fit
         That leaves it.
     after : sequence of Share
-        Where it is left, of :func:`rsenf.discrepancy.where.where`.
+        Where it is left, of :func:`rsenf.discrepancy.residual_breakdown.where`.
     """
     if abs(last.gap.value) > NOTHING_FITS:
         return _hint(["other_readout"])

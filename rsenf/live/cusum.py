@@ -19,9 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.live.any_grid import AnyGrid
 from rsenf.live.bank import Bank, Noise
 from rsenf.live.noises import NOISES
+from rsenf.live.null_model import AnyGrid
 from rsenf.live.settings import LiveSettings
 from rsenf.match.clip_phase import RAD_PER_CYCLE
 from rsenf.messages.schema import FloatArray

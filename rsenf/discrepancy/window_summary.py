@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.discrepancy.knobs import series_of
+from rsenf.discrepancy.fit_parameters import series_of
 from rsenf.discrepancy.result import SURE
 from rsenf.discrepancy.verdict import Discovery
 from rsenf.messages import FoundEffect

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.beside.laid import Beside, slope_of
-from rsenf.discrepancy.beside.noise import Chance
-from rsenf.discrepancy.beside.ways import memory
+from rsenf.discrepancy.clock_offset.aligned_reference import Beside, slope_of
+from rsenf.discrepancy.clock_offset.hypotheses import memory
+from rsenf.discrepancy.clock_offset.noise import Chance
 from rsenf.errors import InputError
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel

@@ -9,12 +9,12 @@ from functools import cached_property
 
 import numpy as np
 
-from rsenf.discrepancy.knobs import Knob, series_of
-from rsenf.discrepancy.lean import by_lean, leans
+from rsenf.discrepancy.fit_parameters import Knob, series_of
+from rsenf.discrepancy.forward_model import Theory
 from rsenf.discrepancy.linear import TINY, System
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.series import response
-from rsenf.discrepancy.theory import Theory
+from rsenf.discrepancy.strip_centroid import by_lean, leans
 from rsenf.messages.schema import FloatArray
 
 TURN_RAD, LIT = 0.02, 0.01

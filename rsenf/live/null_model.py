@@ -2,7 +2,7 @@
 
 The frequency is that of :mod:`rsenf.flicker.grid_prior` — two walks drawn back to the nominal
 value and smoothed twice by inertia — about a mean that isn't known, for the clock's error is in
-it. :func:`rsenf.match.generic_grid.generic_log_likelihood` says the same of a whole clip at once.
+it. :func:`rsenf.match.ou_likelihood.generic_log_likelihood` says the same of a whole clip at once.
 States: phase, mean, the two walks, and the frequency after one and after two passes through the
 inertia.
 """
@@ -17,7 +17,7 @@ from rsenf.flicker.grid_prior import INERTIA_S, WALKS
 from rsenf.live.bank import Bank, Noise
 from rsenf.live.noises import NOISES
 from rsenf.match.clip_phase import RAD_PER_CYCLE
-from rsenf.match.generic_grid import LIVELINESS, MEAN_STD_HZ
+from rsenf.match.ou_likelihood import LIVELINESS, MEAN_STD_HZ
 from rsenf.messages.schema import FloatArray
 
 STATES = 6

@@ -12,9 +12,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from rsenf.discrepancy.apart import LINES, STRIPS
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.measured import BANDS
+from rsenf.discrepancy.noise_axis import LINES, STRIPS
 from rsenf.messages.schema import FloatArray
 
 LEVELS = 4

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from rsenf.discrepancy.beside.clip import Clip
+from rsenf.discrepancy.clock_offset.clip import Clip
 from rsenf.discrepancy.measured import Mask
 from rsenf.match.clip_phase import AVERAGED_S, LONGEST_WINDOW_RATIO
 from rsenf.match.kernel import average, window_kernel

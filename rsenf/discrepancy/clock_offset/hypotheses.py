@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.beside.laid import Beside, slope_of
-from rsenf.discrepancy.beside.noise import Chance
-from rsenf.discrepancy.search import FALSE_ALARMS, WORST
+from rsenf.discrepancy.clock_offset.aligned_reference import Beside, slope_of
+from rsenf.discrepancy.clock_offset.noise import Chance
+from rsenf.discrepancy.forward_selection import FALSE_ALARMS, WORST
 from rsenf.messages.schema import FloatArray
 
 PLACES = 12  # of a leap, that are tried

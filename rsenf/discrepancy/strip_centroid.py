@@ -14,8 +14,8 @@ import dataclasses
 
 import numpy as np
 
+from rsenf.discrepancy.forward_model import Theory
 from rsenf.discrepancy.measured import Float32Array, Measured
-from rsenf.discrepancy.theory import Theory
 
 USUAL, MOST = 0.1, 0.5  # lean of a wall
 STEP = 0.1

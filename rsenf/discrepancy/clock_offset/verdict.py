@@ -14,13 +14,13 @@ from functools import cached_property
 import numpy as np
 from scipy.special import gammaincinv, ndtr
 
-from rsenf.discrepancy.beside.fit import LagFit, by_all_values, clock_ppm, columns_of, settled
-from rsenf.discrepancy.beside.laid import Beside
-from rsenf.discrepancy.beside.noise import Chance, chance_of, tracked_noise
-from rsenf.discrepancy.beside.start import no_match, read_aright
-from rsenf.discrepancy.beside.ways import LEAPT, SKEWED, Weighed, kinds, weighed
-from rsenf.discrepancy.floor import BEYOND_STDS, Floor
+from rsenf.discrepancy.clock_offset.aligned_reference import Beside
+from rsenf.discrepancy.clock_offset.fit import LagFit, by_all_values, clock_ppm, columns_of, settled
+from rsenf.discrepancy.clock_offset.hypotheses import LEAPT, SKEWED, Weighed, kinds, weighed
+from rsenf.discrepancy.clock_offset.noise import Chance, chance_of, tracked_noise
+from rsenf.discrepancy.clock_offset.start import no_match, read_aright
 from rsenf.discrepancy.gap import Gap
+from rsenf.discrepancy.noise_floor import BEYOND_STDS, Floor
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel
 

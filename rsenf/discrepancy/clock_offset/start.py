@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsenf.discrepancy.beside.clip import Clip
-from rsenf.discrepancy.beside.laid import FEWEST_BLOCKS, MARGIN_S, Beside
+from rsenf.discrepancy.clock_offset.aligned_reference import FEWEST_BLOCKS, MARGIN_S, Beside
+from rsenf.discrepancy.clock_offset.clip import Clip
 from rsenf.errors import InputError, NoSignal
 from rsenf.match import Match, MatchSettings
 from rsenf.match.clip_phase import AVERAGED_S

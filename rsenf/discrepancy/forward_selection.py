@@ -18,12 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.discrepancy.candidates import Candidate, candidates, per_power
+from rsenf.discrepancy.codec_baseline import NOTHING, Usual
 from rsenf.discrepancy.fit import Fit, fit
-from rsenf.discrepancy.floor import Floor, floor_of
+from rsenf.discrepancy.fit_parameters import series_of
 from rsenf.discrepancy.heterogeneity import heterogeneity
-from rsenf.discrepancy.knobs import series_of
+from rsenf.discrepancy.noise_floor import Floor, floor_of
 from rsenf.discrepancy.trial import Trial, judged, settled, tried
-from rsenf.discrepancy.usual import NOTHING, Usual
 from rsenf.errors import UsageError
 
 FALSE_ALARMS = 0.01  # of a whole search, by chance

@@ -12,12 +12,17 @@ On the ENF of a clip, of rows or of one mean a frame; one idea a file, in the or
     result    as plain values, and joined to what the rows told
 """
 
-from rsenf.discrepancy.beside.clip import Clip, clip_of, clip_of_frame_means, holds_frame_means
-from rsenf.discrepancy.beside.fit import LagFit, clock_ppm
-from rsenf.discrepancy.beside.laid import Beside
-from rsenf.discrepancy.beside.result import beside_json, beside_model, joined, where_beside
-from rsenf.discrepancy.beside.start import beside_of
-from rsenf.discrepancy.beside.verdict import BesideDiscovery, discover_beside
+from rsenf.discrepancy.clock_offset.aligned_reference import Beside
+from rsenf.discrepancy.clock_offset.clip import (
+    Clip,
+    clip_of,
+    clip_of_frame_means,
+    holds_frame_means,
+)
+from rsenf.discrepancy.clock_offset.fit import LagFit, clock_ppm
+from rsenf.discrepancy.clock_offset.result import beside_json, beside_model, joined, where_beside
+from rsenf.discrepancy.clock_offset.start import beside_of
+from rsenf.discrepancy.clock_offset.verdict import BesideDiscovery, discover_beside
 
 __all__ = [
     "Beside",

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.discrepancy.beside.fit import LagFit, clock_ppm
-from rsenf.discrepancy.beside.verdict import BesideDiscovery
-from rsenf.discrepancy.beside.ways import SKEWED
-from rsenf.discrepancy.hint import Hint, hint_json
-from rsenf.discrepancy.where import Share
-from rsenf.discrepancy.would_tell import TELLS
+from rsenf.discrepancy.clock_offset.fit import LagFit, clock_ppm
+from rsenf.discrepancy.clock_offset.hypotheses import SKEWED
+from rsenf.discrepancy.clock_offset.verdict import BesideDiscovery
+from rsenf.discrepancy.next_measurement import TELLS
+from rsenf.discrepancy.residual_breakdown import Share
+from rsenf.discrepancy.residual_classifier import Hint, hint_json
 from rsenf.model import CATALOGUE, CaptureModel
 
 # Further off is no crystal: more likely the frames come at another rate than is assumed.

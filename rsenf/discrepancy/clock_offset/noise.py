@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.beside.clip import SEED
-from rsenf.discrepancy.beside.laid import Beside
+from rsenf.discrepancy.clock_offset.aligned_reference import Beside
+from rsenf.discrepancy.clock_offset.clip import SEED
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel
 
