@@ -1,4 +1,4 @@
-"""What an encoder makes of a recording that lacks nothing, which no effect may be named for.
+"""Baseline of a codec: what it makes of a recording that lacks nothing; no effect is named for it.
 
 What a fit says, put through the recording's own codec, is data without a discrepancy: its gap is
 part of the floor, and what effects seem to explain of it is what they must beat on the data.

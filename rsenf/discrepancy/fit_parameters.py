@@ -1,4 +1,4 @@
-"""What can be turned on a model: parameters in units in which they act alike, one by one."""
+"""Fit parameters of a model, one by one, in units in which they act alike."""
 
 from __future__ import annotations
 

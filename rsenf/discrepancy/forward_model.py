@@ -1,4 +1,4 @@
-"""A theory of a recording: a capture model and a course of the light's phase, simulated at will.
+"""Forward model of a recording: a capture model and a course of the light's phase, simulated.
 
 There is no second model in the workflow: whatever a theory says of the data is said by
 :func:`rsenf.model.simulate_rows`, noise left out.

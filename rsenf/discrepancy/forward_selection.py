@@ -1,4 +1,4 @@
-"""The loop: fit, see what is left, try what might explain it, keep what held-out data support.
+"""Forward selection of effects: fit, look at the residual, keep what held-out data support.
 
 A candidate enters when it leaves less of the held-out data: of the rows, in blocks of time, that
 nothing at all was fitted to. How much likelier it must make them counts how many were tried; it

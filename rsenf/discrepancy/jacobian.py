@@ -1,4 +1,4 @@
-"""What the rows do when anything about a theory is turned: derivatives by the capture model."""
+"""Jacobian of the rows by the parameters of a forward model, by finite differences of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How small a gap can be: that of data which the fitted theory itself has made."""
+"""Noise floor of the gap: the gap to data that the fitted forward model itself has made."""
 
 from __future__ import annotations
 

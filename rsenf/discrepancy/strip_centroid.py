@@ -1,4 +1,4 @@
-"""Where in each strip its light comes from: what a lamp beside the camera makes of a textured wall.
+"""Centroid of the light in each strip: it decides what a lamp beside the camera makes of a wall.
 
 Light that changes along the lines acts on a strip as it is at the strip's centre of brightness,
 which is not its middle. So each half of a strip has a level of its own, found from training frames.

@@ -1,4 +1,4 @@
-"""Flicker that stands nearly still from frame to frame, followed by what its slow turning shows.
+"""Tracker near 0 Hz: flicker that hardly turns from frame to frame, by its slow turning.
 
 Where the alias is at or near 0 Hz, texture and flicker are told apart jointly over as long a span
 as there is (:mod:`rsenf.flicker.zero_alias`); here its phases, with their covariance, meet the

@@ -1,4 +1,4 @@
-"""The flicker's phase over one window: most probable path, given the grid's habits and the frames.
+"""The flicker's phase over one window: its posterior mode, given the grid's prior and the frames.
 
 Each column of the reduced profiles is a constant plus the flicker's harmonics, of which only the
 common phase moves::

@@ -1,4 +1,4 @@
-"""Flicker that was found, followed from second to second.
+"""Phase tracker: flicker that was found is followed from second to second.
 
 Each second's phase is that of the window around it, fitted anew from what was known before, and
 checked: the tone must stand out where the fit says it is. Some seconds in a row share a window, for

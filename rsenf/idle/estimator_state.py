@@ -1,4 +1,4 @@
-"""What an idle estimator has seen of a stream so far, and what it concludes from it."""
+"""State of an idle estimator: what it has seen of a stream so far, and what it concludes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The standard error of a ramp that tells the truth after a codec too.
+"""Jackknife standard error of a ramp: it holds after a codec, too.
 
 A codec's errors are no noise: they sit on its blocks of rows, stay as long as the clip lasts, and
 lean the same way over several blocks, as slices and prediction make them. So the ramp is found

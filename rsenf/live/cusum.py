@@ -1,12 +1,11 @@
-"""The running evidence for 'follows the grid now' against 'a grid's wander that is not this one'.
+"""CUSUM of the evidence that a feed follows the grid now, and the lag filter bank that feeds it.
 
 Each phase tells how much likelier it is by the reference than by any grid whatever; these
 log-likelihood ratios are added up. The sum stops at both ends, so that a change is seen as fast
 after a day as after a minute: E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954.
 
-Does the phase follow the reference now, and if so with which lag and which clock?
-
-One filter for each lag that an honest feed may have, and each size of the errors. What is left of
+The bank has one Kalman filter for each lag that an honest feed may have and each size of the
+errors; it tells the lag and the clock's error as well. What is left of
 the phase when the reference's has been taken away is a walk, for the reference's errors are in its
 frequency, and a steady drift, the clock's error, which changes by little.
 """

@@ -1,7 +1,7 @@
-"""What any grid might do, as a filter: the alternative that following the reference is weighed by.
+"""Null model of a live feed: any grid, as a Kalman filter; the alternative to the reference.
 
-The frequency is that of :mod:`rsenf.flicker.grid_prior` — two walks drawn back to the nominal
-value and smoothed twice by inertia — about a mean that isn't known, for the clock's error is in
+The frequency is that of :mod:`rsenf.flicker.grid_prior` (two Ornstein–Uhlenbeck processes,
+smoothed twice by inertia) about a mean that isn't known, for the clock's error is in
 it. :func:`rsenf.match.ou_likelihood.generic_log_likelihood` says the same of a whole clip at once.
 States: phase, mean, the two walks, and the frequency after one and after two passes through the
 inertia.

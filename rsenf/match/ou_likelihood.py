@@ -1,4 +1,4 @@
-"""Likelihood of a clip's phases when no reference is at hand: what any grid might have done.
+"""Likelihood of a clip's phases under any grid: Ornstein–Uhlenbeck processes about a free mean.
 
 It is the alternative that every lag is weighed against. The frequency is the Gaussian process of
 :mod:`rsenf.flicker.grid_prior`, livelier or calmer by a factor that isn't known, about a mean that

@@ -1,6 +1,6 @@
-"""Starts nodes again that have died, and finds those that hang.
+"""Restart policy and watchdog: nodes that died are started again, nodes that are silent are ended.
 
-When a node that died is started again: after a growing pause, so many times within so long.
+A node is started again after a growing pause, so many times within so long.
 """
 
 from __future__ import annotations
