@@ -69,8 +69,8 @@ class Inbox:
 
     A lossless topic makes its sender wait while its share of the queue is full (backpressure); any
     other drops its oldest. Sequence numbers are checked when messages are taken out: what the
-    history brought twice is dropped. What is missing is asked for, if its sender keeps it; what comes after it
-    waits meanwhile. What never came is counted.
+    history brought twice is dropped. What is missing is asked for, if its sender keeps it; what
+    comes after it waits meanwhile. What never came is counted.
 
     Parameters
     ----------

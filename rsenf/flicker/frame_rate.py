@@ -26,6 +26,7 @@ from rsenf.flicker.mains import (
 )
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.tone import AT_EDGE, ToneFinder
+from rsenf.flicker.wander import STEADY, Wander
 from rsenf.messages import RateHypothesis, RowBlock
 
 Float = NDArray[np.float64]
@@ -33,6 +34,7 @@ Complex = NDArray[np.complex128]
 
 MIN_FRAMES, MOST_FRAMES = 120, 600
 MIN_ROWS = 16
+RESTING = Wander(known=min(STEADY))  # of what may be anything's
 MOST_TURNS = 8.0  # 120 Hz, read out in all of a frame at 15 frames/s
 TRIED = 6  # tones looked at, the strongest first
 PEAK_CELLS = 1e-3  # error of a peak's interpolation
@@ -155,7 +157,7 @@ class FrameRateFinder:
             cycles = 0.25 + tone.offset_hz
             phase = 2.0 * np.pi * cycles * n
             light = light_of(cells, n, phase, bands, MOST_TURNS)
-            why_not = light.why_not(MOST_TURNS, is_steady=True)
+            why_not = light.why_not(MOST_TURNS, RESTING)
             if why_not == PATTERN:
                 return None
             if why_not or abs(light.turns) < AT_ONCE:  # all rows at once: anything that blinks

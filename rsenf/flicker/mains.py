@@ -132,20 +132,21 @@ class Light:
         least = max(LEAST_MULTIPLIED, 3.0 * self.explained_std)
         return 1.0 - self.added > max(MULTIPLIED * (1.0 - self.explained), least)
 
-    def why_not(self, most_turns: float, *, is_steady: bool) -> str:
+    def why_not(self, most_turns: float, wander: Wander) -> str:
         """Say why it can't be mains light; '' where it can.
 
         Parameters
         ----------
         most_turns : float
             Of a read-out that takes all of a frame.
-        is_steady : bool
-            Whether its frequency rests, as a grid's doesn't.
+        wander : Wander
+            How its phase strays: what moves less than most grids do has to be clearer light.
         """
         if self.snr < LEAST_SNR or self.explained_std > (CLEAR_STD if self.is_brief else MOST_STD):
             return NOT_ONE
-        least = CLEARLY_EXPLAINED if self.is_brief else LEAST_EXPLAINED
-        least = USUALLY_EXPLAINED if is_steady else least
+        is_calm = 0.0 < wander.squares < wander.known
+        least = CLEARLY_EXPLAINED if self.is_brief or is_calm else LEAST_EXPLAINED
+        least = USUALLY_EXPLAINED if wander.is_steady else least
         if self.explained + self.explained_std < least or self.is_added:
             return PATTERN
         if abs(self.turns) > BEYOND_FRAME * most_turns + TURNS_STD:
@@ -187,7 +188,7 @@ def why_not(
         return CREEPS
     if _is_keyed(f0_hz, light, frame_rate_hz, wander):
         return KEYED
-    return light.why_not(f0_hz / frame_rate_hz, is_steady=wander.is_steady)
+    return light.why_not(f0_hz / frame_rate_hz, wander)
 
 
 def is_faint(flicker_ratio: float, f0_hz: float, nominal_hz: float) -> bool:

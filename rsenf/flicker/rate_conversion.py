@@ -184,9 +184,12 @@ def _is_short(found: Conversion) -> bool:
 
 
 def _beat_frames(found: Conversion) -> int:
-    """Frames shown until a nominal rate's beat comes again."""
-    nominal_hz = min(RATES_HZ, key=lambda usual: abs(usual - found.source_hz))
-    return Fraction(nominal_hz / found.shown_hz).limit_denominator(1000).denominator
+    """Frames shown until the beat of the nominal rates comes again."""
+    source_hz, shown_hz = (
+        min(RATES_HZ, key=lambda usual: abs(usual - rate_hz))
+        for rate_hz in (found.source_hz, found.shown_hz)
+    )
+    return Fraction(source_hz / shown_hz).limit_denominator(1000).denominator
 
 
 def round_rate(rate_hz: float) -> float:

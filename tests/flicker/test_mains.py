@@ -147,13 +147,13 @@ def test_light_multiplies_and_runs_down_the_rows() -> None:
     assert lamp.turns == pytest.approx(2.3, abs=0.03)
     assert lamp.explained > 0.99
     assert lamp.is_multiplied
-    assert not lamp.why_not(3.3, is_steady=False)
+    assert not lamp.why_not(3.3, wander.Wander())
     added = light(level, 0.8 * np.ones_like(level) * ramp)
     assert added.is_added
-    assert added.why_not(3.3, is_steady=False) == mains.PATTERN
+    assert added.why_not(3.3, wander.Wander()) == mains.PATTERN
     slanted = np.exp(2j * np.pi * np.arange(4) * 0.4)
-    assert light(level, 0.01 * level * ramp * slanted).why_not(3.3, is_steady=False)
-    assert light(level, 0.01 * level * ramp**2).why_not(3.3, is_steady=False) == mains.TOO_LONG
+    assert light(level, 0.01 * level * ramp * slanted).why_not(3.3, wander.Wander())
+    assert light(level, 0.01 * level * ramp**2).why_not(3.3, wander.Wander()) == mains.TOO_LONG
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -201,3 +201,14 @@ def test_what_an_exposure_leaves_goes_as_the_grids_deviation() -> None:
     assert is_faint(2e-4, 100.1, 50.0)  # a strong lamp's rest, 0.1 % off
     assert not is_faint(2e-4, 100.01, 50.0)  # no exposure leaves so much of any
     assert is_faint(5e-5, 100.0, 50.0)
+
+
+def test_light_that_hardly_moves_has_to_be_clearer() -> None:
+    rng = np.random.default_rng(1)
+    level = 80.0 * np.exp(rng.uniform(-0.7, 0.7, (24, 4)))
+    lamp = light(level, 0.01 * level)
+    unclear = dataclasses.replace(lamp, explained=0.82, explained_std=0.001, added=0.82)
+    moves, rests = (wander.Wander(known=4, squares=squares) for squares in (6.0, 1.0))
+    assert not unclear.why_not(3.3, moves)
+    assert unclear.why_not(3.3, rests) == mains.PATTERN
+    assert not dataclasses.replace(unclear, explained=0.9).why_not(3.3, rests)

@@ -147,3 +147,11 @@ def test_a_beat_that_is_off_is_found_wherever_it_steps(seed: int, rate: str) -> 
     grid = "rough" if rate == "30.01" else "continental"
     clip = follow(trial("converted", seed, rate=rate, nominal_hz=50.0, grid=grid))
     assert not clip.off_hz.size or (clip.converted and clip.rms_z < 2.0)
+
+
+def test_a_monitor_beside_a_lamp_is_no_conversion() -> None:
+    """At 30.01 frames/s a 60 Hz monitor and light at 50 Hz look like 50 frames/s brought to 30."""
+    clip = follow(trial("monitor beside", 38061, rate="30.01", nominal_hz=50.0, grid="rough"))
+    assert not clip.converted
+    assert clip.off_hz.size > 50
+    assert clip.rms_z < 2.0
