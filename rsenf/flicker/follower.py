@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, Found, acquire
+from rsenf.flicker.cell_light import BRIEF_S, bands_of, cell_means
 from rsenf.flicker.conversions import Conversions
 from rsenf.flicker.frame_clock import frame_periods, usual_gap_ns
-from rsenf.flicker.mains import BRIEF_S, CREEPS, TOO_BRIEF, bands_of, cell_means
+from rsenf.flicker.mains import CREEPS, TOO_BRIEF
 from rsenf.flicker.near_dc_tracker import EVERY_S, SHORTEST_S, SPAN_S, StillFlicker, may_stand_still
 from rsenf.flicker.phase_tracker import (
     AHEAD_S,

@@ -15,15 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import SEARCH_HZ
+from rsenf.flicker.cell_light import Light, cell_means, still_light_of
 from rsenf.flicker.grid_prior import FREE, MEAN_STD_HZ, NODES_PER_S, phase_prior
 from rsenf.flicker.lines import SURE_LOG_ODDS, alias_hz, usual_log_odds
-from rsenf.flicker.mains import (
-    NO_GRID,
-    Light,
-    cell_means,
-    still_light_of,
-    why_not,
-)
+from rsenf.flicker.mains import NO_GRID, why_not
 from rsenf.flicker.node_sums import at_frames
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.wander import wander_of

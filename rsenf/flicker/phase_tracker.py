@@ -15,16 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found, stands_out, strongest
+from rsenf.flicker.cell_light import bands_of, look_at
 from rsenf.flicker.complex_exponential import turning
 from rsenf.flicker.frame_slips import FrameSlip
 from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
 from rsenf.flicker.lines import SURE_LOG_ODDS, alias_hz, mirror_hz, usual_log_odds
-from rsenf.flicker.mains import (
-    SECOND,
-    bands_of,
-    look_at,
-    why_not,
-)
+from rsenf.flicker.mains import SECOND, why_not
 from rsenf.flicker.node_sums import at_frames
 from rsenf.flicker.phase_fit import PhaseFit
 from rsenf.flicker.phase_path import PhasePath
@@ -85,7 +81,7 @@ class Lock:
         Rate at which frames come of which each is a new one.
     min_snr : float
     cells : SlowTime
-        What :func:`rsenf.flicker.mains.cell_means` tells of the same frames.
+        What :func:`rsenf.flicker.cell_light.cell_means` tells of the same frames.
     ramp : ndarray of complex, shape (columns,), optional
         What the phase is measured against: that of an earlier lock on the same light.
     """

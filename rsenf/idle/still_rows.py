@@ -6,7 +6,7 @@ needs where flicker stands still, of memory and of time.
 
 from __future__ import annotations
 
-from rsenf.flicker.mains import Light, cell_means, still_light_of
+from rsenf.flicker.cell_light import Light, cell_means, still_light_of
 from rsenf.flicker.zero_alias import MIN_BINS, ZeroAlias, separate
 from rsenf.flicker.zero_alias_bins import RowBins
 from rsenf.messages.schema import Float32Array, FloatArray

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
+from rsenf.flicker.cell_light import Light
 from rsenf.flicker.lines import alias_hz
-from rsenf.flicker.mains import Light
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.track.course import Course, apart_hz2
 from rsenf.track.paper_hypotheses import Hypothesis, hypotheses

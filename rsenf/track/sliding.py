@@ -15,18 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.flicker.cell_light import APART_HZ, Light, cell_means, look_at, tells_cells
 from rsenf.flicker.conversions import Conversions
 from rsenf.flicker.lines import Line, alias_hz
-from rsenf.flicker.mains import (
-    APART_HZ,
-    CREEPS,
-    Light,
-    cell_means,
-    is_faint,
-    look_at,
-    tells_cells,
-    why_not,
-)
+from rsenf.flicker.mains import CREEPS, is_faint, why_not
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsenf.flicker import mains, wander
+from rsenf.flicker import cell_light, mains, wander
 from rsenf.flicker.grid_prior import phase_prior
 from rsenf.flicker.mains import is_faint
 from tests.flicker import no_mains, weak_lamps
@@ -129,14 +129,14 @@ def test_real_dashes_on_a_road_are_no_light(measured_data: Path) -> None:
         assert found.idle.verdict != "estimated"
 
 
-def light(level: np.ndarray, tone: np.ndarray) -> mains.Light:
+def light(level: np.ndarray, tone: np.ndarray) -> cell_light.Light:
     """What cells of 20 s at 30 frames/s show that turn at 10 Hz, with a little noise."""
     rng = np.random.default_rng(1)
     t_s = np.arange(600) / 30.0
     phase = 2.0 * np.pi * 10.0 * t_s
     seen = level + (tone * np.exp(1j * phase)[:, None, None]).real
     seen = seen + 0.02 * rng.standard_normal(seen.shape)
-    return mains.light_of(seen.reshape(600, -1), t_s, phase, level.shape[0], 3.3)
+    return cell_light.light_of(seen.reshape(600, -1), t_s, phase, level.shape[0], 3.3)
 
 
 def test_light_multiplies_and_runs_down_the_rows() -> None:
@@ -147,13 +147,16 @@ def test_light_multiplies_and_runs_down_the_rows() -> None:
     assert lamp.turns == pytest.approx(2.3, abs=0.03)
     assert lamp.explained > 0.99
     assert lamp.is_multiplied
-    assert not lamp.why_not(3.3, wander.Wander())
+    assert not mains.why_not_light(lamp, 3.3, wander.Wander())
     added = light(level, 0.8 * np.ones_like(level) * ramp)
     assert added.is_added
-    assert added.why_not(3.3, wander.Wander()) == mains.PATTERN
+    assert mains.why_not_light(added, 3.3, wander.Wander()) == mains.PATTERN
     slanted = np.exp(2j * np.pi * np.arange(4) * 0.4)
-    assert light(level, 0.01 * level * ramp * slanted).why_not(3.3, wander.Wander())
-    assert light(level, 0.01 * level * ramp**2).why_not(3.3, wander.Wander()) == mains.TOO_LONG
+    assert mains.why_not_light(light(level, 0.01 * level * ramp * slanted), 3.3, wander.Wander())
+    assert (
+        mains.why_not_light(light(level, 0.01 * level * ramp**2), 3.3, wander.Wander())
+        == mains.TOO_LONG
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -209,6 +212,6 @@ def test_light_that_hardly_moves_has_to_be_clearer() -> None:
     lamp = light(level, 0.01 * level)
     unclear = dataclasses.replace(lamp, explained=0.82, explained_std=0.001, added=0.82)
     moves, rests = (wander.Wander(known=4, squares=squares) for squares in (6.0, 1.0))
-    assert not unclear.why_not(3.3, moves)
-    assert unclear.why_not(3.3, rests) == mains.PATTERN
-    assert not dataclasses.replace(unclear, explained=0.9).why_not(3.3, rests)
+    assert not mains.why_not_light(unclear, 3.3, moves)
+    assert mains.why_not_light(unclear, 3.3, rests) == mains.PATTERN
+    assert not mains.why_not_light(dataclasses.replace(unclear, explained=0.9), 3.3, rests)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.messages.schema import Float32Array
-from rsenf.rows import levelling, steady
+from rsenf.rows import steady
 from rsenf.rows.tiles import tile_edges
 
 
@@ -42,9 +42,9 @@ class SlowRows:
             sums = _paint_over(sums, keep, self._background * pixels)
         if self._offset is not None:
             passed = np.arange(1, len(sums) + 1, dtype=np.float32)
-            fade = np.exp(-passed / (len(sums) * levelling.FADES_BLOCKS))
+            fade = np.exp(-passed / (len(sums) * steady.FADES_BLOCKS))
             sums = sums + fade[:, None, None] * self._offset * pixels
-            is_over = np.abs(self._offset).max() <= levelling.NOTHING_LEVEL
+            is_over = np.abs(self._offset).max() <= steady.NOTHING_LEVEL
             self._offset = None if is_over else fade[-1] * self._offset
         per_strip = (sums.shape[1], self._strips, 8 // self._strips)
         level = sums.reshape(-1, *per_strip).sum(axis=3)
