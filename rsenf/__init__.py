@@ -24,6 +24,7 @@ TYPE_CHECKING = False  # as in typing, which is slow to import; type checkers kn
 if TYPE_CHECKING:
     from typing import Any
 
+    from rsenf.api.against import verify_against
     from rsenf.api.camera import add_camera, identify_camera, list_cameras
     from rsenf.api.discover import discover
     from rsenf.api.idle import compare_idle, idle
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from rsenf.api.recordings import read_recording
     from rsenf.api.simulate import simulate
     from rsenf.api.track import track
-    from rsenf.api.verify import verify, verify_against
+    from rsenf.api.verify import verify
 
 __all__ = [
     "add_camera",
@@ -54,7 +55,7 @@ _HOME = {
     **dict.fromkeys(("add_camera", "identify_camera", "list_cameras"), "camera"),
     "compare_idle": "idle",
     "read_recording": "recordings",
-    "verify_against": "verify",
+    "verify_against": "against",
 }
 
 

@@ -9,10 +9,10 @@ from tests.house import ROOT, circles, measured
 # Lower these as files and words go; DESIGN says where to: 400 files, 56,000 lines.
 MOST = {
     "files": 672,
-    "lines": 82_300,
+    "lines": 82_100,
     "longest": 554,
-    "files with one importer": 150,
-    "files under 60 lines": 114,
+    "files with one importer": 147,
+    "files under 60 lines": 111,
     "import circles": 0,
     "README lines": 300,
     "terms missing": 0,

@@ -12,10 +12,11 @@ def result_schemas() -> dict[str, dict[str, Any]]:
     """Return the schemas by name. Keys may be added to a result, so others are allowed."""
     from pydantic import TypeAdapter
 
+    from rsenf.api.against import AgainstResult
     from rsenf.api.idle import IdleComparison, IdleResult
     from rsenf.api.shared import json_fields
     from rsenf.api.track import EstimateJson, TrackResult
-    from rsenf.api.verify import AgainstResult, VerifyResult
+    from rsenf.api.verify import VerifyResult
     from rsenf.report.recording_time.keys import Document
 
     documents = {

@@ -154,7 +154,7 @@ def _name(value: object) -> str:
 
 def _against(args: argparse.Namespace) -> int:
     """Compare two recordings."""
-    from rsenf.api.verify import verify_against
+    from rsenf.api.against import verify_against
     from rsenf.cli.console import note, print_json, say, say_loss
     from rsenf.cli.options import settings_of
     from rsenf.errors import UsageError

@@ -17,7 +17,8 @@ from rsenf.match.clip_phase import ClipPhase, clip_phase
 from rsenf.match.matcher import Finding, claimed_lag_s, moment
 from rsenf.match.parts import LEAST, Part, Parts
 from rsenf.match.phase import weigh
-from rsenf.match.phase_search import PhaseScorer, PhaseSearch, Place, refined, search_phase
+from rsenf.match.phase_scorer import PhaseScorer
+from rsenf.match.phase_search import PhaseSearch, Place, refined, search_phase
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.match.splice_detection import assembled

@@ -8,17 +8,22 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol
 
+import numpy as np
+
 from rsenf.errors import UsageError
 from rsenf.match.evidence import verbal
 from rsenf.match.paper_tracks import Hypotheses
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
-from rsenf.match.speed import off_speed
 from rsenf.messages import Candidate, Edit, Segment
 from rsenf.timebase import nanoseconds, seconds, utc_text
 
 NEAR_HZ = 0.5  # frequencies nearer than this have the same nominal one
 
+# Grids stay nearer to their nominal frequency, but for a few minutes in many years: then the
+# reference shows it.
+FARTHEST_HZ, BESIDE_HZ = 0.1, 0.02
+PIECE = 1 << 20  # samples of a reference looked at together
 NAN = float("nan")
 ENOUGH_COVERAGE = 0.5  # of the possible lags, before "not in this reference" is said
 
@@ -223,3 +228,22 @@ def nothing_to_decide(track: Track, grids: Sequence[Grid], settings: MatchSettin
 def of_nominal(track: Track, grids: Sequence[Grid]) -> list[Grid]:
     """Return the references of grids with the nominal frequency that the light follows."""
     return [grid for grid in grids if abs(track.nominal_hz - grid.nominal_hz) < NEAR_HZ]
+
+
+def off_speed(track: Track, grids: Sequence[Grid]) -> str:
+    """Say that the clip's ENF is too far from the nominal one; empty where it isn't."""
+    enf_hz = float(np.nanmedian(track.enf_hz))
+    away_hz = enf_hz - track.nominal_hz
+    if abs(away_hz) <= FARTHEST_HZ or any(_comes_near(grid, enf_hz) for grid in grids):
+        return ""
+    percent = abs(away_hz) / track.nominal_hz * 100
+    return (
+        f"the clip's ENF is {abs(away_hz):.2f} Hz ({percent:.1f} %) "
+        f"{'above' if away_hz > 0 else 'below'} {track.nominal_hz:g} Hz, where the reference never "
+        "is: played at another speed, or wrong frame times?"
+    )
+
+
+def _comes_near(grid: Grid, enf_hz: float) -> bool:
+    pieces = (grid.freq_hz[k : k + PIECE] for k in range(0, grid.freq_hz.size, PIECE))
+    return any((np.abs(piece - enf_hz) < BESIDE_HZ).any() for piece in pieces)

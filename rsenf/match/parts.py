@@ -21,7 +21,8 @@ from rsenf.match.calibration import calibration
 from rsenf.match.clip_phase import ClipPhase
 from rsenf.match.forecast import forecast
 from rsenf.match.ou_likelihood import generic_log_likelihood
-from rsenf.match.phase_search import PhaseScorer, Place, distinct, refined, search_phase
+from rsenf.match.phase_scorer import PhaseScorer
+from rsenf.match.phase_search import Place, distinct, refined, search_phase
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray

@@ -1,62 +1,25 @@
 """Search references for a clip by its phase: the lags that fit, each with its likelihood.
 
-A score is the log-likelihood of the clip's phases at a lag over that under any grid whatever, both
-of the same phases: those whose way from the one before lies in the reference. So lags with gaps,
-and lags in different references, compare with each other, and zero means that the reference tells
-no more than chance.
+Lags of a coarse survey are scored (:mod:`rsenf.match.phase_scorer`), and the best peaks refined.
 """
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rsenf.match.clip_phase import ClipPhase, averaged
+from rsenf.match.clip_phase import ClipPhase
 from rsenf.match.coarse import KEPT, Survey, survey
-from rsenf.match.forecast import forecast
-from rsenf.match.ou_likelihood import (
-    BAD_SHARE,
-    generic_log_likelihood,
-    no_grid_log_likelihood,
-)
 from rsenf.match.pages import in_pages
-from rsenf.match.phase_filter import (
-    ERRORS,
-    ERRORS_OF_SUMS,
-    ClipErrors,
-    Errors,
-    Innovations,
-    blocks_of,
-    innovations,
-)
+from rsenf.match.phase_scorer import Clock, PhaseScorer
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
 
-# The clock's error is Gaussian of one of these sizes, shares and ppm: most cameras are within
-# 30 ppm, a real one is at 70.
-CLOCKS = ((0.5, 0.5), (0.35, 1.2), (0.15, 3.0))
-PLAIN_SHARE = 0.85  # of references that are no averages over a window
-WORTHWHILE = 4.0  # phases after the first, below which a lag isn't scored
 USUAL_PHASES = 600  # of a clip: of a longer one fewer lags are kept
-QUICK: tuple[Errors, ...] = tuple(
-    Errors(0.25, hz, ClipErrors(1.0, ratio)) for hz in (3e-4, 1.5e-3) for ratio in (1.0, 2.5)
-)
-QUICK_OF_SUMS: tuple[Errors, ...] = tuple(
-    Errors(0.25, hz, ClipErrors(1.0, ratio, drift_s=12.0))
-    for ratio, hz in ((1.0, 3e-4), (2.5, 3e-4), (2.0, 1.5e-3), (7.0, 3e-4))
-)
-# How many of a clip's blocks may be bad: prior weight and share. A bad one follows some course that
-# isn't the reference's at any time, or none that a grid takes.
-BAD_SHARES = ((0.7, 0.0), (0.18, 0.05), (0.09, 0.2), (0.03, 0.5))
-MOST_ODDS = 700.0  # nats of a block: an exponential of more would overflow
-CLOCK_PASSES = 2  # of the clock's offset by the good blocks
 QUICK_SHIFTS_S = (-0.5, 0.0, 0.5)
 REFINED = 24
 HOPELESS = 100.0  # nats below the best peak, of which no second pass makes anything
@@ -85,249 +48,6 @@ class Place:
     def weight(self) -> float:
         """Logarithm of the likelihood's integral over the peak (nats)."""
         return self.score + math.log(self.width_s)
-
-
-@dataclass(frozen=True)
-class Clock:
-    """Offset of the clip's ENF from the reference's."""
-
-    offset_hz: float
-    offset_std_hz: float
-
-
-@dataclass(frozen=True, eq=False)
-class Reading:
-    """A clip's phases under one reading of the reference, and what they are under any grid.
-
-    ``share`` is how likely that reading is beforehand; ``generic`` (n,) the log-likelihood of each
-    phase given those before it, ``robust`` (n,) that where some blocks are bad, and ``no_grid``
-    (n,) that if no grid at all is behind them.
-    """
-
-    share: float
-    clip: ClipPhase
-    generic: FloatArray
-    robust: FloatArray
-    no_grid: FloatArray
-
-
-@functools.lru_cache(maxsize=4)
-def readings_of(clip: ClipPhase) -> tuple[Reading, ...]:
-    """Return a clip's readings: the reference is the frequency itself, or an average of it."""
-    coarse = averaged(clip)
-    if coarse is None:
-        return (_reading(1.0, clip),)
-    return _reading(PLAIN_SHARE, clip), _reading(1.0 - PLAIN_SHARE, coarse)
-
-
-def _reading(share: float, clip: ClipPhase) -> Reading:
-    generic, robust = (generic_log_likelihood(clip, robust=robust) for robust in (False, True))
-    return Reading(share, clip, generic, robust, no_grid_log_likelihood(clip))
-
-
-class PhaseScorer:
-    """Scores lags of one reference for one clip.
-
-    The reference is taken for the grid's frequency, or for an average of it over a window; what an
-    average can't know of the clip tells nothing for or against a lag. Some of the clip's blocks may
-    be bad, unless it is to fit as a whole (``robust`` is false), as a part of an edited one has to.
-    """
-
-    def __init__(
-        self, clip: ClipPhase, grid: Grid, settings: MatchSettings, *, robust: bool = True
-    ) -> None:
-        self.grid, self.settings, self._robust = grid, settings, robust
-        self.readings = readings_of(clip)
-        errors, quick = (ERRORS_OF_SUMS, QUICK_OF_SUMS) if clip.is_summed else (ERRORS, QUICK)
-        self._errors = rougher(errors, settings.reference_noise_hz)
-        self._quick = rougher(quick, settings.reference_noise_hz)
-
-    @property
-    def clip(self) -> ClipPhase:
-        """The clip's phases, as they are."""
-        return self.readings[0].clip
-
-    def scores(
-        self,
-        lag_s: FloatArray,
-        among: NDArray[np.bool_] | None = None,
-        *,
-        quick: bool = False,
-    ) -> FloatArray:
-        """Log-likelihood over any grid's, shape (c,); minus infinity with too few phases.
-
-        Of the phases ``among`` (n, c) as they are, where given; the way to any other counts for
-        nothing. A quick one tries few sizes of the errors.
-        """
-        errors = self._quick if quick else self._errors
-        if among is not None:
-            return self._read(self.readings[0], lag_s, errors, among)
-        found = [
-            math.log(reading.share) + self._read(reading, lag_s, errors)
-            for reading in self.readings
-        ]
-        return np.asarray(np.logaddexp.reduce(found, axis=0), np.float64)
-
-    def clock(self, lag_s: float) -> Clock:
-        """Weigh the offsets at one lag."""
-        return self.clocks(np.array([lag_s]))[0]
-
-    def clocks(self, lag_s: FloatArray) -> list[Clock]:
-        """Do the same at several, side by side; each in the reading that fits it best."""
-        each = [self._clocks(reading, lag_s) for reading in self.readings]
-        best = np.argmax([score for score, _ in each], axis=0)
-        return [each[reading][1][i] for i, reading in enumerate(best)]
-
-    def _clocks(self, reading: Reading, lag_s: FloatArray) -> tuple[FloatArray, list[Clock]]:
-        """Scores of lags under one reading, and the offsets there."""
-        found = self._run(reading, lag_s, self._errors)
-        weighed = self._weighed(found, self._errors)
-        total = np.logaddexp.reduce(weighed.log_odds, axis=(0, 1))
-        weight = np.exp(weighed.log_odds - total)
-        offset = (weight * weighed.offset_hz).sum(axis=(0, 1))
-        spread = weighed.var_hz2 + (weighed.offset_hz - offset) ** 2
-        std = np.sqrt((weight * spread).sum(axis=(0, 1)))
-        clocks = [Clock(float(o), float(s)) for o, s in zip(offset, std, strict=True)]
-        return np.asarray(math.log(reading.share) + total, np.float64), clocks
-
-    def _read(
-        self,
-        reading: Reading,
-        lag_s: FloatArray,
-        errors: Sequence[Errors],
-        among: NDArray[np.bool_] | None = None,
-    ) -> FloatArray:
-        """Score lags under one reading of the reference."""
-        found = self._run(reading, lag_s, errors, among)
-        weighed = self._weighed(found, errors)
-        score = np.logaddexp.reduce(weighed.log_odds, axis=(0, 1))
-        linked = int(reading.clip.linked.sum())
-        least = max(WORTHWHILE, self.settings.min_overlap * linked)
-        return np.asarray(np.where(found.sums.count >= least, score, -np.inf), np.float64)
-
-    def _run(
-        self,
-        reading: Reading,
-        lag_s: FloatArray,
-        errors: Sequence[Errors],
-        among: NDArray[np.bool_] | None = None,
-    ) -> _Run:
-        clip = reading.clip
-        phase, known = forecast(self.grid, lag_s, clip.t_s)
-        known &= clip.linked[:, None]
-        if among is not None:
-            known &= among
-        if (known == known[:, :1]).all():
-            known = known[:, :1]
-        block = blocks_of(clip)
-        own, no_grid = np.zeros((2, int(block[-1]) + 1, known.shape[1]))
-        of_each = reading.robust if self._robust else reading.generic
-        np.add.at(own, block, of_each[:, None] * known)
-        if self._robust:
-            np.add.at(no_grid, block, reading.no_grid[:, None] * known)
-            own = np.logaddexp(own + math.log1p(-BAD_SHARE), no_grid + math.log(BAD_SHARE))
-        residual = clip.phase_rad[:, None] - phase
-        return _Run(innovations(clip, residual, known, self.grid.step_s, errors), own)
-
-    def _weighed(self, found: _Run, errors: Sequence[Errors]) -> _Weighed:
-        """Weigh a lag under each size of the errors and of the clock's.
-
-        The clock's offset is Gaussian, given that all blocks are good; of a clip with bad ones it
-        is that of the good, whose weights it needs in turn (iteratively reweighted least squares).
-        """
-        weight = np.array([e.weight for e in errors])[:, None, None]
-        share = np.array([share for share, _ in CLOCKS])[None, :, None]
-        var = self._clock_var()[None, :, None]
-        sums, prior = found.sums, np.log(weight * share)
-        own = found.own
-        if not self._robust:
-            sums, own = sums.together(), own.sum(axis=0, keepdims=True)
-        blocks = _Blocks(sums, own[:, None, None, :], var)
-        log_odds, offset, tell = blocks.all_good()
-        if own.shape[0] == 1:
-            return _Weighed(prior + log_odds, offset, 1.0 / tell)
-        plain = math.log(BAD_SHARES[0][0]) + log_odds
-        for _ in range(CLOCK_PASSES):
-            offset, tell = blocks.clock(blocks.good(offset, BAD_SHARE))
-        bad = blocks.some_bad(offset)
-        return _Weighed(prior + np.logaddexp(plain, bad), offset, 1.0 / tell)
-
-    def _clock_var(self) -> FloatArray:
-        """Variance of the ENF's offset under each size of clock error (Hz²)."""
-        scale = self.settings.clock_scale_ppm * 1e-6 * self.grid.nominal_hz
-        return np.array([(size * scale) ** 2 for _, size in CLOCKS])
-
-
-class _Run(NamedTuple):
-    """Innovations at some lags, and the log-likelihood of the same blocks under any grid.
-
-    Where none may be bad, that is; where some may, of a bad one no grid need be behind it.
-    """
-
-    sums: Innovations
-    own: FloatArray
-
-
-class _Weighed(NamedTuple):
-    """Log-likelihood over any grid's, and the clock's offset; all (errors, clocks, lags)."""
-
-    log_odds: FloatArray
-    offset_hz: FloatArray
-    var_hz2: FloatArray
-
-
-class _Blocks:
-    """Likelihoods of the blocks of a clip at some lags; shapes (blocks, errors, clocks, lags).
-
-    In a bad block the light follows no reference at any time: it is as likely as under any grid. So
-    no block says more against a lag than that it is bad.
-    """
-
-    def __init__(self, sums: Innovations, own: FloatArray, clock_var: FloatArray) -> None:
-        self._log_f, self._vv, self._vr, self._rr = (
-            part[:, :, None, :] for part in (sums.log_f, sums.vv, sums.vr, sums.rr)
-        )
-        self._own, self._var = own, clock_var
-
-    def all_good(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return log odds, clock offset and its precision if no block is bad."""
-        log_f, vv, vr, rr = (
-            part.sum(axis=0) for part in (self._log_f, self._vv, self._vr, self._rr)
-        )
-        tell = rr + 1.0 / self._var
-        left = vv - vr**2 / tell
-        log_odds = -0.5 * (log_f + left + np.log1p(self._var * rr)) - self._own.sum(axis=0)
-        return log_odds, vr / tell, tell
-
-    def clock(self, good: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the clock's offset and its precision by blocks that are good so far."""
-        tell = (good * self._rr).sum(axis=0) + 1.0 / self._var
-        return (good * self._vr).sum(axis=0) / tell, tell
-
-    def good(self, offset_hz: FloatArray, bad: float) -> FloatArray:
-        """How likely each block is a good one, of which so many are bad."""
-        return np.asarray(1.0 / (1.0 + bad / (1.0 - bad) / self._odds(offset_hz)))
-
-    def some_bad(self, offset_hz: FloatArray) -> FloatArray:
-        """Log odds if some share of the blocks is bad, by what is known of that share."""
-        odds = self._odds(offset_hz)
-        occam = -0.5 * (offset_hz**2 / self._var + np.log1p(self._var * self._rr.sum(axis=0)))
-        found = [
-            math.log(weight) + np.log((1.0 - bad) * odds + bad).sum(axis=0)
-            for weight, bad in BAD_SHARES[1:]
-        ]
-        return np.asarray(occam + np.logaddexp.reduce(found, axis=0), np.float64)
-
-    def _odds(self, offset_hz: FloatArray) -> FloatArray:
-        """Odds of each block at a lag against any grid's; one where none of its phases counts."""
-        left = self._vv - offset_hz * (2.0 * self._vr - offset_hz * self._rr)
-        odds = -0.5 * (self._log_f + left) - self._own
-        return np.asarray(np.exp(np.clip(odds, -MOST_ODDS, MOST_ODDS, out=odds), out=odds))
-
-
-def rougher(errors: Sequence[Errors], noise_hz: float) -> tuple[Errors, ...]:
-    """Return the errors with more noise of the reference."""
-    return tuple(replace(e, reference_hz=math.hypot(e.reference_hz, noise_hz)) for e in errors)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 from rsenf.match import MatchSettings
 from rsenf.match.clip_phase import ClipPhase
 from rsenf.match.phase_filter import ERRORS, ClipErrors, Errors, Innovations, blocks_of, innovations
-from rsenf.match.phase_search import CLOCKS, PhaseScorer, rougher
+from rsenf.match.phase_scorer import CLOCKS, PhaseScorer, rougher
 from rsenf.match.series import Grid
 from tests.oracle.dense_phase import of_differences, sums_at_a_lag
 

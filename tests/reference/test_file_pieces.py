@@ -27,7 +27,7 @@ def same(one, other):
 def whole_and_cut(monkeypatch, folder, text, chars, name="grid.csv", **options):
     monkeypatch.setattr("rsenf.reference.readings.HEAD_VALUES", 3)
     whole = read_text(folder, text, name, **options)
-    monkeypatch.setattr("rsenf.reference.text.BLOCK_CHARS", chars)
+    monkeypatch.setattr("rsenf.reference.readings.BLOCK_CHARS", chars)
     return whole, read_text(folder, text, name, **options)
 
 
@@ -90,7 +90,7 @@ def test_gzip_in_pieces(tmp_path, monkeypatch):
     rows = [f"{t},{f}" for t, f in zip(stamps(300), values(300), strict=True)]
     text = "\n".join(["time,frequency", *rows])
     whole = read_text(tmp_path, text)
-    monkeypatch.setattr("rsenf.reference.text.BLOCK_CHARS", 100)
+    monkeypatch.setattr("rsenf.reference.readings.BLOCK_CHARS", 100)
     path = tmp_path / "other.csv.gz"
     path.write_bytes(gzip.compress(text.encode()))
     same(whole, read_reference(path))

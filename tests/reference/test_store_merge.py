@@ -90,7 +90,7 @@ def test_the_same_file_again_changes_nothing(tmp_path):
 def test_a_file_in_no_order_is_the_same_file(tmp_path, monkeypatch, pending, groups):
     """However much of it is held back: blocks may be written in parts."""
     monkeypatch.setattr(writer, "PENDING_ROWS", pending)
-    monkeypatch.setattr("rsenf.reference.text.BLOCK_CHARS", 400)
+    monkeypatch.setattr("rsenf.reference.readings.BLOCK_CHARS", 400)
     monkeypatch.setattr("rsenf.reference.readings.HEAD_VALUES", 3)
     rng = np.random.default_rng(5)
     seconds = BORDER - 200 + np.arange(400)

@@ -1,0 +1,105 @@
+"""Whether two recordings were made together, by their ENF alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from rsenf.api.shared import (
+    ASIDE,
+    json_fields,
+)
+from rsenf.api.track import TrackResult
+from rsenf.errors import InputError
+from rsenf.match.against import Against, match_against
+from rsenf.match.jumps import without_jumps
+from rsenf.match.series import Track, track_of
+from rsenf.match.settings import MatchSettings
+from rsenf.report.against import against_json, against_words
+
+
+def verify_against(
+    first: TrackResult, second: TrackResult, *, match: MatchSettings | None = None
+) -> AgainstResult:
+    """Tell whether two recordings were made at the same time; of each, the stretch that tells most.
+
+    Parameters
+    ----------
+    first, second : TrackResult
+        What :func:`rsenf.track` returned, by the method ``projection``.
+    match : MatchSettings, optional
+
+    Raises
+    ------
+    UsageError
+        When the estimates carry no phase.
+    InputError
+        When one is too short for a single estimate.
+
+    Examples
+    --------
+    >>> import rsenf
+    >>> from rsenf.model import synthetic_grid
+    >>> grid_hz = synthetic_grid(seed=5, duration_s=300).freq_hz
+    >>> clips = [
+    ...     rsenf.simulate(reference=grid_hz, step_s=1.0, start_s=start_s, duration_s=100,
+    ...                    size=(64, 48), seed=seed)
+    ...     for start_s, seed in ((120, 1), (100, 2))
+    ... ]
+    >>> a, b = (rsenf.track(clip.rows, frame_time_s=clip.frame_time_s) for clip in clips)
+    >>> found = rsenf.verify_against(a, b)
+    >>> found.decision, round(found.offset_s)
+    ('match', 20)
+    """
+    warnings = [f"{one.recording}: {line}" for one in (first, second) for line in one.warnings]
+    found = match_against(_best_stretch(first), _best_stretch(second), match or MatchSettings())
+    return AgainstResult(**against_json(found, warnings), against=found)
+
+
+def _best_stretch(tracked: TrackResult) -> Track:
+    """Estimates of the stretch with the most usable ones."""
+    by_epoch: dict[int, int] = {}
+    for estimate in tracked.analysis.estimates:
+        epoch = estimate.header.epoch
+        by_epoch[epoch] = by_epoch.get(epoch, 0) + estimate.usable
+    if not by_epoch:
+        raise InputError("a recording too short for a single estimate", "give a longer one")
+    best = max(by_epoch, key=lambda epoch: by_epoch[epoch])
+    own = [e for e in tracked.analysis.estimates if e.header.epoch == best]
+    return without_jumps(track_of(own))[0]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AgainstResult:
+    """What two recordings say about each other. What isn't known is None.
+
+    Attributes
+    ----------
+    decision : {'match', 'no_match', 'no_decision'}
+        Whether they were made at the same time.
+    offset_s, offset_std_s : float or None
+        Start of the first less the start of the second, and its standard error.
+    log10_lr, log10_lr_other : float or None
+        For this offset, against different times, and against another offset.
+    clock_ppm, clock_std_ppm : float or None
+        By how much the first one's clock is faster.
+    """
+
+    decision: Literal["match", "no_match", "no_decision"]
+    reason: str
+    offset_s: float | None
+    offset_std_s: float | None
+    log10_lr: float | None
+    log10_lr_other: float | None
+    clock_ppm: float | None
+    clock_std_ppm: float | None
+    verbal: str
+    warnings: list[str]
+    against: Against = field(metadata=ASIDE)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values: what the command line prints with ``--json``."""
+        return {f.name: getattr(self, f.name) for f in json_fields(type(self))}
+
+    def __str__(self) -> str:
+        return against_words(self.against)
