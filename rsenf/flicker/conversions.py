@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.flicker.acquire import acquire
+from rsenf.flicker.frame_clock import RegularClock
 from rsenf.flicker.picture_news import LAGS, News, find_remade
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.rate_conversion import Conversion, find_conversion
@@ -20,6 +22,7 @@ HARMONICS = 3
 # Share of the usual difference between two pictures below which they are the same; and of frames
 # that are the same as the last, beyond which a codec makes them so.
 SAME_RATIO, MOST_DOUBLED = 0.02, 0.1
+MUCH_CLEARER = 2.0  # by which the light's power over noise has to be more for stamps to be wrong
 AGAIN_S = 60.0  # after which it is looked whether there is one, where there was none
 
 
@@ -62,6 +65,9 @@ class Conversions:
 
     def find(self, start_s: float, end_s: float) -> tuple[Conversion | None, bool]:
         """Find how a stretch was converted, if it was; whether pictures prove it, or light only."""
+        part = self.columns.between(start_s, end_s)
+        if RegularClock.fit(self.columns.numbers(part), self.columns.times(part)) is not None:
+            return None, False  # converters write even stamps
         stamp_s, news = self._new.usable_of(start_s, end_s)
         proven = find_remade(stamp_s, news, self._rate_hz, self._news.chance)
         if proven is not None:
@@ -86,6 +92,29 @@ class Conversions:
         if not usual > 0.0 or same.sum() > MOST_DOUBLED * news.size:
             return None
         return tuple(self._new.numbers(part)[same].tolist())
+
+    def clock_of(self, start_s: int, end_s: int, min_snr: float) -> RegularClock | None:
+        """Return a clock by which the light stands out much more than by the time stamps."""
+        part = self.columns.between(start_s, end_s)
+        own = self.columns.usable(part)
+        numbers, t_s = self.columns.numbers(part)[own], self.columns.times(part)[own]
+        clock = RegularClock.fit(numbers, t_s)
+        if clock is None:
+            return None
+        columns, snr = self.columns.values(part)[own], []
+        for times in (clock.times(numbers), t_s):
+            found = acquire(
+                self._nominals_hz, self.basis, times, columns, clock.frame_rate_hz,
+                (start_s, end_s), min_snr,
+            )  # fmt: skip
+            snr.append(0.0 if isinstance(found, str) else found.tone.snr)
+        return clock if snr[0] > MUCH_CLEARER * snr[1] else None
+
+    def go_by(self, clock: RegularClock) -> None:
+        """Go by even times instead of the frames' stamps so far."""
+        self._rate_hz = clock.frame_rate_hz
+        for values in (self.columns, self._new):
+            values.go_by(clock)
 
     def undo(self, conversion: Conversion) -> None:
         """Go by the times at which frames were taken from now on."""

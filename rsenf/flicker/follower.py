@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, Found, acquire
 from rsenf.flicker.cell_light import BRIEF_S, bands_of, cell_means
 from rsenf.flicker.conversions import Conversions
-from rsenf.flicker.frame_clock import frame_periods, usual_gap_ns
+from rsenf.flicker.frame_clock import RegularClock, frame_periods, usual_gap_ns
 from rsenf.flicker.mains import CREEPS, TOO_BRIEF
 from rsenf.flicker.near_dc_tracker import EVERY_S, SHORTEST_S, SPAN_S, StillFlicker, may_stand_still
 from rsenf.flicker.phase_tracker import (
@@ -76,6 +76,7 @@ class FlickerFollower:
         self._why = NO_FLICKER
         self._try_again = 0  # second from which on a converted frame rate is looked for again
         self._why_remade = ""  # why frame times can't be had back
+        self._clock: RegularClock | None = None  # where stamps jitter
 
     def update(self, block: RowBlock) -> list[FlickerSecond]:
         """Take a block of rows; return the seconds that it completes."""
@@ -116,8 +117,9 @@ class FlickerFollower:
             return False
         self._come_hz = float(frames * 1e9 / lasted_ns)
         pts, numbers = pts[: enough + 1], numbers[: enough + 1]
+        clock = RegularClock.fit(numbers, (pts - pts[0]) / 1e9)
         periods = frame_periods(pts, numbers, usual_gap_ns(pts))
-        self._rate_hz = float(periods * 1e9 / lasted_ns)
+        self._rate_hz = clock.frame_rate_hz if clock else float(periods * 1e9 / lasted_ns)
         first = self._waiting[0]
         self._conversions = Conversions(self._nominals, first, self._rate_hz)
         self._basis, self._buffer = self._conversions.basis, self._conversions.columns
@@ -132,6 +134,8 @@ class FlickerFollower:
         return True
 
     def _append(self, rows: Conversions, block: RowBlock) -> None:
+        if self._clock is not None:
+            block = self._clock.regular(block, self._buffer.origin_ns)
         rows.add(block)
         self._cells.append(block, cell_means(block.level).reshape(block.frames, -1))
         if self._still is not None:
@@ -161,7 +165,8 @@ class FlickerFollower:
             is_settled = end > YOUNG_S or (self._still is not None and self._still.knows_direction)
             known = max(self._still_until - AHEAD_S if is_settled else 0, end - HOLD_S)
         while self._next < (end if final else known):
-            self._ready.append(self._second(self._next, end))
+            second = self._second(self._next, end)
+            self._ready.append(second.by_clock(self._clock) if self._clock else second)
             self._next += 1
         due = end if final else end - AHEAD_S
         out = []
@@ -221,6 +226,8 @@ class FlickerFollower:
         if t_s.size < MIN_FILL_RATIO * self._shown_hz * (end - start):
             self._why = TOO_FEW
             return
+        if self._clock is None and self._goes_by_a_clock(start, end):
+            t_s, columns = self._buffer.usable_of(start, end)
         found = self._found(t_s, columns, (start, end))
         if isinstance(found, str):
             self._why = found
@@ -241,6 +248,17 @@ class FlickerFollower:
         first = int(self._buffer.first_t_s)
         for before in range(start - 1, first - 1, -1):
             lock.extend(self._buffer, before, before + LOOK_S)
+
+    def _goes_by_a_clock(self, start: int, end: int) -> bool:
+        """Go by even frame times where the light is much clearer by them than by stamps."""
+        assert self._conversions is not None
+        clock = self._conversions.clock_of(start, end, self._min_snr)
+        if clock is None:
+            return False
+        self._clock, self._rate_hz = clock, clock.frame_rate_hz
+        self._conversions.go_by(clock)
+        self._cells.go_by(clock)
+        return True
 
     @property
     def _shortest_s(self) -> float:

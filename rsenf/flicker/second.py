@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.flicker.frame_clock import RegularClock
 from rsenf.flicker.frame_slips import FrameSlip
 
 NAN = float("nan")
@@ -39,6 +40,8 @@ class FlickerSecond:
     doubled : tuple of int or None
         Frames of this second whose picture is that of the frame before, noise and all; None where
         pictures don't tell.
+    jitter_s : float
+        Of time stamps that frames aren't gone by, rms: they are taken to be even. 0 where they are.
     f0_hz : float
         Mean illumination frequency (twice the ENF) over the second.
     f0_var_hz2 : float
@@ -76,6 +79,7 @@ class FlickerSecond:
     converted: bool = False
     slips: tuple[FrameSlip, ...] = ()
     doubled: tuple[int, ...] | None = None
+    jitter_s: float = 0.0
     f0_hz: float = NAN
     f0_var_hz2: float = NAN
     mirror_hz: float = NAN
@@ -86,3 +90,15 @@ class FlickerSecond:
     phase_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     amplitude: complex = complex(NAN, NAN)
     amplitude_var: float = NAN
+
+    def by_clock(self, clock: RegularClock) -> FlickerSecond:
+        """Return it with frequencies by what is known of the frames' rate by now."""
+        ratio, std = clock.rate_ratio
+        return replace(
+            self,
+            jitter_s=clock.jitter_s,
+            frame_rate_hz=ratio * self.frame_rate_hz,
+            f0_hz=ratio * self.f0_hz,
+            f0_var_hz2=self.f0_var_hz2 + (std * self.f0_hz) ** 2,
+            mirror_hz=ratio * self.mirror_hz,
+        )

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
+from rsenf.flicker.frame_clock import RegularClock
 from rsenf.flicker.frame_slips import FrameSlip
 from rsenf.flicker.rate_conversion import Conversion
 from rsenf.messages import RowBlock
@@ -136,6 +137,12 @@ class SlowTime:
         """Go by the times at which frames were taken from now on, and use each of them once."""
         self.conversion = conversion
         self._undo(conversion, slice(self._start, self._stop))
+
+    def go_by(self, clock: RegularClock) -> None:
+        """Go by even times instead of the frames' stamps so far."""
+        own = slice(self._start, self._stop)
+        self._stamp_s[own] = clock.times(self._number[own])
+        self._t_s[own] = self._stamp_s[own] + self._late_s[own]
 
     def _undo(self, conversion: Conversion, part: slice) -> None:
         stamp_s = self._stamp_s[part]

@@ -37,6 +37,7 @@ ALIKE_HZ = 1.0
 SEVERAL = "light of several phases: its mixture's change down the rows can't be told from read-out"
 INTERLACED = "interlaced: even rows and odd ones are of different times"
 CROP = "a crop, as by electronic image stabilisation, counts as idle"
+JITTERS = "the time stamps jitter by {:.1f} ms (rms): frames are taken to be even"
 
 
 def refused(reason: str) -> Finding:

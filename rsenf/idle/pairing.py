@@ -48,6 +48,8 @@ class Pairing:
         Why it didn't stand behind the others.
     camera_hz : float
         Rate from which the stream was converted; NaN where it wasn't.
+    jitter_s : float
+        Of time stamps that frames aren't gone by, rms.
     slips : list of FrameSlip
         Frames lost or shown again though time stamps are silent, which the phase takes account of.
     """
@@ -57,17 +59,23 @@ class Pairing:
         self._waiting: deque[RowBlock] = deque()
         self._phase: dict[int, float] = {}
         self._reached = -1
-        self._f0_sum_hz = self._apart_sum = 0.0
+        self._f0_sum_hz = self._rate_sum_hz = self._apart_sum = 0.0
         self.nominal_hz = float("nan")
         self.seconds, self.usable = 0, 0
         self.reasons: Counter[str] = Counter()
         self.camera_hz = float("nan")
+        self.jitter_s = 0.0
         self.slips: list[FrameSlip] = []
 
     @property
     def f0_hz(self) -> float:
         """Mean illumination frequency of the usable seconds; NaN without any."""
         return self._f0_sum_hz / self.usable if self.usable else float("nan")
+
+    @property
+    def clock_hz(self) -> float | None:
+        """Mean frame rate of the usable seconds, where time stamps jitter; else None."""
+        return self._rate_sum_hz / self.usable if self.usable and self.jitter_s else None
 
     @property
     def apart_turns(self) -> float:
@@ -104,7 +112,9 @@ class Pairing:
             self.reasons[second.reason] += 1
             return
         self.usable += 1
+        self.jitter_s = second.jitter_s
         self._f0_sum_hz += second.f0_hz
+        self._rate_sum_hz += second.frame_rate_hz
         self._apart_sum += second.apart_turns
         self.nominal_hz = second.nominal_hz
         self._phase.update(

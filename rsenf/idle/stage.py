@@ -26,6 +26,7 @@ from rsenf.flicker.shared import Follower
 from rsenf.idle.estimator_state import STILL_HZ, Finding, Seen
 from rsenf.idle.limits import (
     CROP,
+    JITTERS,
     NO_FLICKER,
     NO_ROWS,
     REMADE,
@@ -153,7 +154,7 @@ class IdleStage:
     @property
     def _rate_hz(self) -> float:
         """Rate at which the camera took its frames."""
-        return self._camera_hz or self._clock.frame_rate_hz
+        return self._camera_hz or self._pairing.clock_hz or self._clock.frame_rate_hz
 
     def _take(self, phased: list[PhasedBlock]) -> None:
         """Add the frames whose phase is known now."""
@@ -276,6 +277,11 @@ class IdleStage:
             warnings=(
                 *finding.warnings,
                 *slip_words(slips, self._camera_hz),
+                *(
+                    (JITTERS.format(1e3 * jitter_s),)
+                    if (jitter_s := self._pairing.jitter_s)
+                    else ()
+                ),
                 *((CROP,) if claims else ()),
             ),
             converted=self._camera_hz is not None,
