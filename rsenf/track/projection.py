@@ -90,9 +90,12 @@ class SeamWatch:
 
     @property
     def _is_slipped(self) -> bool:
-        """Whether frames slipped as they do at seams: a whole number of beats apart."""
+        """Whether frames slipped as they do at seams, whole numbers of beats apart.
+
+        A beat is half as long where every other frame is shown.
+        """
         return bool(self._slips) and all(
-            abs(math.remainder(slip - self._slips[0], BEAT_FRAMES)) <= SLACK_FRAMES
+            abs(math.remainder(slip - self._slips[0], BEAT_FRAMES / 2.0)) <= SLACK_FRAMES
             for slip in self._slips
         )
 
