@@ -34,6 +34,7 @@ HALF_WORTH = 0.5
 MIN_SPAN_RAD = 1.0
 MAX_TURNS_STD = 0.02  # half a point of the idle period at 25 frames a second
 MIN_AMPLITUDE_SNR = 8.0
+SIMPLE = 0.1  # overtones over the first harmonic of light that is nearly sinusoidal
 # Of what varies slowly, the least that one ramp must explain to be flicker, and to be a result.
 MIN_EXPLAINED, HOPELESS = 0.9, 0.5
 # No lamp's logarithm swings further in its first harmonic.
@@ -133,9 +134,16 @@ class ZeroAlias:
 
     @property
     def determined(self) -> bool:
-        """Whether it is flicker whose phase has turned enough for its ramp to be relied on."""
+        """Whether it is flicker whose phase has turned enough for its ramp to be relied on.
+
+        Ramp and phases have to show a whole period between them: part of one fits any length, but
+        for nearly sinusoidal light.
+        """
         known = self.turns_std < MAX_TURNS_STD
-        return self.is_flicker and known and self.span_rad >= MIN_SPAN_RAD
+        seen_rad = self.span_rad + 2.0 * np.pi * self.turns
+        is_simple = np.abs(self.series[1:]).max(initial=0.0) < SIMPLE * self.amplitude
+        is_whole = is_simple or seen_rad > 2.0 * np.pi
+        return self.is_flicker and known and self.span_rad >= MIN_SPAN_RAD and bool(is_whole)
 
     def texture(self, level: Float, weight: Float) -> Float:
         """Levels under the light's mean over a cycle; over time, the flicker's phases are uneven.

@@ -9,6 +9,7 @@ import numpy as np
 from rsenf.flicker import mains
 from rsenf.flicker.rate_conversion import BLENDED, DOUBTFUL
 from rsenf.idle.estimator_state import Finding, Seen
+from rsenf.idle.moments import orders
 from rsenf.idle.row_tones import row_tones
 
 # Flicker that is still to so great a part has turned by less than about a radian: at a span of
@@ -24,6 +25,11 @@ MAX_STD_RATIO = 0.035  # standard error of the idle ratio
 # as much, at worst, as the phase strays from one ramp across the picture. One lamp's strays by less
 # than 0.007 turns; a still one is known less well.
 MIXED, ONE_TURNS, ONE_STILL_TURNS = 3.0, 0.007, 0.03
+# Bands in which the second harmonic's phase is compared with the first's, standard errors that make
+# a difference, and the ramp's error over it (rms over mixtures). Of light that stands still what is
+# left, over white noise, if several lamps mix; what else is there leaves more of the whole.
+HARMONIC_BANDS, HARMONIC_STDS, HARMONIC_SHARE = 8, 4.0, 0.6
+MIXED_NOISE, MOST_LEFT = 5.0, 0.01
 # Of the frame period: a read-out can't take longer, an estimate may by its error.
 SLACK_RATIO = 0.02
 # Of the rows' tones, the least share that adds up along the ramp.
@@ -75,9 +81,9 @@ def checked(seen: Seen, finding: Finding) -> Finding:
         seen.f0_hz, seen.nominal_hz, seen.frame_rate_hz, finding.turns
     ):
         return SECOND
-    apart_turns = _apart_turns(seen)
-    if apart_turns > 0.0:
-        turns_var = finding.turns_var + (MIXED * apart_turns) ** 2
+    mixed_turns = np.hypot(MIXED * _apart_turns(seen), _bent_turns(seen, finding.turns))
+    if mixed_turns > 0.0:
+        turns_var = finding.turns_var + mixed_turns**2
         finding = replace(finding, turns_var=turns_var, warnings=(*finding.warnings, SEVERAL))
     std_ratio = finding.read_out_std_s * seen.frame_rate_hz
     if not std_ratio <= MAX_STD_RATIO:
@@ -125,6 +131,33 @@ def _apart_turns(seen: Seen) -> float:
     if seen.stands_still:
         return light.apart_turns if light and light.apart_turns > ONE_STILL_TURNS else 0.0
     return seen.apart_turns if seen.apart_turns > ONE_TURNS else 0.0
+
+
+def _bent_turns(seen: Seen, turns: float) -> float:
+    """By how much lamps of several phases may turn the ramp where strips don't show them.
+
+    Down the rows their mixture turns its second harmonic by another angle than twice the first's.
+    Where the light stands still it leaves the fit much that is no noise, and its amplitude changes:
+    what changes it by a share may turn it by as many radians.
+    """
+    if seen.stands_still:
+        fit = seen.still_rows.told_apart()
+        if fit is None or fit.noise_ratio < MIXED_NOISE:
+            return 0.0
+        left = 1.0 - fit.explained if 1.0 - fit.explained < MOST_LEFT else 0.0
+        return float(np.hypot(np.abs(fit.share).sum() / np.pi, np.sqrt(max(left, 0.0))))
+    if seen.moments.harmonics() < 2:
+        return 0.0
+    every = np.append(orders(seen.moments.harmonics()), 0)
+    found = np.linalg.solve(seen.moments.gram(every), seen.moments.response(every))
+    place = (np.arange(found.shape[1]) + 0.5) / found.shape[1]
+    second = found[every == 2][0] * np.exp(-4j * np.pi * turns * place)
+    bands = np.array_split(second, HARMONIC_BANDS)
+    phase = np.unwrap([float(np.angle(band.sum())) for band in bands])
+    (slope, _), cov = np.polyfit(np.linspace(0.0, 1.0, HARMONIC_BANDS), phase, 1, cov=True)
+    if not abs(slope) > HARMONIC_STDS * np.sqrt(cov[0, 0]):
+        return 0.0
+    return HARMONIC_SHARE * float(abs(slope)) / (2.0 * np.pi)
 
 
 def is_weak(seen: Seen, flicker_ratio: float) -> bool:

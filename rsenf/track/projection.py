@@ -120,8 +120,7 @@ class SeamWatch:
         slips = [slip.frame_number for slip in second.slips if _is_seam(slip, second, other)]
         self._is_told = _tells_slips(second)
         if second.doubled is not None and other < 1.0:
-            slips += second.doubled
-            self._is_told = True
+            slips += second.doubled  # none where every other frame of twice the rate is shown
         self._slips += slips
         if second.doubled and other > 1.0:  # a picture shown twice isn't a frame lost
             self._slips = [s for s in self._slips if min(abs(s - d) for d in second.doubled) > 1]

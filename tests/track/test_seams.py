@@ -15,13 +15,17 @@ NTSC_HZ = 30e3 / 1001
 
 
 def seconds(
-    count: int, f0_hz: float, rate_hz: float = 30.0, slips: dict[int, int] | None = None
+    count: int,
+    f0_hz: float,
+    rate_hz: float = 30.0,
+    slips: dict[int, int] | None = None,
+    nominal_hz: float = 50.0,
 ) -> list[FlickerSecond]:
     """Seconds of light of a frequency at a rate; ``slips`` has frames lost, by second."""
     frames = round(rate_hz)
     return [
         FlickerSecond(
-            index=k, start_s=float(k), end_s=k + 1.0, usable=True, nominal_hz=50.0,
+            index=k, start_s=float(k), end_s=k + 1.0, usable=True, nominal_hz=nominal_hz,
             frame_rate_hz=rate_hz, f0_hz=f0_hz, snr_db=50.0,
             slips=(FrameSlip(k * frames + 7, slips[k]),) if slips and k in slips else (),
             frame_number=np.arange(k * frames, (k + 1) * frames),
@@ -102,3 +106,17 @@ def test_a_picture_shown_twice_is_no_frame_lost() -> None:
     assert not any(s.usable for s in said(of)[20:])
     of[21] = dataclasses.replace(of[21], doubled=(20 * 30 + 7,))
     assert all(s.usable for s in said(of))
+
+
+def test_slips_half_a_beat_apart_are_seams_too() -> None:
+    """60 frames/s shown at 29.97: one more is left out each 500.5 that are shown."""
+    slips = {5: 1, 55: 1}  # 1500 frames apart, three halves of a beat
+    out = said(seconds(60, 99.95, NTSC_HZ, slips))
+    assert not any(s.usable for s in out)
+
+
+def test_pictures_that_are_all_new_do_not_rule_out_twice_the_rate() -> None:
+    made = [
+        dataclasses.replace(s, doubled=(), snr_db=20.0) for s in seconds(60, 120.146, nominal_hz=60)
+    ]
+    assert not any(s.usable for s in said(made))

@@ -1,0 +1,54 @@
+"""Rows under several lamps in different phases: the read-out is as uncertain as they make it."""
+
+from __future__ import annotations
+
+import pytest
+
+from rsenf.idle import IdleSettings, make_idle
+from rsenf.messages import Header, IdleEstimate
+from rsenf.rows.luminance import blocks_from_luminance
+from tests.discrepancy.foreign_camera import film
+from tests.discrepancy.foreign_camera.trials import trial
+
+
+def idle_of(
+    kind: str, seed: int, rate: str, nominal_hz: float, grid: str
+) -> tuple[IdleEstimate, float]:
+    filmed = film(trial(kind, seed, rate=rate, nominal_hz=nominal_hz, grid=grid, duration_s=60.0))
+    stage = make_idle(IdleSettings(method="coherent"))
+    for block in blocks_from_luminance(filmed.level, filmed.stamp_s, Header()):
+        stage.update(block)
+    (said,) = [m for m in stage.flush() if isinstance(m, IdleEstimate)][-1:]
+    return said, filmed.truth["idle_ratio"]
+
+
+@pytest.mark.parametrize(
+    ("rate", "nominal_hz", "grid", "seed"),
+    [("25", 60.0, "continental", 40134), ("24000/1001", 50.0, "rough", 36184)],
+)
+def test_the_second_harmonic_tells_a_mixture(
+    rate: str, nominal_hz: float, grid: str, seed: int
+) -> None:
+    said, truth = idle_of("several sources", seed, rate, nominal_hz, grid)
+    assert said.verdict == "estimated"
+    assert abs(said.idle_ratio - truth) < 3.0 * said.idle_ratio_var**0.5
+    assert any("several phases" in words for words in said.warnings)
+
+
+@pytest.mark.parametrize(("rate", "grid", "seed"), [("60", "rough", 40109), ("30", "rough", 40159)])
+def test_what_is_left_of_still_light_tells_one(rate: str, grid: str, seed: int) -> None:
+    said, truth = idle_of("several sources", seed, rate, 60.0, grid)
+    assert said.verdict == "estimated"
+    assert abs(said.idle_ratio - truth) < 3.0 * said.idle_ratio_var**0.5
+
+
+def test_one_lamp_is_as_sure_as_before() -> None:
+    said, truth = idle_of("second harmonic", 40005, "60.02", 50.0, "rough")
+    assert abs(said.idle_ratio - truth) < 1e-4
+    assert said.idle_ratio_var**0.5 < 1e-4
+
+
+def test_part_of_a_period_fits_any_length() -> None:
+    """A fluorescent lamp whose phase turns by 1.3 rad, over rows of 0.4 turns."""
+    said, _ = idle_of("interlaced", 40174, "60", 60.0, "continental")
+    assert said.verdict == "ambiguous"
