@@ -7,21 +7,31 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import savgol_filter
 
 from rsenf.flicker.acquire import acquire
 from rsenf.flicker.frame_clock import RegularClock
 from rsenf.flicker.picture_news import LAGS, News, find_remade
 from rsenf.flicker.profile import ProfileBasis
-from rsenf.flicker.rate_conversion import Conversion, find_conversion
+from rsenf.flicker.rate_conversion import (
+    RATES_HZ,
+    SAME_RATE_RATIO,
+    Conversion,
+    find_conversion,
+    round_rate,
+)
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.messages import RowBlock
 
 Float = NDArray[np.float64]
 
 HARMONICS = 3
+# Length of the course's filter, places of the beat that are tried, and what a conversion that shows
+# in what drifts must have: standard errors from 0, and a factor near 1.
+SMOOTH_S, DRIFT_PLACES, MIN_STDS, MOST_OFF_FACTOR = 2.0, 32, 10.0, 0.2
 # Share of the usual difference between two pictures below which they are the same; and of frames
 # that are the same as the last, beyond which a codec makes them so.
-SAME_RATIO, MOST_DOUBLED = 0.02, 0.1
+SAME_PICTURE, MOST_DOUBLED = 0.02, 0.1
 MUCH_CLEARER = 2.0  # by which the light's power over noise has to be more for stamps to be wrong
 AGAIN_S = 60.0  # after which it is looked whether there is one, where there was none
 
@@ -73,6 +83,9 @@ class Conversions:
         if proven is not None:
             return proven, True
         t_s, columns = self.columns.usable_of(start_s, end_s)
+        drifts = find_by_drift(t_s, columns, self._rate_hz)
+        if drifts is not None:
+            return drifts, True
         return find_conversion(self._nominals_hz, t_s, columns, self._rate_hz), False
 
     def why_not(self, start_s: float, end_s: float) -> str:
@@ -88,7 +101,10 @@ class Conversions:
         part = self._new.between(second, second + 1)
         news = self._new.values(part)[:, 0]
         usual = float(np.median(news)) if news.size else 0.0
-        same = (news < SAME_RATIO * usual) & (self._new.times(part) > 0.0)  # the first has no last
+        # The first has none before.
+        same = (news < SAME_PICTURE * usual) & (
+            self._new.times(part) > 0.0
+        )  # the first has no last
         if not usual > 0.0 or same.sum() > MOST_DOUBLED * news.size:
             return None
         return tuple(self._new.numbers(part)[same].tolist())
@@ -120,6 +136,49 @@ class Conversions:
         """Go by the times at which frames were taken from now on."""
         for values in (self.columns, self._new):
             values.convert(conversion)
+
+
+def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | None:
+    """Find a conversion by what changes slowly: the frames show it at uneven times.
+
+    Light that stands still from frame to frame, by the camera's rate and by the stamps, still
+    drifts with the grid. Each frame is off the smooth course by the course's slope times how late
+    its stamp is: of a conversion that is known, and its factor is 1 (a regression through 0).
+
+    Parameters
+    ----------
+    t_s : ndarray, shape (frames,)
+        Time stamps since the stream's first frame.
+    columns : ndarray, shape (frames, columns)
+        Reduced profiles.
+    shown_hz : float
+        Frame rate by the stamps.
+    """
+    shown = round_rate(shown_hz)
+    window, middle = int(SMOOTH_S * shown) | 1, slice(int(shown), -int(shown))
+    if t_s.size < 4 * window or np.ptp(np.rint(np.diff(t_s) * shown)) > 0:
+        return None  # a filter needs frames in a row
+    slope = savgol_filter(columns, window, 2, deriv=1, delta=1.0 / shown, axis=0)[middle]
+    rough = _without_course(columns, window)[middle]
+    weight = 1.0 / np.maximum(rough.var(axis=0), np.finfo(float).tiny)
+    gain, power = slope**2 @ weight, (slope * rough) @ weight
+    best, found = MIN_STDS, None
+    for source_hz in RATES_HZ:
+        if abs(source_hz / shown - max(round(source_hz / shown), 1)) < SAME_RATE_RATIO:
+            continue
+        for place in np.arange(DRIFT_PLACES) / DRIFT_PLACES:
+            made = Conversion(source_hz, shown, float(place))
+            late_s = _without_course(made.taken_s(t_s) - t_s, window)[middle]
+            size = float(gain @ late_s**2)
+            factor = float(power @ late_s) / size if size > 0.0 else 0.0
+            if abs(factor - 1.0) < MOST_OFF_FACTOR and factor * np.sqrt(size) > best:
+                best, found = factor * np.sqrt(size), made
+    return found
+
+
+def _without_course(values: Float, window: int) -> Float:
+    """What a smooth course leaves (Savitzky & Golay, Anal. Chem. 36, 1627, 1964)."""
+    return np.asarray(values - savgol_filter(values, window, 2, axis=0))
 
 
 def words_of(conversion: Conversion) -> str:

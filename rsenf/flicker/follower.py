@@ -289,7 +289,8 @@ class FlickerFollower:
                 if is_proven or not isinstance(found, str):
                     self._conversions.undo(conversion)
                     self._cells.convert(conversion)
-                    self._rate_hz, self._still = source_hz, None
+                    self._rate_hz = source_hz
+                    self._still = self._still.of_source(source_hz) if self._still else None
                     return found
         if self._why_remade:
             return self._why_remade

@@ -21,6 +21,8 @@ from rsenf.timebase import NS_PER_S
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
+MIN_FRAMES = 16  # fewer don't tell a frame that is missing from stamps that jitter
+COUNTED_FRAMES = 32  # whose periods are counted together
 MIN_JITTER_S = 5e-4  # rms; less turns the light's phase by a third of a radian at most
 MOST_OFF = 0.5  # frame periods by which a stamp may be off the line: beyond, a frame is missing
 MOST_ALIKE = 0.5  # correlation of neighbouring stamps' errors; more is a rate that varies
@@ -55,7 +57,7 @@ class RegularClock:
     @classmethod
     def fit(cls, number: Int, stamp_s: Float) -> Self | None:
         """Fit a clock to stamps that jitter; None where they don't, or aren't of even frames."""
-        if number.size < 3 or not number[-1] > number[0]:
+        if number.size < MIN_FRAMES or not number[-1] > number[0]:
             return None
         clock = cls(number, stamp_s)
         jitters = clock.jitter_s > MIN_JITTER_S and clock.alike < MOST_ALIKE
@@ -139,28 +141,36 @@ class FrameClock:
 
     def __init__(self) -> None:
         self._first_ns: int | None = None  # a stream's clock may begin below zero
-        self._last_ns, self._last_number = 0, 0
+        # Frames since those whose periods were counted, with the last of these.
+        self._pts_ns, self._number = np.empty((2, 0), np.int64)
         self._usual_ns = 0.0
         self._periods = 0
 
     def add(self, block: RowBlock) -> None:
         """Take the times of a block's frames."""
-        pts, number = block.frame_pts_ns, block.frame_number
         if self._first_ns is None:
-            self._first_ns = self._last_ns = int(pts[0])
-            self._last_number = int(number[0])
-        pts = np.concatenate([[self._last_ns], pts])
-        number = np.concatenate([[self._last_number], number])
-        self._usual_ns = self._usual_ns or usual_gap_ns(pts)
-        self._periods += frame_periods(pts, number, self._usual_ns)
-        self._last_ns, self._last_number = int(pts[-1]), int(number[-1])
+            self._first_ns = int(block.frame_pts_ns[0])
+        self._pts_ns = np.concatenate([self._pts_ns, block.frame_pts_ns])
+        self._number = np.concatenate([self._number, block.frame_number])
+        self._usual_ns = self._usual_ns or usual_gap_ns(self._pts_ns)
+        if self._pts_ns.size > COUNTED_FRAMES:
+            self._periods += self._waiting
+            self._pts_ns, self._number = self._pts_ns[-1:], self._number[-1:]
+
+    @property
+    def _waiting(self) -> int:
+        """Periods of the frames that aren't counted yet."""
+        return frame_periods(self._pts_ns, self._number, self._usual_ns)
 
     @property
     def span_s(self) -> float:
         """Time from the first frame to the last."""
-        return 0.0 if self._first_ns is None else (self._last_ns - self._first_ns) / NS_PER_S
+        if self._first_ns is None:
+            return 0.0
+        return (int(self._pts_ns[-1]) - self._first_ns) / NS_PER_S
 
     @property
     def frame_rate_hz(self) -> float:
         """Frames per second; NaN before there are two."""
-        return self._periods / self.span_s if self.span_s > 0 else float("nan")
+        periods = self._periods + self._waiting
+        return periods / self.span_s if self.span_s > 0 else float("nan")

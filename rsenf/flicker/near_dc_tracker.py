@@ -74,7 +74,16 @@ class StillFlicker:
         self._sum: dict[int, Float] = {}
         self._fine = self._bands = 0  # of the rows and of the cells
         self._path: _Path | None = None
+        self._source_hz = 0.0  # rate from which the stream was converted, if it was
         self.why = NOT_FLICKER
+
+    def of_source(self, source_hz: float) -> StillFlicker | None:
+        """Return what the frames tell if they were converted from another rate."""
+        for nominal_hz in (50.0, 60.0):
+            if self._fine and may_stand_still(nominal_hz, source_hz, self._fine):
+                self.nominal_hz, self._source_hz = nominal_hz, source_hz
+                return self
+        return None
 
     def add(self, block: RowBlock, origin_ns: int) -> None:
         """Take a block of rows, frame by frame."""
@@ -120,6 +129,8 @@ class StillFlicker:
             self.why = FIELDS
             return False
         rate_hz, rate_std_hz = frame_rate(t_s, numbers)
+        if self._source_hz:
+            rate_hz, rate_std_hz = self._source_hz, 0.0
         level = float(np.mean(found.texture(rows, frames)))
         turns = abs(found.turns) + 1.0
         light = still_light_of(cells, t_s, found.phase_rad, self._bands, turns)

@@ -24,7 +24,7 @@ Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 RATES_HZ = (24e3 / 1001, 24.0, 25.0, 30e3 / 1001, 30.0, 48.0, 50.0, 60e3 / 1001, 60.0)
-SAME_RATIO = 3e-3  # rates that differ by less drift apart too slowly for a window
+SAME_RATE_RATIO = 3e-3  # rates that differ by less drift apart too slowly for a window
 PARTS = 4  # of the pictures' change, the strongest, in which light is looked for
 OFFSETS_HZ = 0.4  # of the illumination's frequency from its nominal
 PLACES, FINE = 16, 33  # of the beat that are tried, and around the best
@@ -148,7 +148,7 @@ def find_conversion(
         best = by_stamps
     for source_hz, blended, nominal_hz in product(RATES_HZ, (False, True), nominals_hz):
         ratio = source_hz / shown
-        if abs(ratio - max(round(ratio), 1)) < SAME_RATIO:
+        if abs(ratio - max(round(ratio), 1)) < SAME_RATE_RATIO:
             continue  # every frame, or every so manieth: no beat
         if is_clean and (blended or source_hz < shown):
             continue

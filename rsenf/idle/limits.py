@@ -28,7 +28,8 @@ MIXED, ONE_TURNS, ONE_STILL_TURNS = 3.0, 0.007, 0.03
 # Bands in which the second harmonic's phase is compared with the first's, standard errors that make
 # a difference, and the ramp's error over it (rms over mixtures). Of light that stands still what is
 # left, over white noise, if several lamps mix; what else is there leaves more of the whole.
-HARMONIC_BANDS, HARMONIC_STDS, HARMONIC_SHARE = 8, 4.0, 0.6
+HARMONIC_BANDS, HARMONIC_STDS, HARMONIC_SHARE = 8, 8.0, 0.6
+MOST_HARMONIC_RAD = 2.0
 MIXED_NOISE, MOST_LEFT = 5.0, 0.01
 # Of the frame period: a read-out can't take longer, an estimate may by its error.
 SLACK_RATIO = 0.02
@@ -155,8 +156,8 @@ def _bent_turns(seen: Seen, turns: float) -> float:
     bands = np.array_split(second, HARMONIC_BANDS)
     phase = np.unwrap([float(np.angle(band.sum())) for band in bands])
     (slope, _), cov = np.polyfit(np.linspace(0.0, 1.0, HARMONIC_BANDS), phase, 1, cov=True)
-    if not abs(slope) > HARMONIC_STDS * np.sqrt(cov[0, 0]):
-        return 0.0
+    if not HARMONIC_STDS * np.sqrt(cov[0, 0]) < abs(slope) < MOST_HARMONIC_RAD:
+        return 0.0  # noise, or what moves at twice the light's frequency
     return HARMONIC_SHARE * float(abs(slope)) / (2.0 * np.pi)
 
 

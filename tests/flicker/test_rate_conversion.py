@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rsenf.flicker.conversions import find_by_drift
 from rsenf.flicker.picture_news import News, find_remade
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.rate_conversion import BLENDED, Conversion, find_conversion
@@ -155,3 +156,33 @@ def test_a_monitor_beside_a_lamp_is_no_conversion() -> None:
     assert not clip.converted
     assert clip.off_hz.size > 50
     assert clip.rms_z < 2.0
+
+
+@pytest.mark.parametrize(
+    ("rate", "nominal_hz", "grid", "seed", "source_hz"),
+    [("30", 60.0, "continental", 40145, 30.0), ("25", 50.0, "continental", 40245, 25.0),
+     ("60000/1001", 60.0, "rough", 44170, 60e3 / 1001)],
+)  # fmt: skip
+def test_light_that_stands_still_before_and_after_tells_by_its_drift(
+    rate: str, nominal_hz: float, grid: str, seed: int, source_hz: float
+) -> None:
+    """30 to 25 at 60 Hz looks like 25 frames/s at 50 Hz, but for steps of the grid's drift."""
+    plan = trial("converted", seed, rate=rate, nominal_hz=nominal_hz, grid=grid, duration_s=60.0)
+    made = follow(plan)
+    assert made.converted
+    assert made.off_hz.size > 50
+    assert made.rms_z < 2.0
+    assert {round(s.frame_rate_hz, 6) for s in made.seconds if s.usable} == {round(source_hz, 6)}
+
+
+def test_still_light_at_its_own_rate_shows_no_conversion() -> None:
+    rng = np.random.default_rng(3)
+    t_s = np.arange(600) / 25.0
+    drift = np.cos(0.3 * t_s + rng.uniform(0.0, 6.0, 40)[:, None]).T
+    columns = drift + 1e-3 * rng.standard_normal(drift.shape)
+    assert find_by_drift(t_s, columns, 25.0) is None
+    late_s = np.floor(t_s * 30.0 + 0.3) / 30.0
+    moved = np.cos(0.3 * late_s + rng.uniform(0.0, 6.0, 40)[:, None]).T
+    found = find_by_drift(t_s, moved + 1e-3 * rng.standard_normal(moved.shape), 25.0)
+    assert found is not None
+    assert found.source_hz == 30.0
