@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from rsenf.flicker.complex_exponential import turning
 from rsenf.flicker.grid_prior import NODE_S, PhasePrior, phase_prior
 from rsenf.flicker.joint_fit import JointFit, State
+from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.node_noise import (
     ACROSS_HZ,
     ALONG_HZ,
@@ -41,6 +42,8 @@ HARMONICS = 3
 # Further ones hardly tell the phase, but they lie near the first: a codec makes overtones, and
 # half waves that differ, in ageing lamps and half-wave rectifiers, make odd halves.
 NUISANCES = 7
+# Still further ones, where their aliases are apart from all of these.
+FAR, FAR_APART_HZ = 12, 0.2
 HALVES = (0.5, 1.5, 2.5, 3.5)
 # Relative size that harmonics may have a priori: where two of them share an alias (one mirrored),
 # the first is believed first.
@@ -331,7 +334,16 @@ def _nuisances(
     frames: Gathered, phase_rad: Float, waves: Float, amplitude: Amplitudes
 ) -> tuple[float, ...]:
     """Further orders that stand out of what the first ones leave of some column."""
-    further = tuple(range(HARMONICS + 1, NUISANCES + 1)) + HALVES
+    near_hz, *far_hz = np.split(
+        np.abs([alias_hz(k * frames.carrier_hz, frames.rate_hz) for k in range(1, FAR + 1)]),
+        range(NUISANCES, FAR),
+    )
+    far = tuple(
+        NUISANCES + 1 + i
+        for i, hz in enumerate(far_hz)
+        if np.abs(near_hz - hz).min() > FAR_APART_HZ
+    )
+    further = tuple(range(HARMONICS + 1, NUISANCES + 1)) + HALVES + far
     left = frames.columns - waves.transpose(0, 2, 1) @ amplitude.found
     told = frames.waves(phase_rad, further)[:, 1:] @ left
     real, imag = told[:, 0::2], told[:, 1::2]
