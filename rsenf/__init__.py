@@ -24,7 +24,7 @@ TYPE_CHECKING = False  # as in typing, which is slow to import; type checkers kn
 if TYPE_CHECKING:
     from typing import Any
 
-    from rsenf.api.against import verify_against
+    from rsenf.api.against import verify_against, verify_together
     from rsenf.api.camera import add_camera, identify_camera, list_cameras
     from rsenf.api.discover import discover
     from rsenf.api.idle import compare_idle, idle
@@ -47,6 +47,7 @@ __all__ = [
     "track",
     "verify",
     "verify_against",
+    "verify_together",
 ]
 __version__ = "0.1.0"
 
@@ -55,7 +56,7 @@ _HOME = {
     **dict.fromkeys(("add_camera", "identify_camera", "list_cameras"), "camera"),
     "compare_idle": "idle",
     "read_recording": "recordings",
-    "verify_against": "against",
+    **dict.fromkeys(("verify_against", "verify_together"), "against"),
 }
 
 

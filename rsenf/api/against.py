@@ -1,7 +1,8 @@
-"""Whether two recordings were made together, by their ENF alone."""
+"""Whether recordings were made together, by their ENF alone."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -11,11 +12,11 @@ from rsenf.api.shared import (
 )
 from rsenf.api.track import TrackResult
 from rsenf.errors import InputError
-from rsenf.match.against import Against, match_against
+from rsenf.match.against import Against, align, match_against
 from rsenf.match.jumps import without_jumps
 from rsenf.match.series import Track, track_of
 from rsenf.match.settings import MatchSettings
-from rsenf.report.against import against_json, against_words
+from rsenf.report.against import against_json, against_words, aligned_json, aligned_words
 
 
 def verify_against(
@@ -54,6 +55,43 @@ def verify_against(
     warnings = [f"{one.recording}: {line}" for one in (first, second) for line in one.warnings]
     found = match_against(_best_stretch(first), _best_stretch(second), match or MatchSettings())
     return AgainstResult(**against_json(found, warnings), against=found)
+
+
+def verify_together(
+    recordings: Sequence[TrackResult], *, match: MatchSettings | None = None
+) -> TogetherResult:
+    """Place several recordings of one event on the time of the first, by all their pairs.
+
+    Parameters
+    ----------
+    recordings : sequence of TrackResult
+        Two or more, as for :func:`verify_against`.
+    match : MatchSettings, optional
+
+    Raises
+    ------
+    UsageError, InputError
+        As :func:`verify_against`.
+
+    Examples
+    --------
+    >>> import rsenf
+    >>> from rsenf.model import synthetic_grid
+    >>> grid_hz = synthetic_grid(seed=5, duration_s=300).freq_hz
+    >>> clips = [
+    ...     rsenf.simulate(reference=grid_hz, step_s=1.0, start_s=start_s, duration_s=100,
+    ...                    size=(64, 48), seed=seed)
+    ...     for start_s, seed in ((120, 1), (100, 2), (150, 3))
+    ... ]
+    >>> tracked = [rsenf.track(clip.rows, frame_time_s=clip.frame_time_s) for clip in clips]
+    >>> found = rsenf.verify_together(tracked)
+    >>> found.decision, [round(one["begin_s"]) for one in found.recordings]
+    ('match', [0, -20, 30])
+    """
+    warnings = [f"{one.recording}: {line}" for one in recordings for line in one.warnings]
+    found = align([_best_stretch(one) for one in recordings], match or MatchSettings())
+    names = [one.recording for one in recordings]
+    return TogetherResult(**aligned_json(names, found, warnings))
 
 
 def _best_stretch(tracked: TrackResult) -> Track:
@@ -103,3 +141,35 @@ class AgainstResult:
 
     def __str__(self) -> str:
         return against_words(self.against)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TogetherResult:
+    """Several recordings on one time. What isn't known is None.
+
+    Attributes
+    ----------
+    decision : {'match', 'no_decision'}
+        Whether all of them are placed, and the pairs agree.
+    recordings : list of dict
+        Of each its name, ``begin_s`` after the first with ``begin_std_s``, and ``clock_ppm``, by
+        which its clock is faster than the first's, with ``clock_std_ppm``.
+    pairs : list of dict
+        What each two say about each other, with the keys of a comparison of two.
+    misfit : float or None
+        By how many standard errors pairs differ from the common alignment, rms.
+    """
+
+    decision: Literal["match", "no_decision"]
+    reason: str
+    recordings: list[dict[str, Any]]
+    pairs: list[dict[str, Any]]
+    misfit: float | None
+    warnings: list[str]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values: what the command line prints with ``--json``."""
+        return {f.name: getattr(self, f.name) for f in json_fields(type(self))}
+
+    def __str__(self) -> str:
+        return aligned_words(self.to_dict())

@@ -12,7 +12,7 @@ def result_schemas() -> dict[str, dict[str, Any]]:
     """Return the schemas by name. Keys may be added to a result, so others are allowed."""
     from pydantic import TypeAdapter
 
-    from rsenf.api.against import AgainstResult
+    from rsenf.api.against import AgainstResult, TogetherResult
     from rsenf.api.idle import IdleComparison, IdleResult
     from rsenf.api.shared import json_fields
     from rsenf.api.track import EstimateJson, TrackResult
@@ -22,6 +22,7 @@ def result_schemas() -> dict[str, dict[str, Any]]:
     documents = {
         "verify": ("rsenf verify --json", VerifyResult),
         "verify-against": ("rsenf verify --against --json", AgainstResult),
+        "verify-together": ("rsenf verify --against --against --json", TogetherResult),
         "idle": ("rsenf idle --json", IdleResult),
         "idle-compared": ("rsenf idle A B --json", IdleComparison),
     }

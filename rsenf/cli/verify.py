@@ -24,7 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
     what = parser.add_mutually_exclusive_group(required=True)
     add_reference(what)
-    what.add_argument("--against", metavar="OTHER", help="another recording: made together?")
+    what.add_argument(
+        "--against", action="append", metavar="OTHER",
+        help="another recording: made together? several are placed on one time",
+    )  # fmt: skip
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw what was compared")
     parser.add_argument(
         "--report", type=Path, metavar="DIR", help="report to read: HTML, JSON and pictures"
@@ -153,8 +156,8 @@ def _name(value: object) -> str:
 
 
 def _against(args: argparse.Namespace) -> int:
-    """Compare two recordings."""
-    from rsenf.api.against import verify_against
+    """Compare recordings."""
+    from rsenf.api.against import verify_against, verify_together
     from rsenf.cli.console import note, print_json, say, say_loss
     from rsenf.cli.options import settings_of
     from rsenf.errors import UsageError
@@ -163,19 +166,20 @@ def _against(args: argparse.Namespace) -> int:
     for name in ("reference", "start", "picture", "report", "case"):
         if getattr(args, name):
             raise UsageError(f"--against with --{name}", "the other recording is the reference")
-    paths = (args.input, args.against)
-    first, second = (_tracked(args, path) for path in paths)
-    found = verify_against(first, second, match=settings_of(args, MatchSettings))
+    paths, match = [args.input, *args.against], settings_of(args, MatchSettings)
+    tracked = [_tracked(args, path) for path in paths]
+    two = len(tracked) == 2
+    found = verify_against(*tracked, match=match) if two else verify_together(tracked, match=match)
     if args.json:
         print_json(found.to_dict())
     else:
         print(found)
         for line in found.warnings:
             note(line)
-    for path, one in zip(paths, (first, second), strict=True):
+    for path, one in zip(paths, tracked, strict=True):
         if not one.usable.any():
             say(f"{path}: {one.summary}")
-    return max(say_loss(args.input, first), say_loss(args.against, second))
+    return max(say_loss(path, one) for path, one in zip(paths, tracked, strict=True))
 
 
 def _tracked(args: argparse.Namespace, path: str) -> TrackResult:

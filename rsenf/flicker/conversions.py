@@ -6,8 +6,8 @@ One decision for all who go by frame times: who can undo a conversion does so, o
 from __future__ import annotations
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from rsenf.flicker.acquire import acquire
 from rsenf.flicker.frame_clock import RegularClock
@@ -155,11 +155,11 @@ def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | N
         Frame rate by the stamps.
     """
     shown = round_rate(shown_hz)
-    window, middle = int(SMOOTH_S * shown) | 1, slice(int(shown), -int(shown))
-    if t_s.size < 4 * window or np.ptp(np.rint(np.diff(t_s) * shown)) > 0:
+    half = int(SMOOTH_S * shown) // 2
+    if t_s.size < 8 * half or np.ptp(np.rint(np.diff(t_s) * shown)) > 0:
         return None  # a filter needs frames in a row
-    slope = savgol_filter(columns, window, 2, deriv=1, delta=1.0 / shown, axis=0)[middle]
-    rough = _without_course(columns, window)[middle]
+    rough, slope = _course(columns, half)
+    slope *= shown
     weight = 1.0 / np.maximum(rough.var(axis=0), np.finfo(float).tiny)
     gain, power = slope**2 @ weight, (slope * rough) @ weight
     best, found = MIN_STDS, None
@@ -168,7 +168,7 @@ def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | N
             continue
         for place in np.arange(DRIFT_PLACES) / DRIFT_PLACES:
             made = Conversion(source_hz, shown, float(place))
-            late_s = _without_course(made.taken_s(t_s) - t_s, window)[middle]
+            late_s = _course((made.taken_s(t_s) - t_s)[:, None], half)[0][:, 0]
             size = float(gain @ late_s**2)
             factor = float(power @ late_s) / size if size > 0.0 else 0.0
             if abs(factor - 1.0) < MOST_OFF_FACTOR and factor * np.sqrt(size) > best:
@@ -176,9 +176,15 @@ def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | N
     return found
 
 
-def _without_course(values: Float, window: int) -> Float:
-    """What a smooth course leaves (Savitzky & Golay, Anal. Chem. 36, 1627, 1964)."""
-    return np.asarray(values - savgol_filter(values, window, 2, axis=0))
+def _course(values: Float, half: int) -> tuple[Float, Float]:
+    """What a smooth course leaves of values, and its slope a frame (Savitzky & Golay 1964).
+
+    Anal. Chem. 36, 1627: a parabola through ``half`` frames on either side, but for the ends.
+    """
+    place = np.arange(-half, half + 1)
+    level, slope, _ = np.linalg.pinv(np.vander(place, 3, increasing=True))
+    around = sliding_window_view(values, place.size, axis=0)
+    return values[half:-half] - around @ level, np.asarray(around @ slope)
 
 
 def words_of(conversion: Conversion) -> str:

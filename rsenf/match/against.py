@@ -1,16 +1,20 @@
-"""Two recordings against each other: were they made at the same time, and how far apart?
+"""Recordings against each other: were they made at the same time, and how far apart?
 
 The longer one takes the reference's place: its seconds are samples of the grid, as exact as its
 estimates are. Nothing else changes; so what is found is the start of one less the start of the
-other, and the difference of their two clocks.
+other, and the difference of their two clocks. Several recordings are compared in pairs, and placed
+on the first one's time by weighted least squares over the pairs that match.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.match.clip_phase import clip_phase
@@ -18,6 +22,8 @@ from rsenf.match.matcher import Finding, nothing_to_decide
 from rsenf.match.phase import match_phase
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
+
+Float = NDArray[np.float64]
 
 NAN = math.nan
 TWO_CLOCKS = math.sqrt(2.0)
@@ -118,3 +124,82 @@ def _told(found: Finding, other: Track, swap: bool) -> Against:
         clock_std_ppm=found.clock_std_ppm,
         verbal=found.verbal,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Aligned:
+    """Recordings on the first one's time; NaN is of one that no chain of pairs leads to.
+
+    Attributes
+    ----------
+    begin_s, begin_std_s : ndarray, shape (recordings,)
+        When each begins, after the first, and the standard error.
+    clock_ppm, clock_std_ppm : ndarray, shape (recordings,)
+        By how much each one's clock is faster than the first's.
+    misfit : float
+        By how many standard errors pairs differ from the common alignment, rms; NaN where there is
+        no pair more than it takes.
+    pairs : dict of (int, int) to Against
+    """
+
+    begin_s: Float
+    begin_std_s: Float
+    clock_ppm: Float
+    clock_std_ppm: Float
+    misfit: float
+    pairs: dict[tuple[int, int], Against]
+
+
+def align(tracks: Sequence[Track], settings: MatchSettings) -> Aligned:
+    """Place several recordings on the time of the first.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        Two or more, as for :func:`match_against`.
+    settings : MatchSettings
+    """
+    count = len(tracks)
+    pairs = {
+        (i, k): match_against(tracks[i], tracks[k], settings)
+        for i, k in itertools.combinations(range(count), 2)
+    }
+    held = {pair: found for pair, found in pairs.items() if found.decision == "match"}
+    # Offset and clock of a pair are those of the first less those of the second.
+    begin_s, begin_std_s, off = _placed(
+        count, {pair: (-a.offset_s, a.offset_std_s) for pair, a in held.items()}
+    )
+    clock_ppm, clock_std_ppm, _ = _placed(
+        count, {pair: (-a.clock_ppm, a.clock_std_ppm) for pair, a in held.items()}
+    )
+    return Aligned(begin_s, begin_std_s, clock_ppm, clock_std_ppm, off, pairs)
+
+
+def _placed(
+    count: int, steps: dict[tuple[int, int], tuple[float, float]]
+) -> tuple[Float, Float, float]:
+    """Places, their standard errors, and the misfit, of steps from one to another.
+
+    A recording's own errors are in all its pairs: no place is surer than its surest pair.
+    """
+    reached = {0}
+    while more := {k for pair in steps if reached & {*pair} for k in pair} - reached:
+        reached |= more
+    own = {pair: step for pair, step in steps.items() if pair[0] in reached}
+    place, std = np.full((2, count), NAN)
+    place[0] = std[0] = 0.0
+    others = sorted(reached - {0})
+    if not others:
+        return place, std, NAN
+    design = np.array([[float(n == k) - float(n == i) for n in others] for i, k in own])
+    told, error = (np.array(column) for column in zip(*own.values(), strict=True))
+    weighted = design / error[:, None]
+    covariance = np.linalg.inv(weighted.T @ weighted)
+    found = covariance @ weighted.T @ (told / error)
+    freedom = len(own) - len(others)
+    left = (design @ found - told) / error
+    misfit = float(np.sqrt(left @ left / freedom)) if freedom else NAN
+    least = np.array([min(e for pair, (_, e) in own.items() if n in pair) for n in others])
+    place[others] = found
+    std[others] = np.fmax(np.sqrt(np.diag(covariance)), least) * np.fmax(misfit, 1.0)
+    return place, std, misfit

@@ -1,11 +1,12 @@
-"""Two recordings compared in time, as JSON and in words."""
+"""Recordings compared in time, as JSON and in words."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
-from rsenf.match.against import Against
+from rsenf.match.against import Against, Aligned
 from rsenf.report.verdict import number, ppm_text
 
 MEANINGS = {
@@ -53,4 +54,55 @@ def against_words(found: Against) -> str:
         )
     elif found.decision == "no_decision":
         lines.append(f"  {'what may help':15} {NEXT}")
+    return "\n".join(lines)
+
+
+MOST_MISFIT = 3.0  # standard errors by which pairs may differ from the common alignment
+
+
+def aligned_json(names: Sequence[str], found: Aligned, warnings: list[str]) -> dict[str, Any]:
+    """Return the stable keys of several recordings on one time."""
+    apart = [name for name, at in zip(names, found.begin_s, strict=True) if not math.isfinite(at)]
+    fits = not found.misfit > MOST_MISFIT
+    columns = (found.begin_s, found.begin_std_s, found.clock_ppm, found.clock_std_ppm)
+    return {
+        "decision": "match" if fits and not apart else "no_decision",
+        "reason": f"not placed: {', '.join(apart)}" if apart else ALIGNED if fits else DIFFER,
+        "recordings": [
+            dict(zip(RECORDING, (name, *map(number, told)), strict=True))
+            for name, *told in zip(names, *columns, strict=True)
+        ],
+        "pairs": [
+            {"first": names[i], "second": names[k], **against_json(pair, [])}
+            for (i, k), pair in found.pairs.items()
+        ],
+        "misfit": number(found.misfit),
+        "warnings": warnings,
+    }
+
+
+RECORDING = ("recording", "begin_s", "begin_std_s", "clock_ppm", "clock_std_ppm")
+ALIGNED = "every one fits the first, or one that does"
+DIFFER = "the pairs contradict each other"
+
+
+def aligned_words(told: dict[str, Any]) -> str:
+    """Say several recordings on one time to a person, from what their JSON has."""
+    lines = [f"{told['decision']}: {told['reason']}"]
+    for at, one in enumerate(told["recordings"]):
+        begin_s = one["begin_s"]
+        where = "begins at 0" if not at else "can't be placed"
+        if at and begin_s is not None:
+            where = (
+                f"begins {abs(begin_s):.2f} ± {one['begin_std_s']:.2f} s "
+                f"{'after' if begin_s >= 0 else 'before'} the first, its clock faster by "
+                f"{ppm_text(one['clock_ppm'])} ± {one['clock_std_ppm']:.1f} ppm"
+            )
+        lines.append(f"  {one['recording']:15} {where}")
+    if told["misfit"] is not None:
+        lines.append(f"  {'agreement':15} of all pairs: {told['misfit']:.1f} standard errors (rms)")
+    lines += [
+        f"  {'pair':15} {pair['first']}, {pair['second']}: {pair['decision']}"
+        for pair in told["pairs"]
+    ]
     return "\n".join(lines)

@@ -95,3 +95,14 @@ def test_the_schema_of_a_case_file_has_its_keys(verdict: Any) -> None:
     assert verdict["case"].keys() == schema["properties"].keys()
     with pytest.raises(ValidationError):
         Draft202012Validator(schema).validate({"exhibits": "E-3"})
+
+
+def test_verify_together(rsenf: Rsenf, hidden: HiddenClip) -> None:
+    others = ["--against", hidden.clip, "--against", hidden.clip]
+    done = rsenf("verify", hidden.clip, *others, "--json")
+    assert done.returncode == 0, done.stderr
+    check("verify-together", together := json.loads(done.stdout))
+    assert together["decision"] == "match"
+    assert [abs(one["begin_s"]) < 0.1 for one in together["recordings"]] == [True] * 3
+    said = rsenf("verify", hidden.clip, *others)
+    assert said.stdout.startswith("match: every one fits the first")

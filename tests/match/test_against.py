@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from rsenf.errors import UsageError
-from rsenf.match.against import match_against
+from rsenf.match.against import align, match_against
 from rsenf.match.settings import MatchSettings
 from tests.match.match_clips import clip_of
 from tests.match.phase_clips import hidden, stretch_of
@@ -65,3 +66,29 @@ def test_a_recording_without_signal_decides_nothing():
 def test_estimates_that_overlap_are_refused():
     with pytest.raises(UsageError, match="no phase"):
         match_against(recorded(1000.0, 9), clip_of(DAY.freq_hz, 1000.5, 200, 1), SETTINGS)
+
+
+def test_several_are_placed_on_the_first_ones_time():
+    begins = (1000.0, 1031.4, 980.3)
+    tracks = [
+        recorded(begin_s, 40 + k, seconds=200, clock_ppm=20.0 * k)
+        for k, begin_s in enumerate(begins)
+    ]
+    other = hidden(stretch_of(2000, seed=32), 5, start_s=300.0)[0]
+    found = align([*tracks, other], SETTINGS)
+    for k in (1, 2):
+        assert found.begin_s[k] == pytest.approx(begins[k] - 1000.0, abs=4 * found.begin_std_s[k])
+        assert found.clock_ppm[k] == pytest.approx(20.0 * k, abs=4 * found.clock_std_ppm[k])
+        assert found.begin_std_s[k] < 0.3
+    assert found.misfit < 3.0
+    assert not np.isfinite(found.begin_s[3])
+    assert set(found.pairs) == {(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)}
+
+
+def test_a_recording_is_placed_by_another_than_the_first():
+    first, second = recorded(1000.0, 50, seconds=120), recorded(1080.0, 51, seconds=240)
+    third = recorded(1250.0, 52, seconds=120)
+    found = align([first, second, third], SETTINGS)
+    assert found.pairs[0, 2].decision != "match"
+    assert found.begin_s[2] == pytest.approx(250.0, abs=4 * found.begin_std_s[2])
+    assert np.isnan(found.misfit)
