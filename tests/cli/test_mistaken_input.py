@@ -178,6 +178,7 @@ def test_a_cut_is_told_without_a_claim(rsenf: Rsenf, hidden: HiddenClip, tmp_pat
     page = (report / "report.html").read_text()
     assert "What seems to have been done to the recording" in page
     assert edit["text"].split(":")[0] in page
+    assert (report / "timeline.png").stat().st_size > 5000
 
 
 @pytest.mark.parametrize("speed", [1.01, 0.99])

@@ -13,7 +13,7 @@ import numpy as np
 
 from rsenf.match.jumps import without_jumps
 from rsenf.match.series import Track, track_of
-from rsenf.messages import EnfEstimate
+from rsenf.messages import EnfEstimate, MatchResult
 from rsenf.report.pages import HEIGHT_IN, Picture, picture_of
 from rsenf.report.panels import INK, MARK, SIGNAL, fixed_style, say_nothing
 from rsenf.report.panels.enf import draw_enf
@@ -22,6 +22,7 @@ from rsenf.report.panels.spectrogram import draw_spectrogram
 from rsenf.report.picture import curve_of
 from rsenf.report.recording_time.case import Case
 from rsenf.report.score_curve import NEAR_S, ScoreCurve
+from rsenf.timebase import utc_text
 
 WIDE = 10.0  # errors whose sizes differ by more are drawn on a logarithmic scale
 
@@ -77,6 +78,39 @@ def _dots(axes: Any, t_s: Any, values: Any, usable: Any) -> None:
     axes.plot(t_s[~usable], values[~usable], "x", color=MARK, ms=4)
 
 
+def draw_timeline(axes: Any, result: MatchResult) -> None:
+    """Draw the stretches that fit by themselves over the recording's time, and the edits.
+
+    A stretch lies as high as it begins later, or sooner, than as one piece with the first.
+    """
+    axes.set_title("What fits, stretch by stretch")
+    segments = result.segments
+    first_s = segments[0].lag_s - segments[0].from_s
+    for one in segments:
+        later_s = one.lag_s - one.from_s - first_s
+        axes.plot([one.from_s, one.to_s], [later_s] * 2, color=SIGNAL, lw=6, solid_capstyle="butt")
+        axes.annotate(
+            f"{utc_text(one.start_utc_ns) or f'{one.lag_s:.1f} s'}, LR 10^{one.log10_lr:.1f}",
+            (one.from_s, later_s), (0, 7), textcoords="offset points", color=INK, fontsize="small",
+        )  # fmt: skip
+    for edit in result.edits:
+        if not math.isfinite(edit.at_s):
+            continue
+        axes.axvline(edit.at_s, color=MARK, lw=1, ls="--")
+        if edit.at_std_s > 0.0:
+            axes.axvspan(
+                edit.at_s - edit.at_std_s, edit.at_s + edit.at_std_s, color=MARK, alpha=0.12, lw=0
+            )
+        axes.annotate(
+            edit.kind, (edit.at_s, 0.0), (3, 3), xycoords=("data", "axes fraction"),
+            textcoords="offset points", color=MARK, fontsize="small",
+        )  # fmt: skip
+    axes.margins(y=0.3)
+    axes.set_xlim(0.0, max(one.to_s for one in segments))
+    axes.set_xlabel("time in the recording (s)")
+    axes.set_ylabel("later than as\none piece (s)")
+
+
 def draw_pictures(case: Case) -> list[Picture]:
     """Draw the pictures that there is something to show in; the same case gives the same bytes."""
     result, grid = case.result, case.grid
@@ -89,6 +123,11 @@ def draw_pictures(case: Case) -> list[Picture]:
                 "enf.png", "The recording over the reference",
                 lambda f: draw_enf(f.subplots(), track, grid, result),
                 _enf_caption(case), _enf_alt(case, track),
+            ))  # fmt: skip
+        if result.segments:
+            pictures.append(picture_of(
+                "timeline.png", "What fits, stretch by stretch",
+                lambda f: draw_timeline(f.subplots(), result), _TIMELINE, _timeline_alt(result),
             ))  # fmt: skip
         curve = curve_of(track, grid, case.settings, result)
         if not curve.is_empty:
@@ -179,6 +218,19 @@ def _score_alt(case: Case, curve: ScoreCurve) -> str:
         f"Line chart of {curve.name} against start time over {hours:.3g} hours of reference; "
         f"the best is {case.result.lag_s:.2f} s after its start, at {np.nanmax(curve.high):.4g}."
     )
+
+
+_TIMELINE = (
+    "Each bar is a stretch of the recording that fits a time by itself, with that time and its "
+    "likelihood ratio. Bars at one height are of one piece; a step up is time that is missing, a "
+    "step down time that is shown again or was put in. Dashed red lines are the edits, a pale red "
+    "band their standard error."
+)
+
+
+def _timeline_alt(result: MatchResult) -> str:
+    stretches = ", ".join(f"{one.from_s:.0f} to {one.to_s:.0f} s" for one in result.segments)
+    return f"Timeline of {len(result.segments)} stretches, {stretches}; {len(result.edits)} edits."
 
 
 _NEAR = (
