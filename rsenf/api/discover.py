@@ -20,7 +20,7 @@ from rsenf.api.references import References, grids_of, open_references
 from rsenf.api.shared import PathLike, Progress, Recording, opened, row_settings, silent
 from rsenf.config.model_file import load_model
 from rsenf.discrepancy.clock_offset import (
-    BesideDiscovery,
+    ClockOffsetDiscovery,
     beside_json,
     beside_model,
     beside_of,
@@ -277,7 +277,7 @@ def _by_frame_means(
     return _result(source, told, extended, page, _residuals_of(found))
 
 
-def _residuals_of(found: BesideDiscovery) -> dict[str, NDArray[Any]]:
+def _residuals_of(found: ClockOffsetDiscovery) -> dict[str, NDArray[Any]]:
     """Return what is left of the ENF before and after, with its times."""
     return {
         "enf_time_s": found.beside.t_s,

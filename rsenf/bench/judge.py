@@ -13,7 +13,7 @@ import numpy as np
 
 from rsenf.idle import METHODS as IDLE_METHODS
 from rsenf.idle import IdleSettings, make_idle
-from rsenf.idle.estimator_state import Finding, Seen
+from rsenf.idle.estimator_state import EstimatorState, Finding
 from rsenf.idle.stage import IdleStage
 from rsenf.messages import EnfEstimate, IdleEstimate, RowBlock
 from rsenf.messages.schema import FloatArray
@@ -37,7 +37,7 @@ class _Method:
 
     name = ""
 
-    def __call__(self, seen: Seen) -> Finding:
+    def __call__(self, seen: EstimatorState) -> Finding:
         return IDLE_METHODS[self.name](seen)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.fit_parameters import knobs_of, neutral, series_of, within
-from rsenf.discrepancy.jacobian import Slopes, by_knob
+from rsenf.discrepancy.jacobian import Jacobian, by_knob
 from rsenf.discrepancy.order import with_order
 from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.series import halves, power, response
@@ -36,13 +36,13 @@ class Candidate:
     explains : float
         Share of the training residual's square that it would explain, by a linear step; of an
         effect that can only be tried infinity.
-    slopes : Slopes or None
+    slopes : Jacobian or None
         To begin the fit with, where they are known.
     """
 
     effect: Effect
     explains: float
-    slopes: Slopes | None = None
+    slopes: Jacobian | None = None
 
 
 def candidates(fit: Fit) -> list[Candidate]:
@@ -59,7 +59,7 @@ def candidates(fit: Fit) -> list[Candidate]:
             if made is None:
                 continue
             out = sorted([*out, made], key=lambda c: -c.explains)
-            # Slopes are large: only those likely to be fitted keep theirs.
+            # Jacobians are large: only those likely to be fitted keep theirs.
             out[KEPT:] = [dataclasses.replace(c, slopes=None) for c in out[KEPT:]]
     return out
 

@@ -21,7 +21,7 @@ BEYOND, ANY = 3.0, 0.5
 
 
 @dataclass(frozen=True)
-class Usual:
+class CodecBaseline:
     """A gap, and gains of effects by name, such as a codec alone may bring about.
 
     Attributes
@@ -45,10 +45,10 @@ class Usual:
         return BEYOND * self.gains.get(name, 0.0) + ANY * self.gap
 
 
-NOTHING = Usual(0.0, {})
+NOTHING = CodecBaseline(0.0, {})
 
 
-def usual_of(fitted: Fit, recoded: Callable[[Float32Array], Float32Array] | None) -> Usual:
+def usual_of(fitted: Fit, recoded: Callable[[Float32Array], Float32Array] | None) -> CodecBaseline:
     """See what a codec does to data that a fit itself has made.
 
     Parameters
@@ -63,4 +63,4 @@ def usual_of(fitted: Fit, recoded: Callable[[Float32Array], Float32Array] | None
     level = fitted.data.as_lines(recoded(fitted.data.as_recorded(fitted.rows)))
     data = dataclasses.replace(fitted.data, level=level)
     again = fit(fitted.theory, data)
-    return Usual(abs(again.gap.value), seeming_gains(again))
+    return CodecBaseline(abs(again.gap.value), seeming_gains(again))

@@ -15,10 +15,10 @@ from typing import cast
 
 import numpy as np
 
-from rsenf.discrepancy.fit_parameters import FLICKER, IDLE, Knob, knobs_of, turned
-from rsenf.discrepancy.forward_model import Theory
+from rsenf.discrepancy.fit_parameters import FLICKER, IDLE, FitParameter, knobs_of, turned
+from rsenf.discrepancy.forward_model import ForwardModel
 from rsenf.discrepancy.gap import Gap, gap_of
-from rsenf.discrepancy.jacobian import Slopes, slopes_of
+from rsenf.discrepancy.jacobian import Jacobian, slopes_of
 from rsenf.discrepancy.measured import BANDS, Float32Array, Measured
 from rsenf.discrepancy.series import improved
 from rsenf.discrepancy.strip_centroid import USUAL, as_walls_may, leaned, leans
@@ -42,29 +42,29 @@ class Fit:
     Attributes
     ----------
     data : Measured
-    begun : Theory
+    begun : ForwardModel
         From where it was fitted.
-    theory : Theory
+    theory : ForwardModel
     rows : ndarray of float32 (frames, lines, strips)
         What it says.
     residual : ndarray of float32 (frames, lines, strips)
         Data less that.
-    slopes : Slopes
+    slopes : Jacobian
         What the rows do about it.
     stderr : ndarray (knobs,)
         Standard error of each knob.
     """
 
     data: Measured
-    begun: Theory
-    theory: Theory
+    begun: ForwardModel
+    theory: ForwardModel
     rows: Float32Array
     residual: Float32Array
-    slopes: Slopes
+    slopes: Jacobian
     stderr: FloatArray
 
     @property
-    def knobs(self) -> tuple[Knob, ...]:
+    def knobs(self) -> tuple[FitParameter, ...]:
         """What was fitted, besides the course and the wall."""
         return self.slopes.knobs
 
@@ -122,17 +122,19 @@ class Fit:
         return float((self.residual[~self.data.training] ** 2).mean(dtype=np.float64))
 
 
-def fit(theory: Theory, data: Measured, *, most: int = MOST, slopes: Slopes | None = None) -> Fit:
+def fit(
+    theory: ForwardModel, data: Measured, *, most: int = MOST, slopes: Jacobian | None = None
+) -> Fit:
     """Fit a theory, its effects included, from where it stands.
 
     Parameters
     ----------
-    theory : Theory
+    theory : ForwardModel
         Near enough for steps to lead to it: half a turn of the phase, half a knob.
     data : Measured
     most : int, optional
         Steps.
-    slopes : Slopes, optional
+    slopes : Jacobian, optional
         About where it stands, if they are known: the first step needs no others.
     """
     knobs = [FLICKER, IDLE]
@@ -183,7 +185,7 @@ def mean_square(left: Float32Array) -> float:
 class _Step:
     """Where a step has led: what the theory is and says then, and how far it went."""
 
-    theory: Theory
+    theory: ForwardModel
     rows: Float32Array
     turned_rad: float
     turned_steps: float
@@ -206,7 +208,7 @@ class _Step:
         )
 
 
-def _stepped(theory: Theory, rows: Float32Array, slopes: Slopes) -> _Step:
+def _stepped(theory: ForwardModel, rows: Float32Array, slopes: Jacobian) -> _Step:
     """Take one step: knobs, then the course given these, then series, then the wall."""
     data, knobs = slopes.data, slopes.knobs
     left = data.level - rows
@@ -231,7 +233,7 @@ def _stepped(theory: Theory, rows: Float32Array, slopes: Slopes) -> _Step:
     return _Step(theory, theory.rows(data), farthest_rad, turned_steps, moved_steps)
 
 
-def _stderr(slopes: Slopes, left: Float32Array) -> FloatArray:
+def _stderr(slopes: Jacobian, left: Float32Array) -> FloatArray:
     """Return the standard errors of the knobs.
 
     By the noise of rows, or by how much blocks of time, or bands of lines, disagree if that is

@@ -13,7 +13,7 @@ from rsenf.model.parameters import Fitting, fittings
 
 
 @dataclass(frozen=True)
-class Knob:
+class FitParameter:
     """One coordinate of a model: a parameter's distance from neutral, or a part of an amplitude.
 
     Attributes
@@ -78,11 +78,11 @@ class Knob:
 
 
 LEAST_FLICKER = 1e-4  # without any no phase could be fitted, and nothing else
-FLICKER = Knob("light", "flicker_ratio", 1e-3)
-IDLE = Knob("shutter", "idle_ratio", 1e-3)
+FLICKER = FitParameter("light", "flicker_ratio", 1e-3)
+IDLE = FitParameter("shutter", "idle_ratio", 1e-3)
 
 
-def knobs_of(effect: Effect, *, neutral: bool) -> list[Knob]:
+def knobs_of(effect: Effect, *, neutral: bool) -> list[FitParameter]:
     """Return the knobs of an effect: for the whole clip, and none of a series.
 
     Parameters
@@ -97,7 +97,7 @@ def knobs_of(effect: Effect, *, neutral: bool) -> list[Knob]:
             continue
         told = getattr(effect, name)
         for index in range(len(told)) if isinstance(told, tuple) else (-1,):
-            out.append(Knob(effect.name, name, fitting.step, fitting.turn, index=index))
+            out.append(FitParameter(effect.name, name, fitting.step, fitting.turn, index=index))
             if fitting.turn:
                 out.append(dataclasses.replace(out[-1], across=True))
     return out
@@ -126,7 +126,7 @@ def filled(effect: Effect, values: Mapping[str, float]) -> Effect:
     })  # fmt: skip
 
 
-def turned(model: CaptureModel, knobs: Sequence[Knob], by: Sequence[float]) -> CaptureModel:
+def turned(model: CaptureModel, knobs: Sequence[FitParameter], by: Sequence[float]) -> CaptureModel:
     """Return a model with several knobs moved."""
     for knob, step in zip(knobs, by, strict=True):
         model = knob.moved(model, float(step))

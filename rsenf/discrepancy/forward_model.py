@@ -80,7 +80,7 @@ class Course:
 
 
 @dataclass(frozen=True, eq=False)
-class Theory:
+class ForwardModel:
     """What a recording is held to be, down to each line's level.
 
     Attributes
@@ -100,13 +100,13 @@ class Theory:
     wall: FloatArray
     lean: FloatArray
 
-    def with_model(self, model: CaptureModel) -> Theory:
+    def with_model(self, model: CaptureModel) -> ForwardModel:
         """Return it with another model."""
         return dataclasses.replace(self, model=model)
 
     def otherwise_delivered(
         self, model: CaptureModel, data: Measured, ahead_rad: FloatArray
-    ) -> Theory:
+    ) -> ForwardModel:
         """Return it with a model that delivers other frames, each in its phase as measured.
 
         Parameters

@@ -18,11 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.discrepancy.candidates import Candidate, candidates, per_power
-from rsenf.discrepancy.codec_baseline import NOTHING, Usual
+from rsenf.discrepancy.codec_baseline import NOTHING, CodecBaseline
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.fit_parameters import series_of
 from rsenf.discrepancy.heterogeneity import heterogeneity
-from rsenf.discrepancy.noise_floor import Floor, floor_of
+from rsenf.discrepancy.noise_floor import NoiseFloor, floor_of
 from rsenf.discrepancy.trial import Trial, judged, settled, tried
 from rsenf.errors import UsageError
 
@@ -54,7 +54,7 @@ class Step:
         How many candidates were looked at.
     limit : float
         Nats that it must bring.
-    floor : Floor
+    floor : NoiseFloor
         Of data that the model before it explains.
     """
 
@@ -62,7 +62,7 @@ class Step:
     trials: tuple[Trial, ...]
     tried: int
     limit: float
-    floor: Floor
+    floor: NoiseFloor
 
     @property
     def least(self) -> float:
@@ -129,13 +129,13 @@ def _by_course(best: Trial) -> tuple[str, ...]:
     return tuple(n for n in best.effect.confused_with if n == "interharmonic")
 
 
-def search(first: Fit, usual: Usual) -> Iterator[tuple[Step, Fit]]:
+def search(first: Fit, usual: CodecBaseline) -> Iterator[tuple[Step, Fit]]:
     """Take step after step from a first fit, until nothing more is supported.
 
     Parameters
     ----------
     first : Fit
-    usual : Usual
+    usual : CodecBaseline
         What a codec alone may have effects take away of held-out rows.
 
     Yields
@@ -156,7 +156,9 @@ def search(first: Fit, usual: Usual) -> Iterator[tuple[Step, Fit]]:
             return
 
 
-def needed(last: Fit, steps: Sequence[Step], usual: Usual = NOTHING) -> tuple[Fit, list[Step]]:
+def needed(
+    last: Fit, steps: Sequence[Step], usual: CodecBaseline = NOTHING
+) -> tuple[Fit, list[Step]]:
     """Take out again what later steps have made superfluous, and what is only like what is there.
 
     An effect stays if the model without it is worse by as much as it would take for it to enter,
@@ -197,7 +199,7 @@ def _without(last: Fit, step: Step) -> Fit | None:
         return None
 
 
-def next_step(before: Fit, usual: Usual = NOTHING) -> Step:
+def next_step(before: Fit, usual: CodecBaseline = NOTHING) -> Step:
     """Look at all candidates, and fit the likeliest."""
     found, scale = candidates(before), per_power(before)
     limit = math.log(max(len(found), 1) / FALSE_ALARMS)
@@ -224,7 +226,7 @@ def next_step(before: Fit, usual: Usual = NOTHING) -> Step:
     return step.released(rows=step.chosen)
 
 
-def _with_trial(step: Step, candidate: Candidate, usual: Usual) -> Step:
+def _with_trial(step: Step, candidate: Candidate, usual: CodecBaseline) -> Step:
     trial = tried(step.before, candidate, usual)
     trials = sorted((*step.trials, trial) if trial else step.trials, key=lambda t: -t.beyond)
     step = dataclasses.replace(step, trials=tuple(trials))
@@ -252,7 +254,7 @@ def _confusable(found: Sequence[Candidate], step: Step, scale: float) -> list[Ca
 
 
 def _likeliest(
-    found: Sequence[Candidate], least: float, scale: float, usual: Usual
+    found: Sequence[Candidate], least: float, scale: float, usual: CodecBaseline
 ) -> list[Candidate]:
     """Those worth a fit: of each effect the likeliest, and all that can only be tried.
 

@@ -9,8 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from rsenf.discrepancy.fit_parameters import Knob, series_of
-from rsenf.discrepancy.forward_model import Theory
+from rsenf.discrepancy.fit_parameters import FitParameter, series_of
+from rsenf.discrepancy.forward_model import ForwardModel
 from rsenf.discrepancy.linear import TINY, System
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.series import response
@@ -21,7 +21,7 @@ TURN_RAD, LIT = 0.02, 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Slopes:
+class Jacobian:
     """Derivatives of the rows at one theory, (frames, lines, strips) each.
 
     Attributes
@@ -33,7 +33,7 @@ class Slopes:
         By the wall's brightness, relative to it.
     turn : ndarray of float32
         By the light's phase (1/rad).
-    knobs : tuple of Knob
+    knobs : tuple of FitParameter
     own : tuple of ndarray of float32
         By each knob.
     series : dict of str to ndarray of float32
@@ -46,7 +46,7 @@ class Slopes:
     basis: FloatArray
     lit: Float32Array
     turn: Float32Array
-    knobs: tuple[Knob, ...]
+    knobs: tuple[FitParameter, ...]
     own: tuple[Float32Array, ...]
     series: dict[str, Float32Array]
     lean: Float32Array | None = None
@@ -63,7 +63,7 @@ class Slopes:
         first = self.data.first  # not self: nothing would let go of its arrays then
         return System(self.lit, self.turn, self.basis, lambda a: a[first])
 
-    def plus(self, knobs: Sequence[Knob], own: Sequence[Float32Array]) -> Slopes:
+    def plus(self, knobs: Sequence[FitParameter], own: Sequence[Float32Array]) -> Jacobian:
         """Return them with those of more knobs."""
         out = dataclasses.replace(self, knobs=(*self.knobs, *knobs), own=(*self.own, *own))
         # What is known already isn't reckoned again.
@@ -71,7 +71,7 @@ class Slopes:
         out.__dict__["course"] = self.course
         return out
 
-    def released(self) -> Slopes:
+    def released(self) -> Jacobian:
         """Return them without the arrays."""
         none = np.empty((0, 0, 0), np.float32)
         return dataclasses.replace(self, lit=none, turn=none, own=(), series={}, lean=None)
@@ -84,17 +84,17 @@ class Slopes:
 
 
 def slopes_of(
-    theory: Theory, rows: Float32Array, data: Measured, knobs: Sequence[Knob] = ()
-) -> Slopes:
+    theory: ForwardModel, rows: Float32Array, data: Measured, knobs: Sequence[FitParameter] = ()
+) -> Jacobian:
     """Turn the light, brighten the wall, turn every knob, and see what that does.
 
     Parameters
     ----------
-    theory : Theory
+    theory : ForwardModel
     rows : ndarray of float32 (frames, lines, strips)
         What it says.
     data : Measured
-    knobs : sequence of Knob, optional
+    knobs : sequence of FitParameter, optional
     """
     middle_s = data.time_s + 0.5 * theory.model.shutter.read_out_time_s
     series = {
@@ -102,7 +102,7 @@ def slopes_of(
         for effect in theory.model.effects
         if (told := series_of(effect)) is not None
     }
-    return Slopes(
+    return Jacobian(
         data=data,
         basis=theory.course.basis_at(middle_s),
         lit=(theory.rows(data, lit=1.0 + LIT) - rows) / np.float32(LIT),
@@ -114,7 +114,9 @@ def slopes_of(
     )
 
 
-def by_knob(theory: Theory, rows: Float32Array, data: Measured, knob: Knob) -> Float32Array:
+def by_knob(
+    theory: ForwardModel, rows: Float32Array, data: Measured, knob: FitParameter
+) -> Float32Array:
     """What the rows do, per unit, when a knob is turned."""
     moved = theory.with_model(knob.moved(theory.model, knob.step)).rows(data)
     return np.asarray((moved - rows) / np.float32(knob.step))

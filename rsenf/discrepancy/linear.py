@@ -22,7 +22,7 @@ TINY = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Normal:
+class NormalEquations:
     """Normal equations: ``matrix @ x = vector``, the course's directions first.
 
     ``course`` is how many of them are the course's.
@@ -32,16 +32,16 @@ class Normal:
     vector: FloatArray
     course: int
 
-    def over(self, variance: float) -> Normal:
+    def over(self, variance: float) -> NormalEquations:
         """Weigh the data by the variance of a row's noise."""
-        return Normal(self.matrix / variance, self.vector / variance, self.course)
+        return NormalEquations(self.matrix / variance, self.vector / variance, self.course)
 
-    def with_prior(self, weights: FloatArray) -> Normal:
+    def with_prior(self, weights: FloatArray) -> NormalEquations:
         """Add that the course's weights, now such, have unit variance."""
         matrix, vector = self.matrix.copy(), self.vector.copy()
         matrix.flat[: self.course * (len(matrix) + 1) : len(matrix) + 1] += 1.0
         vector[: self.course] -= weights
-        return Normal(matrix, vector, self.course)
+        return NormalEquations(matrix, vector, self.course)
 
     def solve(self) -> FloatArray:
         """Return the step; directions that tell nothing stay where they are."""
@@ -70,7 +70,7 @@ class Normal:
             How far each has usually moved: a consider covariance (Schmidt).
         """
         known = len(self.matrix) - last
-        step = Normal(self.matrix[:known, :known], self.vector[:known], self.course)
+        step = NormalEquations(self.matrix[:known, :known], self.vector[:known], self.course)
         scale = _scale(step.matrix)
         taken, _ = _scaled(step.matrix, step.vector)
         for_it = np.linalg.solve(taken, self.matrix[:known, known:] * scale[:, None])
@@ -163,16 +163,16 @@ class System:
         return out
 
     @property
-    def matrix(self) -> Normal:
+    def matrix(self) -> NormalEquations:
         """Normal equations of data that it explains as it is."""
-        return Normal(self._matrix, np.zeros(len(self._matrix)), self._basis.shape[1])
+        return NormalEquations(self._matrix, np.zeros(len(self._matrix)), self._basis.shape[1])
 
-    def normal(self, residual: Float32Array) -> Normal:
+    def normal(self, residual: Float32Array) -> NormalEquations:
         """Build the normal equations for a residual (frames, lines, strips)."""
         rest = self._taken(residual)
         wall = self._wall(rest)
         vector = np.concatenate([self._along(rest, wall), self._beside(rest, wall)])
-        return Normal(self._matrix, vector, self._basis.shape[1])
+        return NormalEquations(self._matrix, vector, self._basis.shape[1])
 
     def scores(self, residual: Float32Array) -> tuple[FloatArray, FloatArray]:
         """What each frame and each value of a frame adds to the normal equations' vector.

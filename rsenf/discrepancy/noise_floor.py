@@ -20,7 +20,7 @@ BEYOND_STDS = 4.0
 
 
 @dataclass(frozen=True)
-class Floor:
+class NoiseFloor:
     """Gaps of data sets without a discrepancy.
 
     Attributes
@@ -36,12 +36,12 @@ class Floor:
     limit: float
     most: float
 
-    def raised(self, gap: float, most: float) -> Floor:
+    def raised(self, gap: float, most: float) -> NoiseFloor:
         """Return the floor of data that have such a gap without a discrepancy, or at most such."""
-        return Floor(self.median + gap, self.limit + most, self.most + most)
+        return NoiseFloor(self.median + gap, self.limit + most, self.most + most)
 
 
-def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> Floor:
+def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> NoiseFloor:
     """Simulate data sets from a fit, and take the gap of each.
 
     The theory is what it is; what a fit would follow of each set's noise, the course, the wall, the
@@ -79,7 +79,7 @@ def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> Floor:
         gaps.append(gap_of(left, fit.flicker, data, others))
     values, combs = [gap.value for gap in gaps], [gap.comb for gap in gaps]
     limit = _limit(values)
-    return Floor(float(np.median(values)), limit, max(limit, _limit(combs)))
+    return NoiseFloor(float(np.median(values)), limit, max(limit, _limit(combs)))
 
 
 def _limit(values: Sequence[float]) -> float:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.fit_parameters import Knob
+from rsenf.discrepancy.fit_parameters import FitParameter
 from rsenf.model import Effect
 from rsenf.model.parameters import fittings
 
@@ -20,13 +20,13 @@ MORE = 4  # members at a time
 LEAST = 16.0  # by which the square of a residual, over the noise's variance, must shrink
 
 
-def with_order(effect: Effect, knobs: Sequence[Knob], worth: Mapping[Any, float]) -> Effect:
+def with_order(effect: Effect, knobs: Sequence[FitParameter], worth: Mapping[Any, float]) -> Effect:
     """Cut each list of an effect after its last member that is worth its place.
 
     Parameters
     ----------
     effect : Effect
-    knobs : sequence of Knob
+    knobs : sequence of FitParameter
         All of its.
     worth : mapping of (name, index) to float
         By how much the square of the residual grows without each member, over the noise.
@@ -73,7 +73,7 @@ def held_out_worth(fit: Fit, part: str) -> dict[Any, float]:
     """
     held, out = ~fit.data.training, dict[Any, float]()
     effect = next(e for e in fit.theory.model.effects if e.name == part)
-    directions: dict[Any, list[tuple[Knob, np.ndarray]]] = {}
+    directions: dict[Any, list[tuple[FitParameter, np.ndarray]]] = {}
     for knob, direction in zip(fit.knobs, fit.slopes.own, strict=True):
         if knob.part == part and knob.index >= 0:
             directions.setdefault(knob.member, []).append((knob, direction))

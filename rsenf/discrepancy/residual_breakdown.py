@@ -23,7 +23,7 @@ NEAR = 2  # bins to either side of a line that are its own
 
 
 @dataclass(frozen=True)
-class Share:
+class ResidualShare:
     """A part of the gap.
 
     Attributes
@@ -45,7 +45,7 @@ class Share:
     sure: float
 
 
-def where(fit: Fit) -> list[Share]:
+def where(fit: Fit) -> list[ResidualShare]:
     """Take the held-out gap of a fit apart, axis by axis."""
     data, held = fit.data, ~fit.data.training
     first, second = data.halves(fit.residual[held])
@@ -69,7 +69,7 @@ def _parts(
     along: int,
     groups: list[np.ndarray],
     every: int,
-) -> Iterator[Share]:
+) -> Iterator[ResidualShare]:
     """Share of each group of indices along an axis of the products."""
     total = float(product.sum())
     for group in groups:
@@ -77,7 +77,7 @@ def _parts(
         yield _share(axis, every * int(group[0]), every * (int(group[-1]) + 1), own, total)
 
 
-def _by_time(fit: Fit, product: FloatArray, held: np.ndarray) -> Iterator[Share]:
+def _by_time(fit: Fit, product: FloatArray, held: np.ndarray) -> Iterator[ResidualShare]:
     time_s, block = fit.data.time_s[held], fit.data.block[held]
     total, by_frame = float(product.sum()), product.sum(axis=(1, 2))
     for number in np.unique(block):
@@ -85,7 +85,7 @@ def _by_time(fit: Fit, product: FloatArray, held: np.ndarray) -> Iterator[Share]
         yield _share("time_s", time_s[own][0], time_s[own][-1], by_frame[own], total)
 
 
-def _by_level(product: FloatArray, wall: FloatArray) -> Iterator[Share]:
+def _by_level(product: FloatArray, wall: FloatArray) -> Iterator[ResidualShare]:
     total = float(product.sum())
     edges = np.quantile(wall, np.linspace(0.0, 1.0, LEVELS + 1))
     for low, high in pairwise(edges):
@@ -93,7 +93,7 @@ def _by_level(product: FloatArray, wall: FloatArray) -> Iterator[Share]:
         yield _share("level", low, high, product[:, own].sum(axis=1), total)
 
 
-def _by_step(fit: Fit) -> Share:
+def _by_step(fit: Fit) -> ResidualShare:
     """Share of what changes from one frame to the next, of which white residuals have all."""
     first, second = fit.data.halves(fit.residual)
     steps = (np.diff(first, axis=0) * np.diff(second, axis=0)).sum(axis=(1, 2))
@@ -120,7 +120,7 @@ def alias_spectrum(fit: Fit) -> tuple[FloatArray, FloatArray]:
     return np.asarray(freq_hz, np.float64), np.asarray(power / (float(frames) ** 2 * flicker))
 
 
-def _by_alias(fit: Fit) -> Iterator[Share]:
+def _by_alias(fit: Fit) -> Iterator[ResidualShare]:
     """Lines that stand out of the spectrum of the rows, from frame to frame."""
     hz, power = alias_spectrum(fit)
     total, noise = float(power.sum()), 1.4826 * float(np.median(np.abs(power))) + 1e-30
@@ -130,14 +130,14 @@ def _by_alias(fit: Fit) -> Iterator[Share]:
         own = float(power[low : high + 1].sum())
         if power[peak] < 5.0 * noise:
             return
-        yield Share("alias_hz", hz[low], hz[high], own / total, float(power[peak] / noise))
+        yield ResidualShare("alias_hz", hz[low], hz[high], own / total, float(power[peak] / noise))
         power[low : high + 1] = 0.0
 
 
-def _share(axis: str, low: float, high: float, own: FloatArray, total: float) -> Share:
+def _share(axis: str, low: float, high: float, own: FloatArray, total: float) -> ResidualShare:
     error = float(own.std() * math.sqrt(own.size))
     total = total if total else 1e-30
-    return Share(
+    return ResidualShare(
         axis,
         float(low),
         float(high),

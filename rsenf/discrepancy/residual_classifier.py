@@ -22,7 +22,7 @@ from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.gap import products
 from rsenf.discrepancy.measured import BANDS, Float32Array
 from rsenf.discrepancy.next_measurement import TELLS
-from rsenf.discrepancy.residual_breakdown import Share
+from rsenf.discrepancy.residual_breakdown import ResidualShare
 from rsenf.discrepancy.series import halves, power
 from rsenf.discrepancy.tone import HARMONICS, Tone, flicker_hz, is_at, tone_of
 from rsenf.messages.schema import FloatArray
@@ -63,7 +63,7 @@ class Series:
 
 
 @dataclass(frozen=True, eq=False)
-class Signs:
+class ResidualFeatures:
     """What tells causes apart.
 
     Attributes
@@ -86,12 +86,12 @@ class Signs:
     burst_s: tuple[float, ...]
 
 
-def signs_of(fit: Fit) -> Signs:
+def signs_of(fit: Fit) -> ResidualFeatures:
     """Measure what a fit leaves."""
     first, second = fit.data.halves(fit.residual)
     total = float((first * second).sum(dtype=np.float64)) or 1e-30
     strips = first.shape[2] * (first.mean(axis=2) * second.mean(axis=2)).sum(dtype=np.float64)
-    return Signs(
+    return ResidualFeatures(
         _series(fit, fit.slopes.lit, total),
         _series(fit, fit.slopes.turn, total),
         _series(fit, fit.flicker, total),
@@ -173,7 +173,7 @@ SHAKING_HZ = 60.0  # from which on it is no motion, and no gain of whole frames
 
 
 @dataclass(frozen=True)
-class Hint:
+class ResidualClass:
     """A guess of what is left.
 
     Attributes
@@ -205,14 +205,14 @@ class Hint:
     slow: bool | None = None
 
 
-def hint_of(last: Fit, after: Sequence[Share]) -> Hint:
+def hint_of(last: Fit, after: Sequence[ResidualShare]) -> ResidualClass:
     """Guess what is left of a recording that isn't explained.
 
     Parameters
     ----------
     last : Fit
         That leaves it.
-    after : sequence of Share
+    after : sequence of ResidualShare
         Where it is left, of :func:`rsenf.discrepancy.residual_breakdown.where`.
     """
     if abs(last.gap.value) > NOTHING_FITS:
@@ -230,47 +230,49 @@ def hint_of(last: Fit, after: Sequence[Share]) -> Hint:
     )  # fmt: skip
 
 
-def hint_json(hint: Hint) -> dict[str, Any]:
+def hint_json(hint: ResidualClass) -> dict[str, Any]:
     """Return plain values; those of a tone only where there is one."""
     told = {**vars(hint), **(vars(hint.tone) if hint.tone else {})}
     del told["tone"]
     return {name: list(v) if isinstance(v, tuple) else v for name, v in told.items()}
 
 
-def _hint(kinds: Sequence[str]) -> Hint:
-    return Hint(kinds[0], tuple(kinds[1:]), tuple(text for kind in kinds for text in TELLS[kind]))
+def _hint(kinds: Sequence[str]) -> ResidualClass:
+    return ResidualClass(
+        kinds[0], tuple(kinds[1:]), tuple(text for kind in kinds for text in TELLS[kind])
+    )
 
 
-def _when(last: Fit, after: Sequence[Share], signs: Signs) -> Hint:
+def _when(last: Fit, after: Sequence[ResidualShare], signs: ResidualFeatures) -> ResidualClass:
     """Say how what is left goes in time, the most particular first."""
     series = {"gain": signs.gain, "timing": signs.timing, "flicker_size": signs.flicker_size}
     for told in series.values():
         if told.share > MOST and told.changed > LASTING:
-            return Hint("event", at_s=(told.changed_s,))
+            return ResidualClass("event", at_s=(told.changed_s,))
     if signs.burst_s:
-        return Hint("event", at_s=signs.burst_s)
+        return ResidualClass("event", at_s=signs.burst_s)
     lines = [share for share in after if share.axis == "alias_hz"]
     tone = tone_of(last, lines)
     if tone:
         fast = bool(tone.likely_hz) and tone.likely_hz[0] > SHAKING_HZ
-        return Hint("fast_tone" if fast else "tone", tone=tone)
+        return ResidualClass("fast_tone" if fast else "tone", tone=tone)
     if signs.level > CURVE:
-        return Hint("level")
+        return ResidualClass("level")
     kind, most = max(series.items(), key=lambda item: item[1].share)
     if most.share > MOST:
         slow = None if most.period_frames else most.stays > SLOW
-        return Hint(kind, period_frames=most.period_frames, slow=slow)
+        return ResidualClass(kind, period_frames=most.period_frames, slow=slow)
     for kind, harmonics in (("waveform", range(2, HARMONICS + 1)), ("flicker", range(1, 2))):
         own = flicker_hz(last, harmonics)
         if sum(line.share for line in lines if is_at(line, own)) > MOST:
-            return Hint(kind)
+            return ResidualClass(kind)
     step = next(share.share for share in after if share.axis == "step")
     if WHITE[0] < step < WHITE[1] and sum(line.share for line in lines) < MOST:
-        return Hint("frame_by_frame")
-    return Hint("unknown")
+        return ResidualClass("frame_by_frame")
+    return ResidualClass("unknown")
 
 
-def _rows(after: Sequence[Share]) -> tuple[float, ...]:
+def _rows(after: Sequence[ResidualShare]) -> tuple[float, ...]:
     """Return from where to where the rows are that hold most, if few do."""
     bands = [share for share in after if share.axis == "row"]
     size = np.abs([band.share for band in bands])

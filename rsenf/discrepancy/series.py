@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rsenf.discrepancy.fit_parameters import series_of, within
-from rsenf.discrepancy.forward_model import Theory, plan
+from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.messages.schema import FloatArray
 from rsenf.model import Effect
@@ -24,14 +24,18 @@ SMOOTH = 0.3  # correlation of lines, from which on the rows in them are alike
 BEND = 1e-6  # of a course, over what the data tell of it
 
 
-def with_series(theory: Theory, effect: Effect, name: str, values: FloatArray) -> Theory:
+def with_series(
+    theory: ForwardModel, effect: Effect, name: str, values: FloatArray
+) -> ForwardModel:
     """Return a theory in which an effect, there or not, has such a series."""
     changed = dataclasses.replace(effect, **{name: tuple(values.tolist())})
     others = theory.model.without(effect.name)
     return theory.with_model(others.plus(changed))
 
 
-def held(theory: Theory, data: Measured, effect: Effect, name: str, how: Fitting) -> FloatArray:
+def held(
+    theory: ForwardModel, data: Measured, effect: Effect, name: str, how: Fitting
+) -> FloatArray:
     """Return the values that an effect has: nothing yet, or what was found before."""
     count = plan(theory.model, data).start_s.size if how.each == "frame" else data.lines
     own = np.array(getattr(effect, name))
@@ -39,7 +43,12 @@ def held(theory: Theory, data: Measured, effect: Effect, name: str, how: Fitting
 
 
 def response(
-    theory: Theory, rows: Float32Array, data: Measured, effect: Effect, name: str, how: Fitting
+    theory: ForwardModel,
+    rows: Float32Array,
+    data: Measured,
+    effect: Effect,
+    name: str,
+    how: Fitting,
 ) -> Float32Array:
     """What the rows do, per unit, when every value of a series rises by the same."""
     values = held(theory, data, effect, name, how) + how.step
@@ -76,12 +85,12 @@ def power(direction: Float32Array, lit: Float32Array, how: Fitting) -> FloatArra
 
 
 def improved(
-    theory: Theory,
+    theory: ForwardModel,
     left: Float32Array,
     lit: Float32Array,
     responses: dict[str, Float32Array],
     data: Measured,
-) -> tuple[Theory, Float32Array, float]:
+) -> tuple[ForwardModel, Float32Array, float]:
     """Move the series of all effects to where the data have them.
 
     Also what is left then, and how far the farthest value went, in its own steps.

@@ -9,7 +9,7 @@ import numpy as np
 
 from rsenf.discrepancy.fit import Fit, fit, mean_square
 from rsenf.discrepancy.fit_parameters import series_of
-from rsenf.discrepancy.forward_model import Course, Theory
+from rsenf.discrepancy.forward_model import Course, ForwardModel
 from rsenf.discrepancy.jacobian import slopes_of
 from rsenf.discrepancy.lines import averaged
 from rsenf.discrepancy.measured import Measured
@@ -52,7 +52,7 @@ def first_fit(model: CaptureModel, data: Measured) -> Fit:
     return fit(first.theory.otherwise_delivered(whole, data, ahead_rad), data)
 
 
-def first_theory(model: CaptureModel, data: Measured) -> Theory:
+def first_theory(model: CaptureModel, data: Measured) -> ForwardModel:
     """Return a theory near enough to the data for a fit to find its way.
 
     Parameters
@@ -81,7 +81,7 @@ def first_theory(model: CaptureModel, data: Measured) -> Theory:
     wall = np.asarray(data.level.mean(axis=0, dtype=np.float64))
     effects = tuple(_of_lines(effect, data) for effect in model.effects)
     begun = dataclasses.replace(model, light=light, shutter=shutter, effects=effects)
-    return sized(Theory(begun, _course(data), wall, np.zeros_like(wall)), data)
+    return sized(ForwardModel(begun, _course(data), wall, np.zeros_like(wall)), data)
 
 
 def _of_lines(effect: Effect, data: Measured) -> Effect:
@@ -120,7 +120,7 @@ def _course(data: Measured) -> Course:
     return course.through(psi)
 
 
-def sized(theory: Theory, data: Measured) -> Theory:
+def sized(theory: ForwardModel, data: Measured) -> ForwardModel:
     """Give the light its size and its phase by one linear step."""
     rows = theory.rows(data)
     about = slopes_of(theory, rows, data)
@@ -137,7 +137,7 @@ def sized(theory: Theory, data: Measured) -> Theory:
     return dataclasses.replace(theory, model=model, course=course)
 
 
-def begun_anew(theory: Theory, data: Measured) -> Theory:
+def begun_anew(theory: ForwardModel, data: Measured) -> ForwardModel:
     """Size the light of a theory whose lines are read in another order than was thought.
 
     Where two fields were taken for one frame, it seemed to be read twice as fast as it was.
@@ -152,6 +152,6 @@ def begun_anew(theory: Theory, data: Measured) -> Theory:
     return min(out, key=lambda t: misfit(t, data))
 
 
-def misfit(theory: Theory, data: Measured) -> float:
+def misfit(theory: ForwardModel, data: Measured) -> float:
     """Mean square of what a theory leaves (levels²)."""
     return mean_square(data.level - theory.rows(data))

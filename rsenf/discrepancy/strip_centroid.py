@@ -14,20 +14,20 @@ import dataclasses
 
 import numpy as np
 
-from rsenf.discrepancy.forward_model import Theory
+from rsenf.discrepancy.forward_model import ForwardModel
 from rsenf.discrepancy.measured import Float32Array, Measured
 
 USUAL, MOST = 0.1, 0.5  # lean of a wall
 STEP = 0.1
 
 
-def leans(theory: Theory) -> bool:
+def leans(theory: ForwardModel) -> bool:
     """Whether there is light to which it matters."""
     strips = theory.wall.shape[1]
     return strips > 1 and any(effect.along_lines for effect in theory.model.effects)
 
 
-def by_lean(theory: Theory, rows: Float32Array, data: Measured) -> Float32Array:
+def by_lean(theory: ForwardModel, rows: Float32Array, data: Measured) -> Float32Array:
     """What the rows do, per unit, when every strip leans more."""
     moved = dataclasses.replace(theory, lean=theory.lean + STEP).rows(data)
     return np.asarray((moved - rows) / np.float32(STEP))
@@ -43,13 +43,17 @@ def as_walls_may(direction: Float32Array) -> list[Float32Array]:
 
 
 def leaned(
-    theory: Theory, left: Float32Array, direction: Float32Array, data: Measured, noise_var: float
-) -> tuple[Theory, Float32Array]:
+    theory: ForwardModel,
+    left: Float32Array,
+    direction: Float32Array,
+    data: Measured,
+    noise_var: float,
+) -> tuple[ForwardModel, Float32Array]:
     """Let each line lean as the training frames have it, and walls usually do, less their mean.
 
     Parameters
     ----------
-    theory : Theory
+    theory : ForwardModel
     left : ndarray of float32 (frames, lines, strips)
         What it leaves of the data.
     direction : ndarray of float32 (frames, lines, strips)
@@ -60,7 +64,7 @@ def leaned(
 
     Returns
     -------
-    theory : Theory
+    theory : ForwardModel
     left : ndarray of float32 (frames, lines, strips)
         What is left then.
     """

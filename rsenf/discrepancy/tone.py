@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.residual_breakdown import Share
+from rsenf.discrepancy.residual_breakdown import ResidualShare
 from rsenf.discrepancy.residue import residue_of
 
 HIGHEST_HZ = 3000.0  # that lamps' drivers flicker at, and row means can show
@@ -35,13 +35,13 @@ class Tone:
     may_be_hz: tuple[float, ...]
 
 
-def tone_of(last: Fit, lines: Sequence[Share]) -> Tone | None:
+def tone_of(last: Fit, lines: Sequence[ResidualShare]) -> Tone | None:
     """Find a line that isn't the flicker's, which with its side lines about that is the most.
 
     Parameters
     ----------
     last : Fit
-    lines : sequence of Share
+    lines : sequence of ResidualShare
         Those of its alias spectrum that stand out.
     """
     rate_hz = float(last.data.frame_rate)
@@ -81,7 +81,7 @@ def _folded(freq_hz: float, rate_hz: float) -> float:
     return min(away_hz, rate_hz - away_hz)
 
 
-def is_at(line: Share, places: Sequence[tuple[float, float]]) -> bool:
+def is_at(line: ResidualShare, places: Sequence[tuple[float, float]]) -> bool:
     """Return whether a line is at one of several places, each with how near is near enough."""
     middle_hz = (line.low + line.high) / 2.0
     return any(abs(middle_hz - place_hz) < near_hz for place_hz, near_hz in places)

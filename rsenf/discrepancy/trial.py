@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.discrepancy.candidates import Candidate
-from rsenf.discrepancy.codec_baseline import Usual
+from rsenf.discrepancy.codec_baseline import CodecBaseline
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.fit_parameters import knobs_of, series_of
-from rsenf.discrepancy.forward_model import Theory, plan
+from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.gap import by_block, by_block_of
 from rsenf.discrepancy.measured import BANDS, Float32Array, Part
 from rsenf.discrepancy.order import held_out_worth, with_more, with_order
@@ -69,7 +69,7 @@ class Trial:
         return self.gain - self.usual
 
 
-def tried(before: Fit, candidate: Candidate, usual: Usual) -> Trial | None:
+def tried(before: Fit, candidate: Candidate, usual: CodecBaseline) -> Trial | None:
     """Fit a candidate jointly with all there is; None where no fit is found."""
     try:
         begun = _with_effect(before, candidate.effect)
@@ -83,7 +83,7 @@ def tried(before: Fit, candidate: Candidate, usual: Usual) -> Trial | None:
     return judged(before, after, candidate.effect.name, usual)
 
 
-def judged(before: Fit, after: Fit, name: str, usual: Usual) -> Trial:
+def judged(before: Fit, after: Fit, name: str, usual: CodecBaseline) -> Trial:
     """Judge what an effect, by its name, has made better."""
     data, others = before.data, ~before.data.training
     less, moved = _less(before, after, data.second)
@@ -110,7 +110,7 @@ def judged(before: Fit, after: Fit, name: str, usual: Usual) -> Trial:
     return Trial(effect, after, mean / power, nats, worst, lost, usual.of(name))
 
 
-def settled(before: Fit, trial: Trial, usual: Usual) -> Trial:
+def settled(before: Fit, trial: Trial, usual: CodecBaseline) -> Trial:
     """Fit a trial on until it rests, unless that makes it worse, and sum its series up."""
     best, name = trial, trial.effect.name
     try:
@@ -163,7 +163,7 @@ def _in_numbers(after: Fit, effect: Effect, name: str, how: Fitting) -> Effect:
     return summed_up(effect, values + moved[0], values + moved[1], step_s, after.data.group)
 
 
-def _with_effect(before: Fit, effect: Effect) -> Theory | None:
+def _with_effect(before: Fit, effect: Effect) -> ForwardModel | None:
     """Return a fit's theory with an effect that does nothing yet; None for one that can't be."""
     told, model = series_of(effect), before.theory.model.plus(effect)
     if isinstance(effect, DeliveryEffect):

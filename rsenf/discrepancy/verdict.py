@@ -16,13 +16,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.codec_baseline import Usual, usual_of
+from rsenf.discrepancy.codec_baseline import CodecBaseline, usual_of
 from rsenf.discrepancy.fit import Fit, fit
-from rsenf.discrepancy.forward_model import Theory, plan
+from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.forward_selection import Step, needed, search
 from rsenf.discrepancy.measured import Float32Array, Measured
-from rsenf.discrepancy.noise_floor import Floor, floor_of
-from rsenf.discrepancy.residual_breakdown import Share, where
+from rsenf.discrepancy.noise_floor import NoiseFloor, floor_of
+from rsenf.discrepancy.residual_breakdown import ResidualShare, where
 from rsenf.discrepancy.series import WHITE_STDS
 from rsenf.discrepancy.start import first_fit
 from rsenf.messages.schema import FloatArray
@@ -37,7 +37,7 @@ TELLS = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Stamps:
+class TimestampCheck:
     """An effect that the stamps show.
 
     Attributes
@@ -60,7 +60,7 @@ class Stamps:
     rms_s: float
 
 
-def off_s(theory: Theory, data: Measured) -> FloatArray:
+def off_s(theory: ForwardModel, data: Measured) -> FloatArray:
     """By how much stamps are later than a theory has them; all zero where it has them right."""
     expected = plan(theory.model, data).stamp_s()[: data.slot[-1] + 1]
     expected = expected[data.slot] - expected[data.slot[0]]
@@ -74,7 +74,7 @@ def gap_of_stamps(late_s: FloatArray, nominal_hz: float) -> float:
     return float(np.mean(np.abs(np.exp(1j * turned_rad) - 1.0) ** 2))
 
 
-def stamps_of(first: Fit) -> Stamps | None:
+def stamps_of(first: Fit) -> TimestampCheck | None:
     """Explain stamps that aren't as the model has them; None where they are, or nothing does.
 
     Parameters
@@ -96,13 +96,13 @@ def stamps_of(first: Fit) -> Stamps | None:
         same = first.theory.with_model(first.theory.model.plus(error))
         kept = Fit(data, first.begun, same, first.rows, first.residual, first.slopes, first.stderr)
         rivals = (error.name,) if better < -TELLS else (error.name, "variable_frame_rate")
-        return Stamps(error, rivals, kept, gap, rms_s)
+        return TimestampCheck(error, rivals, kept, gap, rms_s)
     if better < -TELLS:
         return None  # stamps that wander while the frames don't: no effect of the catalogue
-    return Stamps(late.theory.model.effects[-1], ("variable_frame_rate",), late, gap, rms_s)
+    return TimestampCheck(late.theory.model.effects[-1], ("variable_frame_rate",), late, gap, rms_s)
 
 
-def _late_frames(theory: Theory, late_s: FloatArray, data: Measured) -> Fit:
+def _late_frames(theory: ForwardModel, late_s: FloatArray, data: Measured) -> Fit:
     """Fit a theory whose frames begin as late as their stamps say."""
     step_s = 1.0 / float(data.frame_rate)
     ratio = float(np.diff(late_s).std() / step_s)
@@ -144,11 +144,11 @@ class Discovery:
         Those that added one.
     stamps : Stamps or None
         What the frames' stamps have shown, before any row was looked at.
-    floor : Floor
+    floor : NoiseFloor
         Of data that the last theory made.
-    usual : Usual
+    usual : CodecBaseline
         What the recording's codec may do by itself; nothing where there is none, or it is unknown.
-    before, after : list of Share
+    before, after : list of ResidualShare
         Where theory and data disagreed, and where they still do.
     refused : Step or None
         The last round, where it tried what it didn't add.
@@ -157,11 +157,11 @@ class Discovery:
     first: Fit
     last: Fit
     steps: tuple[Step, ...]
-    stamps: Stamps | None
-    floor: Floor
-    usual: Usual
-    before: list[Share]
-    after: list[Share]
+    stamps: TimestampCheck | None
+    floor: NoiseFloor
+    usual: CodecBaseline
+    before: list[ResidualShare]
+    after: list[ResidualShare]
     refused: Step | None = None
 
     @property

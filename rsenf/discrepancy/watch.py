@@ -20,8 +20,8 @@ from rsenf.discrepancy.result import model_of
 from rsenf.discrepancy.settings import SHORTEST_WINDOW_S, WatchSettings
 from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.window import Look, look, missing_in
-from rsenf.discrepancy.window_buffer import Rolling, part_of
-from rsenf.discrepancy.window_summary import Seen, names_of, rest_of, seen_in
+from rsenf.discrepancy.window_buffer import WindowBuffer, part_of
+from rsenf.discrepancy.window_summary import WindowSummary, names_of, rest_of, seen_in
 from rsenf.errors import InputError
 from rsenf.messages import DiscoveryVerdict, FoundEffect, RowBlock
 from rsenf.model import CaptureModel, Effect
@@ -34,12 +34,12 @@ from rsenf.timebase import NS_PER_S
 MOVED_STDS, MOVED_RATIO = 6.0, 0.01
 
 
-def changes(before: Seen, now: Seen) -> tuple[str, ...]:
+def changes(before: WindowSummary, now: WindowSummary) -> tuple[str, ...]:
     """Say what isn't as it was, one line each."""
     return (*_new_and_gone(before, now), *_moved(before, now), *_unexplained(before, now))
 
 
-def _new_and_gone(before: Seen, now: Seen) -> Iterator[str]:
+def _new_and_gone(before: WindowSummary, now: WindowSummary) -> Iterator[str]:
     were = {name for effect in before.effects for name in names_of(effect)}
     are = {name for effect in now.effects for name in names_of(effect)}
     for effect in now.effects:
@@ -50,7 +50,7 @@ def _new_and_gone(before: Seen, now: Seen) -> Iterator[str]:
             yield f"{_called(effect)} is gone"
 
 
-def _moved(before: Seen, now: Seen) -> Iterator[str]:
+def _moved(before: WindowSummary, now: WindowSummary) -> Iterator[str]:
     for (part, name), (value, error) in now.values.items():
         was, was_error = before.values.get((part, name), (value, error))
         sure = MOVED_STDS * math.hypot(error, was_error)
@@ -58,7 +58,7 @@ def _moved(before: Seen, now: Seen) -> Iterator[str]:
             yield f"{part}.{name} went from {was:.4g} to {value:.4g}"
 
 
-def _unexplained(before: Seen, now: Seen) -> Iterator[str]:
+def _unexplained(before: WindowSummary, now: WindowSummary) -> Iterator[str]:
     if now.verdict == "unexplained" != before.verdict:
         yield "something is new that no effect explains"
     if before.verdict == "unexplained" != now.verdict:
@@ -109,9 +109,9 @@ class WatchStage:
         self._is_behind, self._run = is_behind, run
         self._window_ns = round(settings.window_s * NS_PER_S)
         self._every_ns = round(settings.every_s * NS_PER_S)
-        self._rows = Rolling(settings.lines)
+        self._rows = WindowBuffer(settings.lines)
         self._model = given
-        self._before: Seen | None = None
+        self._before: WindowSummary | None = None
         self._newest: RowBlock | None = None  # of use or not
         self._reason = "no frame can be read"  # why what is of no use is so
         self._due_ns, self._judged_ns = 0, 0

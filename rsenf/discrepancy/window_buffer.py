@@ -14,7 +14,7 @@ from rsenf.messages import Header, RowBlock
 BLOCK_FRAMES = 8
 
 
-class Rolling:
+class WindowBuffer:
     """Rows of one shape; others begin it anew.
 
     Parameters

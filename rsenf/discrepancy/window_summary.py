@@ -23,7 +23,7 @@ GONE_STDS = 4.0  # from neutral, within which an effect does nothing
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class WindowSummary:
     """What was found in one window.
 
     Attributes
@@ -43,7 +43,7 @@ class Seen:
     values: dict[tuple[str, str], Value]
 
 
-def seen_in(found: Discovery, given: CaptureModel, known: Sequence[FoundEffect]) -> Seen:
+def seen_in(found: Discovery, given: CaptureModel, known: Sequence[FoundEffect]) -> WindowSummary:
     """Sum up a window.
 
     Parameters
@@ -69,7 +69,7 @@ def seen_in(found: Discovery, given: CaptureModel, known: Sequence[FoundEffect])
         effects.append(_with_values(added.get(effect.name, blank), effect, values))
     parts = {"light", "shutter", *(effect.name for effect in model.effects)}
     values = {key: value for key, value in values.items() if key[0] in parts}
-    return Seen(found.verdict, model, tuple(effects), values)
+    return WindowSummary(found.verdict, model, tuple(effects), values)
 
 
 def names_of(effect: FoundEffect) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import acquire
 from rsenf.flicker.frame_clock import RegularClock
-from rsenf.flicker.picture_news import LAGS, News, find_remade
+from rsenf.flicker.picture_news import LAGS, PictureChange, find_remade
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.rate_conversion import (
     RATES_HZ,
@@ -60,7 +60,7 @@ class Conversions:
         origin_ns = int(first.frame_pts_ns[0])
         self.basis = ProfileBasis(first.rows, HARMONICS * 2.0 * max(nominals_hz) / rate_hz)
         self.columns = SlowTime(self.basis.columns, origin_ns, np.float64)
-        self._new, self._news = SlowTime(len(LAGS), origin_ns, np.float64), News()
+        self._new, self._news = SlowTime(len(LAGS), origin_ns, np.float64), PictureChange()
         self._again_s, self._why = -np.inf, ""
 
     def add(self, block: RowBlock) -> None:

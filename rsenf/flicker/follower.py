@@ -16,14 +16,20 @@ from rsenf.flicker.cell_light import BRIEF_S, bands_of, cell_means
 from rsenf.flicker.conversions import Conversions
 from rsenf.flicker.frame_clock import RegularClock, frame_periods, usual_gap_ns
 from rsenf.flicker.mains import CREEPS, TOO_BRIEF
-from rsenf.flicker.near_dc_tracker import EVERY_S, SHORTEST_S, SPAN_S, StillFlicker, may_stand_still
+from rsenf.flicker.near_dc_tracker import (
+    EVERY_S,
+    SHORTEST_S,
+    SPAN_S,
+    NearDcTracker,
+    may_stand_still,
+)
 from rsenf.flicker.phase_tracker import (
     AHEAD_S,
     SHORT_S,
     TOGETHER_S,
     TOO_FEW,
     WINDOW_S,
-    Lock,
+    PhaseTracker,
 )
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.second import FlickerSecond
@@ -69,8 +75,8 @@ class FlickerFollower:
         self._reached = 0  # whole seconds that have been looked at
         self._next = 0  # second to be looked at next
         self._ready: deque[FlickerSecond] = deque()  # by a fit already, but not due yet
-        self._lock: Lock | None = None
-        self._still: StillFlicker | None = None  # where an alias may be at 0 Hz
+        self._lock: PhaseTracker | None = None
+        self._still: NearDcTracker | None = None  # where an alias may be at 0 Hz
         self._still_until = 0  # second up to which its phase is known
         self._ramp: NDArray[np.complex128] | None = None
         self._why = NO_FLICKER
@@ -126,7 +132,7 @@ class FlickerFollower:
         self._cells = SlowTime(bands_of(first.rows) * first.strips, int(pts[0]), np.float32)
         for nominal_hz in self._nominals:
             if may_stand_still(nominal_hz, self._rate_hz, self._basis.rows):
-                self._still = StillFlicker(nominal_hz)
+                self._still = NearDcTracker(nominal_hz)
         for block in self._waiting:
             if block.rows == self._basis.rows:
                 self._append(self._conversions, block)
@@ -232,7 +238,7 @@ class FlickerFollower:
         if isinstance(found, str):
             self._why = found
             return
-        lock = Lock(
+        lock = PhaseTracker(
             found, start, self._basis, self._rate_hz, self._shown_hz, self._min_snr,
             self._cells, self._ramp,
         )  # fmt: skip

@@ -59,7 +59,7 @@ def may_stand_still(nominal_hz: float, frame_rate_hz: float, rows: int) -> bool:
     return rows >= MIN_ROWS and abs(alias_hz(2.0 * nominal_hz, frame_rate_hz)) < SEARCH_HZ
 
 
-class StillFlicker:
+class NearDcTracker:
     """Bins of rows, and the phase that they show.
 
     Parameters
@@ -77,7 +77,7 @@ class StillFlicker:
         self._source_hz = 0.0  # rate from which the stream was converted, if it was
         self.why = NOT_FLICKER
 
-    def of_source(self, source_hz: float) -> StillFlicker | None:
+    def of_source(self, source_hz: float) -> NearDcTracker | None:
         """Return what the frames tell if they were converted from another rate."""
         for nominal_hz in (50.0, 60.0):
             if self._fine and may_stand_still(nominal_hz, source_hz, self._fine):

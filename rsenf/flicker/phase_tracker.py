@@ -65,7 +65,7 @@ APART_CELLS = 1.0  # by which two tones are told apart
 HALF = "light at the grid's own frequency, or a read-out from the last row to the first: which?"
 
 
-class Lock:
+class PhaseTracker:
     """Follows flicker from where it was found.
 
     Parameters

@@ -34,7 +34,7 @@ SLOW_RATIO, MIN_OF_SLOW = 3e-3, 0.85
 MOST = 4.0  # times the median: what differs by more is a cut, or a key frame
 
 
-class News:
+class PictureChange:
     """By how much each picture differs from those just before, in a stream of rows."""
 
     def __init__(self) -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rsenf.flicker.shared import Follower
-from rsenf.idle.estimator_state import Finding, Seen
+from rsenf.idle.estimator_state import EstimatorState, Finding
 from rsenf.idle.settings import IdleSettings
 from rsenf.idle.stage import IdleStage
 from rsenf.registry import Registry
 from rsenf.stage import Stage
 
-METHODS: Registry[Callable[[Seen], Finding]] = Registry(
+METHODS: Registry[Callable[[EstimatorState], Finding]] = Registry(
     "idle method",
     "rsenf.idle_methods",
     {
@@ -40,4 +40,4 @@ def make_idle(settings: IdleSettings, follower: Follower | None = None) -> Stage
     return IdleStage(settings, METHODS.find(settings.method), follower)
 
 
-__all__ = ["METHODS", "Finding", "IdleSettings", "Seen", "make_idle"]
+__all__ = ["METHODS", "Finding", "IdleSettings", "EstimatorState", "make_idle"]

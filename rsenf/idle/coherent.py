@@ -18,7 +18,7 @@ from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.mains import MIN_FLICKER_RATIO
 from rsenf.flicker.near_dc_tracker import SPAN_S, course_of, direction_of
 from rsenf.flicker.zero_alias import ZeroAlias
-from rsenf.idle.estimator_state import Finding, Seen
+from rsenf.idle.estimator_state import EstimatorState, Finding
 from rsenf.idle.jackknife import bend_var, freedom, jackknife_var
 from rsenf.idle.limits import (
     MIN_COHERENCE,
@@ -37,7 +37,7 @@ from rsenf.idle.row_tones import coherence, row_tones
 EVERY_S = 4  # that spans are whole multiples of, so that few are prepared for
 
 
-def still(seen: Seen) -> Finding:
+def still(seen: EstimatorState) -> Finding:
     """Conclude from the joint fit of texture and flicker."""
     if not seen.still_rows.enough:
         return TOO_SHORT
@@ -52,7 +52,7 @@ def still(seen: Seen) -> Finding:
     return refused(why) if why else _claim(seen, fit)
 
 
-def _why_no_grid(seen: Seen, fit: ZeroAlias) -> str:
+def _why_no_grid(seen: EstimatorState, fit: ZeroAlias) -> str:
     """Say why what was told apart isn't a grid's light, by its first minutes."""
     end = int(min(fit.t_s[-1], fit.t_s[0] + SPAN_S) / EVERY_S + 1) * EVERY_S
     start = int(fit.t_s[0])
@@ -68,7 +68,7 @@ def _why_no_grid(seen: Seen, fit: ZeroAlias) -> str:
     return course if isinstance(course, str) else ""
 
 
-def _claim(seen: Seen, fit: ZeroAlias) -> Finding:
+def _claim(seen: EstimatorState, fit: ZeroAlias) -> Finding:
     """Claim the ramp, and its direction if the fit or the grid's usual deviation tells it."""
     turned = (fit.phase_rad[-1] - fit.phase_rad[0]) / (fit.t_s[-1] - fit.t_s[0])
     carrier_hz = 2.0 * seen.nominal_hz
@@ -82,7 +82,7 @@ def _claim(seen: Seen, fit: ZeroAlias) -> Finding:
 BEYOND = 1.05  # of the steepest ramp that a frame has room for: its peak may lie a little outside
 
 
-def conclude(seen: Seen) -> Finding:
+def conclude(seen: EstimatorState) -> Finding:
     """Conclude from the most likely ramp down the rows."""
     if seen.stands_still:
         return still(seen)

@@ -23,7 +23,7 @@ ASSUMED = "top to bottom is assumed: the direction of read-out can't be told at 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Seen:
+class EstimatorState:
     """Everything so far, in memory that doesn't grow.
 
     Parameters

@@ -8,7 +8,7 @@ import numpy as np
 
 from rsenf.flicker import mains
 from rsenf.flicker.rate_conversion import BLENDED, DOUBTFUL
-from rsenf.idle.estimator_state import Finding, Seen
+from rsenf.idle.estimator_state import EstimatorState, Finding
 from rsenf.idle.moments import orders
 from rsenf.idle.row_tones import row_tones
 
@@ -74,7 +74,7 @@ SECOND = refused(mains.SECOND)
 TOO_LONG = refused("by the rows' phases a frame would take longer to read than it lasts")
 
 
-def checked(seen: Seen, finding: Finding) -> Finding:
+def checked(seen: EstimatorState, finding: Finding) -> Finding:
     """Return the finding, or why it must not be claimed."""
     if finding.verdict != "estimated":
         return finding
@@ -101,7 +101,7 @@ def checked(seen: Seen, finding: Finding) -> Finding:
     return finding
 
 
-def woven_fields(seen: Seen) -> Finding | None:
+def woven_fields(seen: EstimatorState) -> Finding | None:
     """Refuse pictures that are woven of two fields, by the phase between their rows.
 
     A row's phase is halfway between its neighbours' where all rows are read in turn. Woven fields
@@ -126,7 +126,7 @@ def woven_fields(seen: Seen) -> Finding | None:
     return refused(f"{INTERLACED}{whose}: separate the fields, or deinterlace, then try again")
 
 
-def _apart_turns(seen: Seen) -> float:
+def _apart_turns(seen: EstimatorState) -> float:
     """Stray of the light's phase from one ramp, where it is more than one lamp's."""
     light = seen.still_rows.light
     if seen.stands_still:
@@ -134,7 +134,7 @@ def _apart_turns(seen: Seen) -> float:
     return seen.apart_turns if seen.apart_turns > ONE_TURNS else 0.0
 
 
-def _bent_turns(seen: Seen, turns: float) -> float:
+def _bent_turns(seen: EstimatorState, turns: float) -> float:
     """By how much lamps of several phases may turn the ramp where strips don't show them.
 
     Down the rows their mixture turns its second harmonic by another angle than twice the first's.
@@ -161,12 +161,12 @@ def _bent_turns(seen: Seen, turns: float) -> float:
     return HARMONIC_SHARE * float(abs(slope)) / (2.0 * np.pi)
 
 
-def is_weak(seen: Seen, flicker_ratio: float) -> bool:
+def is_weak(seen: EstimatorState, flicker_ratio: float) -> bool:
     """Whether an exposure of a whole number of periods may have left it of a strong lamp's."""
     return mains.is_faint(flicker_ratio, seen.f0_hz, seen.nominal_hz)
 
 
-def hardly_turned(seen: Seen) -> bool:
+def hardly_turned(seen: EstimatorState) -> bool:
     """Whether the followed flicker hardly turned from frame to frame, so that texture hides it."""
     return seen.moments.still_ratio() > MAX_STILL_RATIO
 

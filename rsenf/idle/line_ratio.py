@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.lines import Line, templates
-from rsenf.idle.estimator_state import Finding, Seen
+from rsenf.idle.estimator_state import EstimatorState, Finding
 from rsenf.idle.limits import MIN_COHERENCE, STILL, WEAK, hardly_turned, is_weak, refused
 from rsenf.idle.row_tones import coherence, row_tones
 
@@ -66,7 +66,7 @@ class TwoLines:
         return math.hypot(DOUBT * third, 1.0 - self.aligned)
 
 
-def continuous(seen: Seen) -> Finding:
+def continuous(seen: EstimatorState) -> Finding:
     """Conclude from the two strongest lines, anywhere between the rows of the tables."""
     found = _two_lines(seen)
     if isinstance(found, Finding):
@@ -74,7 +74,7 @@ def continuous(seen: Seen) -> Finding:
     return _claim(seen, found.place(), found.error())
 
 
-def binned(seen: Seen) -> Finding:
+def binned(seen: EstimatorState) -> Finding:
     """Conclude as the paper: the row of its table with these lines and the nearest ratio."""
     found = _two_lines(seen)
     if isinstance(found, Finding):
@@ -89,7 +89,7 @@ def binned(seen: Seen) -> Finding:
     return _claim(seen, min(table)[1], error)
 
 
-def _two_lines(seen: Seen) -> TwoLines | Finding:
+def _two_lines(seen: EstimatorState) -> TwoLines | Finding:
     if seen.stands_still:
         return MIRRORED
     if hardly_turned(seen):
@@ -130,5 +130,5 @@ def _table(most_turns: float, m: int, side: int) -> list[tuple[float, float]]:
     return out
 
 
-def _claim(seen: Seen, c: float, error: float) -> Finding:
+def _claim(seen: EstimatorState, c: float, error: float) -> Finding:
     return Finding.of_turns(seen.most_turns - c, error**2, seen.f0_hz)

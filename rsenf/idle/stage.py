@@ -23,7 +23,7 @@ from rsenf.flicker.frame_rate import (
 from rsenf.flicker.frame_slips import slip_words
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.shared import Follower
-from rsenf.idle.estimator_state import STILL_HZ, Finding, Seen
+from rsenf.idle.estimator_state import STILL_HZ, EstimatorState, Finding
 from rsenf.idle.limits import (
     CROP,
     JITTERS,
@@ -69,7 +69,7 @@ class IdleStage:
     def __init__(
         self,
         settings: IdleSettings,
-        conclude: Callable[[Seen], Finding],
+        conclude: Callable[[EstimatorState], Finding],
         follower: Follower | None = None,
     ) -> None:
         self._settings, self._conclude = settings, conclude
@@ -183,7 +183,7 @@ class IdleStage:
         for remade in REMADE:
             if remade.reason in self._pairing.reasons:
                 return remade
-        seen = Seen(
+        seen = EstimatorState(
             moments=self._moments,
             still_rows=self._still_rows,
             nominal_hz=self._nominal_hz(rate_hz),
@@ -240,7 +240,7 @@ class IdleStage:
         still = [hz for hz in self._tried_hz if abs(alias_hz(2.0 * hz, rate_hz)) < STILL_HZ]
         return still[0] if still else float("nan")
 
-    def _why_nothing(self, seen: Seen) -> str:
+    def _why_nothing(self, seen: EstimatorState) -> str:
         """Most frequent reason why no frame could be used."""
         mostly_unusable = 2 * self._unusable.total() > self._frames
         reasons = self._unusable if mostly_unusable else self._pairing.reasons

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.idle.estimator_state import Finding, Seen
+from rsenf.idle.estimator_state import EstimatorState, Finding
 from rsenf.idle.jackknife import bends, freedom, left_out
 from rsenf.idle.limits import (
     MIN_COHERENCE,
@@ -33,7 +33,7 @@ AT_ZERO = refused(
 )
 
 
-def conclude(seen: Seen) -> Finding:
+def conclude(seen: EstimatorState) -> Finding:
     """Conclude from the slope of the rows' phases."""
     if seen.stands_still:
         return AT_ZERO

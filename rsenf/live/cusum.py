@@ -20,7 +20,7 @@ import numpy as np
 
 from rsenf.live.bank import Bank, Noise
 from rsenf.live.noises import NOISES
-from rsenf.live.null_model import AnyGrid
+from rsenf.live.null_model import NullModel
 from rsenf.live.settings import LiveSettings
 from rsenf.match.clip_phase import RAD_PER_CYCLE
 from rsenf.messages.schema import FloatArray
@@ -41,7 +41,7 @@ class Course:
     clock_std_ppm: float = math.nan
 
 
-class Follows:
+class LagFilterBank:
     """Follows a phase by the reference.
 
     Parameters
@@ -119,7 +119,7 @@ class Phase:
     var_rad2: float
 
 
-class Evidence:
+class Cusum:
     """Of one epoch of one camera.
 
     Parameters
@@ -136,7 +136,7 @@ class Evidence:
 
     def __init__(self, settings: LiveSettings, nominal_hz: float) -> None:
         self._limits = settings.limits
-        self.follows, self.any_grid = Follows(settings, nominal_hz), AnyGrid()
+        self.follows, self.any_grid = LagFilterBank(settings, nominal_hz), NullModel()
         self.nats = 0.0
         self.last: Phase | None = None
         self._out: deque[bool] = deque(maxlen=SEEN)

@@ -11,7 +11,7 @@ from collections import deque
 import numpy as np
 
 from rsenf.live import past
-from rsenf.live.cusum import LONGEST_S, Evidence, Phase
+from rsenf.live.cusum import LONGEST_S, Cusum, Phase
 from rsenf.live.growing import GrowingGrid
 from rsenf.live.jumps import Jump, Jumps
 from rsenf.live.light import Change, FlickerSize
@@ -103,7 +103,7 @@ class Judge:
         self._seen: deque[EnfEstimate] = deque(maxlen=SEEN)
         self._jumps, self._size = Jumps(), FlickerSize()
         self._compared_ns: int | None = None
-        self.evidence: Evidence | None = None
+        self.evidence: Cusum | None = None
         self.suspects = Suspects(settings, own)
         self.standing = "undecided"
 
@@ -114,7 +114,7 @@ class Judge:
         if phase is None or not math.isfinite(estimate.enf_hz):
             return None, None
         if self.evidence is None:
-            self.evidence = Evidence(self._settings, estimate.nominal_hz)
+            self.evidence = Cusum(self._settings, estimate.nominal_hz)
         last = self.evidence.last
         if last is not None and phase.t_ns <= last.t_ns:
             return None, None  # told already

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 
 from rsenf.live.bank import TURN_RAD
-from rsenf.live.cusum import Evidence, Phase
+from rsenf.live.cusum import Cusum, Phase
 from rsenf.timebase import seconds
 
 AFTER_S = 3  # seconds after which is looked whether it is still out of the way
@@ -37,7 +37,7 @@ class Jumps:
         self._from: Phase | None = None
         self._seen: list[Phase] = []
 
-    def take(self, phase: Phase, evidence: Evidence) -> Jump | None:
+    def take(self, phase: Phase, evidence: Cusum) -> Jump | None:
         """Look at a phase, before the evidence takes it; return the jump that it makes sure of."""
         last = evidence.last
         if last is None:
@@ -73,5 +73,5 @@ def _is_out(phase: Phase, foretold: tuple[float, float]) -> tuple[float, float] 
     return (away, limit) if abs(away) > limit else None
 
 
-def _foretold(evidence: Evidence, after_s: int) -> tuple[float, float]:
+def _foretold(evidence: Cusum, after_s: int) -> tuple[float, float]:
     return evidence.any_grid.phase_after(float(after_s))

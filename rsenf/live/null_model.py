@@ -26,7 +26,7 @@ SHARE = 1e-3
 LONG_S = 5.0
 
 
-class AnyGrid:
+class NullModel:
     """Follows a phase by what grids do."""
 
     def __init__(self) -> None:

@@ -33,7 +33,7 @@ LEAST_PPM = 200.0  # that aren't a camera's
 
 
 @dataclass(frozen=True, eq=False)
-class Supposition:
+class SpeedHypothesis:
     """Where a clip would fit, were a mistake made, and that mistake."""
 
     grid: Grid
@@ -41,7 +41,9 @@ class Supposition:
     mistake: Edit
 
 
-def what_fits(track: Track, grids: Sequence[Grid], settings: MatchSettings) -> Supposition | None:
+def what_fits(
+    track: Track, grids: Sequence[Grid], settings: MatchSettings
+) -> SpeedHypothesis | None:
     """Find a mistake under which a clip fits after all."""
     count = min(round(STRETCH_S / track.hop_s), track.enf_hz.size)
     first = (track.enf_hz.size - count) // 2
@@ -55,7 +57,7 @@ def what_fits(track: Track, grids: Sequence[Grid], settings: MatchSettings) -> S
 
 def _other_speed(
     part: Track, clip: ClipPhase, grids: Sequence[Grid], settings: MatchSettings
-) -> Supposition | None:
+) -> SpeedHypothesis | None:
     found = search_phase(part, clip, grids, replace(settings, clock_scale_ppm=SPEED_SCALE_PPM))
     if not _sure(found, settings):
         return None
@@ -77,12 +79,12 @@ def _other_speed(
         speed_ratio=1.0 + away_hz / part.nominal_hz,
         speed_ratio_std=clock.offset_std_hz / part.nominal_hz,
     )
-    return Supposition(grid, best.lag_s, mistake)
+    return SpeedHypothesis(grid, best.lag_s, mistake)
 
 
 def _other_steps(
     part: Track, clip: ClipPhase, grids: Sequence[Grid], settings: MatchSettings
-) -> Iterator[Supposition]:
+) -> Iterator[SpeedHypothesis]:
     """Try other steps of references without times: where there are times, they tell the step."""
     for step_s in STEPS_S:
         others = [
@@ -97,7 +99,7 @@ def _other_steps(
                 f"with a step of {step_s:g} s instead of {grids[0].step_s:g} s the reference would "
                 f"fit, {best.lag_s:.1f} s into it: is the step wrong?"
             )
-            yield Supposition(others[best.grid], best.lag_s, Edit(kind="step", text=text))
+            yield SpeedHypothesis(others[best.grid], best.lag_s, Edit(kind="step", text=text))
 
 
 def _sure(found: PhaseSearch, settings: MatchSettings) -> bool:

@@ -15,7 +15,7 @@ from rsenf.record.container import DamagedError, check_magic
 from rsenf.record.decoder import Decoder
 from rsenf.record.gaps import Gap, TopicNumbers
 from rsenf.record.growing import ABOUT, CLOSING
-from rsenf.record.intact_records import Damage, Sound
+from rsenf.record.intact_records import Damage, IntactRecords
 from rsenf.record.reader import open_file
 from rsenf.record.scan import Contents
 from rsenf.record.summary import read_contents
@@ -133,7 +133,7 @@ class _Reading:
         self.numbers: dict[str, TopicNumbers] = {}
         self.unreadable: dict[str, int] = {}
 
-    def take(self, found: Sound | Damage) -> None:
+    def take(self, found: IntactRecords | Damage) -> None:
         if isinstance(found, Damage):
             self.damages += 1
             return

@@ -49,7 +49,7 @@ _LONGEST_HEAD = 64
 _PATIENCE = 8
 
 
-class Sound(NamedTuple):
+class IntactRecords(NamedTuple):
     """A record that is what it says it is.
 
     Attributes
@@ -86,7 +86,9 @@ class Damage(NamedTuple):
     breaks_off: bool
 
 
-def sound_records(stream: BinaryIO, end: int, start: int = len(MAGIC)) -> Iterator[Sound | Damage]:
+def sound_records(
+    stream: BinaryIO, end: int, start: int = len(MAGIC)
+) -> Iterator[IntactRecords | Damage]:
     """Yield all sound records up to ``end`` or the end of the data section, and all damage."""
     check, spent, size = _Check(), 0, end - start
     while start < end:
@@ -115,7 +117,7 @@ class _Check:
     def __init__(self) -> None:
         self._foreign = False
 
-    def __call__(self, record: Record) -> Sound:
+    def __call__(self, record: Record) -> IntactRecords:
         """Return the record with its content.
 
         Raises
@@ -130,18 +132,18 @@ class _Check:
         if record.opcode == Opcode.HEADER:
             self._take_header(record, content)
         parts = self._parts(content) if record.opcode == Opcode.CHUNK else []
-        return Sound(record, content, parts)
+        return IntactRecords(record, content, parts)
 
     def _take_header(self, record: Record, header: Any) -> None:
         if record.start != len(MAGIC):
             raise DamagedError("a Header record that isn't the first")
         self._foreign = not header.library.startswith(OURS)
 
-    def _of_others(self, record: Record) -> Sound:
+    def _of_others(self, record: Record) -> IntactRecords:
         if not self._foreign or record.opcode == Opcode.FOOTER:
             raise DamagedError(f"a record of kind {record.opcode}, which has no place here")
         is_message = record.opcode == Opcode.MESSAGE
-        return Sound(record, unpack_message(record.body) if is_message else None, [])
+        return IntactRecords(record, unpack_message(record.body) if is_message else None, [])
 
     def _parts(self, chunk: Any) -> list[Record]:
         data = unpack_chunk(chunk, checked=not self._foreign)

@@ -18,7 +18,7 @@ from rsenf.record.container import HEAD, MAGIC, pack, unpack, unpack_message
 from rsenf.record.examine import RECOVERED, Examination, examine
 from rsenf.record.finish import end_of_file
 from rsenf.record.index import Index
-from rsenf.record.intact_records import OURS, Sound, sound_records
+from rsenf.record.intact_records import OURS, IntactRecords, sound_records
 from rsenf.record.output import write_all
 from rsenf.record.reader import open_file
 from rsenf.record.scan import Contents, times_of
@@ -155,9 +155,9 @@ def _blocks(stream: BinaryIO, found: Examination, index: Index) -> Iterator[byte
             at += len(record) + len(message_indexes)
 
 
-def _sound_at(stream: BinaryIO, start: int, length: int) -> Sound:
+def _sound_at(stream: BinaryIO, start: int, length: int) -> IntactRecords:
     sound = next(sound_records(stream, start + length, start), None)
-    if not isinstance(sound, Sound):
+    if not isinstance(sound, IntactRecords):
         raise InputError("the file changes while it is read", "is it still being recorded?")
     return sound
 
@@ -177,7 +177,7 @@ def _likeness(chunk: Any) -> tuple[int, ...]:
     return *times, chunk.uncompressed_size, chunk.compressed_size
 
 
-def _chunk(sound: Sound, index: Index) -> tuple[Any, Times]:
+def _chunk(sound: IntactRecords, index: Index) -> tuple[Any, Times]:
     """Return the chunk, without messages whose channel nothing defines any more."""
     times = times_of(sound.parts)
     if index.channels.keys() >= times.keys():

@@ -12,9 +12,9 @@ from mcap.records import Channel, Schema
 from rsenf.record.chunk import Extent, Times, extents_of, index_chunk, timed
 from rsenf.record.container import MAGIC, Record, unpack, unpack_message
 from rsenf.record.index import Index
-from rsenf.record.intact_records import Damage, Sound, sound_records
+from rsenf.record.intact_records import Damage, IntactRecords, sound_records
 
-Watch = Callable[[Sound | Damage], None]
+Watch = Callable[[IntactRecords | Damage], None]
 
 
 @dataclass
@@ -91,7 +91,7 @@ class _Scanner:
         self._offsets: dict[int, int] = {}
         self._indexes_end = 0
 
-    def take(self, found: Sound) -> None:
+    def take(self, found: IntactRecords) -> None:
         record, content = found.record, found.content
         self.contents.end = record.end
         if record.opcode == Opcode.MESSAGE_INDEX:
@@ -119,7 +119,7 @@ class _Scanner:
             why = "an index that doesn't fit its chunk"
             self.contents.add_damage(record.start, record.end, why)
 
-    def _begin(self, found: Sound) -> None:
+    def _begin(self, found: IntactRecords) -> None:
         record, times = found.record, times_of(found.parts)
         chunk = timed(found.content, times)
         if chunk != found.content:

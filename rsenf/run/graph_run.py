@@ -27,7 +27,7 @@ from rsenf.messages import (
 )
 from rsenf.run.node_state import WENT_WRONG, NodeState, end_of
 from rsenf.run.peers import GIVEN_UP, LAST_WORDS
-from rsenf.run.restart_policy import Revival, Spawn
+from rsenf.run.restart_policy import RestartPolicy, Spawn
 
 # Told to stop, sources end their streams and everything after them finishes by itself; who hasn't
 # by then is told too, and in the end made to. All within two seconds, unless the machine is so
@@ -90,7 +90,7 @@ class GraphRun:
     _tellers: dict[str, list[Publisher]] = field(default_factory=dict)
 
     def __post_init__(self, spawn: Spawn) -> None:
-        self._revival = Revival(self.graph, self.nodes, spawn)
+        self._revival = RestartPolicy(self.graph, self.nodes, spawn)
 
     def start(self) -> None:
         """Start every node."""

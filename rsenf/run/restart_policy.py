@@ -66,7 +66,7 @@ HELD_UP_S = 1.0
 Spawn = Callable[[NodeState], "subprocess.Popen[bytes]"]
 
 
-class Revival:
+class RestartPolicy:
     """What a supervisor does about nodes that die or hang.
 
     Parameters

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.idle import METHODS, Finding, IdleSettings, Seen, make_idle
+from rsenf.idle import METHODS, EstimatorState, Finding, IdleSettings, make_idle
 from rsenf.idle.coherent import conclude
 from rsenf.idle.stage import IdleStage
 from rsenf.messages import IdleEstimate, RowBlock, canonical
@@ -35,7 +35,7 @@ def _fed(cell: Cell) -> IdleStage:
     return stage
 
 
-def _not_yet(seen: Seen) -> Finding:
+def _not_yet(seen: EstimatorState) -> Finding:
     raise AssertionError("each test ends the clip by the method that it is about")
 
 
@@ -116,18 +116,18 @@ def test_it_says_in_a_stream_what_it_says_of_a_file(method: str) -> None:
     check_streaming(method)
 
 
-def off(seen: Seen) -> Finding:
+def off(seen: EstimatorState) -> Finding:
     """Wrong by a part in a hundred."""
     found = conclude(seen)
     return dataclasses.replace(found, turns=found.turns * 0.99)
 
 
-def never(seen: Seen) -> Finding:
+def never(seen: EstimatorState) -> Finding:
     """Refuses whatever it sees."""
     return Finding(verdict="refused", reason="who knows?")
 
 
-def forgetful(seen: Seen) -> Finding:
+def forgetful(seen: EstimatorState) -> Finding:
     """Goes by how often it was asked."""
     asked.append(1)
     found = conclude(seen)
@@ -143,7 +143,7 @@ asked: list[int] = []
     ids=lambda x: x.__name__,
 )
 def test_a_fault_is_caught(
-    fault: Callable[[Seen], Finding], check: Any, monkeypatch: pytest.MonkeyPatch
+    fault: Callable[[EstimatorState], Finding], check: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(METHODS, "_items", dict(METHODS._items))
     METHODS.register("faulty", fault)

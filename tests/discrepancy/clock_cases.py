@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from rsenf.discrepancy.clock_offset import (
-    BesideDiscovery,
     Clip,
+    ClockOffsetDiscovery,
     beside_of,
     clip_of,
     clip_of_frame_means,
@@ -35,7 +35,7 @@ class Filmed:
     clip: Clip
     grid_hz: np.ndarray
 
-    def discover(self, freq_hz: np.ndarray, model: CaptureModel = GIVEN) -> BesideDiscovery:
+    def discover(self, freq_hz: np.ndarray, model: CaptureModel = GIVEN) -> ClockOffsetDiscovery:
         """Run the workflow beside a reference."""
         grid = Grid("grid", 50.0, 0, 1.0, freq_hz)
         return discover_beside(model, beside_of(self.clip, grid))
@@ -53,7 +53,7 @@ def filmed(clock_ppm: float, *, seed: int, noise_hz: float = 3e-4) -> Filmed:
     return Filmed(clip_of(data), path.freq_hz[:REFERENCE_S] + noise)
 
 
-def gopro(folder: Path, name: str, reference: str) -> BesideDiscovery:
+def gopro(folder: Path, name: str, reference: str) -> ClockOffsetDiscovery:
     """Run the workflow on a real recording of one mean a frame, from the plain model."""
     with np.load(folder / "gopro_luminance" / f"{name}.npz") as held:
         level, rate_hz = held["luminance"], float(held["frame_rate_hz"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.discrepancy.clock_offset import BesideDiscovery, beside_json, beside_model, joined
+from rsenf.discrepancy.clock_offset import ClockOffsetDiscovery, beside_json, beside_model, joined
 from rsenf.errors import InputError
 from rsenf.model import CaptureModel
 from tests.discrepancy.clock_cases import START_S, Filmed, filmed
@@ -17,11 +17,11 @@ def fast() -> Filmed:
 
 
 @pytest.fixture(scope="module")
-def found(fast: Filmed) -> BesideDiscovery:
+def found(fast: Filmed) -> ClockOffsetDiscovery:
     return fast.discover(fast.grid_hz)
 
 
-def test_a_fast_clock_is_named_and_the_gap_shrinks(found: BesideDiscovery) -> None:
+def test_a_fast_clock_is_named_and_the_gap_shrinks(found: ClockOffsetDiscovery) -> None:
     told = beside_json(found, "model.yaml")
     assert told["verdict"] == "explained"
     (step,) = told["effects"]
@@ -36,7 +36,7 @@ def test_a_fast_clock_is_named_and_the_gap_shrinks(found: BesideDiscovery) -> No
     assert told["reference"]["reference_noise_hz"] == pytest.approx(3e-4, rel=0.5)
 
 
-def test_the_model_given_back_lacks_nothing(fast: Filmed, found: BesideDiscovery) -> None:
+def test_the_model_given_back_lacks_nothing(fast: Filmed, found: ClockOffsetDiscovery) -> None:
     extended = CaptureModel.from_dict(beside_model(found, "a test").to_dict())
     assert [effect.name for effect in extended.effects] == ["clock_skew"]
     assert extended.provenance["stderr"]["clock_skew.clock_ppm"] < 3.0
@@ -84,7 +84,7 @@ def filmed_elsewhere(size: int) -> np.ndarray:
     return synthetic_grid(77, size + 10.0).freq_hz[:size]
 
 
-def test_rows_and_reference_are_told_together(found: BesideDiscovery) -> None:
+def test_rows_and_reference_are_told_together(found: ClockOffsetDiscovery) -> None:
     rows = {"verdict": "no_discrepancy", "effects": [], "unexplained": None, "gap": {"after": 1}}
     beside = beside_json(found, "")
     both = joined(rows, beside)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.discrepancy.linear import Normal, System
+from rsenf.discrepancy.linear import NormalEquations, System
 from tests.discrepancy.foreign_camera import Case, film
 from tests.discrepancy.hidden_effects import hidden
 from tests.discrepancy.test_on_foreign_lamps import discovered
@@ -15,7 +15,7 @@ def test_what_is_not_taken_adds_to_the_error_as_if_it_were_drawn() -> None:
     """Drawn ten thousand times: noise, and directions that the fit leaves out."""
     rng = np.random.default_rng(8)
     design, std, draws = rng.normal(size=(50, 5)), 0.3, 10_000
-    normal = Normal(design.T @ design, np.zeros(5), 1)
+    normal = NormalEquations(design.T @ design, np.zeros(5), 1)
     untaken = std * rng.normal(size=(draws, 2))
     data = untaken @ design[:, 3:].T + rng.normal(size=(draws, 50))
     found = data @ design[:, :3] @ np.linalg.inv(design[:, :3].T @ design[:, :3])
@@ -30,7 +30,7 @@ def test_clusters_that_disagree_add_to_the_error_as_they_do() -> None:
     clusters, draws = 20, 400
     design = rng.normal(size=(clusters, 30, 3))
     flat = design.reshape(-1, 3)
-    normal = Normal(flat.T @ flat, np.zeros(3), 1)
+    normal = NormalEquations(flat.T @ flat, np.zeros(3), 1)
     found, stated = [], []
     for _ in range(draws):
         sizes = np.array([0.0, 0.0, 0.2]) * rng.normal(size=(clusters, 1, 3))

@@ -16,7 +16,7 @@ import pytest
 
 from rsenf.discrepancy.settings import WatchSettings
 from rsenf.discrepancy.watch import WatchStage, lasting
-from rsenf.discrepancy.window_buffer import Rolling, thinned
+from rsenf.discrepancy.window_buffer import WindowBuffer, thinned
 from rsenf.errors import UsageError
 from rsenf.messages import DiscoveryVerdict, Header, RowBlock, canonical
 from rsenf.model import CaptureModel, Light, Shutter, simulate_rows, synthetic_grid
@@ -240,7 +240,7 @@ def test_what_happened_in_one_window_is_not_carried_into_the_next() -> None:
 
 def test_rows_of_another_shape_begin_anew() -> None:
     level, time_s = film(1.0, seed=49)
-    rolling = Rolling(48)
+    rolling = WindowBuffer(48)
     for rows in (48, 24):
         for block in cut(level[:, :rows], time_s):
             rolling.add(block)

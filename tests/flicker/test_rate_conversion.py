@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsenf.flicker.conversions import find_by_drift
-from rsenf.flicker.picture_news import News, find_remade
+from rsenf.flicker.picture_news import PictureChange, find_remade
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.rate_conversion import BLENDED, Conversion, find_conversion
 from rsenf.messages import Header
@@ -30,7 +30,7 @@ def made_from(source_hz: float, shown_hz: float, place: float, *, blended: bool)
 @pytest.mark.parametrize("place", [0.13, 0.71])
 def test_doubled_pictures_tell_which_are(source: str, shown: str, place: float) -> None:
     source_hz, shown_hz = RATES[source], RATES[shown]
-    news = News()
+    news = PictureChange()
     told = news.of(made_from(source_hz, shown_hz, place, blended=False))
     stamp_s = np.arange(len(told)) / shown_hz
     found = find_remade(stamp_s, told, shown_hz, news.chance)
@@ -46,7 +46,7 @@ def test_doubled_pictures_tell_which_are(source: str, shown: str, place: float) 
     [("25", "30"), ("30", "25"), ("30", "24"), ("30", "30000/1001"), ("24", "25")],
 )
 def test_blended_pictures_are_told(source: str, shown: str) -> None:
-    news, shown_hz = News(), RATES[shown]
+    news, shown_hz = PictureChange(), RATES[shown]
     told = news.of(made_from(RATES[source], shown_hz, 0.3, blended=True))
     found = find_remade(np.arange(len(told)) / shown_hz, told, shown_hz, news.chance)
     assert found is not None
@@ -55,14 +55,14 @@ def test_blended_pictures_are_told(source: str, shown: str) -> None:
 
 @pytest.mark.parametrize("shown", RATES)
 def test_whole_pictures_are_not(shown: str) -> None:
-    news, shown_hz = News(), RATES[shown]
+    news, shown_hz = PictureChange(), RATES[shown]
     told = news.of(made_from(shown_hz, shown_hz, 0.0, blended=False))
     assert find_remade(np.arange(len(told)) / shown_hz, told, shown_hz, news.chance) is None
 
 
 def test_how_pictures_come_in_blocks_changes_nothing() -> None:
     level = made_from(24.0, 30.0, 0.2, blended=True)
-    one, other = News(), News()
+    one, other = PictureChange(), PictureChange()
     parts = [other.of(part) for part in np.array_split(level, 41)]
     assert np.array_equal(one.of(level), np.concatenate(parts))
 

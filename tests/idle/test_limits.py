@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rsenf.flicker.mains import is_second_harmonic
-from rsenf.idle.estimator_state import Finding, Seen
+from rsenf.idle.estimator_state import EstimatorState, Finding
 from rsenf.idle.limits import are_alike, checked
 from rsenf.idle.moments import Moments
 from rsenf.idle.still_rows import StillRows
@@ -13,8 +13,8 @@ from rsenf.idle.still_rows import StillRows
 NTSC_HZ = 30000 / 1001
 
 
-def seen(f0_hz: float, frame_rate_hz: float, nominal_hz: float = 50.0) -> Seen:
-    return Seen(
+def seen(f0_hz: float, frame_rate_hz: float, nominal_hz: float = 50.0) -> EstimatorState:
+    return EstimatorState(
         moments=Moments(100),
         still_rows=StillRows(0.0),
         nominal_hz=nominal_hz,

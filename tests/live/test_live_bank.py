@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsenf.live.bank import UNKNOWN_RAD2, Bank, Noise
-from rsenf.live.null_model import AnyGrid
+from rsenf.live.null_model import NullModel
 
 
 def drifting() -> Bank:
@@ -24,7 +24,7 @@ def test_a_phase_is_never_less_known_than_not_at_all() -> None:
 
 
 def test_gaps_of_minutes_leave_the_filters_sound() -> None:
-    grid, rng = AnyGrid(), np.random.default_rng(3)
+    grid, rng = NullModel(), np.random.default_rng(3)
     for _ in range(40):
         for passed_s in (*[1.0] * 5, 120.0):
             grid.take(passed_s, float(rng.uniform(-3, 3)), 1e-4)

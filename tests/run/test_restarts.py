@@ -28,7 +28,7 @@ from rsenf.run.node_state import NodeState
 from rsenf.run.outlets import _Departed
 from rsenf.run.patience import wait_until
 from rsenf.run.recording import of_run
-from rsenf.run.restart_policy import FIRST_WORD_S, Restarts, Revival
+from rsenf.run.restart_policy import FIRST_WORD_S, RestartPolicy, Restarts
 
 RULE = {"limit": 2, "within_s": 60, "backoff_s": 1, "backoff_max_s": 3, "silent_s": 5}
 AGAIN = {**GRAPH, "restart": RULE}
@@ -77,7 +77,7 @@ class Run:
         self.nodes = {name: NodeState(name, config.kind) for name, config in graph.nodes.items()}
         self.network = Loopback()
         self.run = GraphRun(graph, "r", "", self.nodes, lambda node: None, self._spawn)
-        self.run._revival = Revival(graph, self.nodes, self._spawn, lambda: self.now_s)
+        self.run._revival = RestartPolicy(graph, self.nodes, self._spawn, lambda: self.now_s)
         self.run.listen_to(self.network.bus("supervisor"))
         monkeypatch.setattr("rsenf.run.graph_run.POLL_S", 0.0)
         self.run.start()

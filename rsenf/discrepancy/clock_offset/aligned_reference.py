@@ -30,7 +30,7 @@ FEWEST_BLOCKS = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
+class AlignedReference:
     """Estimates of a clip's ENF, and a reference that covers it.
 
     Attributes

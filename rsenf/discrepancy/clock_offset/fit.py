@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.clock_offset.aligned_reference import Beside, slope_of
+from rsenf.discrepancy.clock_offset.aligned_reference import AlignedReference, slope_of
 from rsenf.discrepancy.clock_offset.hypotheses import memory
 from rsenf.discrepancy.clock_offset.noise import Chance
 from rsenf.errors import InputError
@@ -39,13 +39,18 @@ class LagFit:
 
 
 def settled(
-    beside: Beside, model: CaptureModel, lag_s: float, said_hz: FloatArray, *, skewed: bool
+    beside: AlignedReference,
+    model: CaptureModel,
+    lag_s: float,
+    said_hz: FloatArray,
+    *,
+    skewed: bool,
 ) -> LagFit:
     """Fit the lag, and the clock where wanted, to training values.
 
     Parameters
     ----------
-    beside : Beside
+    beside : AlignedReference
     model : CaptureModel
     lag_s : float
     said_hz : ndarray (n,)
@@ -75,7 +80,7 @@ def settled(
 
 
 def by_all_values(
-    beside: Beside, fit: LagFit, chance: Chance, *, skewed: bool
+    beside: AlignedReference, fit: LagFit, chance: Chance, *, skewed: bool
 ) -> tuple[CaptureModel, float, FloatArray]:
     """Fit lag and clock to all values, once held-out ones have been scored on.
 
@@ -93,7 +98,7 @@ def by_all_values(
     return model, fit.lag_s + float(step[0]), stderr
 
 
-def columns_of(beside: Beside, said_hz: FloatArray, *, skewed: bool) -> FloatArray:
+def columns_of(beside: AlignedReference, said_hz: FloatArray, *, skewed: bool) -> FloatArray:
     """What a second of lag does and, where wanted, a ppm of clock: (n, parameters)."""
     columns = [slope_of(said_hz, beside.track.hop_s)]
     if skewed:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.clock_offset.aligned_reference import Beside, slope_of
+from rsenf.discrepancy.clock_offset.aligned_reference import AlignedReference, slope_of
 from rsenf.discrepancy.clock_offset.noise import Chance
 from rsenf.discrepancy.forward_selection import FALSE_ALARMS, WORST
 from rsenf.messages.schema import FloatArray
@@ -43,7 +43,7 @@ class Kind:
 
 
 @dataclass(frozen=True, eq=False)
-class Weighed:
+class Hypothesis:
     """A way weighed on held-out values.
 
     Attributes
@@ -75,7 +75,7 @@ class Weighed:
         return enough and self.gain_hz2 > self.least_hz2 and self.worst > WORST
 
 
-def kinds(beside: Beside, said_hz: FloatArray) -> Iterator[Kind]:
+def kinds(beside: AlignedReference, said_hz: FloatArray) -> Iterator[Kind]:
     """Yield the ways, given what the model says."""
     share = -1e-6 * np.nan_to_num(said_hz)
     yield Kind(SKEWED, share[:, None])
@@ -89,19 +89,19 @@ def kinds(beside: Beside, said_hz: FloatArray) -> Iterator[Kind]:
 
 
 def weighed(
-    beside: Beside,
+    beside: AlignedReference,
     kind: Kind,
     said_hz: FloatArray,
     left_hz: FloatArray,
     chance: Chance,
     tried: int,
     filmed_hz: FloatArray | None = None,
-) -> Weighed:
+) -> Hypothesis:
     """Fit a way, and the lag with it, to training values; weigh it on the others.
 
     Parameters
     ----------
-    beside : Beside
+    beside : AlignedReference
     kind : Kind
     said_hz, left_hz : ndarray (n,)
         What the model without it says, and what that leaves.
@@ -133,7 +133,7 @@ def weighed(
     var = max(chance.var_hz2, float((after**2).mean()))
     together = max(memory(chance.sets_hz), memory(whole[None]))
     gain = before**2 - after**2
-    return Weighed(
+    return Hypothesis(
         kind,
         float(gain.mean()),
         float(gain.sum()) / (2.0 * var * together),
@@ -155,7 +155,7 @@ def memory(sets_hz: FloatArray) -> float:
     return float(1.0 + 2.0 * alike[1:end].sum())
 
 
-def _between(beside: Beside) -> FloatArray:
+def _between(beside: AlignedReference) -> FloatArray:
     """Lines from the middle of each training block to the next, (n, training blocks)."""
     numbers = np.unique(beside.block[beside.training])
     middle_s = (numbers + 0.5) * beside.block_s

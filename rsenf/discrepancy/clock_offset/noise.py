@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.clock_offset.aligned_reference import Beside
+from rsenf.discrepancy.clock_offset.aligned_reference import AlignedReference
 from rsenf.discrepancy.clock_offset.clip import SEED
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel
@@ -67,13 +67,13 @@ class Tracked:
 
 
 def tracked_noise(
-    beside: Beside, model: CaptureModel, lag_s: float, said_hz: FloatArray
+    beside: AlignedReference, model: CaptureModel, lag_s: float, said_hz: FloatArray
 ) -> Tracked:
     """Film noise.
 
     Parameters
     ----------
-    beside : Beside
+    beside : AlignedReference
     model : CaptureModel
     lag_s : float
     said_hz : ndarray (n,)
@@ -95,12 +95,12 @@ def tracked_noise(
     return Tracked(errors[np.isfinite(errors)], ratio)
 
 
-def chance_of(beside: Beside, tracked: Tracked, residual_hz: FloatArray) -> Chance:
+def chance_of(beside: AlignedReference, tracked: Tracked, residual_hz: FloatArray) -> Chance:
     """Draw data sets that a model explains.
 
     Parameters
     ----------
-    beside : Beside
+    beside : AlignedReference
     tracked : Tracked
     residual_hz : ndarray (n,)
         What the model leaves.
@@ -123,7 +123,9 @@ def chance_of(beside: Beside, tracked: Tracked, residual_hz: FloatArray) -> Chan
     return Chance(sets, told_hz2, float(np.nanstd(estimates)), float(np.sqrt(reference_var)))
 
 
-def _estimate_errors(beside: Beside, tracked: Tracked, rng: np.random.Generator) -> FloatArray:
+def _estimate_errors(
+    beside: AlignedReference, tracked: Tracked, rng: np.random.Generator
+) -> FloatArray:
     """Errors of the tracker's estimates in each set, (sets, n)."""
     size = beside.track.enf_hz.size
     if not beside.overlap:
@@ -147,7 +149,7 @@ def _alike(errors: FloatArray, size: int, rng: np.random.Generator) -> FloatArra
     return np.asarray(np.resize(drawn.T, (size, SETS)).T.copy())
 
 
-def _while_clip(beside: Beside) -> FloatArray:
+def _while_clip(beside: AlignedReference) -> FloatArray:
     """Samples of the reference while the clip lasts."""
     first = int(beside.start_s(beside.lag_s) / beside.grid.step_s)
     return beside.path_hz[first : first + int(beside.clip.duration_s / beside.grid.step_s)]

@@ -11,10 +11,10 @@ import numpy as np
 
 from rsenf.discrepancy.clock_offset.fit import LagFit, clock_ppm
 from rsenf.discrepancy.clock_offset.hypotheses import SKEWED
-from rsenf.discrepancy.clock_offset.verdict import BesideDiscovery
+from rsenf.discrepancy.clock_offset.verdict import ClockOffsetDiscovery
 from rsenf.discrepancy.next_measurement import TELLS
-from rsenf.discrepancy.residual_breakdown import Share
-from rsenf.discrepancy.residual_classifier import Hint, hint_json
+from rsenf.discrepancy.residual_breakdown import ResidualShare
+from rsenf.discrepancy.residual_classifier import ResidualClass, hint_json
 from rsenf.model import CATALOGUE, CaptureModel
 
 # Further off is no crystal: more likely the frames come at another rate than is assumed.
@@ -24,7 +24,7 @@ BANDS_HZ = (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)
 OTHER = "other_course"  # a kind of what is left that is none of those that are weighed
 
 
-def beside_json(found: BesideDiscovery, model_out: str) -> dict[str, Any]:
+def beside_json(found: ClockOffsetDiscovery, model_out: str) -> dict[str, Any]:
     """Return the keys of a discovery, plain values all."""
     before, after, floor = found.gap(found.first), found.gap(found.last), found.floor
     return {
@@ -48,7 +48,7 @@ def beside_json(found: BesideDiscovery, model_out: str) -> dict[str, Any]:
     }
 
 
-def reference_json(found: BesideDiscovery) -> dict[str, Any]:
+def reference_json(found: ClockOffsetDiscovery) -> dict[str, Any]:
     """Return how clip and reference were compared."""
     beside, (_, lag_s, stderr) = found.beside, found.final
     return {
@@ -76,7 +76,7 @@ def joined(rows: dict[str, Any], beside: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def beside_model(found: BesideDiscovery, made_from: str) -> CaptureModel:
+def beside_model(found: ClockOffsetDiscovery, made_from: str) -> CaptureModel:
     """Return the extended model, with where it comes from and how sure its clock is."""
     model, _, stderr = found.final
     known = dict(model.provenance)
@@ -92,7 +92,7 @@ def beside_model(found: BesideDiscovery, made_from: str) -> CaptureModel:
     return dataclasses.replace(model, provenance=known)
 
 
-def _skew_json(found: BesideDiscovery) -> dict[str, Any]:
+def _skew_json(found: ClockOffsetDiscovery) -> dict[str, Any]:
     skew, (model, _, stderr) = found.skew, found.final
     assert skew is not None
     ppm = clock_ppm(model)
@@ -114,7 +114,7 @@ def _skew_json(found: BesideDiscovery) -> dict[str, Any]:
     }
 
 
-def _left(found: BesideDiscovery) -> dict[str, Any] | None:
+def _left(found: ClockOffsetDiscovery) -> dict[str, Any] | None:
     if found.verdict != "unexplained":
         return None
     places = [place for place in where_beside(found, found.last) if place.sure > SURE]
@@ -125,16 +125,16 @@ def _left(found: BesideDiscovery) -> dict[str, Any] | None:
         "gap": found.gap(found.last).value,
         "std_hz": math.sqrt(max(found.gap(found.last).value, 0.0) * found.beside.power_hz2),
         "places": [dataclasses.asdict(place) for place in places],
-        **hint_json(Hint(kinds[0], tuple(kinds[1:]), tuple(would_tell), at_s=leaps)),
+        **hint_json(ResidualClass(kinds[0], tuple(kinds[1:]), tuple(would_tell), at_s=leaps)),
     }
 
 
-def where_beside(found: BesideDiscovery, fit: LagFit) -> list[Share]:
+def where_beside(found: ClockOffsetDiscovery, fit: LagFit) -> list[ResidualShare]:
     """Take what a fit leaves apart, by time and by how fast it wanders."""
     return [*_by_time(found, fit), *_by_frequency(found, fit)]
 
 
-def _by_time(found: BesideDiscovery, fit: LagFit) -> list[Share]:
+def _by_time(found: ClockOffsetDiscovery, fit: LagFit) -> list[ResidualShare]:
     """Share of each held-out block in what is left of them beyond chance."""
     beside, chance = found.beside, found.chance
     own = beside.held_out & np.isfinite(fit.left_hz)
@@ -149,7 +149,7 @@ def _by_time(found: BesideDiscovery, fit: LagFit) -> list[Share]:
     return out
 
 
-def _by_frequency(found: BesideDiscovery, fit: LagFit) -> list[Share]:
+def _by_frequency(found: ClockOffsetDiscovery, fit: LagFit) -> list[ResidualShare]:
     """Share of each band of frequencies of the wander, all values together."""
     known = np.isfinite(fit.left_hz)
     every = np.vstack([fit.left_hz[known], found.chance.sets_hz[:, known]])
@@ -166,5 +166,7 @@ def _by_frequency(found: BesideDiscovery, fit: LagFit) -> list[Share]:
     return out
 
 
-def _share(axis: str, low: float, high: float, own: float, total: float, spread: float) -> Share:
-    return Share(axis, low, high, own / (total or 1e-30), own / max(spread, 1e-30))
+def _share(
+    axis: str, low: float, high: float, own: float, total: float, spread: float
+) -> ResidualShare:
+    return ResidualShare(axis, low, high, own / (total or 1e-30), own / max(spread, 1e-30))

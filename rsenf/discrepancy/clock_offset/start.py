@@ -7,7 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsenf.discrepancy.clock_offset.aligned_reference import FEWEST_BLOCKS, MARGIN_S, Beside
+from rsenf.discrepancy.clock_offset.aligned_reference import (
+    FEWEST_BLOCKS,
+    MARGIN_S,
+    AlignedReference,
+)
 from rsenf.discrepancy.clock_offset.clip import Clip
 from rsenf.errors import InputError, NoSignal
 from rsenf.match import Match, MatchSettings
@@ -26,7 +30,7 @@ PIECE = 1 << 20  # samples looked at together
 MOST_BEYOND_S = MARGIN_S / 2.0  # of a clip: a lag may still move
 
 
-def beside_of(clip: Clip, grid: Grid) -> Beside:
+def beside_of(clip: Clip, grid: Grid) -> AlignedReference:
     """Find a clip in a reference, and lay it there.
 
     Raises
@@ -45,7 +49,7 @@ def beside_of(clip: Clip, grid: Grid) -> Beside:
     _check_covered(clip, grid, lag_s)
     grid, begins_s = _about(clip, grid, lag_s)
     track, lag_s = track_of(clip.estimates), lag_s - begins_s
-    beside = Beside(clip, track, snr_db, grid, lag_s, begins_s, certain)
+    beside = AlignedReference(clip, track, snr_db, grid, lag_s, begins_s, certain)
     if beside.blocks < FEWEST_BLOCKS:
         needed_s = FEWEST_BLOCKS * beside.block_s + 2.0 * beside.reach_s
         raise InputError(
@@ -127,12 +131,12 @@ def _found(
     return result
 
 
-def read_aright(beside: Beside, said_hz: FloatArray) -> Beside:
+def read_aright(beside: AlignedReference, said_hz: FloatArray) -> AlignedReference:
     """Take the reference for an average where that leaves less, all else being averaged alike.
 
     Parameters
     ----------
-    beside : Beside
+    beside : AlignedReference
     said_hz : ndarray (n,)
         What a model says there.
 

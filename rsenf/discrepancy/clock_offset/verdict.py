@@ -14,29 +14,29 @@ from functools import cached_property
 import numpy as np
 from scipy.special import gammaincinv, ndtr
 
-from rsenf.discrepancy.clock_offset.aligned_reference import Beside
+from rsenf.discrepancy.clock_offset.aligned_reference import AlignedReference
 from rsenf.discrepancy.clock_offset.fit import LagFit, by_all_values, clock_ppm, columns_of, settled
-from rsenf.discrepancy.clock_offset.hypotheses import LEAPT, SKEWED, Weighed, kinds, weighed
+from rsenf.discrepancy.clock_offset.hypotheses import LEAPT, SKEWED, Hypothesis, kinds, weighed
 from rsenf.discrepancy.clock_offset.noise import Chance, chance_of, tracked_noise
 from rsenf.discrepancy.clock_offset.start import no_match, read_aright
 from rsenf.discrepancy.gap import Gap
-from rsenf.discrepancy.noise_floor import BEYOND_STDS, Floor
+from rsenf.discrepancy.noise_floor import BEYOND_STDS, NoiseFloor
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel
 
 
 @dataclass(frozen=True, eq=False)
-class BesideDiscovery:
+class ClockOffsetDiscovery:
     """What was found.
 
     Attributes
     ----------
-    beside : Beside
+    beside : AlignedReference
     first, last : LagFit
         Before anything was added, and at last.
     skew : Weighed or None
         The clock's error, if it is supported.
-    rest : list of Weighed
+    rest : list of Hypothesis
         Of what kind held-out values say that what is left is, the surest first.
     chance : Chance
         Data that the last model explains.
@@ -44,11 +44,11 @@ class BesideDiscovery:
         How many ways were weighed.
     """
 
-    beside: Beside
+    beside: AlignedReference
     first: LagFit
     last: LagFit
-    skew: Weighed | None
-    rest: list[Weighed]
+    skew: Hypothesis | None
+    rest: list[Hypothesis]
     chance: Chance
     tried: int
 
@@ -61,7 +61,7 @@ class BesideDiscovery:
         return Gap(float(over.mean()), float(means.std(ddof=1) / math.sqrt(means.size)), math.nan)
 
     @cached_property
-    def floor(self) -> Floor:
+    def floor(self) -> NoiseFloor:
         """Gaps of data that the last model explains, lag and clock fitted to each."""
         known = np.isfinite(self.last.left_hz)
         training, held = self.beside.training & known, self.beside.held_out & known
@@ -76,7 +76,7 @@ class BesideDiscovery:
         most = var / mean * float(gammaincinv(mean**2 / var, ndtr(BEYOND_STDS)))
         median, power = float(np.median(over)), self.beside.power_hz2
         limit = (median + most - mean) / power
-        return Floor(median / power, limit, limit)
+        return NoiseFloor(median / power, limit, limit)
 
     @cached_property
     def final(self) -> tuple[CaptureModel, float, FloatArray]:
@@ -106,15 +106,17 @@ class BesideDiscovery:
 
 
 def discover_beside(
-    model: CaptureModel, beside: Beside, progress: Callable[[str], None] = lambda doing: None
-) -> BesideDiscovery:
+    model: CaptureModel,
+    beside: AlignedReference,
+    progress: Callable[[str], None] = lambda doing: None,
+) -> ClockOffsetDiscovery:
     """Find what a model lacks of a clip beside a reference.
 
     Parameters
     ----------
     model : CaptureModel
         To begin with.
-    beside : Beside
+    beside : AlignedReference
     progress : callable, optional
         Told what is being done.
 
@@ -136,7 +138,9 @@ def discover_beside(
     return found
 
 
-def _discovered(beside: Beside, first: LagFit, progress: Callable[[str], None]) -> BesideDiscovery:
+def _discovered(
+    beside: AlignedReference, first: LagFit, progress: Callable[[str], None]
+) -> ClockOffsetDiscovery:
     noise = tracked_noise(beside, first.model, first.lag_s, first.said_hz)
     chance = chance_of(beside, noise, first.left_hz)
     progress("weighing the clock")
@@ -149,13 +153,13 @@ def _discovered(beside: Beside, first: LagFit, progress: Callable[[str], None]) 
     # A leap of the lag looks like a clock error of the one half and not of the other.
     leapt = max((way.nats for way in ways if way.kind.name == LEAPT), default=0.0)
     if not skew.supported or leapt > skew.nats:
-        return BesideDiscovery(beside, first, first, None, _supported(ways), chance, tried)
+        return ClockOffsetDiscovery(beside, first, first, None, _supported(ways), chance, tried)
     progress("added clock_skew, looking at what is left")
     rest, _ = _others(beside, last, after)
-    return BesideDiscovery(beside, first, last, skew, _supported(rest), after, tried)
+    return ClockOffsetDiscovery(beside, first, last, skew, _supported(rest), after, tried)
 
 
-def _others(beside: Beside, fit: LagFit, chance: Chance) -> tuple[list[Weighed], int]:
+def _others(beside: AlignedReference, fit: LagFit, chance: Chance) -> tuple[list[Hypothesis], int]:
     """Weigh all ways but the clock; how many there are with it."""
     ways = list(kinds(beside, fit.said_hz))
     return [
@@ -165,9 +169,9 @@ def _others(beside: Beside, fit: LagFit, chance: Chance) -> tuple[list[Weighed],
     ], len(ways)
 
 
-def _supported(ways: list[Weighed]) -> list[Weighed]:
+def _supported(ways: list[Hypothesis]) -> list[Hypothesis]:
     """Those that held-out values support, of each kind the surest."""
-    best: dict[str, Weighed] = {}
+    best: dict[str, Hypothesis] = {}
     for way in sorted(ways, key=lambda w: -w.nats):
         if way.supported:
             best.setdefault(way.kind.name, way)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from rsenf import __version__
-from rsenf.discrepancy.clock_offset import BesideDiscovery, where_beside
+from rsenf.discrepancy.clock_offset import ClockOffsetDiscovery, where_beside
 from rsenf.model import CATALOGUE, CaptureModel
 from rsenf.report.discovery_page.beside_pictures import draw_beside
 from rsenf.report.discovery_page.model_text import model_text
@@ -33,13 +33,13 @@ DEFINITIONS = (
 
 
 def beside_page(
-    found: BesideDiscovery, told: dict[str, Any], recording: str, extended: CaptureModel
+    found: ClockOffsetDiscovery, told: dict[str, Any], recording: str, extended: CaptureModel
 ) -> str:
     """Return the page of a recording of one mean a frame; the same discovery gives the same text.
 
     Parameters
     ----------
-    found : BesideDiscovery
+    found : ClockOffsetDiscovery
     told : dict
         Of :func:`rsenf.discrepancy.clock_offset.beside_json`.
     recording : str
@@ -64,12 +64,14 @@ def beside_page(
     )
 
 
-def section(found: BesideDiscovery, told: dict[str, Any], first_picture: int) -> dict[str, Any]:
+def section(
+    found: ClockOffsetDiscovery, told: dict[str, Any], first_picture: int
+) -> dict[str, Any]:
     """Return what is to be told of a reference.
 
     Parameters
     ----------
-    found : BesideDiscovery
+    found : ClockOffsetDiscovery
     told : dict
         Of :func:`rsenf.discrepancy.clock_offset.beside_json`.
     first_picture : int
@@ -91,7 +93,7 @@ def section(found: BesideDiscovery, told: dict[str, Any], first_picture: int) ->
     }
 
 
-def headline(found: BesideDiscovery, told: dict[str, Any]) -> str:
+def headline(found: ClockOffsetDiscovery, told: dict[str, Any]) -> str:
     """Return in one sentence what the reference told."""
     clock, kind = _clock(found), told["unexplained"]
     shrinks = f"the gap shrinks by {100.0 * min(found.shrinkage, 1.0):.1f} %"
@@ -106,7 +108,7 @@ def headline(found: BesideDiscovery, told: dict[str, Any]) -> str:
     return f"{clock}, and with that {shrinks}, but still more is left than noise; {looks}"
 
 
-def _clock(found: BesideDiscovery) -> str:
+def _clock(found: ClockOffsetDiscovery) -> str:
     if not found.skew:
         return ""
     ppm, error = found.clock
@@ -114,7 +116,7 @@ def _clock(found: BesideDiscovery) -> str:
 
 
 def _values(
-    found: BesideDiscovery, gap: dict[str, Any], how: dict[str, Any]
+    found: ClockOffsetDiscovery, gap: dict[str, Any], how: dict[str, Any]
 ) -> list[tuple[str, str, str]]:
     """List names, values and what is to be known of each."""
     out = []

@@ -12,21 +12,21 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.discrepancy.clock_offset import Beside, BesideDiscovery, LagFit
+from rsenf.discrepancy.clock_offset import AlignedReference, ClockOffsetDiscovery, LagFit
 from rsenf.report.pages import HEIGHT_IN, Picture, picture_of
 from rsenf.report.panels import GRID, MARK, SIGNAL, fixed_style
 from rsenf.report.panels.gap_steps import draw_gap_steps
 
 
 def draw_enf_beside(
-    figure: Any, beside: Beside, fits: Sequence[tuple[str, LagFit]], noise_hz: float
+    figure: Any, beside: AlignedReference, fits: Sequence[tuple[str, LagFit]], noise_hz: float
 ) -> None:
     """Draw measured and simulated ENF, and below their difference, each fit in its column.
 
     Parameters
     ----------
     figure : matplotlib figure
-    beside : Beside
+    beside : AlignedReference
     fits : sequence of (str, LagFit)
         With what to call each.
     noise_hz : float
@@ -55,7 +55,7 @@ def draw_enf_beside(
     )  # fmt: skip
 
 
-def _held_out(beside: Beside) -> list[tuple[float, float]]:
+def _held_out(beside: AlignedReference) -> list[tuple[float, float]]:
     """From when to when each held-out block has values."""
     own = np.where(beside.held_out, beside.block, np.nan)
     blocks = groupby(zip(own.tolist(), beside.t_s.tolist(), strict=True), key=lambda at: at[0])
@@ -78,7 +78,7 @@ _ENF = (
 )
 
 
-def draw_beside(found: BesideDiscovery) -> list[Picture]:
+def draw_beside(found: ClockOffsetDiscovery) -> list[Picture]:
     """Draw the gap, and the ENF before and after; where nothing was added, there is but one."""
     fits = [("before", found.first), ("after", found.last)]
     if not found.skew:

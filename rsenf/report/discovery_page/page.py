@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rsenf import __version__
-from rsenf.discrepancy.clock_offset import BesideDiscovery, beside_json, joined
+from rsenf.discrepancy.clock_offset import ClockOffsetDiscovery, beside_json, joined
 from rsenf.discrepancy.verdict import Discovery
 from rsenf.model import CaptureModel
 from rsenf.report.discovery_page.beside import DEFINITIONS as BESIDE
@@ -82,7 +82,7 @@ def discovery_page(
     told: dict[str, Any],
     recording: str,
     extended: CaptureModel,
-    beside: BesideDiscovery | None = None,
+    beside: ClockOffsetDiscovery | None = None,
 ) -> str:
     """Return the page; the same discovery gives the same text.
 
@@ -95,7 +95,7 @@ def discovery_page(
         Name of what was looked at.
     extended : CaptureModel
         Of :func:`rsenf.discrepancy.model_of`.
-    beside : BesideDiscovery, optional
+    beside : ClockOffsetDiscovery, optional
         What a reference told.
     """
     data = found.last.data

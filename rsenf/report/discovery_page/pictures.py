@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.residual_breakdown import Share, alias_spectrum
+from rsenf.discrepancy.residual_breakdown import ResidualShare, alias_spectrum
 from rsenf.discrepancy.tone import flicker_hz
 from rsenf.discrepancy.verdict import Discovery
 from rsenf.report.discovery_page.steps import names_of
@@ -31,14 +31,14 @@ AXES = {
 SURE = 3.0  # standard errors from which on a part is drawn full
 
 
-def axes_of(shares: Sequence[Share]) -> list[str]:
+def axes_of(shares: Sequence[ResidualShare]) -> list[str]:
     """Name the axes along which there is more than one part."""
     names = [share.axis for share in shares]
     return [axis for axis in AXES if names.count(axis) > 1]
 
 
 def draw_gap_places(
-    axes: Any, axis: str, sides: Sequence[tuple[Sequence[Share], float]], limit: float
+    axes: Any, axis: str, sides: Sequence[tuple[Sequence[ResidualShare], float]], limit: float
 ) -> None:
     """Draw each part's own gap along an axis with its standard error, before and after.
 
@@ -47,7 +47,7 @@ def draw_gap_places(
     axes : matplotlib axes
     axis : str
         A key of ``AXES``.
-    sides : sequence of (sequence of Share, float)
+    sides : sequence of (sequence of ResidualShare, float)
         Before, if there is such, and after; each with the whole gap.
     limit : float
         Below which a whole gap is none.

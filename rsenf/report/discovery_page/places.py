@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rsenf.discrepancy.residual_breakdown import Share
+from rsenf.discrepancy.residual_breakdown import ResidualShare
 
 MOST = 10  # parts of an axis that are listed, those with most
 DIGITS = {"time_s": 1, "row": 0, "level": 1, "alias_hz": 2, "wander_hz": 3}
-Pair = tuple[Share | None, Share | None]
+Pair = tuple[ResidualShare | None, ResidualShare | None]
 NAMES = {
     "time_s": "time (s)",
     "row": "rows",
@@ -22,13 +22,13 @@ NAMES = {
 
 
 def places_table(
-    before: Sequence[Share], after: Sequence[Share], smaller: float
+    before: Sequence[ResidualShare], after: Sequence[ResidualShare], smaller: float
 ) -> list[dict[str, Any]]:
     """Return a group of lines for each axis.
 
     Parameters
     ----------
-    before, after : sequence of Share
+    before, after : sequence of ResidualShare
     smaller : float
         Gap after, over that before.
     """
@@ -44,13 +44,13 @@ def places_table(
     return groups
 
 
-def _lines(before: list[Share], after: list[Share]) -> list[Pair]:
+def _lines(before: list[ResidualShare], after: list[ResidualShare]) -> list[Pair]:
     """Pair lines of the spectrum, which needn't be the same before and after."""
     old, new = ({(share.low, share.high): share for share in own} for own in (before, after))
     return [(old.get(at), new.get(at)) for at in sorted({**old, **new})]
 
 
-def _line(old: Share | None, new: Share | None, smaller: float) -> dict[str, str]:
+def _line(old: ResidualShare | None, new: ResidualShare | None, smaller: float) -> dict[str, str]:
     place = old or new
     assert place is not None
     return {
@@ -62,7 +62,7 @@ def _line(old: Share | None, new: Share | None, smaller: float) -> dict[str, str
     }
 
 
-def _place(share: Share) -> str:
+def _place(share: ResidualShare) -> str:
     if share.axis == "step":
         return "all"
     if share.axis == "strip":
@@ -71,9 +71,9 @@ def _place(share: Share) -> str:
     return f"{share.low:.{digits}f} to {share.high:.{digits}f}"
 
 
-def _percent(share: Share | None, of: float) -> str:
+def _percent(share: ResidualShare | None, of: float) -> str:
     return f"{100.0 * share.share * of:.2f} %" if share else "no line"
 
 
-def _sure(share: Share | None) -> str:
+def _sure(share: ResidualShare | None) -> str:
     return f"{share.sure:.{1 if abs(share.sure) < 100.0 else 0}f}" if share else ""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rsenf.discrepancy.gap import Gap
-from rsenf.discrepancy.noise_floor import Floor
+from rsenf.discrepancy.noise_floor import NoiseFloor
 from rsenf.report.panels import INK, MARK, SIGNAL
 
 FAR = 30.0  # below the limit, at most, is drawn
@@ -17,7 +17,7 @@ def draw_gap_steps(
     axes: Any,
     names: Sequence[str],
     gaps: Sequence[Gap],
-    floor: Floor,
+    floor: NoiseFloor,
     of: str = "the flicker's power",
 ) -> None:
     """Draw the gap after each step, the first on top, beside what chance makes.
@@ -28,7 +28,7 @@ def draw_gap_steps(
     names : sequence of str
         Of the steps, the first being none yet.
     gaps : sequence of Gap
-    floor : Floor
+    floor : NoiseFloor
     of : str, optional
         What the gap is a share of.
     """
