@@ -29,6 +29,7 @@ HARMONICS = 3
 # Length of the course's filter, places of the beat that are tried, and what a conversion that shows
 # in what drifts must have: standard errors from 0, and a factor near 1.
 SMOOTH_S, DRIFT_PLACES, MIN_STDS, MOST_OFF_FACTOR = 2.0, 32, 10.0, 0.2
+DRIFT_BLOCKS = 8  # of time, which have to agree
 # Share of the usual difference between two pictures below which they are the same; and of frames
 # that are the same as the last, beyond which a codec makes them so.
 SAME_PICTURE, MOST_DOUBLED = 0.02, 0.1
@@ -162,6 +163,7 @@ def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | N
     slope *= shown
     weight = 1.0 / np.maximum(rough.var(axis=0), np.finfo(float).tiny)
     gain, power = slope**2 @ weight, (slope * rough) @ weight
+    blocks = np.linspace(0, gain.size, DRIFT_BLOCKS, endpoint=False).astype(int)
     best, found = MIN_STDS, None
     for source_hz in RATES_HZ:
         if abs(source_hz / shown - max(round(source_hz / shown), 1)) < SAME_RATE_RATIO:
@@ -169,10 +171,15 @@ def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | N
         for place in np.arange(DRIFT_PLACES) / DRIFT_PLACES:
             made = Conversion(source_hz, shown, float(place))
             late_s = _course((made.taken_s(t_s) - t_s)[:, None], half)[0][:, 0]
-            size = float(gain @ late_s**2)
-            factor = float(power @ late_s) / size if size > 0.0 else 0.0
-            if abs(factor - 1.0) < MOST_OFF_FACTOR and factor * np.sqrt(size) > best:
-                best, found = factor * np.sqrt(size), made
+            size = np.add.reduceat(gain * late_s**2, blocks)
+            if not size.min() > 0.0:
+                continue
+            told = np.add.reduceat(power * late_s, blocks)
+            factor = float(told.sum() / size.sum())
+            # What a codec holds back has a factor of its own in each block.
+            std = max(size.sum() ** -0.5, float(np.std(told / size)) / DRIFT_BLOCKS**0.5)
+            if abs(factor - 1.0) < MOST_OFF_FACTOR and factor / std > best:
+                best, found = factor / std, made
     return found
 
 

@@ -186,3 +186,17 @@ def test_still_light_at_its_own_rate_shows_no_conversion() -> None:
     found = find_by_drift(t_s, moved + 1e-3 * rng.standard_normal(moved.shape), 25.0)
     assert found is not None
     assert found.source_hz == 30.0
+
+
+def test_what_a_codec_holds_back_is_no_conversion() -> None:
+    """Blocks of a picture that are skipped show an earlier frame's light, for a while each."""
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        t_s = np.arange(500) / 25.0
+        columns = np.cos(0.3 * t_s + rng.uniform(0.0, 6.0, 40)[:, None]).T
+        held = columns.copy()
+        for column in range(columns.shape[1]):
+            kept = np.maximum.accumulate(np.where(rng.random(500) < 0.3, np.arange(500), 0))
+            held[:, column] = columns[kept, column]
+        noisy = held + 1e-3 * rng.standard_normal(held.shape)
+        assert find_by_drift(t_s, noisy, 25.0) is None
