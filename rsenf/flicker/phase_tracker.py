@@ -20,7 +20,7 @@ from rsenf.flicker.complex_exponential import turning
 from rsenf.flicker.frame_slips import FrameSlip
 from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
 from rsenf.flicker.lines import SURE_LOG_ODDS, alias_hz, mirror_hz, usual_log_odds
-from rsenf.flicker.mains import SECOND, why_not
+from rsenf.flicker.mains import PATTERN, SECOND, why_not
 from rsenf.flicker.node_sums import at_frames
 from rsenf.flicker.phase_fit import PhaseFit
 from rsenf.flicker.phase_path import PhasePath
@@ -62,6 +62,8 @@ MOST_SECOND = 0.35
 # Of light at the grid's own frequency, where that may as well be the first harmonic.
 MOST_HALF = 0.1
 APART_CELLS = 1.0  # by which two tones are told apart
+# Between a ramp by bands of rows and by smooth profiles; what is finer than bands shows one by each.
+MOST_TURNS_APART = 0.75
 HALF = "light at the grid's own frequency, or a read-out from the last row to the first: which?"
 
 
@@ -267,6 +269,8 @@ class PhaseTracker:
             bands = bands_of(self._basis.rows)
             light = look_at(seen, t_s, phase, bands, f0_hz, self._rate_hz)
             self._apart_turns = light.apart_turns
+            if abs(light.turns - self.turns) > MOST_TURNS_APART:
+                return PATTERN  # as fine as bands of rows: it shows another ramp in each
         return why_not(f0_hz, self.nominal_hz, self._rate_hz, self._wander(), light)
 
     def _wander(self) -> Wander:
