@@ -62,7 +62,7 @@ MOST_SECOND = 0.35
 # Of light at the grid's own frequency, where that may as well be the first harmonic.
 MOST_HALF = 0.1
 APART_CELLS = 1.0  # by which two tones are told apart
-# Between a ramp by bands of rows and by smooth profiles; what is finer than bands shows one by each.
+# Between a ramp by bands of rows and by smooth profiles: what is finer than bands shows another.
 MOST_TURNS_APART = 0.75
 HALF = "light at the grid's own frequency, or a read-out from the last row to the first: which?"
 
