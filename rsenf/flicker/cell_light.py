@@ -54,6 +54,8 @@ class Light:
     apart_turns : float
         By how much its phase strays from one ramp that all strips share, rms: where the light of
         several lamps in several phases mixes differently.
+    in_phase : float
+        Share of it that has the phase of that ramp, however much of it each cell shows.
     is_brief : bool
         Whether hardly any time was looked at.
     """
@@ -65,6 +67,7 @@ class Light:
     snr: float
     hz_std: float
     apart_turns: float
+    in_phase: float
     is_brief: bool
 
     @property
@@ -204,6 +207,7 @@ def _light(
         apart_turns=_apart_turns(
             tone.reshape(shape) * straight, beside.reshape(-1, *shape) * straight, place
         ),
+        in_phase=_in_phase(tone.reshape(shape), beside.reshape(-1, *shape), ramp, place),
         is_brief=bool(np.rint(t_s[-1] - t_s[0]) < BRIEF_S),
     )
 
@@ -226,6 +230,27 @@ def _apart_turns(light: Complex, noise: Complex, place: Float) -> float:
         light = light * np.exp(-1j * slope * down)
     var_rad2 = np.sum(weight * np.angle(light) ** 2) - np.sum(np.abs(noise) ** 2) / len(noise) / 2.0
     return float(np.sqrt(max(var_rad2 / np.sum(weight), 0.0))) / (2.0 * np.pi)
+
+
+def _in_phase(tone: Complex, beside: Complex, ramp: Complex, place: Float) -> float:
+    """Share of what turns, (bands, strips), that has the phase of one line down the rows.
+
+    However much of it each cell shows: a codec keeps the flicker of some blocks back.
+    """
+    straight = tone * ramp.conj()
+    line = np.ones_like(ramp)
+    down = (place - place.mean())[:, None]
+    for _ in range(LINES):
+        now = straight * line.conj()
+        middle = np.exp(1j * np.angle(now.sum()))
+        now = now * middle.conj()
+        weight = np.abs(now) ** 2
+        slope = np.sum(weight * down * np.angle(now)) / np.sum(weight * down**2)
+        line = line * middle * np.exp(1j * slope * down)
+    now = straight * line.conj()
+    noise = float(_power(beside.reshape(len(beside), -1)).mean())
+    with_it = float(np.sum(now.real * np.abs(now.real)))
+    return (with_it) / max(float(np.sum(np.abs(now) ** 2)) - noise / 2.0, 1e-9)
 
 
 def _tones(seen: Float, t_s: Float, phase_rad: Float) -> tuple[Float, Complex, Complex]:

@@ -15,7 +15,7 @@ from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, Found, acquire
 from rsenf.flicker.cell_light import BRIEF_S, bands_of, cell_means
 from rsenf.flicker.conversions import Conversions
 from rsenf.flicker.frame_clock import RegularClock, frame_periods, usual_gap_ns
-from rsenf.flicker.mains import CREEPS, TOO_BRIEF
+from rsenf.flicker.mains import CREEPS, PATCHY, TOO_BRIEF
 from rsenf.flicker.near_dc_tracker import (
     EVERY_S,
     SHORTEST_S,
@@ -45,6 +45,7 @@ RATE_NEEDS_S = 1.0
 LEAST_RATE_HZ, MOST_RATE_HZ = 0.1, 1e5  # beyond these it is no camera's
 LOOK_S = 20  # window in which flicker is looked for, if the clip isn't shorter
 HOLD_S = 60  # seconds are held back so long while nothing is found
+LONG_EVERY_S = 10  # and all of them are looked at so often, where that may tell light
 YOUNG_S = 30  # and so long while it isn't known which way the read-out runs
 GIVE_UP_S = 30  # seconds without the tone after which it is looked for anew
 MIN_FILL_RATIO = 0.8
@@ -161,7 +162,7 @@ class FlickerFollower:
         """Do what can be done with the frames before second ``end``; at the end, all of it."""
         look_s = min(LOOK_S, end)
         if self._lock is None and (look_s == LOOK_S or (final and look_s >= self._shortest_s)):
-            self._look(end - look_s, end)
+            self._look(end - look_s, end, is_long=final or end % LONG_EVERY_S == 0)
         if self._lock is not None:
             self._still = None
             known = end - AHEAD_S + TOGETHER_S - 1 if _fits(end) else 0
@@ -225,7 +226,7 @@ class FlickerFollower:
             frame_number=numbers,
         )
 
-    def _look(self, start: int, end: int) -> None:
+    def _look(self, start: int, end: int, *, is_long: bool) -> None:
         """Look for flicker, and go back along it to the first second that isn't out yet."""
         assert self._basis is not None
         t_s, columns = self._buffer.usable_of(start, end)
@@ -244,14 +245,22 @@ class FlickerFollower:
         )  # fmt: skip
         lock.settled_s = self._next
         self._why = lock.why_not_mains(start, end)
-        if self._why in (CREEPS, TOO_BRIEF):  # unless a fit shows that it moves as a grid does
+        first = int(self._buffer.first_t_s)
+        if self._why in (CREEPS, TOO_BRIEF, PATCHY):  # unless a fit shows that it moves as a grid
             lock.extend(self._buffer, start, end)
             self._why = lock.why_not_mains(start, end)
+        if self._why == PATCHY and is_long:
+            self._go_back(lock, start, first)
+            lock.extend(self._buffer, first, end)
+            self._why = lock.why_not_mains(first, end)
         if self._why:
             return
         self._nominals, self._ramp, self._lock = (found.nominal_hz,), lock.ramp, lock
         lock.extend(self._buffer, start, end)
-        first = int(self._buffer.first_t_s)
+        self._go_back(lock, start, first)
+
+    def _go_back(self, lock: PhaseTracker, start: int, first: int) -> None:
+        """Follow the flicker from a window that begins at ``start`` back to second ``first``."""
         for before in range(start - 1, first - 1, -1):
             lock.extend(self._buffer, before, before + LOOK_S)
 

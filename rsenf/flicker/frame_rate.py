@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, TURNS_STEP, strongest
 from rsenf.flicker.cell_light import bands_of, cell_means, light_of
-from rsenf.flicker.mains import AT_ONCE, NO_GRID, PATTERN, TOO_LONG, why_not_light
+from rsenf.flicker.mains import AT_ONCE, NO_GRID, PATCHY, PATTERN, TOO_LONG, why_not_light
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.tone import AT_EDGE, ToneFinder
 from rsenf.flicker.wander import STEADY, Wander
@@ -151,7 +151,7 @@ class FrameRateFinder:
             phase = 2.0 * np.pi * cycles * n
             light = light_of(cells, n, phase, bands, MOST_TURNS)
             why_not = why_not_light(light, MOST_TURNS, RESTING)
-            if why_not == PATTERN:
+            if why_not in (PATTERN, PATCHY):
                 return None
             if why_not or abs(light.turns) < AT_ONCE:  # all rows at once: anything that blinks
                 continue

@@ -24,6 +24,9 @@ LEAST_EXPLAINED, USUALLY_EXPLAINED = 0.8, 0.93
 LEAST_SNR, MOST_STD = 10.0, 0.15
 # In windows too short to tell whether it wanders light has to be clear: patterns last through them.
 CLEARLY_EXPLAINED, CLEAR_STD = 0.87, 0.03
+# A codec keeps the flicker of some blocks back, but hardly changes its phase: 0.86 to 0.98 of what
+# turns in films at 50 to 150 kb/s. So does a pattern that moves down, which never moves as a grid.
+LEAST_IN_PHASE = 0.8
 BEYOND_FRAME, TURNS_STD = 1.02, 0.1  # read-out over a frame's time; of turns
 # Alias of a nominal, about which all that moves slowly is; and near half the frame rate all that
 # alternates from frame to frame, such as what an encoder does.
@@ -46,6 +49,10 @@ MIN_FLICKER_RATIO = 1e-4
 STRONG_RATIO = 0.4
 
 PATTERN = "a pattern that moves, not light: it doesn't brighten all of a row alike, bright and dark"
+PATCHY = (
+    "it shows in some places and not in others, as light does behind a strong codec and patterns "
+    "do, and hasn't been seen to move as a grid does"
+)
 NOT_ONE = "what repeats doesn't stand out from what varies in single parts of the picture"
 TOO_LONG = "by the rows' phases a frame would take longer to read than it lasts: other light"
 NO_GRID = (
@@ -115,11 +122,12 @@ def why_not_light(light: Light, most_turns: float, wander: Wander) -> str:
     is_calm = 0.0 < wander.squares < wander.known
     least = CLEARLY_EXPLAINED if light.is_brief or is_calm else LEAST_EXPLAINED
     least = USUALLY_EXPLAINED if wander.is_steady else least
-    if light.explained + light.explained_std < least or light.is_added:
+    is_patchy = light.explained + light.explained_std < least
+    if light.is_added or (is_patchy and light.in_phase < LEAST_IN_PHASE):
         return PATTERN
     if abs(light.turns) > BEYOND_FRAME * most_turns + TURNS_STD:
         return TOO_LONG
-    return ""
+    return PATCHY if is_patchy and not wander.is_grids else ""
 
 
 def is_faint(flicker_ratio: float, f0_hz: float, nominal_hz: float) -> bool:

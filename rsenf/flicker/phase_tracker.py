@@ -20,7 +20,7 @@ from rsenf.flicker.complex_exponential import turning
 from rsenf.flicker.frame_slips import FrameSlip
 from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
 from rsenf.flicker.lines import SURE_LOG_ODDS, alias_hz, mirror_hz, usual_log_odds
-from rsenf.flicker.mains import PATTERN, SECOND, why_not
+from rsenf.flicker.mains import PATCHY, PATTERN, SECOND, why_not
 from rsenf.flicker.node_sums import at_frames
 from rsenf.flicker.phase_fit import PhaseFit
 from rsenf.flicker.phase_path import PhasePath
@@ -113,6 +113,7 @@ class PhaseTracker:
         self.failed = 0  # seconds in a row in which the tone didn't stand out
         self.settled_s = 0  # nothing slips any more before this second
         self._apart_turns = 0.0
+        self._is_grids = False  # whether it has been seen to move as a grid's light does
         self._judged: tuple[int, str] = -JUDGED_S, ""  # when it was last asked whether it is mains
 
     def extend(self, buffer: SlowTime, start: int, end: int) -> PhaseFit | None:
@@ -271,7 +272,10 @@ class PhaseTracker:
             self._apart_turns = light.apart_turns
             if abs(light.turns - self.turns) > MOST_TURNS_APART:
                 return PATTERN  # as fine as bands of rows: it shows another ramp in each
-        return why_not(f0_hz, self.nominal_hz, self._rate_hz, self._wander(), light)
+        wander = self._wander()
+        self._is_grids |= wander.is_grids
+        reason = why_not(f0_hz, self.nominal_hz, self._rate_hz, wander, light)
+        return "" if reason == PATCHY and self._is_grids else reason
 
     def _wander(self) -> Wander:
         """How the phase of the last fit moves."""

@@ -20,6 +20,8 @@ MOVES = 0.05  # on average: what is seen to move
 # Chi-squared is more than that, a sum of 1 to 4 of them, in 4e-8 of all grids.
 MAX_WANDER = (0.0, 30.2, 34.1, 37.3, 40.1)
 KNOWN_VAR = 0.05  # variance of a direction that is known
+# Known so well, it moves as a grid's: in so many directions, and so many squares of its own error.
+SURE_KNOWN, SURE_SQUARES = 2, 30.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,10 +34,13 @@ class Wander:
         In how many directions it is known.
     squares : float
         Sum of their squares, each of which has the mean 1 for a grid.
+    squared_z : float
+        The same over the variance with which each is known: it has the mean 1 for what rests.
     """
 
     known: int = 0
     squares: float = 0.0
+    squared_z: float = 0.0
 
     @property
     def is_steady(self) -> bool:
@@ -46,6 +51,12 @@ class Wander:
     def is_seen(self) -> bool:
         """Whether it is seen to move."""
         return self.known > 0 and self.squares > MOVES * self.known
+
+    @property
+    def is_grids(self) -> bool:
+        """Whether it surely moves, and as a grid's does."""
+        is_sure = self.known >= SURE_KNOWN and self.squared_z > SURE_SQUARES
+        return is_sure and self.is_seen and not self.is_restless
 
     @property
     def is_restless(self) -> bool:
@@ -67,7 +78,12 @@ def wander_of(coefficient: Float, precision: Float, nodes: int) -> Wander:
     strays = _strays(nodes)
     variance = np.einsum("ij,ji->i", strays, np.linalg.solve(precision, strays.T))
     known = int(np.argmax(np.append(variance > KNOWN_VAR, True)))  # those before the first unknown
-    return Wander(known=known, squares=float(np.sum((strays[:known] @ coefficient) ** 2)))
+    squares = (strays[:known] @ coefficient) ** 2
+    return Wander(
+        known=known,
+        squares=float(squares.sum()),
+        squared_z=float(np.sum(squares / variance[:known])),
+    )
 
 
 @functools.lru_cache(maxsize=128)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rsenf.flicker.cell_light import APART_HZ, Light, cell_means, look_at, tells_cells
 from rsenf.flicker.conversions import Conversions
 from rsenf.flicker.lines import Line, alias_hz
-from rsenf.flicker.mains import CREEPS, is_faint, why_not
+from rsenf.flicker.mains import CREEPS, PATCHY, is_faint, why_not
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
@@ -82,6 +82,7 @@ class SlidingTracker(EnfMethod):
         self._conversions: Conversions | None = None
         self._examined = -EXAMINE_HOPS  # hop at which the light was looked at
         self._has_moved = False  # as a grid's frequency does
+        self._is_grids = False  # whether it has been seen to move as a grid does
         self._looks: deque[str] = deque(maxlen=LOOKS)  # what came of it
         self._header: Header | None = None
         self._hops = 0
@@ -232,12 +233,14 @@ class SlidingTracker(EnfMethod):
     def _why_not_mains(self, found: EnfEstimate, course: Course, light: Light | None) -> str:
         """Say why what was found isn't mains light; '' where it may be."""
         self._has_moved |= course.wander.is_seen
+        self._is_grids |= course.wander.is_grids
         if self._rows == 1 and not (self.settings.nominal_hz or self._has_moved):
             return UNMOVED
         if self._rows > 1 and light is None and course.excess > MOST_UNSEEN:
             return CREEPS
         f0_hz, rate_hz = 2.0 * found.enf_hz, found.frame_rate_hz
-        return why_not(f0_hz, found.nominal_hz, rate_hz, course.wander, light)
+        reason = why_not(f0_hz, found.nominal_hz, rate_hz, course.wander, light)
+        return "" if reason == PATCHY and self._is_grids else reason
 
     def _is_faint(self, amplitude: float, line: Line, offset_hz: float) -> bool:
         """Whether a tone ``a·exp(jφ)``, half of the flicker's own amplitude, is too weak."""

@@ -213,5 +213,25 @@ def test_light_that_hardly_moves_has_to_be_clearer() -> None:
     unclear = dataclasses.replace(lamp, explained=0.82, explained_std=0.001, added=0.82)
     moves, rests = (wander.Wander(known=4, squares=squares) for squares in (6.0, 1.0))
     assert not mains.why_not_light(unclear, 3.3, moves)
-    assert mains.why_not_light(unclear, 3.3, rests) == mains.PATTERN
+    assert mains.why_not_light(unclear, 3.3, rests) == mains.PATCHY
     assert not mains.why_not_light(dataclasses.replace(unclear, explained=0.9), 3.3, rests)
+
+
+def test_light_of_which_a_codec_keeps_blocks_back_has_to_move_as_a_grids() -> None:
+    rng = np.random.default_rng(1)
+    level = 80.0 * np.exp(rng.uniform(-0.7, 0.7, (24, 4)))
+    ramp = np.exp(2j * np.pi * 2.3 * (np.arange(24) + 0.5) / 24)[:, None]
+    kept = rng.uniform(size=level.shape) < 0.3
+    patchy = light(level, 0.02 * level * ramp * kept)
+    assert patchy.explained < 0.6
+    assert patchy.in_phase > 0.95
+    moves = wander.Wander(known=3, squares=3.0, squared_z=100.0)
+    unsure, rests = (
+        dataclasses.replace(moves, squared_z=10.0),
+        dataclasses.replace(moves, squares=0.01),
+    )
+    assert not mains.why_not_light(patchy, 3.3, moves)
+    assert mains.why_not_light(patchy, 3.3, unsure) == mains.PATCHY
+    assert mains.why_not_light(patchy, 3.3, rests) != ""
+    textures = light(level, 0.02 * level * ramp * np.exp(2j * np.pi * rng.uniform(size=(24, 4))))
+    assert mains.why_not_light(textures, 3.3, moves) == mains.PATTERN
