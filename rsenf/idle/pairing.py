@@ -46,6 +46,8 @@ class Pairing:
         How many the follower has spoken of, and how many of them it stands behind.
     reasons : Counter of str
         Why it didn't stand behind the others.
+    doubted_hz : Counter of float
+        Of which grid's light they would have been.
     camera_hz : float
         Rate from which the stream was converted; NaN where it wasn't.
     jitter_s : float
@@ -63,6 +65,7 @@ class Pairing:
         self.nominal_hz = float("nan")
         self.seconds, self.usable = 0, 0
         self.reasons: Counter[str] = Counter()
+        self.doubted_hz: Counter[float] = Counter()
         self.camera_hz = float("nan")
         self.jitter_s = 0.0
         self.slips: list[FrameSlip] = []
@@ -110,6 +113,8 @@ class Pairing:
             self._reached = int(second.frame_number[-1])
         if not second.usable:
             self.reasons[second.reason] += 1
+            if np.isfinite(second.nominal_hz):
+                self.doubted_hz[second.nominal_hz] += 1
             return
         self.usable += 1
         self.jitter_s = second.jitter_s

@@ -233,10 +233,14 @@ class IdleStage:
         """Nominal grid frequency: the one followed, or one whose flicker would stand still.
 
         The second only once the follower has found nothing that moves: flicker of the other grid
-        leaves in the bins what looks like slow flicker.
+        leaves in the bins what looks like slow flicker. What it followed and doubts moves, too.
         """
-        if np.isfinite(self._pairing.nominal_hz) or not self._pairing.seconds:
-            return self._pairing.nominal_hz
+        pairing = self._pairing
+        if np.isfinite(pairing.nominal_hz) or not pairing.seconds:
+            return pairing.nominal_hz
+        for hz, seconds in pairing.doubted_hz.most_common(1):
+            if 2 * seconds > pairing.seconds:
+                return hz
         still = [hz for hz in self._tried_hz if abs(alias_hz(2.0 * hz, rate_hz)) < STILL_HZ]
         return still[0] if still else float("nan")
 

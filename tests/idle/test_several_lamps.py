@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from rsenf.flicker.phase_tracker import HALF
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import Header, IdleEstimate
 from rsenf.rows.luminance import blocks_from_luminance
@@ -52,3 +53,10 @@ def test_part_of_a_period_fits_any_length() -> None:
     """A fluorescent lamp whose phase turns by 1.3 rad, over rows of 0.4 turns."""
     said, _ = idle_of("interlaced", 40174, "60", 60.0, "continental")
     assert said.verdict == "ambiguous"
+
+
+def test_what_is_followed_and_doubted_is_not_taken_for_the_other_grids() -> None:
+    """Light at 50 Hz; where 60 Hz would stand still, 18 points off once."""
+    said, _ = idle_of("half-wave part", 46208, "30000/1001", 50.0, "continental")
+    assert said.verdict == "no_signal"
+    assert said.reason == HALF
