@@ -68,8 +68,10 @@ class _Departed:
 
     def __call__(self) -> bool:
         times, away = self._peers.departures(self._reader)
+        if away:  # planes written now are lost, too: the departure counts until it is back
+            return True
         before, self._seen = self._seen, times
-        return away or times > before
+        return times > before
 
 
 class Fused:
