@@ -117,6 +117,58 @@ def find_slips(
     return sorted([*found, *((at + k, (-1, 1)[k]) for at in in_place for k in (0, 1))])
 
 
+def leaps(left_rad: Float, covariance: Float, step_rad: Float) -> list[tuple[int, int, Float]]:
+    """Find where a phase leaps by whole steps, of what is left of it beside a smooth course.
+
+    The same ratio of likelihoods, of phases whose errors are correlated: those of bins of light
+    that hardly turns, where a step is less than a frame's own noise. A leap lies within a bin,
+    which shows any part of it.
+
+    Parameters
+    ----------
+    left_rad : ndarray, shape (bins,)
+        Phase less its expected course.
+    covariance : ndarray, shape (bins, bins)
+        Of its errors and of what that course may be off.
+    step_rad : ndarray, shape (bins,)
+        By how much the light's phase turns in a frame period, around each bin.
+
+    Returns
+    -------
+    list of tuple
+        The bin, how many frames are lost in it (negative for those shown again), and by how much
+        they turn the phase of each bin, shape (bins,).
+    """
+    weight = np.linalg.inv(covariance)
+    own = weight.diagonal()
+    after = np.triu(weight, 1).sum(axis=1)  # of each bin with those after it
+    later = np.cumsum(np.cumsum(weight[::-1, ::-1], axis=0), axis=1).diagonal()[::-1]
+    known = np.append(later[1:], 0.0) - after**2 / own  # whatever the bin itself shows
+    known = np.maximum(known, 1e-12)
+    slips = np.array([s for s in range(-MOST, MOST + 1) if s])
+    leap = slips[:, None] * step_rad
+    found: list[tuple[int, int, Float]] = []
+    left_rad, free = left_rad.copy(), np.arange(left_rad.size) > 0
+    while len(found) < MOST_AT_ONCE:
+        pull = weight @ left_rad
+        tail = np.append(np.cumsum(pull[::-1])[::-1][1:], 0.0)
+        told = tail - after * pull / own
+        at = int(np.argmax(told**2 / known * free))  # whatever its size
+        log_ratio = leap[:, at] * told[at] - leap[:, at] ** 2 * known[at] / 2.0
+        which = int(np.argmax(log_ratio))
+        size = float(leap[which, at])
+        off_rad = abs(told[at] / known[at] - size)
+        is_whole = off_rad < OFF_STDS / np.sqrt(known[at]) + OFF_RATIO * abs(size)
+        if log_ratio[which] < LEAST_LOG_RATIO or not is_whole:
+            break
+        turned = np.where(np.arange(left_rad.size) > at, size, 0.0)
+        turned[at] = size * np.clip((pull[at] - after[at] * size) / own[at] / size, 0.0, 1.0)
+        found.append((at, int(slips[which]), turned))
+        left_rad = left_rad - turned
+        free[max(at - 1, 0) : at + 2] = False
+    return sorted(found, key=lambda one: one[0])
+
+
 def _is_usual(size: Float) -> NDArray[np.bool_]:
     return (size > SIZES[0]) & (size < SIZES[1])
 

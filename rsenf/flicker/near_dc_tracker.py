@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import SEARCH_HZ
 from rsenf.flicker.cell_light import Light, cell_means, still_light_of
+from rsenf.flicker.frame_slips import FrameSlip, leaps
 from rsenf.flicker.grid_prior import FREE, MEAN_STD_HZ, NODES_PER_S, phase_prior
 from rsenf.flicker.lines import SURE_LOG_ODDS, alias_hz, usual_log_odds
 from rsenf.flicker.mains import NO_GRID, why_not
@@ -48,6 +49,8 @@ MODEL_STD_HZ = 4e-5
 HOLE_FRAMES = 0.5  # by which time and numbers part from bin to bin where some are missing
 MOST_STRETCHES = 0.2  # over bins: holes are few
 MOST_ALIKE = 0.98  # correlation of neighbouring bins' times
+AROUND_S = 5.0  # on both sides of a bin, over which its frequency is taken
+MEDIAN_SQUARE = 0.455  # median of chi-squared of one degree of freedom
 MISFIT_S, LEAST_MISFIT = 0.5, 3.0  # seconds beside one, and the chi-squared that counts
 # Mean squares of the prior's ten and forty largest directions, beside the free ones, are 1 for a
 # grid.
@@ -138,7 +141,9 @@ class NearDcTracker:
         if isinstance(course, str):
             self.why = course
             return False
-        self._path = _path(found, course, start, level, self._path)
+        firsts = np.ceil(numbers - (frames - 1.0) / 2.0).astype(int).tolist()
+        slips = [(t_s[at], FrameSlip(firsts[at], lost)) for at, lost, _ in course.slips]
+        self._path = _path(found, course, start, level, self._path, slips)
         return True
 
     @property
@@ -161,15 +166,18 @@ class NearDcTracker:
         turned = float(psi[node + NODES_PER_S] - psi[node]) / (2.0 * np.pi)
         bins = at_frames(path.t_s[own] - path.start, psi)
         beyond = np.mean(np.exp(1j * (path.told_rad[own] - bins)))
+        slips = tuple(s for t, s in path.slips if blank.index <= t < blank.index + 1)
         return dataclasses.replace(
             blank,
             usable=True,
             reason="",
+            slips=slips,
             f0_hz=2.0 * self.nominal_hz + turned,
             f0_var_hz2=float(path.second_var_hz2[node]) + MODEL_STD_HZ**2,
             mirror_hz=path.mirror_hz,
             phase_rad=4.0 * np.pi * self.nominal_hz * frame_t_s
-            + at_frames(frame_t_s - path.start, psi),
+            + at_frames(frame_t_s - path.start, psi)
+            + sum((rad * (frame_t_s >= t) for t, rad in path.leaps), np.zeros_like(frame_t_s)),
             amplitude=complex(path.size * np.exp(1j * psi[node + NODES_PER_S // 2]) * beyond),
             amplitude_var=float(path.size**2 * np.mean(path.told_var[own]) / own.sum()),
         )
@@ -233,6 +241,8 @@ class _Path:
     t_s: Float  # of the bins
     told_rad: Float  # what they say by themselves
     told_var: Float
+    slips: list[tuple[float, FrameSlip]]  # and the time of the bin that they are found in
+    leaps: list[tuple[float, float]]  # of the phase: when, and by how much (rad)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -251,6 +261,9 @@ class Course:
     psi_rad : ndarray, shape (nodes,)
     second_var_hz2 : ndarray, shape (nodes − 4,)
         Variance of the mean frequency over the second that begins at each node.
+    slips : list of tuple
+        Bins in which frames are lost, how many, and the turn of all bins, as
+        :func:`rsenf.flicker.frame_slips.leaps` finds them. The phases go on over them.
     """
 
     sign: int
@@ -258,6 +271,7 @@ class Course:
     told_rad: Float
     psi_rad: Float
     second_var_hz2: Float
+    slips: list[tuple[int, int, Float]]
 
 
 def course_of(
@@ -292,9 +306,21 @@ def course_of(
     prior = grid.basis
     seen = np.column_stack([at_frames(t_s - start, direction) for direction in prior.T])
     noise = found.phase_cov + 1e-12 * np.eye(t_s.size)
-    heard = np.linalg.solve(noise, np.column_stack([seen, told - told.mean()]))
-    precision = seen.T @ heard[:, :-1] + np.eye(prior.shape[1])
-    coefficient = np.asarray(np.linalg.solve(precision, seen.T @ heard[:, -1]), np.float64)
+    weighed = np.linalg.solve(noise, seen)
+    precision = seen.T @ weighed + np.eye(prior.shape[1])
+    coefficient = np.linalg.solve(precision, weighed.T @ (told - told.mean()))
+    beside = np.array([[-AROUND_S], [AROUND_S]])
+    ends_s = np.clip(t_s - start + beside, 0.0, end - start)
+    turned = np.diff(at_frames(ends_s, prior @ coefficient), axis=0)[0]
+    off_hz = turned / (2.0 * np.pi * (ends_s[1] - ends_s[0])) + 2.0 * nominal_hz - stands_hz
+    step_rad = 2.0 * np.pi * off_hz / rate_hz  # a frame that is lost unseen turns the light by that
+    left = told - told.mean() - seen @ coefficient
+    spread = max(float(np.median(left**2 / np.diag(noise))) / MEDIAN_SQUARE, 1.0)
+    slips = leaps(told - told.mean(), spread * noise + seen @ seen.T, step_rad)
+    told = told - sum(turned for _, _, turned in slips)
+    coefficient = np.asarray(
+        np.linalg.solve(precision, weighed.T @ (told - told.mean())), np.float64
+    )
     mean_hz, moves = coefficient[1] * MEAN_STD_HZ, coefficient[FREE:] ** 2
     if moves[:10].mean() > MAX_WANDER or moves[:40].mean() > MAX_FAST:
         return NO_GRID
@@ -306,7 +332,8 @@ def course_of(
     variance *= _misfit(t_s - start, told - told.mean() - seen @ coefficient, noise, variance.size)
     variance += (stands_hz / rate_hz * rate_std_hz) ** 2
     mirror_hz = np.nan if is_known else stands_hz
-    return Course(sign, mirror_hz, told, prior @ coefficient + told.mean(), variance)
+    psi = prior @ coefficient + told.mean()
+    return Course(sign, mirror_hz, told, psi, variance, slips)
 
 
 def _may_be_half(found: ZeroAlias) -> bool:
@@ -331,7 +358,12 @@ def _misfit(t_s: Float, left_rad: Float, noise: Float, nodes: int) -> Float:
 
 
 def _path(
-    found: ZeroAlias, course: Course, start: int, level: float, before: _Path | None
+    found: ZeroAlias,
+    course: Course,
+    start: int,
+    level: float,
+    before: _Path | None,
+    slips: list[tuple[float, FrameSlip]],
 ) -> _Path:
     """Phase of the light in a span, which goes on where that of an earlier one ends."""
     turn, psi = 0.0, course.psi_rad
@@ -349,6 +381,8 @@ def _path(
         t_s=found.t_s,
         told_rad=course.told_rad + turn,
         told_var=np.diag(found.phase_cov),
+        slips=slips,
+        leaps=[(float(found.t_s[at]), float(turned[-1])) for at, _, turned in course.slips],
     )
 
 

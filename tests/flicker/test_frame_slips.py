@@ -14,6 +14,7 @@ from rsenf.flicker.frame_slips import (
     find_slips,
     frames_of_step,
     late_s,
+    leaps,
     slip_words,
 )
 from tests.discrepancy.foreign_camera import Case, trial
@@ -163,3 +164,34 @@ def test_whole_clips_have_none(kind: str) -> None:
         clip = follow(case)
         assert not clip.slips, (rate, seed)
         assert not clip.converted, (rate, seed)
+
+
+@pytest.mark.parametrize(
+    ("kind", "rate", "grid", "seed"),
+    [
+        ("frames lost", "30000/1001", "continental", 46193),
+        ("frames lost", "60000/1001", "rough", 46268),
+        ("frames lost", "30.01", "continental", 46218),
+        ("frames inserted", "30.01", "continental", 46094),
+    ],
+)
+def test_where_light_hardly_turns(kind: str, rate: str, grid: str, seed: int) -> None:
+    """A step of 0.01 to 0.06 rad, which was a second 11 to 14 standard errors off."""
+    made = follow(trial(kind, seed, rate=rate, nominal_hz=60.0, grid=grid))
+    ((frame, count),), ((true_frame, true_count),) = made.slips, made.true_slips
+    assert count == true_count
+    assert abs(frame - true_frame) < 16  # of a bin of a quarter of a second
+    assert np.abs(made.z).max() < 5.0
+
+
+def test_leaps_of_another_size_are_none() -> None:
+    rng = np.random.default_rng(3)
+    bins, step = 200, np.full(200, 0.02)
+    covariance = 1e-6 * np.eye(bins) + 1e-4  # noise, and an unknown level
+    still = 1e-3 * rng.standard_normal(bins)
+    after = np.arange(bins) > 120
+    assert leaps(still, covariance, step) == []
+    assert leaps(still + 0.03 * after, covariance, step) == []
+    ((at, lost, turned),) = leaps(still - 0.04 * after, covariance, step)
+    assert (at, lost) in ((120, -2), (121, -2))
+    assert turned[-1] == pytest.approx(-0.04)
