@@ -26,7 +26,8 @@ LEAST_SNR, MOST_STD = 10.0, 0.15
 CLEARLY_EXPLAINED, CLEAR_STD = 0.87, 0.03
 # A codec keeps the flicker of some blocks back, but hardly changes its phase: 0.86 to 0.98 of what
 # turns in films at 50 to 150 kb/s. So does a pattern that moves down, which never moves as a grid.
-LEAST_IN_PHASE = 0.8
+# No codec leaves light so patchy so far above the noise as in raw pictures of a monitor: 2300 at most.
+LEAST_IN_PHASE, MOST_PATCHY_SNR = 0.8, 1e4
 BEYOND_FRAME, TURNS_STD = 1.02, 0.1  # read-out over a frame's time; of turns
 # Alias of a nominal, about which all that moves slowly is; and near half the frame rate all that
 # alternates from frame to frame, such as what an encoder does.
@@ -123,7 +124,8 @@ def why_not_light(light: Light, most_turns: float, wander: Wander) -> str:
     least = CLEARLY_EXPLAINED if light.is_brief or is_calm else LEAST_EXPLAINED
     least = USUALLY_EXPLAINED if wander.is_steady else least
     is_patchy = light.explained + light.explained_std < least
-    if light.is_added or (is_patchy and light.in_phase < LEAST_IN_PHASE):
+    is_coded = light.in_phase > LEAST_IN_PHASE and light.snr < MOST_PATCHY_SNR
+    if light.is_added or (is_patchy and not is_coded):
         return PATTERN
     if abs(light.turns) > BEYOND_FRAME * most_turns + TURNS_STD:
         return TOO_LONG

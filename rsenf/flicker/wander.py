@@ -20,8 +20,9 @@ MOVES = 0.05  # on average: what is seen to move
 # Chi-squared is more than that, a sum of 1 to 4 of them, in 4e-8 of all grids.
 MAX_WANDER = (0.0, 30.2, 34.1, 37.3, 40.1)
 KNOWN_VAR = 0.05  # variance of a direction that is known
-# Known so well, it moves as a grid's: in so many directions, and so many squares of its own error.
-SURE_KNOWN, SURE_SQUARES = 2, 30.0
+# What surely moves as a grid's: in so many directions, by so much on average, and by so many squares
+# of its own error. A quartz beside a lamp moved by 0.13.
+SURE_KNOWN, SURE_MOVES, SURE_SQUARES = 2, 0.25, 30.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,8 +56,8 @@ class Wander:
     @property
     def is_grids(self) -> bool:
         """Whether it surely moves, and as a grid's does."""
-        is_sure = self.known >= SURE_KNOWN and self.squared_z > SURE_SQUARES
-        return is_sure and self.is_seen and not self.is_restless
+        moves = self.known >= SURE_KNOWN and self.squares > SURE_MOVES * self.known
+        return moves and self.squared_z > SURE_SQUARES and not self.is_restless
 
     @property
     def is_restless(self) -> bool:

@@ -117,11 +117,14 @@ class SeamWatch:
         self._seconds += 1
         self._off_hz[0] += second.f0_hz - nominal_hz
         self._off_hz[1] += second.f0_hz * other - nominal_hz
-        slips = [slip.frame_number for slip in second.slips if _is_seam(slip, second, other)]
+        slips, ahead = (
+            [slip.frame_number for slip in found if _is_seam(slip, second, other)]
+            for found in (second.slips, second.slips_ahead)
+        )
         self._is_told = _tells_slips(second)
         if second.doubled is not None and other < 1.0:
             slips += second.doubled  # none where every other frame of twice the rate is shown
-        self._slips += slips
+        self._slips += slips + ahead
         if second.doubled and other > 1.0:  # a picture shown twice isn't a frame lost
             self._slips = [s for s in self._slips if min(abs(s - d) for d in second.doubled) > 1]
         after = int((second.frame_number >= max(slips, default=-1)).sum())
