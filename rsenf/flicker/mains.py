@@ -26,7 +26,7 @@ LEAST_SNR, MOST_STD = 10.0, 0.15
 CLEARLY_EXPLAINED, CLEAR_STD = 0.87, 0.03
 # A codec keeps the flicker of some blocks back, but hardly changes its phase: 0.86 to 0.98 of what
 # turns in films at 50 to 150 kb/s. So does a pattern that moves down, which never moves as a grid.
-# No codec leaves light so patchy so far above the noise as in raw pictures of a monitor: 2300 at most.
+# No codec leaves patchy light so far above the noise, 2300 at most, as raw pictures of monitors do.
 LEAST_IN_PHASE, MOST_PATCHY_SNR = 0.8, 1e4
 BEYOND_FRAME, TURNS_STD = 1.02, 0.1  # read-out over a frame's time; of turns
 # Alias of a nominal, about which all that moves slowly is; and near half the frame rate all that

@@ -129,13 +129,13 @@ def test_real_dashes_on_a_road_are_no_light(measured_data: Path) -> None:
         assert found.idle.verdict != "estimated"
 
 
-def light(level: np.ndarray, tone: np.ndarray) -> cell_light.Light:
+def light(level: np.ndarray, tone: np.ndarray, noise: float = 0.02) -> cell_light.Light:
     """What cells of 20 s at 30 frames/s show that turn at 10 Hz, with a little noise."""
     rng = np.random.default_rng(1)
     t_s = np.arange(600) / 30.0
     phase = 2.0 * np.pi * 10.0 * t_s
     seen = level + (tone * np.exp(1j * phase)[:, None, None]).real
-    seen = seen + 0.02 * rng.standard_normal(seen.shape)
+    seen = seen + noise * rng.standard_normal(seen.shape)
     return cell_light.light_of(seen.reshape(600, -1), t_s, phase, level.shape[0], 3.3)
 
 
@@ -209,7 +209,7 @@ def test_what_an_exposure_leaves_goes_as_the_grids_deviation() -> None:
 def test_light_that_hardly_moves_has_to_be_clearer() -> None:
     rng = np.random.default_rng(1)
     level = 80.0 * np.exp(rng.uniform(-0.7, 0.7, (24, 4)))
-    lamp = light(level, 0.01 * level)
+    lamp = light(level, 0.01 * level, noise=0.5)
     unclear = dataclasses.replace(lamp, explained=0.82, explained_std=0.001, added=0.82)
     moves, rests = (wander.Wander(known=4, squares=squares) for squares in (6.0, 1.0))
     assert not mains.why_not_light(unclear, 3.3, moves)
@@ -222,7 +222,7 @@ def test_light_of_which_a_codec_keeps_blocks_back_has_to_move_as_a_grids() -> No
     level = 80.0 * np.exp(rng.uniform(-0.7, 0.7, (24, 4)))
     ramp = np.exp(2j * np.pi * 2.3 * (np.arange(24) + 0.5) / 24)[:, None]
     kept = rng.uniform(size=level.shape) < 0.3
-    patchy = light(level, 0.02 * level * ramp * kept)
+    patchy = light(level, 0.02 * level * ramp * kept, noise=0.5)
     assert patchy.explained < 0.6
     assert patchy.in_phase > 0.95
     moves = wander.Wander(known=3, squares=3.0, squared_z=100.0)
@@ -231,6 +231,8 @@ def test_light_of_which_a_codec_keeps_blocks_back_has_to_move_as_a_grids() -> No
         dataclasses.replace(moves, squares=0.01),
     )
     assert not mains.why_not_light(patchy, 3.3, moves)
+    clear = light(level, 0.02 * level * ramp * kept)  # as no codec's
+    assert mains.why_not_light(clear, 3.3, moves) == mains.PATTERN
     assert mains.why_not_light(patchy, 3.3, unsure) == mains.PATCHY
     assert mains.why_not_light(patchy, 3.3, rests) != ""
     textures = light(level, 0.02 * level * ramp * np.exp(2j * np.pi * rng.uniform(size=(24, 4))))
