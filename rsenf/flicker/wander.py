@@ -20,8 +20,8 @@ MOVES = 0.05  # on average: what is seen to move
 # Chi-squared is more than that, a sum of 1 to 4 of them, in 4e-8 of all grids.
 MAX_WANDER = (0.0, 30.2, 34.1, 37.3, 40.1)
 KNOWN_VAR = 0.05  # variance of a direction that is known
-# What surely moves as a grid does: in so many directions, so much on average, and so many squares of
-# its own error. A quartz beside a lamp moved by 0.13 each.
+# What surely moves as a grid does: in so many directions, so much on average, and with so large a
+# sum of squares of its own error. A quartz beside a lamp moved by 0.13 on average.
 SURE_KNOWN, SURE_MOVES, SURE_SQUARES = 2, 0.25, 30.0
 
 
