@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.bus.keys import is_name
 from rsenf.errors import NodeFailed, SchemaMismatch
 
 _MAGIC = 0x52534E4652494E47  # 'RSNFRING'
@@ -158,13 +159,20 @@ class RingReader(_Ring):
 
     def __init__(self, name: str) -> None:
         path = ring_directory() / Path(name).name
+        refused = SchemaMismatch(f"{name!r} is not a frame ring of version {_VERSION}")
+        if not (is_name(name) and (path.is_file() or not path.exists())):
+            raise refused
         with path.open("rb+") as file:
-            memory = mmap.mmap(file.fileno(), 0)
+            size = os.fstat(file.fileno()).st_size
+            if size < 8 * _HEAD:
+                raise refused
+            memory = mmap.mmap(file.fileno(), size)
         magic, version, slots, slot_bytes, lossless = np.frombuffer(
             memory, np.int64, _HEAD
         ).tolist()
-        if (magic, version) != (_MAGIC, _VERSION):
-            raise SchemaMismatch(f"{name} is not a frame ring of version {_VERSION}")
+        fits = min(slots, slot_bytes) > 0 and size == 8 * (_HEAD + 2 * slots) + slots * slot_bytes
+        if (magic, version) != (_MAGIC, _VERSION) or not fits:
+            raise refused
         super().__init__(path, memory, slots, slot_bytes)
         self.lossless = bool(lossless)
 

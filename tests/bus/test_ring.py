@@ -177,14 +177,30 @@ def test_no_room_is_one_clear_error_and_leaves_nothing(monkeypatch: pytest.Monke
     assert "ring_slots" in caught.value.hint
 
 
-def test_a_file_that_is_no_ring_is_refused() -> None:
+@pytest.mark.parametrize("content", [b"", b"abc", bytes(4096)])
+def test_a_file_that_is_no_ring_is_refused(content: bytes) -> None:
     path = ring_directory() / name()
-    path.write_bytes(bytes(4096))
+    path.write_bytes(content)
     with pytest.raises(SchemaMismatch, match="not a frame ring"):
         RingReader(name())
     path.unlink()
     with pytest.raises(FileNotFoundError):
-        RingReader(f"../{ring_directory().name}/{name()}/../../etc/passwd")
+        RingReader(name())
+
+
+@pytest.mark.parametrize("forged", ["", ".", "..", "../../etc/passwd", "/etc/passwd"])
+def test_what_names_no_ring_is_refused(forged: str) -> None:
+    with pytest.raises(SchemaMismatch, match="not a frame ring"):
+        RingReader(forged)
+
+
+def test_a_ring_shorter_than_it_says_is_refused() -> None:
+    writer = RingWriter(name(), 2, 16, lossless=True)
+    with writer.path.open("rb+") as file:
+        file.truncate(8 * 9 + 16)
+    with pytest.raises(SchemaMismatch, match="not a frame ring"):
+        RingReader(name())
+    writer.close()
 
 
 WRITER = """
