@@ -12,8 +12,10 @@ segment when *any* process that attached to it ends (bpo-38119).
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import mmap
 import os
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -33,12 +35,31 @@ _POLL_S = 0.001
 # Frames of a network camera come in bursts. A live writer gives its reader this long for each:
 # little enough for 100 frames a second, whatever the reader does.
 LIVE_PATIENCE_S = 0.01
+PREFIX = "rsenf-"  # of the names of a graph's rings
+YOUNG_S = 10.0  # a ring may be without its writer's lock for a moment at first
 
 
 def ring_directory() -> Path:
     """Where rings live: memory where there is some, else the temporary files."""
     shm = Path("/dev/shm")
     return shm if os.access(shm, os.W_OK) else Path(tempfile.gettempdir())
+
+
+def remove_abandoned() -> int:
+    """Remove rings whose writer was killed; return how many.
+
+    A writer holds a shared lock on its ring as long as it lives, which the kernel lets go.
+    """
+    removed = 0
+    for path in ring_directory().glob(f"{PREFIX}*"):
+        with contextlib.suppress(OSError), path.open("rb") as file:
+            is_young = time.time() - os.fstat(file.fileno()).st_mtime < YOUNG_S
+            if is_young or file.read(8) != _MAGIC.to_bytes(8, sys.byteorder):
+                continue
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            path.unlink()
+            removed += 1
+    return removed
 
 
 class _Ring:
@@ -135,6 +156,7 @@ def _reserve(path: Path, size: int) -> mmap.mmap:
     file = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600)
     try:
         os.posix_fallocate(file, 0, size)
+        fcntl.flock(file, fcntl.LOCK_SH)  # kept by the map, which holds the file open
         return mmap.mmap(file, size)
     except OSError as exc:
         path.unlink()

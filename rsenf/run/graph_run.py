@@ -17,7 +17,7 @@ from rsenf.bus.bus import Bus, Publisher
 from rsenf.bus.delivery import HEALTH, LOOKING
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import camera_key, health_key, node_of, source_of, topic_of, word_key
-from rsenf.bus.ring import ring_directory
+from rsenf.bus.ring import PREFIX, ring_directory
 from rsenf.config import Graph
 from rsenf.errors import EXIT_USAGE, NodeFailed
 from rsenf.messages import (
@@ -203,7 +203,7 @@ class GraphRun:
         self._remove_rings(self.run_id)
 
     def _remove_rings(self, of: str) -> None:
-        for ring in ring_directory().glob(f"rsenf-{of}-*"):
+        for ring in ring_directory().glob(f"{PREFIX}{of}-*"):
             ring.unlink(missing_ok=True)
 
     @property

@@ -7,6 +7,7 @@ from typing import Protocol
 
 from rsenf.bus.bus import Publisher
 from rsenf.bus.frames import FrameSender
+from rsenf.bus.ring import PREFIX, remove_abandoned
 from rsenf.config.graph import reader_of_frames
 from rsenf.messages import Frame, Header, Mark
 from rsenf.run.node import NodeProcess
@@ -54,7 +55,8 @@ def open_frames(
     reader = reader_of_frames(node.graph, camera)
     if ring and not reader:
         return _Unread(frames, ahead=ahead)
-    name = f"rsenf-{node.run_id}-{camera}" if ring else ""
+    name = f"{PREFIX}{node.run_id}-{camera}" if ring else ""
+    remove_abandoned()
     departed = _Departed(node.peers, reader)
     return FrameSender(frames, name, slots, departed, ahead=ahead)
 

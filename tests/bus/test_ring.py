@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rsenf.bus import ring as ring_module
-from rsenf.bus.ring import RingReader, RingWriter, ring_directory
+from rsenf.bus.ring import PREFIX, RingReader, RingWriter, remove_abandoned, ring_directory
 from rsenf.errors import NodeFailed, SchemaMismatch
 
 
@@ -210,6 +210,29 @@ writer = RingWriter(sys.argv[1], 2, 35, lossless=True)
 print(*writer.write(np.full((5, 7), 42, np.uint8), lambda: False), flush=True)
 sys.stdin.read()
 """
+
+
+def test_rings_of_killed_writers_are_removed_and_no_others() -> None:
+    alive, dead = (f"{PREFIX}test-{os.getpid()}-{k}" for k in range(2))
+    writer = RingWriter(alive, 2, 35, lossless=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", WRITER, dead], stdout=subprocess.PIPE, stdin=subprocess.PIPE
+    )
+    assert process.stdout is not None
+    process.stdout.readline()
+    stranger = ring_directory() / f"{PREFIX}test-{os.getpid()}-stranger"
+    stranger.write_bytes(b"somebody's own")
+    rings = [ring_directory() / name for name in (alive, dead)]
+    for path in (*rings, stranger):
+        os.utime(path, (0, 0))
+    remove_abandoned()
+    assert [path.exists() for path in (*rings, stranger)] == [True, True, True]
+    process.kill()
+    process.communicate()
+    remove_abandoned()
+    assert [path.exists() for path in (*rings, stranger)] == [True, False, True]
+    stranger.unlink()
+    writer.close()
 
 
 def test_killed_writer_leaves_planes_readable_and_a_ring_that_can_be_removed() -> None:
