@@ -1,14 +1,49 @@
-"""A file, or a folder, appears under its name whole, or not at all."""
+"""A file, or a folder, appears under its name whole, or not at all; NumPy archives are read so."""
 
 from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+import zipfile
+import zlib
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tokenize import TokenError
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from rsenf.errors import RecordingError
+
+# Archives of measured values shrink to a fifth at best, those of zeros to a thousandth.
+MOST_BYTES, MOST_TIMES = 2**30, 50
+# What NumPy and the ZIP reader raise, between them, of files that aren't whole.
+_NOT_READABLE = (
+    OSError, ValueError, KeyError, EOFError, RuntimeError, MemoryError, SyntaxError,
+    TokenError, zlib.error, zipfile.BadZipFile,
+)  # fmt: skip
+
+
+def read_arrays(path: Path, names: Collection[str] = ()) -> dict[str, NDArray[Any]]:
+    """Read the arrays of an ``.npz`` file: all, or those of some names.
+
+    Raises
+    ------
+    ValueError
+        When it can't be read, or would unpack to far more than it holds. The message says which.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            unpacked = sum(part.file_size for part in archive.infolist())
+        most = max(MOST_BYTES, MOST_TIMES * path.stat().st_size)
+        if unpacked <= most:
+            with np.load(path, allow_pickle=False) as held:
+                return {name: held[name] for name in held.files if not names or name in names}
+    except _NOT_READABLE as exc:
+        raise ValueError("is no .npz file that can be read") from exc
+    raise ValueError(f"would unpack to {unpacked / 2**30:.1f} GiB from {path.stat().st_size} bytes")
 
 
 @contextmanager

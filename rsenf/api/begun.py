@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import shutil
-import zipfile
 from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 
 from rsenf import __version__
 from rsenf.errors import InputError, RecordingError
-from rsenf.whole_file import whole_file
+from rsenf.whole_file import read_arrays, whole_file
 
 FORMAT = 1  # another when the answers to the same question change
 Arrays = dict[str, NDArray[np.generic]]
@@ -55,10 +54,9 @@ class Begun:
         of = f"{FORMAT} {__version__} {version('av')} {self.of} ".encode()
         path = self.folder / f"{hashlib.sha256(of + what).hexdigest()[:24]}.npz"
         try:
-            with np.load(path, allow_pickle=False) as held:
-                arrays = dict(held)
+            arrays = read_arrays(path)
             self.found = True
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+        except ValueError:
             arrays = make()
             with contextlib.suppress(OSError, RecordingError):  # no room: then it isn't kept
                 self.folder.mkdir(parents=True, exist_ok=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from pathlib import Path
@@ -12,6 +13,8 @@ import yaml
 from rsenf.errors import ConfigError, UsageError
 
 KeyPath = tuple[str | int, ...]
+# No graph is nearly as long, or has nearly as many values once all aliases are followed.
+MOST_CHARACTERS, MOST_VALUES = 1_000_000, 100_000
 
 _VARIABLE = re.compile(r"\$\{([A-Za-z_][A-Za-z0-9_]*)(?::-([^}]*))?\}")
 
@@ -50,7 +53,7 @@ class YamlText:
         self._loader = yaml.SafeLoader("")
         try:
             text = path.read_text(encoding="utf-8")
-            root = yaml.compose(text, Loader=yaml.SafeLoader)
+            root = compose(text)
             self.data: Any = self._value(root, ()) if root is not None else None
         except FileNotFoundError as exc:
             raise UsageError(f"no such file: {path}") from exc
@@ -116,6 +119,35 @@ class YamlText:
             self.problems[at] = f"environment variable {name} is not set"
             return ""
         return value
+
+
+def compose(text: str) -> yaml.Node | None:
+    """Parse YAML of a size that can be meant; None when it is empty.
+
+    Raises
+    ------
+    yaml.YAMLError
+        When it is no YAML, or too large.
+    RecursionError
+        When it is nested too deeply.
+    """
+    if len(text) > MOST_CHARACTERS:
+        raise yaml.YAMLError(f"{len(text)} characters, at most {MOST_CHARACTERS} are read")
+    root: yaml.Node | None = yaml.compose(text, Loader=yaml.SafeLoader)
+    if root is not None and _values(root, {}) > MOST_VALUES:
+        raise yaml.YAMLError(f"more than {MOST_VALUES} values, by aliases of aliases")
+    return root
+
+
+def _values(node: yaml.Node, known: dict[int, float]) -> float:
+    """How many values a node has with all that its aliases stand for."""
+    if id(node) not in known:
+        known[id(node)] = math.inf  # of a node that holds itself
+        children = node.value if isinstance(node, yaml.CollectionNode) else []
+        if isinstance(node, yaml.MappingNode):
+            children = [child for pair in node.value for child in pair]
+        known[id(node)] = 1.0 + sum(_values(child, known) for child in children)
+    return known[id(node)]
 
 
 def _syntax_error(exc: yaml.MarkedYAMLError, text: str) -> str:

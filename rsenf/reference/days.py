@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from rsenf.messages.schema import FloatArray, Int64Array
 from rsenf.reference.local_time import to_utc
 from rsenf.reference.notes import Notes
 from rsenf.timebase import NO_ZONE, nanoseconds
+from rsenf.whole_file import read_arrays
 
 DAY_S = 86400
 
@@ -87,12 +87,9 @@ def read_days(path: Path, timezone: str | None, step_s: float | None, notes: Not
 
 def _load(path: Path) -> dict[str, NDArray[Any]]:
     try:
-        with np.load(path, allow_pickle=False) as held:
-            return {name: held[name] for name in held.files}
-    except (ValueError, OSError, zipfile.BadZipFile, EOFError):
-        raise ReferenceFormatError(
-            f"{path.name} is no NumPy archive that can be read", "fetch or copy it again"
-        ) from None
+        return read_arrays(path)
+    except ValueError as exc:
+        raise ReferenceFormatError(f"{path.name} {exc}", "fetch or copy it again") from None
 
 
 def _midnights(

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from rsenf.bus.keys import REFERENCE, TOPICS, topic_key
 from rsenf.config import Graph
 from rsenf.config.node_kind import NodeKind
+from rsenf.config.yaml_lines import compose
 from rsenf.errors import InputError, UsageError
 from rsenf.record import Recording
 from rsenf.record.growing import ABOUT
@@ -64,8 +65,9 @@ def recorded_graph(recording: Recording) -> Graph:
             "record with a 'record' node in the graph, which writes them down",
         )
     try:
+        compose(text)
         return Graph.model_validate(yaml.safe_load(text))
-    except yaml.YAMLError as exc:
+    except (yaml.YAMLError, RecursionError) as exc:
         raise InputError(f"{recording.path}: its graph is not YAML") from exc
     except ValidationError as exc:
         first = exc.errors()[0]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,23 +13,13 @@ from rsenf.errors import InputError
 from rsenf.messages import Header, RateBasis, RowBlock
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.run.inputs import Input, timed
+from rsenf.whole_file import read_arrays
 
 ARRAYS = "arrays"  # what a recording without a file is called
 _NAMES = ("rows", "frame_time_s", "luminance", "frame_rate_hz")
 _NEEDED = (
     "needed: 'rows' (frames × rows, or frames × rows × strips) or 'luminance' (frames), "
     "with 'frame_rate_hz', or rows with 'frame_time_s' (frames)"
-)
-# What NumPy and the ZIP reader raise, between them, of files that aren't whole.
-_NOT_READABLE = (
-    OSError,
-    ValueError,
-    KeyError,
-    EOFError,
-    RuntimeError,
-    MemoryError,
-    zlib.error,
-    zipfile.BadZipFile,
 )
 
 
@@ -78,10 +66,9 @@ def read_npz(path: Path, source: str, frame_rate_hz: float | None = None) -> Lum
         When the file can't be read, or its arrays don't fit each other.
     """
     try:
-        with np.load(path, allow_pickle=False) as arrays:
-            held = {name: arrays[name] for name in arrays.files if name in _NAMES}
-    except _NOT_READABLE as exc:
-        raise InputError(f"{path} is no .npz file that can be read", "write it again") from exc
+        held = read_arrays(path, _NAMES)
+    except ValueError as exc:
+        raise InputError(f"{path} {exc}", "write it again") from exc
     basis = RateBasis.STAMPED if {"rows", "frame_time_s"} <= held.keys() else RateBasis.DECLARED
     if frame_rate_hz is not None:
         if basis is RateBasis.STAMPED:

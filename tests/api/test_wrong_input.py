@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,20 @@ import pytest
 import rsenf
 from rsenf.errors import RsenfError
 from rsenf.track import TrackSettings
+
+
+def bomb(path: Path) -> Path:
+    """Write an archive of a few megabytes that unpacks to gigabytes."""
+    header = {"descr": "<f8", "fortran_order": False, "shape": (2**27 + 2**20, 1)}
+    with (
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("rows.npy", "w", force_zip64=True) as part,
+    ):
+        np.lib.format.write_array_header_1_0(part, header)
+        for _ in range(1040):
+            part.write(bytes(2**20))
+    return path
+
 
 ROWS, TIME_S = np.full((90, 12), 100.0), np.arange(90) / 30.0
 GRID_HZ = np.full(600, 50.01)
@@ -88,3 +103,11 @@ def test_one_line(call: Callable[[], Any], said: str) -> None:
         call()
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_an_archive_that_unpacks_to_gigabytes_is_not_read(tmp_path: Path) -> None:
+    path = bomb(tmp_path / "bomb.npz")
+    with pytest.raises(RsenfError, match=r"would unpack to 1\.0 GiB from \d+ bytes"):
+        rsenf.track(path)
+    with pytest.raises(RsenfError, match="would unpack"):
+        rsenf.verify(ROWS, path, frame_rate_hz=30.0)

@@ -260,7 +260,14 @@ def test_on_a_bus_of_others_inputs_may_come_from_elsewhere(
         ("a: {b: ${C}}\n", "within { } put ${…} in quotes"),
         ("a: 1\n---\nb: 2\n", "2: not YAML"),
         ("a: \x00\n", "1: not YAML"),
-        ("a: &a [*a]\n", "1: nested without end"),
+        ("a: &a [*a]\n", "by aliases of aliases"),
+        (
+            "a0: &a0 [x]\n"
+            + "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 9)),
+            "1: not YAML: more than 100000 values",
+        ),
+        ("a: " + 1_000_001 * "x", "1: not YAML: 1000004 characters"),
+        ("a: " + 3000 * "[" + 3000 * "]", "1: nested without end"),
         ("site: 2026-99-99\n", "1: '2026-99-99' can't be read as timestamp"),
         ("site: !!int abc\n", "1: 'abc' can't be read as int"),
         ("site: !python/name:os.system x\n", "1: 'x' can't be read as"),
