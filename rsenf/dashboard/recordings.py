@@ -33,11 +33,13 @@ def files_about(archive: Path, raised: Raised) -> list[dict[str, Any]]:
 
 
 def file_named(archive: Path, name: str) -> Path | None:
-    """Return the file of the archive that a page names; None for anything else."""
-    return next(
-        (f.path for f in archived_files(archive) if f.path.relative_to(archive).as_posix() == name),
-        None,
-    )
+    """Return the file of the archive that a page names; None for anything else.
+
+    A link that leads out of the archive is none of its files.
+    """
+    paths = (file.path for file in archived_files(archive))
+    path = next((path for path in paths if path.relative_to(archive).as_posix() == name), None)
+    return path if path and path.resolve().is_relative_to(archive.resolve()) else None
 
 
 def _covering(files: list[ArchivedFile], raised: Raised) -> list[ArchivedFile]:

@@ -36,11 +36,12 @@ def parquet_columns(
             frequency, time = _find(fields, path.name, column, time_column)
             wanted = [f.name for f in (frequency, time) if f is not None]
             for batch in file.iter_batches(BATCH_ROWS, columns=wanted, use_threads=False):
+                batch.validate(full=True)
                 if batch.num_rows:
                     times = None if time is None else batch.column(time.name)
                     time_name = "" if time is None else time.name
                     yield Columns(batch.column(frequency.name), times, frequency.name, time_name)
-    except pa.ArrowException as exc:
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as exc:
         reason = str(exc).splitlines()[0].rstrip(". ")
         raise ReferenceFormatError(
             f"{path.name} is no Parquet file that can be read: {reason}", "fetch or copy it again"

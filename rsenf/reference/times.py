@@ -174,7 +174,12 @@ def _from_stamps(cells: pa.Array) -> tuple[NDArray[np.datetime64], FloatArray]:
     import pyarrow as pa
 
     zoned = getattr(cells.type, "tz", None) is not None
-    local = cells.cast(pa.timestamp("ns")).to_numpy(zero_copy_only=False)
+    try:
+        local = cells.cast(pa.timestamp("ns")).to_numpy(zero_copy_only=False)
+    except pa.ArrowInvalid:
+        raise ReferenceFormatError(
+            "times lie outside the years 1677 to 2262", "is the unit of the time column right?"
+        ) from None
     return local, np.full(len(cells), 0.0 if zoned else np.nan)
 
 

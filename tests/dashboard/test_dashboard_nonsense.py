@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,14 @@ import pytest
 from messages_of import START_NS, Camera, grid_hz, reference
 
 from rsenf.bus.keys import TOPICS
+from rsenf.dashboard.recordings import file_named
 from rsenf.dashboard.session import Session
 from rsenf.dashboard.site import Site
 from rsenf.dashboard.wiring import Wiring
 from rsenf.messages import Header, decode, encode
 from rsenf.messages.schema import field_specs
+from rsenf.record.archive.layout import Camera as ArchivedCamera
+from rsenf.record.archive.layout import new_path
 
 DOOR = "house/door"
 INTEGERS = (0, 1, -1, START_NS, -(2**63), 2**63 - 1)
@@ -65,3 +69,20 @@ def test_extreme_numbers_leave_the_page_standing(integer, float_):
     feed = site.feed(DOOR)
     assert feed is not None
     assert 0.1 < feed.strip.rms_level < 10
+
+
+def test_a_link_out_of_the_archive_is_not_served(tmp_path: Path) -> None:
+    archive, secret = tmp_path / "archive", tmp_path / "secret.mcap"
+    secret.write_bytes(b"secret")
+    path = new_path(archive, ArchivedCamera("house", "door"), START_NS)
+    path.write_bytes(b"own")
+    name = path.relative_to(archive).as_posix()
+    assert file_named(archive, name) == path
+    path.unlink()
+    path.symlink_to(secret)
+    assert file_named(archive, name) is None
+    linked = tmp_path / "linked"
+    linked.symlink_to(archive)  # the folder itself may be one
+    path.unlink()
+    path.write_bytes(b"own")
+    assert file_named(linked, name) == linked / name

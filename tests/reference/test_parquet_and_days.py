@@ -9,7 +9,7 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from rsenf.errors import ReferenceFormatError
+from rsenf.errors import ReferenceFormatError, RsenfError
 from rsenf.reference import read_reference
 from tests.reference.reference_files import T0, T0_NS, stamps, values
 
@@ -142,3 +142,29 @@ def test_what_is_no_archive(tmp_path):
     path.write_bytes(b"PK and no more")
     with pytest.raises(ReferenceFormatError, match=r"is no \.npz file"):
         read_reference(path)
+
+
+@pytest.mark.parametrize("text", [True, False])
+def test_damaged_parquet_is_read_or_refused(tmp_path, text):
+    rng = np.random.default_rng(5)
+    freq = pa.array(50.0 + 0.01 * rng.standard_normal(400))
+    times = pa.array((10**9 * np.arange(400) + 17 * 10**17).astype("datetime64[ns]"))
+    columns = {"time": times, "freq_hz": freq.cast(pa.string()) if text else freq}
+    whole = written(tmp_path, **columns).read_bytes()
+    path, refused = tmp_path / "damaged.parquet", 0
+    for _ in range(200):
+        damaged = bytearray(whole)
+        for at in rng.integers(0, len(whole), int(rng.choice([1, 2, 8]))):
+            damaged[at] = rng.integers(256)
+        path.write_bytes(damaged)
+        try:
+            read_reference(path)
+        except RsenfError:
+            refused += 1
+    assert 20 < refused < 200
+
+
+def test_times_beyond_nanoseconds(tmp_path):
+    years = pa.array([10**13, 10**13 + 1, 10**13 + 2], pa.timestamp("s"))
+    with pytest.raises(ReferenceFormatError, match="years 1677 to 2262"):
+        read_reference(written(tmp_path, time=years, freq_hz=[50.0, 50.0, 50.0]))
