@@ -11,8 +11,10 @@ import pytest
 from rsenf.flicker import cell_light, mains, wander
 from rsenf.flicker.grid_prior import phase_prior
 from rsenf.flicker.mains import is_faint
+from tests.discrepancy.foreign_camera.trials import trial
 from tests.flicker import no_mains, weak_lamps
 from tests.flicker.claims import Claims, claims
+from tests.flicker.foreign_rows import follow
 
 
 @pytest.mark.parametrize(
@@ -237,3 +239,9 @@ def test_light_of_which_a_codec_keeps_blocks_back_has_to_move_as_a_grids() -> No
     assert mains.why_not_light(patchy, 3.3, rests) != ""
     textures = light(level, 0.02 * level * ramp * np.exp(2j * np.pi * rng.uniform(size=(24, 4))))
     assert mains.why_not_light(textures, 3.3, moves) == mains.PATTERN
+
+
+def test_a_monitor_that_a_lamp_makes_sway_is_no_grids_light() -> None:
+    """A monitor at 49.9994 Hz beside a lamp at 60 Hz, at 60 frames/s: 10 Hz off once."""
+    made = follow(trial("monitor beside", 50236, rate="60", nominal_hz=60.0, grid="rough"))
+    assert np.abs(made.off_hz).max(initial=0.0) < 0.05
