@@ -1,4 +1,4 @@
-"""``python -m rsenf_nodes --graph GRAPH.yaml --node NAME``: one node of a graph, of any kind."""
+"""``python -m rsenf_nodes --graph GRAPH.yaml --node NAME``: run one node of a graph."""
 
 from rsenf.run.node import run_node
 

@@ -30,7 +30,7 @@ class DashboardNode(NodeKind):
     )
 
     def problems(self, graph: Graph) -> Iterator[Problem]:
-        """Yield key expressions that are none."""
+        """Yield invalid key expressions."""
         return bad_key_expressions(("topics", key_expr) for key_expr in self.topics)
 
     def body(self, node: NodeProcess) -> None:

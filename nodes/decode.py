@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rsenf.run.node import NodeProcess
     from rsenf.run.outlets import Outlet
 
-# Told apart by their form, so that a problem in one isn't reported as two.
+# Discriminated by type, so that a mistake isn't reported for both alternatives.
 Source = Annotated[
     Annotated[str, Tag("path")] | Annotated[SimulatedInput, Tag("simulated")],
     Discriminator(lambda read: "simulated" if isinstance(read, dict | BaseModel) else "path"),
@@ -71,22 +71,22 @@ class DecodeNode(NodeKind):
         return (self.camera,)
 
     def stages(self, context: StageContext = ALONE) -> list[StageSpec]:
-        """Sample the frames, when fused."""
+        """Return the rows stage if it runs in this process (``frames: fused``)."""
         return [rows_stage(self.rows)] if self.frames == "fused" else []
 
     def inputs(self) -> list[Input]:
-        """Return nothing: its frames come from outside."""
+        """Return nothing: frames come from outside the graph."""
         return []
 
     def outputs(self) -> list[Stream]:
-        """Return frames or rows, and packets."""
+        """Return frames or rows, and video packets if they are recorded."""
         topics = ["rows" if self.frames == "fused" else "frames"]
         topics += ["video"] if self.record_video else []
         return [Stream(topic, self.camera) for topic in topics]
 
     @property
     def runs_ahead(self) -> bool:
-        """Whether it is a file, or the simulator, at full speed."""
+        """Whether it is a file or the simulator at full speed."""
         return not self.pace and (isinstance(self.input, SimulatedInput) or self._is_file)
 
     def body(self, node: NodeProcess) -> None:
@@ -163,8 +163,8 @@ class DecodeNode(NodeKind):
             node.say("running", line)
 
         def event(line: str) -> None:
-            # Of a camera that is lost nothing more may come for hours. Told where its pictures are
-            # sent, not where they arrive, as the clock may be.
+            # A lost camera may send nothing for hours, so batched messages are sent now. Called in
+            # the sending thread, as flush requires, unlike the clock's callback.
             node.flush()
             say(line)
 

@@ -1,4 +1,4 @@
-"""Discover: row means in, verdicts on what a model lacks and on what changes out."""
+"""Discover: row means in, verdicts on effects that a model lacks and on changes out."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from rsenf.stage import ALONE, StageContext, StageSpec
 
 
 class DiscoverNode(StageNode):
-    """Watches for what a model of the cameras lacks, and names what changes."""
+    """Finds effects that a model of the cameras lacks, and changes over time."""
 
     kind: Literal["discover"]
     model: str | None = Field(None, description="model file to begin with; a plain lamp without")
     discover: WatchSettings = WatchSettings()
 
     def stages(self, context: StageContext = ALONE) -> list[StageSpec]:
-        """Watch."""
+        """Return the discover stage."""
         return [discover_stage(self.discover, self.model, context)]

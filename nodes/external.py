@@ -1,4 +1,4 @@
-"""External: somebody's own program, in any language, under supervision."""
+"""External: a program of the user's, in any language, under supervision."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rsenf.config.node_kind import Input, NodeKind, Stream
 
 
 class ExternalNode(NodeKind):
-    """Somebody's own program, under supervision; 'rsenf explain contract' tells what it owes."""
+    """A program of the user's, under supervision; its duties: 'rsenf explain contract'."""
 
     kind: Literal["external"]
     command: tuple[str, ...] = Field(min_length=1, description="program and its arguments")
@@ -21,15 +21,15 @@ class ExternalNode(NodeKind):
     named_by = "sends"
 
     def outputs(self) -> list[Stream]:
-        """Return what it is said to send."""
+        """Return what it is declared to send."""
         return [Stream.below(topic) for topic in self.sends]
 
     def inputs(self) -> list[Input]:
-        """Return what it is said to read."""
+        """Return what it is declared to read."""
         return [Input(Stream.below(topic), "reads", optional=True) for topic in self.reads]
 
     def input_of(self, topic: str, camera: str, *, optional: bool = False) -> Input:
-        """Return what it is said to read under a topic, of a camera or of whichever grid."""
+        """Return its declared input of a topic: of this camera, or else the first declared."""
         of = [of for name, of in map(Stream.below, self.reads) if name == topic]
         return Input(Stream(topic, camera if camera in of else "".join(of[:1])), "reads", optional)
 

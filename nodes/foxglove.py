@@ -1,4 +1,4 @@
-"""Foxglove: everything on the bus, live, to whoever connects by WebSocket."""
+"""Foxglove: shows the bus live to Foxglove clients, which connect by WebSocket."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class FoxgloveNode(NodeKind):
     topics: tuple[str, ...] = Field(("**",), description="key expressions below the site")
 
     def problems(self, graph: Graph) -> Iterator[Problem]:
-        """Yield key expressions that are none."""
+        """Yield invalid key expressions."""
         return bad_key_expressions(("topics", key_expr) for key_expr in self.topics)
 
     def body(self, node: NodeProcess) -> None:

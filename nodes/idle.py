@@ -22,11 +22,11 @@ class IdleNode(StageNode):
     idle: IdleSettings = IdleSettings()
 
     def stages(self, context: StageContext = ALONE) -> list[StageSpec]:
-        """Estimate it."""
+        """Return the idle stage."""
         return flicker_stages(None, self.idle, context)
 
     def problems(self, graph: Graph) -> Iterator[Problem]:
-        """Yield a method that there is not."""
+        """Yield an unknown method."""
         from rsenf.idle import METHODS
 
         if self.idle.method not in METHODS:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class LiveNode(StageNode):
-    """Tells whether feeds are live: whether their flicker follows the grid now."""
+    """Judges whether feeds are live: whether their flicker follows the grid now."""
 
     kind: Literal["live"]
     grid: Name
@@ -35,11 +35,11 @@ class LiveNode(StageNode):
 
     @property
     def start_utc_ns(self) -> int:
-        """The same in ns since 1970; 0 to go by when pictures arrive."""
+        """``start`` in ns since 1970; 0 to use arrival times."""
         return since_1970_ns(self.start) if self.start else 0
 
     def stages(self, context: StageContext = ALONE) -> list[StageSpec]:
-        """Judge the feed. Files come when they can: their silence tells nothing."""
+        """Return the liveness stage. With ``start`` (a file) silence isn't reported."""
 
         def make() -> Live:
             from rsenf.live import Live
@@ -49,12 +49,12 @@ class LiveNode(StageNode):
         return [live_stage(make, math.inf if self.start else self.live.lost_s)]
 
     def problems(self, graph: Graph) -> Iterator[Problem]:
-        """Yield a camera that is compared with itself."""
+        """Yield a camera whose reference is measured by itself."""
         return graph.mirrors(self)
 
     def body(self, node: NodeProcess) -> None:
-        """Judge every camera until all have ended."""
-        # The stage needs it with its first verdict: loaded now, it keeps no pictures waiting then.
+        """Judge every camera until all streams have ended."""
+        # Imported before the first verdict needs it, so that no input waits for the import.
         import scipy.linalg  # noqa: F401
 
         super().body(node)

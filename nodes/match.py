@@ -34,7 +34,7 @@ class MatchNode(StageNode):
     match: MatchSettings = MatchSettings()
 
     def stages(self, context: StageContext = ALONE) -> list[StageSpec]:
-        """Compare the whole of each clip."""
+        """Return the match stage."""
 
         def make() -> Match:
             from rsenf.match import Match
@@ -45,14 +45,14 @@ class MatchNode(StageNode):
                 interim_every_s=self.interim_every_s,
                 settings=self.match,
                 keep_hours=self.keep_hours,
-                # One that is to stay doesn't end for a series that doesn't fit.
+                # A restartable node, or one of several cameras, goes on after an unusable series.
                 on_refused=context.refused if context.stays or len(self.cameras) > 1 else None,
             )
 
         return [match_stage(make)]
 
     def problems(self, graph: Graph) -> Iterator[Problem]:
-        """Yield a method that there is not, one that is sent what it can't use, and a mirror."""
+        """Yield an unknown method, one that needs another ENF method, and a self-reference."""
         from rsenf.match import METHODS, tracker_for
 
         if self.method not in METHODS:

@@ -1,4 +1,4 @@
-"""Record: everything on the bus into one MCAP file, or into an archive of them."""
+"""Record: topics of the bus in, one MCAP file or an archive of them out."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ class RecordNode(NodeKind, RecordSettings):
 
     @property
     def writes(self) -> str:
-        """The file."""
+        """The output file; empty for an archive."""
         return self.out or ""
 
     @property
     def records(self) -> tuple[str, ...]:
-        """The topics."""
+        """The recorded topics."""
         return self.topics
 
     def problems(self, graph: Graph) -> Iterator[Problem]:
-        """Yield key expressions that are none, and settings of a file and an archive at once."""
+        """Yield invalid key expressions, and settings that mix a file and an archive."""
         named = [("topics", key_expr) for key_expr in self.topics]
         yield from bad_key_expressions([*named, ("alarms", self.alarms.trigger)])
         if (self.out is None) == (self.archive is None):

@@ -1,4 +1,4 @@
-"""Reference: a grid's measured frequency from a file, or as it is measured, onto the bus."""
+"""Reference: publishes a grid's frequency, from a file or while it is measured."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class ReferenceNode(NodeKind):
 
     @property
     def feed(self) -> tuple[str, str]:
-        """What goes on measuring, and its name: ('camera', NAME); ('', '') when nothing does."""
+        """Kind and name of a source that is still measuring; ('', '') for a complete reference."""
         kind, _, name = self.input.partition(":")
         if kind in ("camera", "sound", "topic"):
             return kind, name
@@ -72,7 +72,7 @@ class ReferenceNode(NodeKind):
 
     @property
     def reading(self) -> ReadOptions:
-        """How its file is read."""
+        """Options of reading its file."""
         names = (f.name for f in dataclasses.fields(ReadOptions))
         return ReadOptions(**{name: getattr(self, name) for name in names if hasattr(self, name)})
 
@@ -81,7 +81,7 @@ class ReferenceNode(NodeKind):
         return [Stream(REFERENCE, self.grid)]
 
     def inputs(self) -> list[Input]:
-        """Return what is measured by a camera; its rows may be of another graph."""
+        """Return the topics of a measuring camera; its rows may come from another graph."""
         kind, name = self.feed
         if kind != "camera":
             return []
@@ -91,14 +91,14 @@ class ReferenceNode(NodeKind):
         ]
 
     def problems(self, graph: Graph) -> Iterator[Problem]:
-        """Yield what can't grow, and a reference to itself."""
+        """Yield a source that can't grow, and a reference to itself."""
         if self.follow and (self.feed[0] != "file" or self.input.startswith("store:")):
             yield ("follow",), f"{self.input} is no file that grows"
         if self.feed == ("topic", reference_key(graph.site, self.grid)):
             yield ("input",), "that is this node's own topic"
 
     def body(self, node: NodeProcess) -> None:
-        """Publish the whole reference, or what goes on measuring it; then its END mark."""
+        """Publish the whole reference, or follow its source; then send the END mark."""
         from rsenf.messages import Header, Mark, ReferenceBlock
         from rsenf.reference import open_reference, reference_blocks
         from rsenf.run.reference_feeds import publish_feed

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class ReplayNode(NodeKind):
-    """Puts topics of a recording back on the bus."""
+    """Replays topics of a recording to the bus."""
 
     kind: Literal["replay"]
     input: str = Field(description="MCAP recording")
@@ -50,32 +50,42 @@ class ReplayNode(NodeKind):
 
     @property
     def plays(self) -> str:
-        """The recording."""
+        """Path of the recording."""
         return self.input
 
     @property
     def waits(self) -> bool:
-        """Whether it waits: at any rate, for a replay is exact."""
+        """True: a replay is exact, so it waits for slow readers at any rate."""
         return True
 
     def outputs(self) -> list[Stream]:
-        """Return the topics under their new names."""
+        """Return the topics by their new names."""
         return [Stream.below(renamed(topic, self.rename)) for topic in self.topics]
 
     def problems(self, graph: Graph) -> Iterator[Problem]:
-        """Yield an end that is before the start."""
+        """Yield an end that isn't after the start."""
         if self.end_s is not None and self.end_s <= self.start_s:
             yield ("end_s",), f"{self.end_s:g} s isn't after start_s, {self.start_s:g} s"
 
     def check_ready(self, name: str, site: str) -> None:
-        """Open the recording before other nodes may write over what was recorded before."""
+        """Open the recording before other nodes start, which might overwrite it."""
         try:
             self.player(site)
         except RsenfError as exc:
             raise type(exc)(f"node {name!r}: {exc.message}", exc.hint) from exc
 
     def player(self, site: str, *, run_id: str = "", control: Control | None = None) -> Player:
-        """Return its player; raises as :class:`rsenf.run.replay.player.Player`."""
+        """Return its player; see :class:`rsenf.run.replay.player.Player` for what it raises.
+
+        Parameters
+        ----------
+        site : str
+            Site to replay to.
+        run_id : str
+            For the headers.
+        control : Control, optional
+            To stop it.
+        """
         import time
 
         from rsenf.run.replay.player import Player, Playing

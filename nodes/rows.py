@@ -20,11 +20,11 @@ class RowsNode(StageNode):
     rows: RowsSettings = RowsSettings()
 
     def stages(self, context: StageContext = ALONE) -> list[StageSpec]:
-        """Sample the frames."""
+        """Return the rows stage."""
         return [rows_stage(self.rows)]
 
     def body(self, node: NodeProcess) -> None:
-        """Sample every camera's frames until all have ended."""
+        """Sample every camera's frames until all streams have ended."""
         from rsenf.config.graph import runs_ahead
         from rsenf.run.frame_lane import FrameLane
         from rsenf.run.pump import lane_of, pump

@@ -1,4 +1,4 @@
-"""Track: row means in, ENF estimates out, and idle estimates where they are asked for."""
+"""Track: row means in, ENF estimates and, if requested, idle estimates out."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class TrackNode(StageNode):
-    """Estimates the ENF, and the idle period along with it where that is asked for."""
+    """Estimates the ENF and, if requested, the idle period along with it."""
 
     kind: Literal["track"]
     track: TrackSettings = TrackSettings()
@@ -29,18 +29,18 @@ class TrackNode(StageNode):
     )
 
     def stages(self, context: StageContext = ALONE) -> list[StageSpec]:
-        """Track, and estimate the idle period."""
+        """Return the track stage, and the idle stage if requested."""
         return flicker_stages(self.track, self.idle, context)
 
     def rows_needed(self) -> Mapping[str, Any]:
-        """Return what the method needs of the rows."""
+        """Return settings of the rows stage that the method requires."""
         from rsenf.track import METHODS
 
         method = METHODS.get(self.track.method)
         return method.rows_needed if method else {}
 
     def problems(self, graph: Graph) -> Iterator[Problem]:
-        """Yield methods that there are not, and settings that they would ignore."""
+        """Yield unknown methods, and settings that the method ignores."""
         from rsenf.idle import METHODS as IDLE_METHODS
         from rsenf.track import METHODS
 

@@ -1,4 +1,12 @@
-"""The command line: one verb per file, imported only when it is called."""
+"""The command line: parses arguments, calls :mod:`rsenf.api` or :mod:`rsenf.run`, prints results.
+
+One module per verb, imported only when the verb is called: ``--help`` of all must stay fast. Each
+has a docstring (its help text), ``add_arguments(parser)`` and ``run(args)``, which returns the exit
+code. Data go to stdout, everything else to stderr.
+
+Read this file first, then ``options`` (options generated from settings classes) and ``console``
+(arguments, progress bars and output that verbs share); ``track`` is a verb to start with.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +25,8 @@ from typing import Any, NoReturn
 
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_USAGE, RsenfError
 
-# Verbs in the order a newcomer meets them. The module `rsenf.cli.<verb>` does the work; its help
-# line stands here so that `rsenf --help` imports none of them.
+# Verbs in the order in which a newcomer needs them, each implemented by `rsenf.cli.<verb>`. Their
+# help lines are here so that `rsenf --help` imports none of these modules.
 GROUPS = {
     "analyse": {
         "demo": "simulate a clip, run the graph of processes on it, show what comes out",
@@ -64,7 +72,7 @@ DEBUG = "--debug"
 
 
 class _Formatter(argparse.RawDescriptionHelpFormatter):
-    """A usage line of what must be given; all options are below it."""
+    """Shows only required arguments in the usage line; all options are listed below it."""
 
     def _format_usage(self, usage: Any, actions: Any, groups: Any, prefix: Any) -> str:
         one_of = {id(a) for group in groups if group.required for a in group._group_actions}
@@ -78,18 +86,18 @@ class _Formatter(argparse.RawDescriptionHelpFormatter):
 
 
 class Parser(argparse.ArgumentParser):
-    """Errors in one line with a way out, and exit code 2."""
+    """An argument parser whose errors are one line with a hint, and exit code 2."""
 
     def __init__(self, **how: Any) -> None:
         super().__init__(formatter_class=_Formatter, **how)
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong with the arguments, and end."""
+        """Print an error of the arguments, and exit."""
         print(f"rsenf: {message} (see '{self.prog} --help')", file=sys.stderr)
         raise SystemExit(EXIT_USAGE)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse; a misspelt option is told before what is missing because of it."""
+        """Parse; report a misspelt option first, rather than arguments missing because of it."""
         if self._subparsers is None:
             for word in itertools.takewhile(lambda word: word != "--", args):
                 option, known = word.partition("=")[0], self._option_string_actions
@@ -106,13 +114,20 @@ class Parser(argparse.ArgumentParser):
 
 
 def _nearest(word: str, known: Iterable[str]) -> str:
-    """Return a question for what a misspelt word may have meant."""
+    """Return a question for the word most similar to a misspelt one; '' if none is."""
     close = difflib.get_close_matches(word, list(known), n=1)
     return f": did you mean '{close[0]}'?" if close else ""
 
 
 def verb_parser(verb: str, to: Any = None) -> Parser:
-    """Return the parser of a verb; with ``to``, one among its subparsers."""
+    """Return the parser of a verb.
+
+    Parameters
+    ----------
+    verb : str
+    to : subparsers action, optional
+        What ``add_subparsers`` returned; the parser is added to it.
+    """
     module = _module(verb)
     told = module.__doc__
     parser: Parser = (
@@ -121,7 +136,7 @@ def verb_parser(verb: str, to: Any = None) -> Parser:
         else to.add_parser(verb, help=VERBS[verb], description=told)
     )
     module.add_arguments(parser)
-    # Shown only: it is taken out of the words before they are parsed, wherever it stands.
+    # For the help only: main() removes it from the arguments before they are parsed.
     parser.add_argument(DEBUG, action="store_true", help="show the traceback of an error")
     return parser
 
@@ -131,7 +146,7 @@ def _module(verb: str) -> Any:
 
 
 def top_parser() -> Parser:
-    """Return the parser of what stands before a verb."""
+    """Return the parser of the options before a verb."""
     parser = Parser(
         prog="rsenf",
         usage="rsenf [--version] [--help] [--debug] VERB",
@@ -181,11 +196,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("rsenf: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
     except BrokenPipeError:
-        # Whoever read our output has gone ('rsenf track … | head'): nothing to say, nobody to hear.
+        # The reader of our output has exited ('rsenf track … | head'): nothing to report.
         _forget_stdout()
         return EXIT_FAILED
     except OSError as exc:
-        if exc.filename is None:  # as likely as not it was the output that failed
+        if exc.filename is None:  # probably writing the output failed
             _forget_stdout()
         if debug:
             raise
@@ -215,14 +230,15 @@ def _call(words: list[str]) -> int:
             print(f"rsenf: no verb {verb!r}{hint}", file=sys.stderr)
             return EXIT_USAGE
         return int(_module(verb).run(verb_parser(verb).parse_args(rest)))
-    except SystemExit as exc:  # argparse's way to end, after --help and after an error
+    except SystemExit as exc:  # raised by argparse after --help and after an error
         return int(exc.code or 0)
 
 
 @contextmanager
 def _surroundings() -> Iterator[None]:
-    """Set up what every verb needs of its process; a SIGTERM ends a verb as Ctrl-C does."""
-    # Set before NumPy is imported: its threads fight the decoder's, and cost many times their gain.
+    """Set up the process for a verb; SIGTERM ends it as Ctrl-C does."""
+    # Before NumPy is imported: its threads compete with the decoder's and cost far more than they
+    # gain.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     for stream in (sys.stdout, sys.stderr):
@@ -240,7 +256,7 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
 
 
 def _forget_stdout() -> None:
-    """Let what can't be written go; Python would try again at exit, and complain."""
+    """Discard unwritten output; Python would otherwise try again at exit, and print an error."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())
     os.close(nowhere)

@@ -1,4 +1,4 @@
-"""``python -m rsenf.cli``: the same as the command ``rsenf``."""
+"""``python -m rsenf.cli``: runs the command ``rsenf``."""
 
 from rsenf.cli import command
 

@@ -1,14 +1,14 @@
-"""Tell what an archive has, and where the gaps are.
+"""List the contents of an archive, and its gaps.
 
     rsenf archive recordings
     rsenf archive recordings --camera cam3 --from 10:00 --to 11:00
     rsenf archive recordings --camera cam3 --from 2026-01-15T22:00 --to 2026-01-16T02:00 --json
 
-Times are UTC unless they tell their zone; one without a date is of --day, or of the last day that
-there is something of. --from 23:50 --to 00:10 goes past midnight; --day alone is the whole day.
+Times are UTC unless they state a zone. One without a date refers to --day, or to the last day with
+data. --from 23:50 --to 00:10 passes midnight; --day alone is the whole day.
 
-What has been found out of a file is kept in the archive's index.json. Of a file that has its end,
-that is believed: damage before it shows with --check, which reads each file once, or to doctor.
+The archive's index.json caches a summary of each file. A file whose end is intact is trusted;
+damage before its end is found by --check, which reads each file once, or by 'rsenf doctor'.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Look into an archive."""
+    """Print the contents of an archive."""
     entries = read_archive(args.archive, check=args.check)
     cameras = _cameras(args, entries)
     extents = {camera: _all_of(entries, camera) for camera in cameras}
@@ -75,13 +75,13 @@ def _cameras(args: argparse.Namespace, entries: list[Entry]) -> list[Camera]:
 
 
 def _all_of(entries: list[Entry], camera: Camera) -> Stretch:
-    """All that there is of a camera; its files' names tell where they can't be read."""
+    """Return the time span of a camera's data; by file names where files can't be read."""
     starts = [entry.file.start_ns for entry in entries if entry.file.camera == camera]
     return extent_of(entries, camera) or Stretch(starts[0], starts[-1])
 
 
 def _limits(args: argparse.Namespace, latest_ns: int) -> tuple[int | None, int | None]:
-    """From when to when, as far as that is said; by the day of the latest message."""
+    """Return start and end as far as given; the default date is that of the latest message."""
     day, day_ns = args.day or day_of(latest_ns), 86_400 * 10**9
     first_ns = last_ns = None
     if args.day:
@@ -103,7 +103,7 @@ def _limits(args: argparse.Namespace, latest_ns: int) -> tuple[int | None, int |
 
 
 def _asked(limits: tuple[int | None, int | None], all_of_it: Stretch) -> Stretch:
-    """From when to when; where it isn't said, all that there is of a camera."""
+    """Return the requested time span of a camera; all its data where no limit is given."""
     first_ns, last_ns = limits
     if first_ns is None:
         first_ns = all_of_it.first_ns if last_ns is None else min(all_of_it.first_ns, last_ns)
@@ -121,7 +121,15 @@ def _dated(text: str, day: str) -> str:
 
 
 def document(holding: Holding, root: Path) -> dict[str, Any]:
-    """Return all of it, as JSON."""
+    """Return the JSON document of a camera.
+
+    Parameters
+    ----------
+    holding : Holding
+        What the archive has of it in the requested time.
+    root : Path
+        Folder of the archive.
+    """
     return {
         "site": holding.camera.site,
         "camera": holding.camera.name,
@@ -190,7 +198,7 @@ def _alarms(holding: Holding, root: Path) -> list[AlarmSpan]:
 
 
 def words(holding: Holding, root: Path) -> str:
-    """Return what a person wants to know first."""
+    """Return the summary of a camera as text; parameters as for :func:`document`."""
     asked = holding.asked
     lines = [f"{holding.camera}  {utc_text(asked.first_ns)} to {utc_text(asked.last_ns)}"]
     for name, topic in holding.topics.items():

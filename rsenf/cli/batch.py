@@ -1,15 +1,15 @@
-"""Folders and lists of recordings through one verb, into one table.
+"""Run a verb on folders and lists of recordings, and collect the results in one table.
 
     rsenf batch verify videos/ --reference grid.csv --out results
     rsenf batch idle videos/ more/clip.mp4 --out cameras
     find /archive -name '*.mp4' -print0 | rsenf batch track --list - --out enf
 
-Every recording ends with a result, or with the reason why it has none, in OUT: batch.parquet,
-batch.html to look at, and batch.jsonl, the journal, to which each is added as it is done. Stopped,
-the same command goes on from there. What has changed since is done again, and so is what failed, or
-could not be read; what is of no use only with --retry. Processes of this machine do it, or with
---scheduler the workers of a Dask cluster, which must see the same folders under the same names.
-'rsenf batch VERB --help' tells a verb's options.
+For every recording OUT gets a result, or the reason why there is none: batch.parquet, batch.html to
+read, and batch.jsonl, the journal, to which each is appended when done. After a stop, the same
+command resumes. Recordings that have changed, failed or could not be read are done again; unusable
+ones only with --retry. Local processes do the work, or with --scheduler the workers of a Dask
+cluster, which must see the same folders under the same names. 'rsenf batch VERB --help' lists the
+options of a verb.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Work through recordings."""
+    """Run the analysis on all recordings."""
     from functools import partial
 
     from rsenf.batch.run import run_batch
@@ -90,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _settings(args: argparse.Namespace, threads: int) -> Settings:
-    """Return how recordings are to be treated."""
+    """Return the settings of the batch."""
     from rsenf.batch.settings import Settings
     from rsenf.cli.console import read_options
 
@@ -110,7 +110,7 @@ def _settings(args: argparse.Namespace, threads: int) -> Settings:
 
 
 def _find(args: argparse.Namespace) -> Found:
-    """Look for what is to be done."""
+    """Find the recordings to process."""
     from rsenf.batch.recordings import find_recordings, read_list
     from rsenf.errors import UsageError
 

@@ -1,9 +1,9 @@
-"""Measure every method on the same simulated clips, and print how right each was.
+"""Measure the errors of all methods on the same simulated clips, and print a table.
 
-Each clip is filmed once by the capture model, encoded at every bit rate in the same pass by x264,
-decoded and sampled; all methods see the same rows, beside the Cramér–Rao bound. With --out, results
-are kept clip by clip, and a run that was stopped goes on where it was. A second of 720p takes about
-half a second of one core. 'rsenf bench TABLE --help' tells a table's options.
+Each clip is simulated once by the capture model, encoded at every bit rate in the same pass by
+x264, decoded and sampled. All methods see the same rows, and are compared with the Cramér–Rao
+bound. With --out, results are kept clip by clip, and a stopped run resumes. A second of 720p takes
+about 0.5 s of one core. 'rsenf bench TABLE --help' lists the options of a table.
 """
 
 from __future__ import annotations
@@ -59,15 +59,15 @@ TABLES = {
         "tells, and how often falsely, beside a sliding correlation"
     ),
 }
-# Measured grids are not part of the project; in a checkout they lie beside it.
+# Measured grids are not part of the project; next to a checkout they are in this folder.
 _GRIDS = Path("../shared/data")
-_CLAIMS: dict[str, Any] = {"clips": 40}  # of each of five scenes
+_CLAIMS: dict[str, Any] = {"clips": 40}  # for each of five scenes
 _CAMERAS: dict[str, Any] = {
     "sizes": ("240p",), "frame_rates": ("23.976", "25", "29.97", "59.94"),
     "codings": ("150k", "100k", "50k"), "clips": 7, "duration_s": 20.0,
 }  # fmt: skip
 _USUAL = {"claims": _CLAIMS, "cameras": _CAMERAS}
-_ALSO = {"each": "each", "outside": "unknown"}  # as the foreign camera calls them
+_ALSO = {"each": "each", "outside": "unknown"}  # the foreign camera's names
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -156,12 +156,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure what is missing, and print the table.
+    """Measure the missing results, and print the table.
 
     Raises
     ------
     UsageError
-        For a plan that can't be meant so.
+        For contradictory or invalid options.
     """
     from rsenf.cli.console import print_json, say
     from rsenf.errors import EXIT_DONE, EXIT_FAILED, UsageError
@@ -188,7 +188,7 @@ def run(args: argparse.Namespace) -> int:
 def _measured(
     args: argparse.Namespace, tasks: Sequence[Any], work: Callable[[Any], Any], out: Path, what: str
 ) -> list[Record]:
-    """Measure what a file of results lacks, under a bar."""
+    """Measure what is missing in a file of results, with a progress bar."""
     from rsenf.batch.journal import read_records
     from rsenf.bench.session import measure_missing
 
@@ -200,7 +200,7 @@ def _measured(
 
 @contextmanager
 def _counted(what: str, total: int) -> Iterator[Callable[[int, int], None]]:
-    """Tell how many are missing, and show a bar as they come."""
+    """Print how many results are missing, and show a progress bar."""
     from rsenf.cli.console import progress_bar, say
 
     with progress_bar(what, total, unit=f"of {total}") as bar:
@@ -246,7 +246,7 @@ def _clips(args: argparse.Namespace, folder: Path) -> Made:
         usual = {"sizes": ("240p",), "frame_rates": ("25", "29.97"),
                  "codings": ("lossless", "50k"), "clips": 1, "duration_s": 24.0}  # fmt: skip
     plan = settings_of(args, Plan, **usual)
-    # Results of lit clips and of those with nothing to claim are different files.
+    # Results of clips with mains light and without it are kept in different files.
     clips, out = (plan.nothing(), "claims.jsonl") if claims else (plan.lit(), "clips.jsonl")
     records = _measured(args, clips, partial(measure, grids=args.grids), folder / out, "clips")
     if args.table == "cameras":
@@ -358,7 +358,7 @@ def _pipeline(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.pipeline.trial import RESULTS, measure_turns, turns
     from rsenf.cli.console import note, say
 
-    # So many that each takes some seconds to decode.
+    # Enough frames for some seconds of decoding.
     frames = {"480p": 6000, "720p": 3600, "1080p": 1800, "2160p": 600}
     sizes, codecs = list(SIZES), list(CODECS)
     if args.quick:
@@ -401,7 +401,7 @@ def _feeds(args: argparse.Namespace, folder: Path) -> Made:
 def _films(
     args: argparse.Namespace, sizes: Sequence[str], codecs: Sequence[str], frames: dict[str, int]
 ) -> list[Film]:
-    """Return the films that the arguments mean; of ``sizes`` and ``codecs`` unless they tell."""
+    """Return the films of the arguments; ``sizes`` and ``codecs`` are their defaults."""
     from rsenf.bench.pipeline.films import CODECS, FILMED, SIZES, Film
     from rsenf.errors import UsageError
 
@@ -460,7 +460,7 @@ def _discover(args: argparse.Namespace, folder: Path) -> Made:
     plan = settings_of(args, Plan, **usual)
     cases = plan.cases()
     if not (args.quick or args.video or (hidden and SKEW not in hidden)):
-        # Those that come with a reference have the seeds after the others'.
+        # Cases with a reference use the seeds that follow the others'.
         cases += clock_cases(plan.each, plan.first_seed + len(cases), plan.duration_s)
     work = partial(tried, grids=args.grids)
     document = tabulated(_measured(args, cases, work, folder / "discover.jsonl", "cases"))

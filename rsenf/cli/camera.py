@@ -1,10 +1,10 @@
-"""Which camera took it? Read-out times of known cameras, and the likelihood ratio of each.
+"""Which camera made a recording? Compare its read-out time with those of known cameras.
 
-    rsenf camera add NAME FILE…    keep the read-out times of a camera's recordings
+    rsenf camera add NAME FILE…    store the read-out times of a camera's recordings
     rsenf camera list              cameras by mode: frame rate, size, crop, direction, read-out time
-    rsenf camera identify FILE     each known camera against another of those about
+    rsenf camera identify FILE     likelihood ratio: each known camera against any other camera
 
-The read-out time belongs to sensor and mode, not to one camera: others of its model have the same.
+The read-out time is a property of sensor and mode, not of one camera: others of its model share it.
 The store is $RSENF_STORE, or in the user's data folder; --store DIR names another.
 """
 

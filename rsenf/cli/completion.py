@@ -1,4 +1,4 @@
-"""Print what makes a shell complete verbs, options, and the names that they take.
+"""Print a script for shell completion of verbs, options and their values.
 
 eval "$(rsenf completion bash)"                        in ~/.bashrc
 rsenf completion zsh > "${fpath[1]}/_rsenf"            once
@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _complete_files(parser: argparse.ArgumentParser, how: Any) -> None:
-    """Complete files wherever neither names nor numbers are meant."""
+    """Complete file names for all arguments that are neither choices nor numbers."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for below in action.choices.values():

@@ -1,4 +1,4 @@
-"""What the verbs share: words on stderr, progress on a terminal, JSON, arguments in common."""
+"""Shared by the verbs: messages on stderr, progress bars, JSON output, common arguments."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from rsenf.run.inputs import Input
     from rsenf.track import TrackSettings
 
-# A turned camera is told from the data.
+# The read-out axis is detected from the data, as a camera may be rotated.
 EITHER_WAY: dict[str, Any] = {"read_out_axis": "auto"}
-# How a reference is read, but not as an option: what a recording is compared with may be of another
-# grid than the nominal frequency that it was given.
+# Fields of ReadOptions that are no options here: a reference may be of another grid than the
+# nominal frequency given for the recording.
 OF_IMPORT = ("nominal_hz", "assumed_hz", "start_utc_ns")
-# Set for what a run starts; of use in a shell, too.
+# Environment variable that a run sets for external programs; also useful in a shell.
 CONNECT = "RSENF_CONNECT"
 
 
@@ -33,7 +33,22 @@ CONNECT = "RSENF_CONNECT"
 def progress_bar(
     what: str, total: float | None, unit: str = "s of video"
 ) -> Iterator[Callable[[float], None]]:
-    """Show a bar on stderr, only on a terminal; yields a callable that takes how much is done."""
+    """Show a progress bar on stderr if it is a terminal.
+
+    Parameters
+    ----------
+    what : str
+        Label.
+    total : float or None
+        Amount to do; None if unknown.
+    unit : str
+        Its unit.
+
+    Yields
+    ------
+    callable
+        To be called with the amount done.
+    """
     if not sys.stderr.isatty():
         yield lambda done: None
         return
@@ -53,9 +68,9 @@ def progress_bar(
 
 @contextmanager
 def stages() -> Iterator[Callable[[str], None]]:
-    """Say what is being done; yields a callable that is told in words.
+    """Show the present step of a computation; yields a callable to be called with its description.
 
-    On a terminal they stand beside a spinner and the time, elsewhere each is a line.
+    On a terminal it is shown beside a spinner and the elapsed time, elsewhere as one line each.
     """
     if not sys.stderr.isatty():
         yield note
@@ -70,12 +85,12 @@ def stages() -> Iterator[Callable[[str], None]]:
 
 
 def say(text: str) -> None:
-    """Tell a person what went wrong or is under way, on stderr."""
+    """Print an error or a status message to stderr."""
     print(f"rsenf: {text}", file=sys.stderr, flush=True)
 
 
 def say_loss(path: str, found: Result | DiscoverResult) -> int:
-    """Say what of a recording could not be read; return the exit code."""
+    """Print what could not be read of a recording, if anything; return the exit code."""
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
 
     if found.loss:
@@ -84,17 +99,23 @@ def say_loss(path: str, found: Result | DiscoverResult) -> int:
 
 
 def note(text: str) -> None:
-    """Tell a person what else to know, on stderr."""
+    """Print a remark to stderr."""
     print(f"note: {text}", file=sys.stderr)
 
 
 def print_json(value: Any, *, indent: int | None = 2) -> None:
-    """Print JSON; a NaN that slipped through is an error here, not a broken reader there."""
+    """Print JSON; raise ValueError for a NaN, which is no valid JSON."""
     print(json.dumps(value, indent=indent, allow_nan=False))
 
 
 def aligned(lines: Sequence[Sequence[str]]) -> str:
-    """Return lines of cells with their columns aligned; a line may have fewer than the first."""
+    """Return lines of cells with aligned columns; a line may have fewer cells than the first.
+
+    >>> print(aligned([("node", "state"), ("decode", "running"), ("x",)]))
+    node    state
+    decode  running
+    x
+    """
     rows = [[*line, *[""] * (len(lines[0]) - len(line))] for line in lines]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     padded = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in rows]
@@ -102,7 +123,7 @@ def aligned(lines: Sequence[Sequence[str]]) -> str:
 
 
 def add_rate_argument(parser: argparse.ArgumentParser) -> None:
-    """Argument of every verb that takes a recording whose frames may have no times."""
+    """Add the argument of all verbs whose recordings may lack frame times."""
     from rsenf.cli.options import positive
 
     parser.add_argument(
@@ -112,7 +133,7 @@ def add_rate_argument(parser: argparse.ArgumentParser) -> None:
 
 
 def open_recording(args: argparse.Namespace, path: str) -> Input:
-    """Open a recording as the arguments say."""
+    """Open a recording with the options of the arguments."""
     from rsenf.run.inputs import open_input_file
 
     begin = getattr(args, "begin", "rows")
@@ -120,7 +141,7 @@ def open_recording(args: argparse.Namespace, path: str) -> Input:
 
 
 def add_begin_argument(parser: argparse.ArgumentParser, *topics: str) -> None:
-    """Argument of every verb that may begin with another of a recording's topics than the rows."""
+    """Add the argument of all verbs that can read topics other than the rows."""
     parser.add_argument(
         "--from", dest="begin", choices=topics, default="rows",
         help="what to take of an MCAP recording; frames: its video, decoded again (rows)",
@@ -128,7 +149,7 @@ def add_begin_argument(parser: argparse.ArgumentParser, *topics: str) -> None:
 
 
 def add_row_arguments(parser: argparse.ArgumentParser, *leave_out: str) -> None:
-    """Arguments of every verb that samples rows, but for some fields of its settings."""
+    """Add the arguments of all verbs that sample rows, except for some fields of RowsSettings."""
     from rsenf.cli.options import add_settings
     from rsenf.rows.settings import RowsSettings
 
@@ -140,7 +161,7 @@ def add_row_arguments(parser: argparse.ArgumentParser, *leave_out: str) -> None:
 
 
 def row_settings(args: argparse.Namespace) -> RowsSettings:
-    """Return the rows settings that the arguments ask for."""
+    """Return the rows settings of the arguments."""
     from rsenf.cli.options import settings_of
     from rsenf.rows.settings import RowsSettings
 
@@ -150,7 +171,7 @@ def row_settings(args: argparse.Namespace) -> RowsSettings:
 def add_track_arguments(
     parser: argparse.ArgumentParser, also: Mapping[str, str] | None = None
 ) -> None:
-    """Arguments of every verb that tracks ENF; ``also`` spells fields in one more way."""
+    """Add the arguments of all verbs that track ENF; ``also``: further spellings, by field."""
     from rsenf.cli.options import add_settings
     from rsenf.track import TrackSettings
 
@@ -158,7 +179,7 @@ def add_track_arguments(
 
 
 def track_settings(args: argparse.Namespace, matcher: str = "") -> TrackSettings:
-    """Return the track settings that the arguments ask for."""
+    """Return the track settings of the arguments; ``matcher``: the matcher they must suit."""
     from rsenf.api.shared import track_settings
     from rsenf.cli.options import given_by
     from rsenf.track import TrackSettings
@@ -167,7 +188,7 @@ def track_settings(args: argparse.Namespace, matcher: str = "") -> TrackSettings
 
 
 def add_reference_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of every verb that reads a grid reference."""
+    """Add the arguments of all verbs that read a grid reference."""
     from rsenf.cli.options import add_settings
     from rsenf.reference.options import ReadOptions
 
@@ -175,7 +196,7 @@ def add_reference_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def references_of(args: argparse.Namespace) -> list[Opened]:
-    """Open what ``--reference`` names."""
+    """Open the references of ``--reference``."""
     from rsenf.api.references import open_references
 
     store = getattr(args, "store", None)
@@ -183,7 +204,7 @@ def references_of(args: argparse.Namespace) -> list[Opened]:
 
 
 def read_options(args: argparse.Namespace) -> dict[str, Any]:
-    """Return what the arguments say of how a reference is read."""
+    """Return the options of reading a reference, as keyword arguments."""
     from rsenf.cli.options import given_by
     from rsenf.reference.options import ReadOptions
 
@@ -195,7 +216,7 @@ def read_options(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def add_bus_arguments(parser: argparse.ArgumentParser, *graph: str) -> None:
-    """Arguments that say which bus; ``graph`` spells the one that names a graph file."""
+    """Add the arguments that identify a bus; ``graph``: spellings of the graph file's argument."""
     optional = {} if graph[0].startswith("-") else {"nargs": "?"}
     parser.add_argument(*graph, metavar="GRAPH.yaml", default=None, **optional,  # type: ignore[arg-type]
                         help="whose bus it is, with its certificates")  # fmt: skip
@@ -207,12 +228,12 @@ def add_bus_arguments(parser: argparse.ArgumentParser, *graph: str) -> None:
 
 
 def bus_of(args: argparse.Namespace) -> tuple[BusSettings, Graph | None]:
-    """Return how to reach the bus, and the graph that was named.
+    """Return how to connect to the bus, and the graph, if one is named.
 
     Raises
     ------
     UsageError
-        When nothing says where it is.
+        When the arguments don't determine an endpoint, or a certificate is needed and not named.
     """
     from dataclasses import replace
 

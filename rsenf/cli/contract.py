@@ -1,9 +1,9 @@
-"""Check that a program keeps to what nodes owe each other ('rsenf explain contract').
+"""Check that a program fulfils the contract of nodes ('rsenf explain contract').
 
     rsenf contract --reads cam/track --sends cam/alarm -- python my_node.py
 
-The program is started on a bus of its own, told where by RSENF_CONNECT and its like, fed with good,
-broken, foreign and oversized messages, and stopped. Exit code 1 when a point isn't kept.
+The program is started on a private bus (its address is in RSENF_CONNECT), gets valid, broken,
+foreign and oversized messages, and is stopped. Exit code 1 if it violates a point.
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
     rsenf dashboard --connect tcp/127.0.0.1:7447
     rsenf dashboard configs/live.yaml
 
-It looks at a bus that is there, and changes nothing. 'rsenf run' says where its bus is; a graph
-file tells it too, where its bus listens at a fixed address or is somebody else's, and which nodes
-serve which feed. A graph with a 'dashboard' node shows the page by itself.
+It observes an existing bus and changes nothing. 'rsenf run' prints the address of its bus. A graph
+file has it too, if the bus listens at a fixed address or is an existing one; it also shows which
+nodes serve which feed. A graph with a 'dashboard' node shows the page by itself.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show a bus."""
+    """Serve the dashboard of a bus."""
     import time
 
     from rsenf.bus.delivery import LOOKING

@@ -1,7 +1,7 @@
-"""See it work: simulate a clip, run the graph of processes on it, compare with the truth.
+"""Demonstrate rsenf: simulate a clip, run the graph of processes on it, compare with the truth.
 
-Needs no network, camera, display or router. What it makes stays in --out: the clip and its truth,
-the reference, the graph, the MCAP recording and a picture.
+Needs no network, camera, display or router. All files stay in --out: the clip and its truth, the
+reference, the graph, the MCAP recording and a picture.
 """
 
 from __future__ import annotations

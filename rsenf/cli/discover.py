@@ -1,12 +1,12 @@
-"""What does the model of a capture lack? Fit it, see where data and simulation differ, add it.
+"""Which effects does a capture model lack? Fit it, find where it differs from the data, extend it.
 
-The model is fitted to some blocks of time and scored on the others. What is left is compared with
-every effect of the catalogue; one that held-out data support is added, with its parameters and
-their errors, until nothing more is. The verdict is 'no_discrepancy', 'explained' or 'unexplained'
-(with where), and OUT gets a report to read (report.html) and the extended model, which 'rsenf
-simulate --model' takes as it is. What takes long of a video is kept beside OUT until all is done:
-stopped, the same command goes on from there. With --reference the camera's clock is looked at too,
-and one mean for each frame is enough.
+The model is fitted to some blocks of time and scored on the others (held-out data). Its residual is
+tested for every effect of the catalogue. Forward selection adds each effect that the held-out data
+support, with its parameters and their errors, until none is left. The verdict is 'no_discrepancy',
+'explained' or 'unexplained' (with the place of the residual). OUT gets a report (report.html) and
+the extended model, which 'rsenf simulate --model' accepts. Long computations on a video are cached
+beside OUT until all is done: after a stop, the same command resumes. With --reference the camera's
+clock error is tested too, and one mean per frame is enough.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Arguments that say how a recording is looked at."""
+    """Add the arguments that say how a recording is analysed."""
     from rsenf.cli.console import add_rate_argument, add_reference_arguments, add_row_arguments
 
     parser.add_argument(
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
 
         def doing(words: str) -> None:
             if not stage:
-                shown.close()  # all is read
+                shown.close()  # the recording has been read
                 stage.append(shown.enter_context(stages()))
             stage[0](words)
 
@@ -95,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def options_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Return how a recording is to be looked at, as the function takes it."""
+    """Return the keyword arguments of :func:`rsenf.api.discover.discover` for the analysis."""
     from rsenf.cli.console import row_settings
 
     return {"model": args.model, "nominal_hz": args.nominal_hz, "rows": row_settings(args)}

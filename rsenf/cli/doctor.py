@@ -1,9 +1,9 @@
-"""What is in a recording, is it whole, and if not: what is wrong, what was lost, what to do.
+"""Examine recordings: their contents, whether they are intact, what was lost, and what to do.
 
-Each file is read from end to end. Exit code 0: all are whole; 3: something is damaged but can be
-used; 1: at least one is of no use. One that is being recorded is whole as far as it goes. Numbers
-that a topic lacks are lost where the file is damaged; elsewhere they are missing: they never came
-to be recorded, or were lost before the file was recovered, and it is whole without them.
+Each file is read completely. Exit code 0: all are intact; 3: some are damaged but usable; 1: at
+least one is unusable. A file that is still being recorded needs no end to count as intact. Sequence
+numbers absent from a topic are 'lost' where the file is damaged. Elsewhere they are 'missing': they
+were never recorded, or were lost before the file was recovered; the file is intact without them.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rsenf.errors import EXIT_DONE, EXIT_LOSS, InputError, RsenfError, UsageErro
 from rsenf.record.examine import Examination, TopicState, examine, made_by
 from rsenf.record.gaps import Gap
 
-SHOWN = 5  # of each topic's gaps, and of the damaged places
+SHOWN = 5  # limit of gaps of each topic, and of damaged places
 RECOVER = "rsenf recover {path} --out NEW.mcap"
 
 
@@ -54,21 +54,21 @@ def run(args: argparse.Namespace) -> int:
 
 
 class Problem(NamedTuple):
-    """What is wrong, and what to do about it."""
+    """A problem, and what to do about it."""
 
     what: str
     do: str
 
 
 def verdict(found: Examination) -> str:
-    """``whole``, ``damaged`` (but usable) or ``unusable``."""
+    """Return ``whole``, ``damaged`` (but usable) or ``unusable``."""
     if found.whole:
         return "whole"
     return "damaged" if found.messages else "unusable"
 
 
 def problems(found: Examination) -> Iterator[Problem]:
-    """Yield what is wrong with a recording."""
+    """Yield the problems of a recording."""
     recover = RECOVER.format(path=found.path)
     if not (found.contents.complete or found.in_the_making):
         yield Problem(
@@ -91,7 +91,7 @@ def problems(found: Examination) -> Iterator[Problem]:
 
 
 def recording_json(found: Examination) -> dict[str, Any]:
-    """Return the stable keys of an examination."""
+    """Return the JSON document of an examination; its keys are stable."""
     about = found.contents.metadata.get("rsenf", {})
     return {
         "path": str(found.path),
@@ -115,7 +115,14 @@ def recording_json(found: Examination) -> dict[str, Any]:
 
 
 def unusable_json(path: str, error: RsenfError) -> dict[str, Any]:
-    """Return the keys of a file that is no recording at all."""
+    """Return the JSON document of a file that is no recording.
+
+    Parameters
+    ----------
+    path : str
+    error : RsenfError
+        Raised by its examination.
+    """
     return {
         "path": path,
         "verdict": "unusable",
@@ -149,7 +156,7 @@ def _topic_json(state: TopicState) -> dict[str, Any]:
 
 
 def recording_words(found: Examination) -> str:
-    """Say to a person what is in a recording."""
+    """Return the contents and problems of a recording as text."""
     chunks = len(found.contents.index.chunks)
     so_far = " so far, it is being recorded" if found.in_the_making else ""
     lines = [
@@ -179,7 +186,7 @@ def _topic_words(state: TopicState) -> str:
 
 
 def lost_words(found: Examination) -> dict[str, str]:
-    """Say what was recorded and is gone, by topic."""
+    """Return what was recorded and is lost, in words, by topic."""
     return {state.topic.name: "; ".join(words) for state in found.topics if (words := _lost(state))}
 
 

@@ -1,6 +1,6 @@
 """Show a page of help, a message, the exit codes or the layout of keys; write the schemas.
 
-rsenf explain                     what there is to explain
+rsenf explain                     list all topics
 rsenf explain verify              a page of help
 rsenf explain EnfEstimate         the fields of a message, as Protobuf with units
 rsenf explain exit-codes | keys | contract
@@ -15,7 +15,7 @@ import re
 import sys
 from pathlib import Path
 
-COMMENT = re.compile(r"<!--.*?-->\n?", re.S)  # for the tests of a page, not for its reader
+COMMENT = re.compile(r"<!--.*?-->\n?", re.S)  # for tests of the page, not for readers
 EXIT_CODES = """\
 0    done; 'no usable signal', 'no match' and 'too short to tell' are results too
 1    failed: no decodable frame, a source that can't be reached, a node that died, a full disk
@@ -78,7 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Explain something."""
+    """Print the explanation of a topic."""
     from rsenf.errors import UsageError
     from rsenf.help import TOPICS, page_of, title_of
     from rsenf.messages.proto_text import message_text
@@ -106,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _show(page: str) -> None:
-    """Print a page, rendered where somebody reads it in a terminal."""
+    """Print a page, rendered and paged on a terminal."""
     if not sys.stdout.isatty():
         print(page, end="")
         return
@@ -119,7 +119,7 @@ def _show(page: str) -> None:
 
 
 def schema_files() -> dict[str, bytes]:
-    """Generated files by name: schemas of messages, of files and of results."""
+    """Return the generated files by name: schemas of messages, of files and of results."""
     import json
 
     from rsenf.cli.result_schemas import result_schemas

@@ -1,12 +1,11 @@
-"""Write one topic of a recording to a file that other programs read, by the file's ending.
+"""Export one topic of a recording to a file for other programs; its suffix sets the format.
 
-  .csv, .parquet   one line a message, or a frame for rows; the columns are the message's fields
-                   with their units ('rsenf explain EnfEstimate'), the header's before them
-  .wav             the light as a sound: rows at the rate they were read, pauses filled in
+  .csv, .parquet   one line per message, or per frame for rows; the columns are the header's and
+                   the message's fields with their units ('rsenf explain EnfEstimate')
+  .wav             the light as a sound: rows at the rate they were read, idle periods filled in
 
-In CSV a list is a cell of JSON, and what is unknown is empty. Pictures stay in the recording:
-Foxglove shows them. A sound needs the idle period of the camera; it is taken from the recording,
-or given.
+In CSV, lists are JSON, and unknown values are empty cells. Pictures are not exported: Foxglove
+shows them. A sound needs the camera's idle ratio: from the recording, or given.
 """
 
 from __future__ import annotations
@@ -72,12 +71,20 @@ def run(args: argparse.Namespace) -> int:
 
 
 def find_topic(recording: Recording, name: str, camera: str | None) -> str:
-    """Find the one topic that a word and a camera mean.
+    """Find a topic of a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+    name : str
+        The full topic, or its last part, such as ``track``.
+    camera : str or None
+        Camera, site or grid; needed if several topics have the name.
 
     Raises
     ------
     UsageError
-        When none or several are meant.
+        When no topic, or more than one, fits.
     """
     from rsenf.errors import UsageError
 

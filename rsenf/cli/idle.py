@@ -1,10 +1,10 @@
-"""How long does the camera read nothing? Its idle period and read-out time, from the flicker.
+"""Estimate the idle period and read-out time of the camera from the flicker of mains light.
 
-The verdict is 'estimated', or says why no value is given: 'ambiguous' (more than one fits),
-'no_signal' (no flicker of mains light), 'refused' (this recording can't bear an answer).
+The verdict is 'estimated', or why there is no value: 'ambiguous' (more than one fits), 'no_signal'
+(no flicker of mains light), 'refused' (the recording doesn't allow a reliable answer).
 
-With two recordings: were they read out in the same time? Read-out times that differ beyond their
-errors come from different cameras, or modes of one; equal ones prove nothing.
+With two recordings: do they have the same read-out time? If the difference exceeds the errors, they
+come from different cameras, or modes of one camera; equal read-out times prove nothing.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Arguments that say how the idle period is estimated."""
+    """Add the arguments that say how the idle period is estimated."""
     from rsenf.cli import options
     from rsenf.cli.console import add_begin_argument, add_rate_argument, add_row_arguments
     from rsenf.idle import IdleSettings
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
         for path, one in zip(paths, found, strict=True):
             print(f"{path}: " * (len(paths) > 1) + str(one))
             for line in one.warnings:
-                if line != one.loss:  # which is said below
+                if line != one.loss:  # printed by say_loss
                     note(line)
         if compared:
             print(compared)
@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def estimated(args: argparse.Namespace, path: str) -> IdleResult:
-    """Estimate the idle period of a recording, under a bar."""
+    """Estimate the idle period of a recording, with a progress bar."""
     from rsenf.api.idle import idle
     from rsenf.cli.console import open_recording, progress_bar
 
@@ -70,7 +70,7 @@ def estimated(args: argparse.Namespace, path: str) -> IdleResult:
 
 
 def options_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Return how the idle period is to be estimated, as the function takes it."""
+    """Return the keyword arguments of :func:`rsenf.api.idle.idle` for the estimation."""
     from rsenf.api.idle import idle_settings
     from rsenf.cli.console import row_settings
     from rsenf.cli.options import settings_of

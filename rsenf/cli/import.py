@@ -1,10 +1,10 @@
-"""Make a recording of the pictures in another program's MCAP file, with the rows sampled.
+"""Convert the pictures in another program's MCAP file to a recording, with the rows sampled.
 
-Read are ROS 2 (sensor_msgs/msg/Image and CompressedImage, foxglove_msgs) and Foxglove
-(CompressedVideo, CompressedImage and RawImage, Protobuf or JSON). Times are the pictures' own
-stamps. Compressed pictures are kept as they are; of raw ones the luma is, without loss.
+Supports ROS 2 (sensor_msgs/msg/Image and CompressedImage, foxglove_msgs) and Foxglove
+(CompressedVideo, CompressedImage and RawImage, Protobuf or JSON). Frame times are the pictures'
+time stamps. Compressed pictures are copied; of raw ones the luma is kept, lossless.
 
-'rsenf track' and its kin read such a file without this, too: --camera names one of several.
+'rsenf track', 'idle' and others also read such a file directly; --camera selects one of several.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Was this feed live? Its flicker against the grid's frequency, second by second, as it came.
+"""Was this feed live? Compare its flicker with the grid's frequency, second by second.
 
-For each stretch of time: live, stale (looped, replayed or delayed, and where it can be found from
-when), frozen, no_signal or undecided; and the alarms. It is what the node 'live' says of a running
-feed, of a recording of one: nothing is used before its time.
+For each stretch of time: live, stale (looped, replayed or delayed; with the original time if it is
+found), frozen, no_signal or undecided; and the alarms. The result equals that of the node 'live' on
+the running feed: each verdict uses only data from before it.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Judge a recording."""
+    """Judge the liveness of a recording."""
     from rsenf.api.live import live
     from rsenf.cli.console import (
         note,
@@ -78,6 +78,6 @@ def run(args: argparse.Namespace) -> int:
     else:
         print(found)
         for line in found.warnings:
-            if line != found.loss:  # which is said below
+            if line != found.loss:  # printed by say_loss
                 note(line)
     return say_loss(args.input, found)

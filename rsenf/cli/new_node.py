@@ -1,4 +1,4 @@
-"""Write a node of your own to begin with: NAME.py, which runs as it is.
+"""Write a template of an external node, NAME.py, which runs unchanged.
 
 It reads a camera's estimates and raises alarms; change its stage, and keep the rest.
 """
@@ -10,7 +10,7 @@ import keyword
 from pathlib import Path
 
 TEMPLATE, ITS_NAME = "node_template.py", "own_node.py"
-# A script's folder comes first where modules are looked for: such a file would hide ours.
+# A script's folder comes first in the module search path: such a file would hide these packages.
 TAKEN = ("rsenf", "rsenf_nodes", "zenoh")
 
 
@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the file, and say what to do next."""
+    """Write the file, and print what to do next."""
     from importlib.resources import files
 
     from rsenf.errors import EXIT_DONE, UsageError

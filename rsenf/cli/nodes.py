@@ -1,13 +1,13 @@
-"""Tell which nodes are on a bus, and how each is doing.
+"""List the nodes on a bus, and their states.
 
     rsenf nodes --connect tcp/127.0.0.1:7447
     rsenf nodes GRAPH.yaml
     rsenf nodes GRAPH.yaml --wait-s 60 && rsenf topic hz --graph GRAPH.yaml
 
-States: as each says itself; 'silent' is there and says nothing (it hangs), 'lost' is gone without
-a word, 'absent' stands in the graph and was never seen. Late: median and slowest twentieth of the
-last minute, from the arrival of what was filmed to this node ('arrival'), and from its exposure by
-the camera's own clock, where the stream tells it ('exposure').
+States are those that nodes report, and: 'silent', present without health messages (it hangs);
+'lost', gone without a last message; 'absent', in the graph but never seen. Latency is the median
+and the 95th percentile of the last minute: 'arrival', since the picture arrived at the host, and
+'exposure', since it was taken by the camera's clock, if the stream has that time.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _look(args: argparse.Namespace) -> Roster:
-    """Listen for a while; returns what was seen."""
+    """Listen for a while; return what was seen."""
     import time
 
     from rsenf.bus.zenoh_bus import open_bus
@@ -74,7 +74,7 @@ def _look(args: argparse.Namespace) -> Roster:
 
 
 def _waited_for(args: argparse.Namespace) -> Roster:
-    """Look until every node is up. A slow machine has longer than it was told."""
+    """Wait until every node is up. The time limit is extended on a slow machine."""
     import time
 
     from rsenf.errors import RsenfError, UsageError
@@ -94,7 +94,7 @@ def _waited_for(args: argparse.Namespace) -> Roster:
 
 
 def _line(seen: Seen, now_s: float, now_ns: int) -> tuple[str, ...]:
-    """Return what is known of a node, in the order of the head."""
+    """Return the cells of a node, in the order of ``HEAD``."""
     health = seen.health
     if health is None:
         return (f"{seen.site}/{seen.name}", "", seen.state(now_s))

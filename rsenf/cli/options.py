@@ -1,7 +1,7 @@
-"""Options out of settings: each field of a dataclass is one, and is read back into the dataclass.
+"""Generates command-line options from the fields of settings classes, and reads them back.
 
-The field's name makes the option's, its annotation the type and the choices, its default the
-default, and the ``Parameters`` section of the docstring the help.
+The option's name comes from the field's name, type and choices from its annotation, the default
+from its default, and the help from the ``Parameters`` section of the docstring.
 
 ::
 
@@ -30,7 +30,7 @@ from rsenf.errors import RsenfError, UsageError
 
 T = TypeVar("T")
 
-# How a field's option is spelt where that isn't just the field's name; all of them work.
+# Names of options that differ from the field's name; all names of a field are accepted.
 SPELT = {
     "first_seed": ("seed",),
     "nominals_hz": ("nominal-hz",),
@@ -55,7 +55,7 @@ SPELT = {
     "DiskLimits.warn_mb": ("warn-free-mb",),
     "DiskLimits.stop_mb": ("stop-free-mb",),
 }
-# Where the names are that a text may be; they may come from other packages.
+# Registries of the names that a field allows; other packages may add to them.
 NAMES = {
     "TrackSettings.method": "rsenf.track:METHODS",
     "TrackSettings.interpolation": "rsenf.track.interpolate:INTERPOLATIONS",
@@ -65,7 +65,7 @@ UNITS = ("s", "hz", "ppm", "mb", "hours", "days", "share", "rad", "percent")
 
 
 class Option(NamedTuple):
-    """A field as an option; ``spelt`` without dashes, ``dest`` is where argparse keeps it."""
+    """A field as an option; ``spelt`` are its names without dashes, ``dest`` is argparse's."""
 
     name: str
     dest: str
@@ -91,16 +91,15 @@ def add_settings(
     ----------
     parser : ArgumentParser
     heading : str
-        Above them in the help.
+        Heading in the help.
     settings : type
-        A dataclass. What another one has added already under the same name is shared with it.
+        A dataclass or Pydantic model. An option already added by another one is shared with it.
     also : mapping, optional
-        One more spelling, by field.
+        One more name of the option, by field.
     leave_out : collection of str
-        Fields that aren't options.
-    defaults
-        What the verb has in place of the settings' own, by field, shown in the help; it gives them
-        to :func:`settings_of`, too.
+        Fields that become no options.
+    **defaults
+        The verb's defaults for the help, by field; the verb passes them to :func:`settings_of` too.
     """
     group = next((g for g in parser._action_groups if g.title == heading), None)
     group = group or parser.add_argument_group(heading)
@@ -115,15 +114,24 @@ def add_settings(
 
 
 def settings_of(args: argparse.Namespace, settings: type[T], **others: Any) -> T:
-    """Return the settings that the arguments mean; ``others`` where an argument doesn't say.
+    """Return settings from arguments.
+
+    Parameters
+    ----------
+    args : Namespace
+        Parsed arguments.
+    settings : type
+        The settings class.
+    **others
+        Values of fields that no argument sets.
 
     Raises
     ------
     UsageError
-        When the settings can't be meant so.
+        When a value is not allowed.
     """
     given = others | given_by(args, settings)
-    if not _is_model(settings):  # Pydantic's build their parts themselves
+    if not _is_model(settings):  # Pydantic models build their parts themselves
         for name, part in given.items():
             if isinstance(part, dict):
                 given[name] = dataclasses.replace(getattr(settings(), name), **part)
@@ -131,14 +139,14 @@ def settings_of(args: argparse.Namespace, settings: type[T], **others: Any) -> T
         return settings(**given)
     except RsenfError:
         raise
-    except ValueError as exc:  # of Pydantic
+    except ValueError as exc:  # Pydantic's ValidationError
         told = exc.errors()[0]  # type: ignore[attr-defined]
         name = "-".join(map(str, told["loc"])).replace("_", "-")
         raise UsageError(f"{name}: {told['msg'].removeprefix('Value error, ')}") from exc
 
 
 def given_by(args: argparse.Namespace, settings: type) -> dict[str, Any]:
-    """Return what the arguments say of settings, by field."""
+    """Return the fields of settings that the arguments set; parts of settings as nested dicts."""
     given: dict[str, Any] = {}
     for option in options_of(settings):
         if (value := getattr(args, option.dest, None)) is not None:
@@ -150,7 +158,7 @@ def given_by(args: argparse.Namespace, settings: type) -> dict[str, Any]:
 
 
 def options_of(settings: Any, within: str = "") -> Iterator[Option]:
-    """Yield the fields of settings, and of settings in them, as options."""
+    """Yield the fields of settings, and of nested settings, as options."""
     hints = typing.get_type_hints(settings)
     for field, default, text, choices in _fields(settings):
         kind, name = _without_none(hints[field]), f"{within}{field}"
@@ -196,7 +204,19 @@ def _without_none(hint: Any) -> Any:
 def add_names(
     parser: argparse.ArgumentParser, option: str, where: str, text: str, default: str | None = None
 ) -> None:
-    """Add an option that is a name in a registry, listed in the help."""
+    """Add an option that takes a name in a registry; the help lists the names.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+    option : str
+        With its dashes.
+    where : str
+        The registry, ``module:attribute``.
+    text : str
+        Help text.
+    default : str, optional
+    """
     names = names_in(where)
     shown = f" ({default})" if default else ""
     parser.add_argument(
@@ -212,7 +232,7 @@ def names_in(where: str) -> tuple[str, ...]:
 
 
 def _kind(option: Option) -> dict[str, Any]:
-    """What argparse has to know of an option's type."""
+    """Return argparse's keyword arguments for an option's type."""
     if option.kind is bool:
         return {"action": argparse.BooleanOptionalAction}
     read: dict[Any, Callable[[str], Any]] = {float: number, int: int, Path: Path, str: str}
@@ -231,7 +251,7 @@ def _kind(option: Option) -> dict[str, Any]:
 
 
 def _help(option: Option, default: Any) -> str:
-    """Help with the choices and the default, as the help of all options has them."""
+    """Return the help text with choices and default, in the style of all options."""
     text = option.help
     if option.choices:
         text += f": {', '.join(map(str, option.choices))}"
@@ -241,7 +261,11 @@ def _help(option: Option, default: Any) -> str:
 
 
 def shown(value: Any) -> str:
-    """Return a default as one would type it."""
+    """Return a value as one would type it.
+
+    >>> shown((0.5, 20)), shown(True)
+    ('0.5, 20', 'on')
+    """
     if isinstance(value, bool):
         return "on" if value else "off"
     if isinstance(value, tuple):
@@ -250,7 +274,15 @@ def shown(value: Any) -> str:
 
 
 def field_docs(settings: type, heading: str = "Parameters") -> dict[str, str]:
-    """Return the first sentence of what a numpydoc docstring says of each field."""
+    """Return the first sentence of each field's description in a numpydoc docstring.
+
+    Parameters
+    ----------
+    settings : type
+        A class with such a docstring.
+    heading : str
+        Section with the fields.
+    """
     over = f"\n{heading}\n{'-' * len(heading)}\n"
     _, _, section = (inspect.getdoc(settings) or "").partition(over)
     docs: dict[str, str] = {}
@@ -306,7 +338,11 @@ def named(text: str) -> tuple[str, str]:
 
 
 def many(kind: Callable[[str], Any]) -> Callable[[str], tuple[Any, ...]]:
-    """Argument type: several of a kind, divided by commas."""
+    """Argument type: several values of a kind, separated by commas.
+
+    >>> many(int)("1, 2,3")
+    (1, 2, 3)
+    """
 
     def read(text: str) -> tuple[Any, ...]:
         return tuple(kind(word.strip()) for word in text.split(","))

@@ -1,11 +1,11 @@
-"""Write what is on a bus to an MCAP file, or an archive of them, until Ctrl-C or for a given time.
+"""Record a bus to an MCAP file, or an archive of them, until Ctrl-C or for a given time.
 
     rsenf record --connect tcp/127.0.0.1:7447 --out all.mcap
     rsenf record --connect tcp/127.0.0.1:7447 --archive recordings --keep-days 30 --keep-share 0.8
 
-'rsenf run' says where its bus is; a graph with a 'record' node records by itself. An archive has
-files by site, camera and day; 'rsenf archive' tells what is in it. What lies about an alarm is
-never deleted; with --alarms-only nothing else is written, and SIGUSR1 is an alarm, too.
+'rsenf run' prints the address of its bus; a graph with a 'record' node records by itself. An
+archive has files by site, camera and day; 'rsenf archive' lists its contents. Data around an alarm
+are never deleted; with --alarms-only nothing else is written. SIGUSR1 counts as an alarm.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Save all that is whole in a damaged recording: one that was killed, cut short, or overwritten.
+"""Recover all intact messages of a damaged recording: unfinished, truncated or overwritten.
 
-Damage costs only the chunk that it hit, and the new file says what was lost. The old one is not
+Damage costs only the chunk that it hit, and the new file lists what was lost. The old one is not
 changed; with --in-place it is kept beside the new one, as FILE.damaged. Exit code 0: nothing was
-lost; 3: something was, and is named.
+lost; 3: something was, and is listed.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""Keep months and years of grid frequency, several grids side by side, and see what is there.
+"""Manage a store of grid frequency: months and years, several grids side by side.
 
     rsenf reference import FILE… --grid ce     CSV, Parquet, NPZ of days, or WAV of the mains
     rsenf reference list                       grids, steps, spans
     rsenf reference info ce                    imports, gaps, duplicates, contradictions
-    rsenf reference export ce --out ce.csv     a file again
+    rsenf reference export ce --out ce.csv     write a file again
 
 Use it as a reference: store:ce, or store:ce@1?from=2024-08-01&to=2024-09-01. A grid is kept at each
-step that it came in; GRID@STEP names one, GRID alone the finest. Importing a file again changes
-nothing. The store is $RSENF_STORE, or in the user's data folder; --store DIR names another.
+time step that was imported; GRID@STEP names one, GRID alone the finest. Importing a file again
+changes nothing. The store is $RSENF_STORE, or in the user's data folder; --store DIR names another.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Import, list, inform or export."""
+    """Import, list, describe or export."""
     store = args.store or default_store()
     _ACTIONS[args.what](args, store)
     return EXIT_DONE
@@ -134,12 +134,12 @@ def _export(args: argparse.Namespace, store: Path) -> None:
 
 
 def import_document(done: Imported) -> dict[str, Any]:
-    """What came in."""
+    """Return the JSON document of an import."""
     return {"new": done.new, **_file_document(SampleFile(done.path))}
 
 
 def import_words(document: dict[str, Any]) -> str:
-    """The same in words."""
+    """Return the document of an import as text."""
     to = f"{document['grid']}@{document['step_s']:g}"
     if not document["new"]:
         return f"{document['file']}: in {to} already, since {document['imported_utc']}"
@@ -150,7 +150,7 @@ def import_words(document: dict[str, Any]) -> str:
 
 
 def series_document(series: Series) -> dict[str, Any]:
-    """A line of the list."""
+    """Return the JSON document of a series, for the list."""
     start, end = map(utc_text, series.span_ns)
     return {
         "grid": series.grid,
@@ -165,7 +165,7 @@ def series_document(series: Series) -> dict[str, Any]:
 
 
 def list_words(documents: list[dict[str, Any]]) -> str:
-    """The list as a table."""
+    """Return the list as a text table."""
     lines = [f"{'grid':<16} {'Hz':>3} {'step':>6}  {'from':<24} {'to':<24} {'there':>6} {'MB':>6}"]
     lines += [
         f"{d['grid']:<16} {d['nominal_hz']:>3g} {d['step_s']:>4g} s  {d['start_utc']:<24} "
@@ -176,7 +176,7 @@ def list_words(documents: list[dict[str, Any]]) -> str:
 
 
 def info_document(series: Series) -> dict[str, Any]:
-    """All that is known of a series."""
+    """Return the full JSON document of a series."""
     found = facts(series)
     return {
         **series_document(series),
@@ -199,7 +199,7 @@ def info_document(series: Series) -> dict[str, Any]:
 
 
 def info_words(document: dict[str, Any]) -> str:
-    """The same in words."""
+    """Return the full document of a series as text."""
     d, step_s = document, document["step_s"]
     missing = d["samples"] - d["valid"]
     lines = [
@@ -224,7 +224,15 @@ def info_words(document: dict[str, Any]) -> str:
 
 
 def export_document(reference: StoredReference, out: Path, written: int) -> dict[str, Any]:
-    """What went out."""
+    """Return the JSON document of an export.
+
+    Parameters
+    ----------
+    reference : StoredReference
+    out : Path
+    written : int
+        Number of values written.
+    """
     return {
         "out": str(out),
         "grid": reference.grid,
@@ -236,7 +244,7 @@ def export_document(reference: StoredReference, out: Path, written: int) -> dict
 
 
 def export_words(document: dict[str, Any]) -> str:
-    """The same in words."""
+    """Return the document of an export as text."""
     d = document
     return (
         f"{d['out']}: {d['values']} values of {d['grid']} at {d['step_s']:g} s, "
@@ -245,7 +253,7 @@ def export_words(document: dict[str, Any]) -> str:
 
 
 def _long(duration_s: float) -> str:
-    """Days, hours, minutes and seconds."""
+    """Return a duration as days, hours, minutes and seconds."""
     return str(timedelta(seconds=duration_s))
 
 

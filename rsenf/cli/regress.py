@@ -1,10 +1,10 @@
-"""Run every stage again on its recorded input, and compare with its recorded output.
+"""Regression test: run every stage on its recorded input, and compare with its recorded output.
 
-Each stage gets what was recorded of the stages before it, with the settings in the recording, so
-that what moves is located. On the versions and the kind of processor that made a recording every
-bit must agree; on others what moves by less than a hundredth of its own standard error, or by
-rounding, is as it was. 'rsenf regress --tolerances' lists them. Exit code 1: something moved,
-or a recording can't be compared; the others are all the same.
+Each stage gets the recorded outputs of the stages before it, with the settings in the recording, so
+that a difference is located. With the versions and the kind of processor that made the recording,
+every bit must agree. With others, differences below a hundredth of the value's standard error, or
+from rounding, are tolerated: 'rsenf regress --tolerances' lists the limits. Exit code 1: some
+recording differs or can't be compared; all others are still compared.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rsenf.regress import Regression, TopicVerdict
 
-MOST_FIELDS = 4  # of a topic, in words; --json has them all
+MOST_FIELDS = 4  # limit of fields printed for a topic; --json has them all
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compare recordings with what the stages make now."""
+    """Compare recordings with the stages' present outputs."""
     from rsenf.cli.console import print_json, say
     from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, RsenfError, UsageError
     from rsenf.regress import Regression, accept, regress
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
             if args.accept and not result.passed:
                 accept(result, args.reason)
                 say(f"{path}: recorded anew")
-        except RsenfError as exc:  # the others are to be heard of all the same
+        except RsenfError as exc:  # go on with the other recordings
             result = dataclasses.replace(result, error=str(exc))
             errors.append(exc)
         results.append(result)

@@ -1,8 +1,8 @@
-"""Play a recording to a bus: any of its topics, at any speed, from any moment.
+"""Replay a recording to a bus: any of its topics, at any speed, from any moment.
 
-It begins when somebody listens. On a terminal keys pause, step and seek. Results don't depend on
-the speed: rate 0 plays as fast as whoever listens takes it, and nothing is lost. 'rsenf run GRAPH
---replay NODE=FILE' plays what one node of a graph has sent, in its place.
+It starts when a subscriber appears. On a terminal, keys pause, step and seek. Results don't depend
+on the speed: rate 0 plays as fast as subscribers take messages, without loss. 'rsenf run GRAPH
+--replay NODE=FILE' replaces a node of a graph by its recorded output.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
             publishers = {
                 key: bus.publisher(key, delivery_of(topic_of(key))) for key in player.keys
             }
-            # Whoever listens may be on another host: frames go with their pixels.
+            # A subscriber may be on another host: frames are sent with their pixels.
             send = {
                 key: FrameSender(p, "", 0, stop.is_set).send if topic_of(key) == FRAMES else p.send
                 for key, p in publishers.items()
@@ -103,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _keys(control: Control) -> AbstractContextManager[None]:
-    """Let the keys of a terminal work, where there is one."""
+    """Enable keyboard control if stdin is a terminal."""
     if not sys.stdin.isatty():
         return contextlib.nullcontext()
     from rsenf.cli.console import say

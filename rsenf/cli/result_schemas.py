@@ -1,4 +1,4 @@
-"""JSON Schemas of what the verbs print with ``--json``, and of a report, by their own types."""
+"""JSON Schemas of the output of verbs with ``--json`` and of a report, generated from types."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ JSON_SCHEMA = "https://json-schema.org/draft/2020-12/schema"
 
 
 def result_schemas() -> dict[str, dict[str, Any]]:
-    """Return the schemas by name. Keys may be added to a result, so others are allowed."""
+    """Return the schemas by name. They allow further keys, since results may be extended."""
     from pydantic import TypeAdapter
 
     from rsenf.api.against import AgainstResult, TogetherResult
@@ -37,7 +37,7 @@ def result_schemas() -> dict[str, dict[str, Any]]:
 
 
 def _schema(title: str, hints: dict[str, Any], told_by: type) -> dict[str, Any]:
-    """Return a schema of keys by their types, described as a docstring has them."""
+    """Return a schema of keys with their types, and the descriptions of a class's docstring."""
     from pydantic import BaseModel, Field, create_model
 
     from rsenf.cli.options import field_docs

@@ -1,7 +1,7 @@
 """Start the processes of a graph, show their state, and stop them cleanly.
 
-Ctrl-C stops the sources, lets what is under way finish, closes the recording and ends within two
-seconds; a second Ctrl-C ends everything at once.
+Ctrl-C stops the sources, lets the other nodes finish their streams, closes the recording and ends
+within two seconds; a second Ctrl-C ends everything at once.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _metrics(running: GraphRun, where: str | None) -> contextlib.AbstractContextManager[object]:
-    """Serve metrics, where they are asked for."""
+    """Serve metrics, if requested."""
     if where is None:
         return contextlib.nullcontext()
     from rsenf.run.metrics import serving_metrics

@@ -1,6 +1,6 @@
-"""Film a lamp on a grid's frequency path with a simulated rolling-shutter camera.
+"""Simulate a rolling-shutter video of a lamp on a grid with a given or random frequency path.
 
-X.truth.json beside the clip says what is true of it: enough to judge any estimator by.
+X.truth.json beside the clip has the true values, enough to evaluate any estimator.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rsenf.model import CaptureModel, Codec, Effect
 
-# Parts of the model, all of whose numbers are options, and those that are told otherwise.
+# Parts of the model, whose fields become options; and fields that other options set.
 PARTS = {
     "light": "the lamp", "scene": "the scene", "shutter": "the shutter", "sensor": "the sensor",
     "codec": "the encoder",
@@ -27,7 +27,7 @@ OTHERWISE = (
     "bitrate_bps", "lossless",
 )  # fmt: skip
 WIDTH = 100  # of the catalogue
-# Commas part parameters, but not within a list such as at_frames=[10,20].
+# Commas separate parameters, but not within a list such as at_frames=[10,20].
 _COMMA = re.compile(r",(?![^\[]*\])")
 
 
@@ -87,7 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Make the clip and its truth."""
+    """Write the clip and its truth."""
     from rsenf.api.references import open_references
     from rsenf.api.simulate import simulate
     from rsenf.cli.console import note, print_json, progress_bar, read_options
@@ -119,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _model_of(args: argparse.Namespace) -> CaptureModel:
-    """Return the model file's capture, or the default one, with the options over it."""
+    """Return the capture model of the file, or the default one, overridden by the options."""
     from rsenf.cli.options import given_by
     from rsenf.config.model_file import load_model
     from rsenf.model import CaptureModel
@@ -136,7 +136,7 @@ def _model_of(args: argparse.Namespace) -> CaptureModel:
 
 
 def _with_effects(model: CaptureModel, told: list[str]) -> CaptureModel:
-    """Add effects; the first of each name takes the place of the model file's."""
+    """Add effects; the first of each name replaces the model file's."""
     from rsenf.model import make_effect
 
     first_of: set[str] = set()
@@ -163,7 +163,7 @@ def _value(pair: str, text: str) -> tuple[str, object]:
 
 
 def _codecs_of(model: CaptureModel, labels: list[str]) -> dict[str, Codec]:
-    """Encodings by the label in their files' names."""
+    """Return the encodings by the label in their files' names."""
     plain = dataclasses.replace(model.codec, bitrate_bps=None, lossless=False)
     return {
         label: dataclasses.replace(plain, lossless=True)
@@ -174,7 +174,11 @@ def _codecs_of(model: CaptureModel, labels: list[str]) -> dict[str, Codec]:
 
 
 def size(text: str) -> tuple[int, int]:
-    """Argument type: columns x rows."""
+    """Argument type: columns x rows.
+
+    >>> size("1280x720")
+    (1280, 720)
+    """
     columns, _, rows = text.lower().partition("x")
     try:
         return int(columns), int(rows)
@@ -183,7 +187,11 @@ def size(text: str) -> tuple[int, int]:
 
 
 def bits(text: str) -> int:
-    """Argument type: a bit rate."""
+    """Argument type: a bit rate in bit/s.
+
+    >>> bits("150k")
+    150000
+    """
     number, factor = text, 1
     if text[-1:].lower() in ("k", "m"):
         number, factor = text[:-1], {"k": 1_000, "m": 1_000_000}[text[-1].lower()]
@@ -203,7 +211,7 @@ def labels(text: str) -> list[str]:
 
 
 class ListEffects(argparse.Action):
-    """An option that prints the catalogue and ends the program."""
+    """An option that prints the catalogue of effects and exits."""
 
     def __call__(
         self,
@@ -212,7 +220,7 @@ class ListEffects(argparse.Action):
         values: Any,
         option_string: str | None = None,
     ) -> None:
-        """Print all effects, those of ``--effects`` files given before included."""
+        """Print all effects, including those of preceding ``--effects`` files."""
         from rsenf.model import CATALOGUE, load_effects
 
         for path in namespace.effects:
@@ -222,7 +230,7 @@ class ListEffects(argparse.Action):
 
 
 def describe(effect: type[Effect]) -> str:
-    """Return what an effect says of itself, with its parameters and their plausible ranges."""
+    """Return the description of an effect, with its parameters and their plausible ranges."""
     told = [effect.name, *_wrapped(inspect.getdoc(effect) or "")]
     for f in dataclasses.fields(effect):
         low, high = f.metadata["low"], f.metadata["high"]

@@ -1,8 +1,8 @@
-"""The paper's idle tables and its figure of the strongest line, from the line model.
+"""Reproduce the paper's idle tables and its figure of the strongest line from the line model.
 
-By default the numbers are right where the paper is wrong, and its errata are listed with the
+By default the numbers are corrected where the paper is wrong, and its errata are listed with the
 reasons. With --as-published they are the paper's: M rounded to whole rows, lines of harmonic 1
-above 0 Hz only, whole hertz and one decimal. The figure sets a simulation beside the model.
+above 0 Hz only, whole hertz and one decimal. The figure compares a simulation with the model.
 """
 
 from __future__ import annotations

@@ -4,9 +4,9 @@
     rsenf topic echo 'cam1/track' --connect tcp/127.0.0.1:7447 --count 5
     rsenf topic hz '*/rows' --graph GRAPH.yaml
 
-Topics are key expressions below the site. 'echo' prints one JSON object a line until Ctrl-C; times
-in ns are text, what is unknown is null, of pictures and long arrays only the size is told. Who
-looks holds up nobody: what comes too fast for it is dropped, and counted.
+Topics are key expressions below the site. 'echo' prints one JSON object per line until Ctrl-C;
+times in ns are strings, unknown values are null, pictures and long arrays are shown by their size
+only. It exerts no backpressure: messages that come too fast are dropped, and counted.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 HEAD = ("topic", "message", "messages", "Hz", "kB/s", "longest gap s")
 POLL_S = 0.2
-LONGEST = 16  # array that is echoed whole
+LONGEST = 16  # longest array that is printed in full
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Look at the topics."""
+    """List, print or measure the topics."""
     from rsenf.bus.delivery import LOOKING
     from rsenf.bus.inbox import Inbox
     from rsenf.bus.keys import ROOT, health_key
@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _received(inbox: Inbox, for_s: float) -> Iterator[Received]:
-    """Yield what comes, for so long."""
+    """Yield messages for a number of seconds."""
     deadline = time.monotonic() + for_s
     while (left_s := deadline - time.monotonic()) > 0:
         received = inbox.receive(min(left_s, POLL_S))

@@ -1,9 +1,9 @@
 """Print the ENF of a recording, one value a second.
 
-Without --json a table goes to stdout; with it JSON Lines, one object for each second, t_s counted
-from the first frame to the centre of what the value covers: a second (0.5, 1.5, …) by
-projection, a window of 20 s (10, 11, …) by stft and its kin. A second without a usable signal is a
-line too: its enf_hz is null.
+Prints a table; with --json, JSON Lines, one object per second. t_s is counted from the first frame
+to the centre of the interval that a value covers: one second (0.5, 1.5, …) by projection, a window
+of 20 s (10, 11, …) by stft and similar methods. A second without a usable signal has a line too,
+with enf_hz null.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Arguments that say how a recording is tracked."""
+    """Add the arguments that say how a recording is tracked."""
     from rsenf.cli.console import (
         add_begin_argument,
         add_rate_argument,
@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def options_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Return how a recording is to be tracked, as the function takes it."""
+    """Return the keyword arguments of :func:`rsenf.api.track.track` for the tracking."""
     from rsenf.cli.console import row_settings, track_settings
 
     return {"rows": row_settings(args), "settings": track_settings(args)}

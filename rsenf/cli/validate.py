@@ -1,4 +1,4 @@
-"""Check a graph file: unknown keys, wrong values, inputs that nobody sends, recordings played."""
+"""Check a graph file: unknown keys, wrong values, inputs without a sender, replayed recordings."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_recordings(graph: Graph) -> None:
-    """Look into the recordings that a graph plays; one that isn't there may yet be made."""
+    """Check the recordings that a graph replays; a missing one may still be made later."""
     from rsenf.cli.console import note
 
     for name, node in graph.nodes.items():

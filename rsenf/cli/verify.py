@@ -1,8 +1,8 @@
-"""When was this recording made? Its ENF is compared with a grid reference at every lag.
+"""When was this recording made? Compare its ENF with a grid reference at every lag.
 
-The answer is a decision (match, no_match or no_decision), the lag with its standard error, the
-likelihood ratio behind it, and how many lags were searched. With --start it also says whether a
-claimed time is supported, refuted or undecidable.
+The result is a decision (match, no_match or no_decision), the lag with its standard error, the
+likelihood ratio, and the number of lags searched. With --start it also states whether a claimed
+time is supported, refuted or undecidable.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rsenf.api.track import TrackResult
 
-# Which leave the report as it is.
+# Options that don't change the report.
 ELSEWHERE = ("json", "picture", "report", "debug")
 
 
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_reference(to: Any, **more: Any) -> None:
-    """Argument that names references, added to a parser or a group of one."""
+    """Add the argument that names references to a parser or an argument group."""
     to.add_argument(
         "--reference", action="append", metavar="REF", **more,
         help="CSV, Parquet, WAV of the mains, or store:GRID; several for several grids",
@@ -49,7 +49,7 @@ def add_reference(to: Any, **more: Any) -> None:
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Arguments that say how a recording is verified."""
+    """Add the arguments that say how a recording is verified."""
     from rsenf.cli import options
     from rsenf.cli.console import (
         add_begin_argument,
@@ -74,7 +74,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Verify a recording's time."""
+    """Verify the time of a recording."""
     from rsenf.api.verify import verify
     from rsenf.cli.console import (
         note,
@@ -105,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         print(found)
         for line in found.warnings:
-            if line != found.loss:  # which is said below
+            if line != found.loss:  # printed by say_loss
                 note(line)
     if not found.enf.usable.any():
         say(f"{args.input}: {found.enf.summary}")
@@ -116,7 +116,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def options_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Return how a recording is to be verified, as the function takes it."""
+    """Return the keyword arguments of :func:`rsenf.api.verify.verify` for the verification."""
     from rsenf.cli.console import row_settings, track_settings
     from rsenf.cli.options import settings_of
     from rsenf.match.settings import MatchSettings
@@ -132,7 +132,7 @@ def options_of(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def command_again(args: argparse.Namespace) -> str:
-    """Return the command that makes the same report, with files by their names alone."""
+    """Return the command line that reproduces the report, with file names instead of paths."""
     from rsenf.cli import verb_parser
 
     words = ["rsenf", "verify", _name(args.input)]
@@ -149,7 +149,7 @@ def command_again(args: argparse.Namespace) -> str:
 
 
 def _name(value: object) -> str:
-    """Write an argument; of what is a file its name."""
+    """Return an argument as text; only the name of an existing file."""
     return (
         Path(value).name if isinstance(value, str | Path) and Path(value).exists() else str(value)
     )

@@ -1,4 +1,4 @@
-"""When each frame was taken, by the stream: exact, or said not to be."""
+"""Presentation times of frames: exact where the stream has them, otherwise counted as inferred."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ import av
 
 from rsenf.timebase import pts_to_ns
 
-# More packets than any decoder keeps before it gives out the first of their frames.
+# More packets than any decoder holds before it returns the first of their frames.
 IN_FLIGHT = 256
-# What FFmpeg assumes, too, of a stream that declares no rate.
+# FFmpeg's assumption, too, for a stream without a declared rate.
 ASSUMED_RATE_HZ = Fraction(25)
 
 
 class FrameClock:
     """Presentation times of the frames of one stream.
 
-    1. A frame has the presentation time (PTS) that the container gave its packet.
-    2. Where there is none, the n-th frame shown takes the n-th decoding time, which rises from
-       packet to packet, plus the delay between the two seen last. This is exact for AVI, whose
+    1. A frame has the presentation time stamp (PTS) that the container gave its packet.
+    2. Without PTS, the n-th frame shown gets the n-th decoding time stamp (DTS), which rises from
+       packet to packet, plus the last known difference of PTS and DTS. This is exact for AVI, whose
        packets are numbered at a constant rate.
-    3. A bare elementary stream has no times at all: a frame then comes one period of the rate after
-       the one before.
+    3. A raw elementary stream has no time stamps: each frame follows the one before by one period
+       of the frame rate.
 
-    FFmpeg's own guess (``genpts``) must be off: in AVI with B frames it gets their order wrong.
+    FFmpeg's own guess (``genpts``) must be off: it gets the order of B frames in AVI wrong.
 
     Parameters
     ----------
     time_base : Fraction
         Seconds per tick.
     rate_hz : Fraction
-        Frame rate, for rule 3; 0 is unknown.
+        Frame rate, for rule 3; 0 if unknown.
 
     Attributes
     ----------
@@ -45,17 +45,14 @@ class FrameClock:
         self._period_s = 1 / (rate_hz or ASSUMED_RATE_HZ)
         self._decode_times: deque[int] = deque(maxlen=IN_FLIGHT)
         self._delay = 0
-        self._anchor_ns = 0  # last time that rule 1 or 2 gave
+        self._anchor_ns = 0  # last time by rule 1 or 2
         self._since_anchor = -1
         self._packets = 0
         self.from_order = 0
         self.from_rate = 0
 
     def expect(self, packet: av.Packet[av.VideoStream]) -> int:
-        """Take note of a packet that goes into the decoder; return its time in ns.
-
-        It is the presentation time, or the decoding time where there is none.
-        """
+        """Note a packet that is passed to the decoder; return its PTS, or else DTS, in ns."""
         if packet.dts is not None:
             self._decode_times.append(packet.dts)
         number, self._packets = self._packets, self._packets + 1
@@ -65,14 +62,14 @@ class FrameClock:
         return pts_to_ns(ticks, self._time_base)
 
     def forget(self) -> None:
-        """Take note that a packet gave no frame."""
+        """Note that a packet could not be decoded, so that no frame of it will come."""
         if self._decode_times:
             self._decode_times.popleft()
         else:
             self._since_anchor += 1
 
     def time_ns(self, pts: int | None) -> int:
-        """Time of the next frame shown, in ns, by its PTS or in its absence."""
+        """Return the time of the next frame shown, in ns, from its PTS if it has one."""
         decode_time = self._decode_times.popleft() if self._decode_times else None
         if pts is not None:
             if decode_time is not None:

@@ -1,4 +1,4 @@
-"""Packets of a video to pictures, one by one, wherever the packets come from."""
+"""Decodes video packets that come without a container, such as recorded ones."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ import av
 from rsenf.decode.clock import IN_FLIGHT
 from rsenf.timebase import NS_PER_S
 
-# Every picture for itself. FFmpeg's PNG decoder makes rubbish of all after its first, so each of
-# these gets a decoder of its own.
+# Still pictures. FFmpeg's PNG decoder returns garbage after its first one, so each of these gets a
+# new decoder.
 STILLS = frozenset({"mjpeg", "png", "webp"})
-# Larger pictures don't come from a camera, but from bytes that are no picture.
+# A larger size comes from invalid data, not from a camera.
 LARGEST_PX = 1 << 26
 _NEVER = -(1 << 63)
 _DECODERS = {"av1": "libdav1d"}  # FFmpeg's own needs hardware
 
 
 class Decoded(NamedTuple):
-    """A picture, and what its packet came with."""
+    """A picture, and the tag of its packet."""
 
     picture: av.VideoFrame
     tag: Any
 
 
 class PacketDecoder:
-    """Decodes the packets of one stretch of video: bit for bit what any decoder makes of them.
+    """Decodes the packets of one continuous video, with the same result as any exact decoder.
 
     Parameters
     ----------
@@ -38,34 +38,34 @@ class PacketDecoder:
     Attributes
     ----------
     contradicts : bool
-        Whether pictures came in an order that contradicts the times of their packets: these are
-        times of decoding, though nobody said so.
+        Whether the order of the pictures contradicts their packets' times. These are then decoding
+        times, not presentation times as claimed.
     """
 
     def __init__(self, codec: str) -> None:
         self._codec = codec
         self._context = self._open()
-        self._in_flight: deque[Any] = deque(maxlen=IN_FLIGHT)  # tags, in the order of decoding
+        self._in_flight: deque[Any] = deque(maxlen=IN_FLIGHT)  # tags, in decoding order
         self._latest_ns, self._shown_ns = _NEVER, _NEVER
         self._rises = True
         self.contradicts = False
 
     def decode(self, data: bytes, tag: Any, *, pts_ns: int | None = 0) -> list[Decoded]:
-        """Take a packet in the order of decoding; return the pictures that it completes.
+        """Take a packet in decoding order; return the pictures that it completes.
 
         Parameters
         ----------
         data : bytes
         tag : object
-            Comes back with the picture.
+            Returned with the picture.
         pts_ns : int, optional
-            When it is to be shown. None where that isn't known: tags then come back in the order
-            of the packets, whichever of them has the picture, as :class:`FrameClock` has it.
+            Presentation time. None if unknown: tags are then returned in the order of the packets,
+            whichever picture comes, as in rule 2 of :class:`FrameClock`.
 
         Raises
         ------
         av.FFmpegError
-            When it can't be decoded, or its pictures are of an absurd size.
+            When the packet can't be decoded, or its picture is absurdly large.
         """
         packet = cast("av.Packet[av.VideoStream]", av.Packet(data))
         packet.pts, packet.time_base = pts_ns, Fraction(1, NS_PER_S)
@@ -83,12 +83,12 @@ class PacketDecoder:
             raise
 
     def rest(self) -> list[Decoded]:
-        """Return the pictures that are still held back. Raises what :meth:`decode` does."""
+        """Return the pictures that the decoder still holds. Raises what :meth:`decode` does."""
         return [] if self._codec in STILLS else self._taken(None)
 
     def __del__(self) -> None:
-        # Threads that still decode would wait for the interpreter to let go of their packets, and
-        # it for them to end: for ever.
+        # Avoids a deadlock: decoder threads need the GIL to release their packets, while the
+        # interpreter waits for these threads to end.
         if self._context.is_open:
             self._context.flush_buffers()
 
@@ -108,7 +108,7 @@ class PacketDecoder:
         name = _DECODERS.get(self._codec, self._codec)
         context = cast(av.VideoCodecContext, av.CodecContext.create(name, "r"))
         context.options = {"max_pixels": str(LARGEST_PX)}
-        context.copy_opaque = True  # hands each packet's tag on to its picture
-        # With several threads a decoder holds pictures back, of which a still has just one.
+        context.copy_opaque = True  # passes each packet's tag to its picture
+        # A decoder with several threads delays pictures; a still picture has nothing after it.
         context.thread_type = "NONE" if self._codec in STILLS else "AUTO"
         return context

@@ -1,4 +1,4 @@
-"""What a video file says of itself and of its making, and what the time stamps in it are like."""
+"""Metadata of a video file: format, device, creation time, and statistics of its time stamps."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rsenf.decode.file import open_container, video_stream
 from rsenf.errors import InputError
 from rsenf.messages import RateBasis
 
-# What makers call a thing: QuickTime's and Android's names beside the plain one.
+# Metadata keys for each fact: QuickTime's and Android's names beside the plain one.
 _SAID = {
     "creation_time": ("creation_time", "com.apple.quicktime.creationdate", "date"),
     "encoder": ("encoder", "com.apple.quicktime.software", "software", "firmware"),
@@ -26,25 +26,25 @@ _SAID = {
 
 @dataclass(frozen=True, kw_only=True)
 class ContainerFacts:
-    """A video file by its own words; anyone could have written them, and changed them.
+    """Metadata of a video file. Anyone could have written or changed them.
 
     Attributes
     ----------
     format, codec, pixel_format : str
-        By FFmpeg's names.
+        FFmpeg's names.
     width_px, height_px : int
     bit_rate_bps : int or None
         Of the whole file.
     duration_s : float or None
     declared_rate_hz : float or None
     rate_basis : str
-        Empty where frames have times of their own, else what the rate is: see RateBasis.
+        Source of the frame times, as in RateBasis; empty if frames have time stamps.
     stamped_frames : int
-        Frames that have a time of their own.
+        Number of frames with a time stamp.
     shortest_s, median_s, longest_s : float or None
-        From one such time to the next.
+        Intervals between successive time stamps.
     creation_time, encoder, make, model : str
-        Empty where it doesn't say.
+        Empty if not in the file.
     """
 
     format: str
@@ -67,7 +67,7 @@ class ContainerFacts:
 
 
 def container_facts(path: Path) -> ContainerFacts | None:
-    """Read what a file says; None if it is no video. All of it is read, nothing decoded."""
+    """Read the metadata of a file; None if it is no video. Reads all packets, decodes none."""
     try:
         with open_container(path) as container:
             return _facts(container, video_stream(container, path))
@@ -102,7 +102,7 @@ def _facts(container: InputContainer, stream: av.VideoStream) -> ContainerFacts:
 
 
 def _stamps(container: InputContainer, stream: av.VideoStream) -> Iterator[int]:
-    """Yield presentation times in the stream's ticks, as far as the file can be read."""
+    """Yield presentation time stamps in ticks, as far as the file can be read."""
     try:
         for packet in container.demux(stream):
             if packet.pts is not None:
@@ -112,7 +112,7 @@ def _stamps(container: InputContainer, stream: av.VideoStream) -> Iterator[int]:
 
 
 def _said(container: InputContainer, stream: av.VideoStream) -> dict[str, str]:
-    """Return metadata by plain names; both values where the file and its stream differ."""
+    """Return metadata by plain names; both values where the file and the stream differ."""
     told = [{k.lower(): v for k, v in of.metadata.items()} for of in (container, stream)]
     return {
         name: "; ".join(dict.fromkeys(one[key] for key in keys for one in told if key in one))

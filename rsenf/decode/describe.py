@@ -1,4 +1,4 @@
-"""What a container says about its video stream, before anything is decoded."""
+"""Describes a video stream from its container, before anything is decoded."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from rsenf.decode.packets import PacketWriter
 from rsenf.decode.spec import StreamInfo
 from rsenf.messages import RateBasis
 
-# AVFMT_NOTIMESTAMPS: a bare stream of pictures. What times its packets have, FFmpeg made up.
+# AVFMT_NOTIMESTAMPS: a raw elementary stream. FFmpeg has invented the times of its packets.
 _NO_TIMES = 0x0080
-# Formats that number their pictures, and declare a rate.
+# Formats that number their pictures and declare a rate.
 _NUMBERED = {"avi", "yuv4mpegpipe"}
-# Containers count a stream's duration in its ticks, and their own in microseconds.
+# A stream's duration is in its ticks, a container's in microseconds.
 _MICROSECOND = Fraction(1, 1_000_000)
 
 
 def fraction(value: Fraction | None) -> Fraction:
-    """Return a rate or time base as a Fraction; 0 for unknown."""
+    """Return a rate or time base as a Fraction; 0 if unknown."""
     return Fraction(value.numerator, value.denominator) if value else Fraction(0)
 
 
@@ -31,9 +31,18 @@ def describe(
     writer: PacketWriter,
     given_rate_hz: float | None = None,
 ) -> StreamInfo:
-    """Describe a stream; its rotation is known only from a decoded frame."""
+    """Describe a stream, except for its rotation, which only a decoded frame tells.
+
+    Parameters
+    ----------
+    container, stream : av.container.InputContainer, av.VideoStream
+    writer : PacketWriter
+        Tells whether packets can be recorded.
+    given_rate_hz : float, optional
+        Frame rate given by the user, in place of the time stamps.
+    """
     context, basis = stream.codec_context, rate_basis(container, stream)
-    # Of a stream that declares none FFmpeg tells the rate that it assumes.
+    # For a stream without a declared rate, guessed_rate is FFmpeg's assumption.
     rate = fraction(None if basis is RateBasis.ASSUMED else stream.guessed_rate)
     length_s = duration_s(container, stream)
     return StreamInfo(
@@ -53,23 +62,23 @@ def describe(
 
 
 def rate_basis(container: InputContainer, stream: av.VideoStream) -> RateBasis:
-    """Return where a stream's frame rate comes from."""
+    """Return where the frame times of a stream come from."""
     if container.format.flags & _NO_TIMES:
-        # A codec may have a place for the rate in its own headers.
+        # The codec's headers may hold the rate.
         return RateBasis.DECLARED if stream.codec_context.framerate else RateBasis.ASSUMED
     numbered = container.format.name in _NUMBERED
     return RateBasis.DECLARED if numbered else RateBasis.STAMPED
 
 
 def duration_s(container: InputContainer, stream: av.VideoStream) -> float | None:
-    """Return how long a stream says that it is, or else its container."""
+    """Return the duration that a stream declares, or else its container; None for neither."""
     if stream.duration:
         return float(stream.duration * fraction(stream.time_base))
     return float(container.duration * _MICROSECOND) if container.duration else None
 
 
 def _creation_ns(metadata: dict[str, str]) -> int:
-    """UTC of ``creation_time`` in ns since 1970; 0 when missing, unreadable or never set."""
+    """Return ``creation_time`` in ns since 1970 (UTC); 0 if missing, unreadable or never set."""
     try:
         created = datetime.fromisoformat(metadata.get("creation_time", ""))
     except ValueError:

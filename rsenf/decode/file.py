@@ -1,7 +1,4 @@
-"""A video file as a source.
-
-Decoding goes on in a thread of its own while whoever takes the frames works on them.
-"""
+"""A video file as a source. A separate thread decodes ahead while the consumer works."""
 
 from __future__ import annotations
 
@@ -27,9 +24,9 @@ from rsenf.decode.waiting import Stop
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import Frame, RateBasis
 
-# How far ahead: so many batches, each of so much luma, or of so many frames where they are small.
-# The stages work on a second of video at once, and decoding should go on meanwhile; but a 4K
-# picture is 12 MB. Batches, because two threads that meet at every frame hinder each other.
+# Limits of decoding ahead: batches in the queue, and luma or frames in a batch. Stages process a
+# second of video at a time, during which decoding should go on; but a 4K picture is 12 MB. Batches,
+# because handing over single frames between two threads slows both down.
 BATCHES = 3
 BATCH_BYTES, BATCH_FRAMES = 4_000_000, 8
 _FOREVER_S = float("inf")
@@ -37,7 +34,7 @@ _FOREVER_S = float("inf")
 
 @dataclass(frozen=True)
 class Step:
-    """What one packet gave, and what there is to say of the source once that has been taken."""
+    """Items decoded from one packet, and the source's loss and warnings after it."""
 
     items: list[Item]
     loss: str
@@ -45,15 +42,15 @@ class Step:
 
 
 def ahead(steps: Callable[[], Iterator[Step]], stop: Stop) -> Iterator[Step]:
-    """Yield steps that another thread makes meanwhile.
+    """Yield steps that another thread produces ahead.
 
     Parameters
     ----------
     steps : callable
-        Returns them; called and iterated in that thread. What it raises is raised here, after the
-        steps before it.
+        Returns the steps; called and iterated in that thread. Its exceptions are raised here, after
+        the steps before them.
     stop : Stop
-        Ends both. So does closing this iterator.
+        Ends both threads, as does closing this iterator.
     """
     pump = Pump(lambda: _batches(steps()), stop, depth=BATCHES)
     try:
@@ -83,32 +80,32 @@ def _batches(steps: Iterator[Step]) -> Iterator[list[Step]]:
     yield batch
 
 
-# JPEG pictures one after the other; FFmpeg takes them for a slide show unless told.
+# Concatenated JPEG pictures, which FFmpeg opens as a slide show unless told the format.
 _JPEGS, _MOTION_JPEG = "jpeg_pipe", "mjpeg"
-# Things that FFmpeg opens though they are no recordings: text as pictures, lists of other files.
+# Formats that FFmpeg opens though they are no recordings: text as pictures, lists of files.
 _NOT_VIDEO = {"tty", "bin", "xbin", "adf", "idf", "concat", "hls", "dash", "sdp", "image2"}
-_MOST_THREADS = 16  # FFmpeg's own limit when it chooses
+_MOST_THREADS = 16  # FFmpeg's limit for its automatic choice
 _HINT = "give a video file that plays, such as mp4, mov, mkv, webm or avi"
 
 
 class FileSource(VideoSource):
-    """Frames of a video file, as fast as they are asked for.
+    """Frames of a video file, as fast as they are consumed.
 
-    Decoding goes ahead in a thread of its own, unless the frames are paced.
+    A separate thread decodes ahead, unless frames are paced.
 
     Parameters
     ----------
     spec : SourceSpec
-        With a path as its ``url``.
-    stamp, stop
+        Its ``url`` is a path.
+    stamp, stop : Stamp, Stop
         As for every source.
 
     Raises
     ------
     UsageError
-        When there is no such file, or it can't be read.
+        When the file doesn't exist or can't be read.
     InputError
-        When no frame of it can be decoded.
+        When no frame can be decoded.
     """
 
     def __init__(self, spec: SourceSpec, stamp: Stamp, stop: Stop) -> None:
@@ -123,7 +120,7 @@ class FileSource(VideoSource):
         self._packets = self._container.demux(stream)
         self._missing_bytes = missing_bytes(self._path)
         self._broken_off = ""
-        # FFmpeg must not be closed by one thread while another is inside it.
+        # The container must not be closed while another thread reads from it.
         self._lock = Lock()
         self._taken = Step([], self._loss(), self._warnings())
         self._first = self._first_items()
@@ -156,7 +153,7 @@ class FileSource(VideoSource):
                 packet = next(self._packets, None)
             except av.FFmpegError as exc:
                 self._broken_off = f"reading stopped: {exc.strerror}"
-                packet = cast(Packet, av.Packet())  # an empty one: gives out the last frames
+                packet = cast(Packet, av.Packet())  # an empty packet flushes the decoder
             if packet is None:
                 return None
             items = self._decoder.feed(packet, self._stamp.clock_ns())
@@ -174,12 +171,12 @@ class FileSource(VideoSource):
 
     @property
     def loss(self) -> str:
-        """What was lost so far, in one line; empty for nothing."""
+        """What was lost until now, in one line; empty for nothing."""
         return self._taken.loss
 
     @property
     def warnings(self) -> list[str]:
-        """What a result should say about its input though nothing was lost, one line each."""
+        """Warnings that belong in a result though nothing was lost, one line each."""
         return self._taken.warnings
 
     def _loss(self) -> str:
@@ -210,17 +207,17 @@ class FileSource(VideoSource):
         return found
 
     def close(self) -> None:
-        """Stop iterating and close the file."""
+        """Stop the iteration and close the file."""
         super().close()
         with self._lock:
             self._container.close()
 
 
 def _threads(spec: SourceSpec) -> int:
-    """Return how many threads decode.
+    """Return the number of decoder threads; 0 for FFmpeg's choice.
 
-    FFmpeg takes one more than there are cores (none beside its own on one). What is decoded ahead
-    has one more picture begun, for while their owner waits its turn with Python.
+    FFmpeg chooses one more than there are cores (a single one on one core). When decoding ahead it
+    is another one more, so that a picture is in work while the reading thread waits for the GIL.
     """
     if spec.threads or spec.pace or cores() == 1:
         return spec.threads
@@ -264,17 +261,29 @@ def open_container(path: Path) -> InputContainer:
 
 
 def _opened(path: Path, form: str | None = None) -> InputContainer:
-    # A whole path, so that no name is taken for a protocol.
+    # An absolute path, so that no file name is taken for a protocol.
     return av.open(str(path.absolute()), "r", form, metadata_errors="replace")
 
 
 def _has_several(pictures: InputContainer) -> bool:
-    """Whether there is more than one of them: a film, not a photograph."""
+    """Whether there is more than one picture: a video, not a photograph."""
     return sum(1 for packet in itertools.islice(pictures.demux(), 2) if packet.size) > 1
 
 
 def video_stream(container: InputContainer, path: Path) -> av.VideoStream:
-    """Return the main video stream; a cover picture of a sound file is none."""
+    """Return the main video stream; the cover picture of an audio file is none.
+
+    Parameters
+    ----------
+    container : av.container.InputContainer
+    path : Path
+        For messages.
+
+    Raises
+    ------
+    InputError
+        When there is none, or no decoder for it.
+    """
     streams = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
     if not streams:
         only = ", only sound" if container.streams.audio else ""

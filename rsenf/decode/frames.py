@@ -1,4 +1,4 @@
-"""Frames that this process makes itself: the simulator as a source like any other."""
+"""Frames made by this process, such as the simulator's, as a source like any other."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def from_frames(
     frames : iterable of (int, ndarray)
         Presentation time in ns, and a luma plane of rows × columns, uint8; in presentation order.
     info : StreamInfo
-        What they are; with ``camera_start_ns`` each frame gets a camera time.
+        Their description; with ``camera_start_ns`` each frame gets a camera time.
     source, run_id, clock_ns, stop
         As for :func:`rsenf.decode.open_source`.
     pace : bool

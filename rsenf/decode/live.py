@@ -1,4 +1,4 @@
-"""A source that goes on for ever: connection, loss, and connection again under a new epoch."""
+"""A live source with reconnection: each connection is a new epoch."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rsenf.timebase import NS_PER_S
 
 
 class Connection(Protocol):
-    """A live source while it is there."""
+    """One connection to a live source."""
 
     info: StreamInfo
 
@@ -24,7 +24,7 @@ class Connection(Protocol):
         Raises
         ------
         Disconnected
-            When the source is gone.
+            When the source is lost.
         Stopped
             When asked to stop.
         """
@@ -35,35 +35,36 @@ class Connection(Protocol):
 
     @property
     def overrun(self) -> int:
-        """Pictures dropped because whoever iterates didn't keep up."""
+        """Pictures dropped because the consumer was too slow."""
 
     @property
     def warnings(self) -> list[str]:
-        """What a result should say about its input."""
+        """Warnings that belong in a result, one line each."""
 
     def close(self) -> None:
-        """Let go of it, without waiting."""
+        """Close the connection, without waiting."""
 
 
 class LiveSource(VideoSource):
-    """Keeps a connection to a camera.
+    """Keeps a connection to a camera; reconnects with exponential backoff.
 
     Parameters
     ----------
-    spec, stamp, stop
+    spec, stamp, stop : SourceSpec, Stamp, Stop
         As for every source.
     connect : callable
-        Takes the epoch, returns a connection whose first frame has been decoded. Raises
+        Takes the epoch, returns a :class:`Connection` whose first frame has been decoded. Raises
         Disconnected or Stopped.
     on_event : callable
-        Told when the source is lost, tried and back.
+        Called with one line of text when the source is lost, before each further attempt, and when
+        it is back.
 
     Raises
     ------
     SourceLost
-        When the first connection can't be made, and ``spec.wait_for_source`` is off: with it, that
-        is tried when iterating begins, and again and again. While iterating, after
-        ``spec.max_reconnects`` attempts in vain.
+        When the first connection fails, unless ``spec.wait_for_source`` is set: then the first
+        connection is made, and repeated, during iteration. While iterating, after
+        ``spec.max_reconnects`` failed attempts.
     """
 
     def __init__(
@@ -82,7 +83,7 @@ class LiveSource(VideoSource):
         self._reasons: list[str] = []  # why each connection was lost
         self._damaged = self._overrun = 0
         self._warnings: list[str] = []
-        self._there_ns = stamp.steady_ns()  # when there was something of it last
+        self._there_ns = stamp.steady_ns()  # time of its last item
         self.info = StreamInfo(live=True)  # until the first connection
         self._connection = None if spec.wait_for_source else self._first_connection()
 
@@ -112,7 +113,7 @@ class LiveSource(VideoSource):
         return SourceLost(f"{self._spec.name}: {why.reason}", hint)
 
     def _reconnect(self, why: Disconnected) -> Connection | None:
-        """Try until it works; None when stopped."""
+        """Try until it succeeds; return None when stopped."""
         backoff_s, attempts = self._spec.backoff_initial_s, 0
         while True:
             if self._spec.max_reconnects is not None and attempts >= self._spec.max_reconnects:
@@ -156,7 +157,7 @@ class LiveSource(VideoSource):
 
     @property
     def loss(self) -> str:
-        """What was lost so far, in one line; empty for nothing."""
+        """What was lost until now, in one line; empty for nothing."""
         lost = []
         if self._reasons:
             lost.append(f"lost the source {len(self._reasons)} times, last: {self._reasons[-1]}")
@@ -168,5 +169,5 @@ class LiveSource(VideoSource):
 
     @property
     def warnings(self) -> list[str]:
-        """What a result should say about its input though nothing was lost, one line each."""
+        """Warnings that belong in a result though nothing was lost, one line each."""
         return self._warnings

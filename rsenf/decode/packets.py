@@ -1,4 +1,4 @@
-"""Compressed pictures in the form that recordings want: Annex B, parameter sets at key frames."""
+"""Compressed pictures in the form of recordings: Annex B, with parameter sets at key frames."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 import av
 from av.bitstream import BitStreamFilterContext
 
-# Codec -> bitstream filter that brings its packets into the recorded form.
+# Codec -> bitstream filter that converts its packets to the recorded form.
 _FILTERS = {
     "h264": "h264_mp4toannexb",
     "hevc": "hevc_mp4toannexb",
@@ -21,12 +21,12 @@ _START_CODE = re.compile(rb"\x00?\x00\x00\x01")
 
 
 class PacketWriter:
-    """Turns a stream's packets into bytes that can be decoded without the container.
+    """Converts a stream's packets to bytes that can be decoded without the container.
 
     Parameters
     ----------
     stream : av.VideoStream
-        The stream they come from; only used here, not later.
+        Stream of the packets; not used after construction.
     """
 
     def __init__(self, stream: av.VideoStream) -> None:
@@ -42,15 +42,14 @@ class PacketWriter:
         return self.codec in _FILTERS
 
     def data(self, packet: av.Packet[av.VideoStream]) -> bytes:
-        """Return the packet in its recorded form; the packet itself is left as it is.
+        """Return the packet in its recorded form; the packet itself stays unchanged.
 
-        Empty for one too broken to have one, as the last of a truncated file: its damage shows
-        when it is decoded.
+        Empty for a damaged packet, such as the last of a truncated file: decoding reports it.
         """
         data = bytes(packet)
         if self._filter is None:
             return data
-        # The filter consumes what it is given, and the decoder still needs the packet.
+        # The filter consumes its input, and the decoder still needs the packet.
         try:
             data = b"".join(bytes(p) for p in self._filter.filter(av.Packet(data)))
         except av.FFmpegError:
@@ -58,7 +57,7 @@ class PacketWriter:
         return self._with_sets(data) if packet.is_keyframe else data
 
     def _with_sets(self, data: bytes) -> bytes:
-        """Add the last parameter sets to a key frame that comes without (live streams do)."""
+        """Add the last parameter sets to a key frame without any (as in live streams)."""
         sets, start = parameter_sets(data, self.codec)
         if sets:
             self._sets = sets
@@ -69,13 +68,25 @@ class PacketWriter:
 def parameter_sets(data: bytes, codec: str) -> tuple[bytes, int]:
     """Find the parameter sets before the picture in an Annex B packet.
 
+    Parameters
+    ----------
+    data : bytes
+        An access unit with start codes.
+    codec : str
+        'h264' or 'hevc'.
+
     Returns
     -------
     sets : bytes
-        Their NAL units with start codes, one after the other (ITU-T H.264 and H.265, 7.4.1 and
-        7.4.2); empty for none.
+        Their NAL units with start codes, concatenated (ITU-T H.264 and H.265, 7.4.1 and 7.4.2);
+        empty for none.
     start : int
-        Where they belong when missing: after an access unit delimiter, which must come first.
+        Where to insert them if missing: after an access unit delimiter, which must come first.
+
+    Examples
+    --------
+    >>> parameter_sets(b"\\0\\0\\1\\x67ab\\0\\0\\1\\x68c\\0\\0\\1\\x65picture", "h264")
+    (b'\\x00\\x00\\x01gab\\x00\\x00\\x01hc', 0)
     """
     wanted, delimiter = ((7, 8), 9) if codec == "h264" else ((32, 33, 34), 35)
     sets, start = b"", 0
@@ -89,14 +100,25 @@ def parameter_sets(data: bytes, codec: str) -> tuple[bytes, int]:
         head = data[code.end()] if code.end() < len(data) else 0
         kind = head & 31 if codec == "h264" else head >> 1 & 63
         if kind in range(1, 6) if codec == "h264" else kind < 32:
-            break  # the picture itself: nothing that matters comes after it
+            break  # the picture itself
     return sets, start
 
 
 def is_random_access(data: bytes, codec: str) -> bool:
-    """Whether an Annex B packet holds a picture that needs no earlier one.
+    """Whether decoding can start at an Annex B packet.
 
-    That is an IDR picture in H.264, any IRAP picture in H.265 (Table 7-1 of each).
+    True for an IDR picture of H.264 or any IRAP picture of H.265 (Table 7-1 of each).
+
+    Parameters
+    ----------
+    data : bytes
+    codec : str
+        'h264' or 'hevc'.
+
+    Examples
+    --------
+    >>> is_random_access(b"\\0\\0\\1\\x65", "h264"), is_random_access(b"\\0\\0\\1\\x41", "h264")
+    (True, False)
     """
     for code in _START_CODE.finditer(data):
         head = data[code.end()] if code.end() < len(data) else 0

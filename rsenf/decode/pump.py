@@ -1,4 +1,4 @@
-"""A thread that reads what may hang, and a queue whose reader can give up on it."""
+"""A thread for calls that may block, and a bounded queue whose reader can time out."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from rsenf.decode.waiting import POLL_S, Stop
 
 T = TypeVar("T")
 
-# Pictures that may wait for a slow consumer; then the source is made to wait. One that stays behind
-# for so long will not catch up: what waits is dropped, or pictures would come later and later.
+# Queued pictures, beyond which backpressure stops the source. A consumer that leaves the queue full
+# for this long will not catch up: the queue is dropped, or the latency would grow without limit.
 _DEPTH = 64
 _BEHIND_S = 3.0
 
 
 class Disconnected(Exception):
-    """A live source is not there, or no more: in one line why, and perhaps what to do."""
+    """A live source is absent or lost: the reason in one line, and perhaps a hint."""
 
     def __init__(self, reason: str, hint: str = "") -> None:
         super().__init__(reason)
@@ -32,33 +32,33 @@ class Stopped(Exception):
 
 
 class Pump(Generic[T]):
-    """Runs a generator in a thread of its own.
+    """Runs a generator in a separate thread.
 
-    FFmpeg and OpenCV can block in one call for longer than anybody wants to wait, and neither can
-    be interrupted. The thread alone touches their objects, and lets go of them when its call
-    returns; whoever reads the queue needn't wait for that.
+    Calls of FFmpeg and OpenCV may block for long and can't be interrupted. Only this thread uses
+    their objects, and it releases them when its call returns; the reader needn't wait for that.
 
     Parameters
     ----------
     produce : callable
-        Returns the generator. What it raises is raised by :meth:`get`, after the items before it.
+        Returns the generator. Its exceptions are raised by :meth:`get`, after the items before
+        them.
     stop : Stop
         Ends :meth:`get`, and the generator at its next item.
     can_begin : callable, optional
-        Whether nothing before an item is needed to go on with it. After a drop all others are
-        dropped, too, up to one.
+        Whether an item can be used without those before it, such as a key frame. After a drop, all
+        items before the next such one are dropped as well.
     now_s : callable, optional
-        A steady clock.
+        A monotonic clock.
     depth : int, optional
-        Items that may wait; then the generator is made to.
+        Length of the queue; a full queue blocks the generator.
 
     Attributes
     ----------
     may_drop : bool
-        Off until somebody takes items regularly: before that, the source waits. It always waits
-        where nothing is live.
+        Whether items may be dropped. False until items are taken regularly, and for all sources
+        that are not live: a full queue then blocks the source.
     skipped : int
-        Items that were dropped before the one that :meth:`get` returned last.
+        Number of items dropped before the one that :meth:`get` returned last.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class Pump(Generic[T]):
         self._dropped = 0  # since the last item that was queued
         self.may_drop = False
         self.skipped = 0
-        # A daemon: a call that hangs must not keep the program from ending.
+        # A daemon thread: a call that hangs must not keep the process alive.
         threading.Thread(target=self._run, name="rsenf-decode-pump", daemon=True).start()
 
     def _run(self) -> None:
@@ -89,13 +89,13 @@ class Pump(Generic[T]):
                     self._dropped += 1
                 elif not self._put(item):
                     return
-        except Exception as exc:  # noqa: BLE001 - handed to the reader, which raises it
+        except Exception as exc:  # noqa: BLE001 - passed to the reader, which raises it
             self._put(exc)
         else:
             self._put(Disconnected("it ended the stream"))
 
     def _put(self, item: T | Exception) -> bool:
-        """Queue an item, or drop it with all that waits; False when nobody wants any more."""
+        """Queue an item, or drop it with the whole queue; return False when closed or stopped."""
         if not self._queue.full():
             self._full_since_s = None
         elif self._full_since_s is None and self.may_drop:
@@ -119,7 +119,7 @@ class Pump(Generic[T]):
         return self._full_since_s is not None and self._now_s() - self._full_since_s > _BEHIND_S
 
     def _drop_all(self) -> None:
-        """Drop what waits."""
+        """Empty the queue."""
         self._full_since_s = None
         while True:
             try:
@@ -155,5 +155,5 @@ class Pump(Generic[T]):
         raise Stopped
 
     def close(self) -> None:
-        """Let the generator end at its next item, without waiting for it."""
+        """End the generator at its next item, without waiting for it."""
         self._closed.set()

@@ -1,4 +1,4 @@
-"""An RTSP camera as a source, over TCP."""
+"""An RTSP camera as a source, with RTP over TCP."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from rsenf.messages import Frame
 
 _OPTIONS = {
     "rtsp_transport": "tcp",
-    # With a second stream FFmpeg re-times both by every RTCP report, which shakes the clock that
-    # phases are measured on. Alone, a stream keeps its RTP time stamps.
+    # With a second stream FFmpeg adjusts the times of both at every RTCP report: jitter in the
+    # clock that phases are measured on. A single stream keeps its RTP time stamps.
     "allowed_media_types": "video",
 }
 _DEFAULT_PORT = 554
-# So many packets may come before one that has a time.
+# Limit of packets before the first one with a time stamp.
 _UNTIMED_LIMIT = 100
 
 _Timed = tuple[Packet, int]  # a packet and when it arrived
@@ -35,7 +35,7 @@ _Timed = tuple[Packet, int]  # a packet and when it arrived
 def open_rtsp(
     spec: SourceSpec, stamp: Stamp, stop: Stop, on_event: Callable[[str], None]
 ) -> VideoSource:
-    """Connect to an RTSP address; see :func:`rsenf.decode.open_source`."""
+    """Open an RTSP source; see :func:`rsenf.decode.open_source`."""
 
     def connect(epoch: int) -> _RtspConnection:
         return _RtspConnection(spec, stamp, stop, epoch)
@@ -44,7 +44,7 @@ def open_rtsp(
 
 
 class _RtspConnection:
-    """One session: a thread takes packets from the network, whoever iterates decodes them."""
+    """One RTSP session: a thread receives packets, the consumer's thread decodes them."""
 
     def __init__(self, spec: SourceSpec, stamp: Stamp, stop: Stop, epoch: int) -> None:
         self._timeout_s = spec.read_timeout_s
@@ -97,7 +97,7 @@ class _RtspConnection:
 
     @property
     def warnings(self) -> list[str]:
-        """What a result should say about its input."""
+        """Warnings that belong in a result, one line each."""
         return [self._decoder.guesses] if self._decoder.guesses else []
 
     def close(self) -> None:
@@ -112,7 +112,7 @@ def _is_key(item: tuple[StreamDecoder, Packet, int]) -> bool:
 def _session(
     spec: SourceSpec, stamp: Stamp, epoch: int
 ) -> Iterator[tuple[StreamDecoder, Packet, int]]:
-    """Yield the packets of one session with the decoder for them; runs in the pump's thread."""
+    """Yield the packets of one session, with their decoder; runs in the pump's thread."""
     with _open(spec) as container:
         if not container.streams.video:
             raise Disconnected("it sends no video")
@@ -127,10 +127,11 @@ def _session(
 
 
 def _with_times(packets: Iterable[_Timed]) -> Iterator[_Timed]:
-    """Give the first packets their times.
+    """Give the first packets their time stamps.
 
-    FFmpeg mislays the RTP time stamp of the first picture of an H.264 or H.265 session. It can't
-    be left out, since those after it need it; it is put one declared period before the second.
+    FFmpeg loses the RTP time stamp of the first picture of an H.264 or H.265 session. The picture
+    can't be dropped, since later ones are predicted from it; its time is set one declared period
+    before the second.
     """
     untimed: list[_Timed] = []
     for packet, arrival_ns in packets:
@@ -156,7 +157,7 @@ def _open(spec: SourceSpec) -> InputContainer:
             timeout=(spec.open_timeout_s, spec.read_timeout_s),
             metadata_errors="replace",
         )
-    # What FFmpeg says holds the whole address with its password: it must not be passed on.
+    # FFmpeg's messages contain the full address with its password: they must not be shown.
     except (av.HTTPUnauthorizedError, av.HTTPForbiddenError):
         raise Disconnected(
             "the user or password is refused", "write rtsp://user:password@…, percent-encoded"
@@ -168,7 +169,7 @@ def _open(spec: SourceSpec) -> InputContainer:
 
 
 def _why_unreachable(spec: SourceSpec) -> str:
-    """Say why there is no session, which FFmpeg doesn't, by trying the bare connection."""
+    """Return why there is no session, which FFmpeg doesn't say, by trying a TCP connection."""
     try:
         parts = urlsplit(spec.url)
         address = (parts.hostname or "", parts.port or _DEFAULT_PORT)

@@ -1,4 +1,4 @@
-"""A source of frames, whatever it is: iterate, look at what was lost, close."""
+"""The common interface of video sources, and the function that opens them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Item = Frame | VideoPacket
 
 @dataclass(frozen=True)
 class Stamp:
-    """Who the messages come from, and this host's clocks: of the day, and one that nobody sets."""
+    """Origin of the messages, and this host's wall clock and monotonic clock, in ns."""
 
     source: str
     run_id: str
@@ -43,7 +43,7 @@ class Stamp:
         arrival_ns: int,
         rate_basis: RateBasis = RateBasis.STAMPED,
     ) -> Header:
-        """Return the header of a message that covers one frame, or none (-1)."""
+        """Return the header of a message that covers one frame, or none (``frame=-1``)."""
         return Header(
             run_id=self.run_id,
             source=self.source,
@@ -59,10 +59,10 @@ class Stamp:
 
 
 class VideoSource(ABC):
-    """Frames in presentation order, each packet before the frames decoded from it.
+    """Yields frames in presentation order, and each packet before the frames decoded from it.
 
-    A context manager. ``close()`` may be called from any thread, and so may the event given to
-    :func:`open_source` be set: iterating then ends within a second.
+    A context manager. ``close()``, or setting the event given to :func:`open_source`, ends the
+    iteration within a second; both are allowed from any thread.
     """
 
     info: StreamInfo
@@ -75,11 +75,11 @@ class VideoSource(ABC):
     @property
     @abstractmethod
     def loss(self) -> str:
-        """What was lost so far, in one line; empty for nothing."""
+        """What was lost until now, in one line; empty for nothing."""
 
     @property
     def warnings(self) -> list[str]:
-        """What a result should say about its input though nothing was lost, one line each."""
+        """Warnings that belong in a result though nothing was lost, one line each."""
         return []
 
     @abstractmethod
@@ -87,7 +87,7 @@ class VideoSource(ABC):
         """Yield packets and frames until the source ends or is stopped."""
 
     def __iter__(self) -> Iterator[Item]:
-        """Yield packets and frames, once."""
+        """Yield packets and frames. Can be called once only."""
         for item in self._items():
             if self._pacer and isinstance(item, Frame):
                 self._pacer.wait_for(item.header.pts_ns)
@@ -98,7 +98,7 @@ class VideoSource(ABC):
             yield item
 
     def close(self) -> None:
-        """Stop iterating and let go of the file or device."""
+        """Stop the iteration and release the file or device."""
         self._stop.set()
 
     def __enter__(self) -> VideoSource:
@@ -133,24 +133,25 @@ def open_source(
     source, run_id : str
         For the headers of the frames.
     clock_ns : callable
-        This host's wall clock, for the arrival times.
+        The host's wall clock, for arrival times.
     steady_ns : callable
-        A clock that nobody sets, for cameras that give no times of their own.
+        A monotonic clock, for cameras without time stamps.
     stop : Event, optional
-        Set it to end iterating, opening and waiting within a second.
+        Set it to end iteration, opening and waiting within a second.
     on_event : callable, optional
-        Told, in one line without credentials, when a live source is lost, tried and back.
+        Called with one line of text, without credentials, when a live source is lost, tried again
+        or back.
     capture_factory : callable, optional
-        Opens a V4L2 device; OpenCV's unless given.
+        Opens a V4L2 device; OpenCV's by default.
 
     Raises
     ------
     UsageError
-        When a file isn't there or isn't a file, or frames aren't to be counted so.
+        When a file doesn't exist or is no file, or ``spec.frame_rate_hz`` is not allowed or valid.
     InputError
-        When a file holds no frame that can be decoded.
+        When no frame of a file can be decoded.
     SourceLost
-        When a live source can't be reached. Iterating raises it when one is given up.
+        When a live source can't be reached. Iteration raises it when one is given up.
     """
     if spec.frame_rate_hz is not None:
         if spec.kind != "file":
@@ -158,7 +159,7 @@ def open_source(
         if not 0.0 < spec.frame_rate_hz < math.inf:
             raise UsageError(f"a frame rate of {spec.frame_rate_hz:g} Hz", "give one above 0")
     stamp, stopped = Stamp(source, run_id, clock_ns, steady_ns), Stop(stop)
-    # Imported here: FFmpeg and OpenCV take a third of a second, and a source needs one of them.
+    # Imported here: importing FFmpeg and OpenCV takes 0.3 s, and a source needs only one of them.
     if spec.kind == "file":
         from rsenf.decode.file import FileSource
 

@@ -1,4 +1,4 @@
-"""One video stream: packets in; frames with exact times, and recordable packets, out."""
+"""Decodes one video stream: packets in; frames with exact times, and recordable packets, out."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rsenf.decode.spec import LEAP_NS, SourceSpec
 from rsenf.messages import Frame, RateBasis, VideoPacket
 from rsenf.timebase import NS_PER_S
 
-# AVFMT_FLAG_GENPTS, which PyAV sets: guess missing times. FrameClock knows better.
+# AVFMT_FLAG_GENPTS, which PyAV sets: guess missing time stamps. FrameClock does better.
 _GENPTS = 0x0001
 
 Packet: TypeAlias = "av.Packet[av.VideoStream]"
@@ -28,34 +28,34 @@ Packet: TypeAlias = "av.Packet[av.VideoStream]"
 class StreamDecoder:
     """Decodes the packets of one video stream.
 
-    Whatever is needed of the container is read when this is made, so that another thread may
-    close it while the last packets are still being decoded.
+    The container is used only in the constructor, so that another thread may close it while the
+    last packets are still being decoded.
 
-    Frames that the decoder marks as damaged are left out and counted; they keep their number, so
-    that the gap is seen downstream. A change of picture size ends the stream.
+    Frames that the decoder marks as damaged are left out and counted. They use up a number, which
+    leaves a visible gap. A change of picture size ends the stream.
 
     Parameters
     ----------
     container, stream : av.container.InputContainer, av.VideoStream
-        Where the packets come from.
+        Source of the packets.
     spec, stamp : SourceSpec, Stamp
         How to decode, and what to write in the headers.
     epoch : int
-        Of the frames.
+        Epoch of the frames.
     live : bool
-        A session that is joined while it runs: what can't be decoded before its first frame isn't
-        lost, and a clock that jumps back, or far ahead, ends it.
+        A session joined while it runs: failures before its first frame aren't counted as loss, and
+        a clock that jumps back, or far ahead, ends it.
 
     Attributes
     ----------
     info : StreamInfo
-        Complete (rotation) once the first frame is out.
+        Its rotation is known after the first frame.
     ended : str
-        Why what follows can't belong to the same stream; empty while it can.
+        Why the stream has ended; empty while it goes on.
     backward : int
-        Frames whose time isn't after that of the frame before.
+        Frames that are not later than the one before.
     damaged_packets, damaged_frames : int
-        What was lost.
+        Number of losses.
     """
 
     def __init__(
@@ -76,8 +76,8 @@ class StreamDecoder:
         rate_hz = Fraction(self._given_hz or 0) or fraction(stream.guessed_rate)
         self._clock = FrameClock(fraction(stream.time_base), rate_hz)
         self._context = stream.codec_context
-        # Hands each packet's arrival time on to its frame. Not of a file, where it tells nothing:
-        # threads that decode would have to wait for the interpreter to let go of it.
+        # Passes each packet's arrival time to its frame. Off for files, where it has no meaning:
+        # decoder threads would need the GIL to release it.
         self._context.copy_opaque = live
         self._context.thread_type = "NONE" if spec.threads == 1 else "AUTO"
         self._context.thread_count = spec.threads
@@ -88,7 +88,7 @@ class StreamDecoder:
         self._packet_number = 0
         self._first_ns: int | None = None
         self._last_ns = 0
-        self._camera_offset_ns = 0  # camera's wall clock less the stream's clock; 0 is unknown
+        self._camera_offset_ns = 0  # camera's wall clock minus the stream's clock; 0: unknown
         self.ended = ""
         self.backward = 0
         self.damaged_packets = 0
@@ -96,7 +96,7 @@ class StreamDecoder:
 
     @property
     def started(self) -> bool:
-        """Whether a frame came out."""
+        """Whether a frame has been decoded."""
         return self._first_ns is not None
 
     @property
@@ -106,7 +106,7 @@ class StreamDecoder:
 
     @property
     def guesses(self) -> str:
-        """How times were found where the stream gives none; empty when it gives all."""
+        """How frame times were inferred; empty if the stream has all of them."""
         basis = self.info.rate_basis
         if self._given_hz:
             return f"frames are counted at the {self._given_hz:.6g} a second that were given"
@@ -123,17 +123,23 @@ class StreamDecoder:
         return ""
 
     def feed(self, packet: Packet, arrival_ns: int) -> list[Item]:
-        """Decode one packet; an empty one gives out the last frames.
+        """Decode one packet; an empty one flushes the decoder.
+
+        Parameters
+        ----------
+        packet : av.Packet
+        arrival_ns : int
+            When it arrived, by the host's wall clock.
 
         Returns
         -------
         list of VideoPacket or Frame
-            The packet, if asked for, then the frames that it completed.
+            The packet, if requested, then the frames that it completed.
         """
         items: list[Item] = []
         if packet.size:
             if self._live:
-                packet.opaque = (arrival_ns,)  # a new object each time: PyAV keys by identity
+                packet.opaque = (arrival_ns,)  # a new object each time: PyAV uses its identity
             if self._given_hz:
                 packet.pts = packet.dts = None
             time_ns = self._clock.expect(packet)
@@ -156,7 +162,7 @@ class StreamDecoder:
         return items
 
     def skip(self, packets: int) -> None:
-        """Take note that packets were left out before the next one: a gap in the numbers."""
+        """Note that packets were dropped before the next one: leaves a gap in the numbers."""
         self._packet_number += packets
         self._frame_number += packets
 
@@ -174,7 +180,7 @@ class StreamDecoder:
         header = self._stamp.header(
             epoch=self._epoch,
             seq=self._packet_number,
-            frame=-1,  # unknown before it is decoded: the time tells which it is
+            frame=-1,  # unknown before decoding; its time identifies the frame
             pts_ns=time_ns,
             camera_ns=self._camera_time_ns(time_ns),
             arrival_ns=arrival_ns,
@@ -243,6 +249,6 @@ class StreamDecoder:
 
 
 def _arrival_ns(picture: av.VideoFrame) -> int:
-    """When the packet of a frame arrived."""
+    """Return when the packet of a frame arrived."""
     (arrival_ns,) = cast("tuple[int]", picture.opaque)
     return arrival_ns

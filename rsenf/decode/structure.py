@@ -1,7 +1,7 @@
-"""Is a file whole? What its outermost structure says about its own length.
+"""Detects truncated video files by the lengths in their outermost structure.
 
-FFmpeg reads a truncated Matroska or AVI file to its end without a word, and says no more than
-"invalid data" of an MP4 whose index was never written.
+FFmpeg reads a truncated Matroska or AVI file to its end without an error, and reports only
+"invalid data" for an MP4 whose index was never written.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from pathlib import Path
 from typing import BinaryIO
 
 _EBML, _SEGMENT = 0x1A45DFA3, 0x18538067
-# What pictures are read from. Any other box may lack its end, or be no box at all but junk that
-# some camera appended, and every frame is there all the same.
+# Boxes that pictures are read from. Any other one may be incomplete, or be junk appended by a
+# camera, without any frame missing.
 _MP4_PICTURES = (b"mdat", b"moov", b"moof")
 _MP4_FIRST = (*_MP4_PICTURES, b"ftyp", b"wide", b"free", b"skip", b"pnot", b"styp")
-# A RIFF's length before its writer has come to its end.
+# Length field of a RIFF file that was not finished.
 _RIFF_OPEN = (0, 0xFFFFFFFF)
 
 
 def missing_bytes(path: Path) -> int:
-    """How many bytes a file lacks at its end, by its own account; 0 when it has all or can't say.
+    """Return how many bytes are missing at the end of a file; 0 if none, or if unknown.
 
     Knows MP4 and QuickTime boxes (ISO/IEC 14496-12, 4.2), Matroska and WebM elements (RFC 8794),
     and RIFF chunks (AVI).
@@ -48,7 +48,7 @@ def lacks_index(path: Path) -> bool:
 
 
 def _boxes(file: BinaryIO, size: int) -> list[tuple[bytes, int]]:
-    """Kind and end of each outermost box."""
+    """Return type and end offset of each outermost box."""
     found: list[tuple[bytes, int]] = []
     start = 0
     while start + 8 <= size:
@@ -66,7 +66,7 @@ def _boxes(file: BinaryIO, size: int) -> list[tuple[bytes, int]]:
 
 
 def _segment_end(file: BinaryIO) -> int:
-    """End of a Matroska file's segment; 0 when its length was left open."""
+    """Return the end offset of a Matroska file's segment; 0 if its length is unknown."""
     file.seek(0)
     for _ in range(4):  # the header, perhaps padding, the segment
         kind = _vint(file, keep_marker=True)
@@ -80,7 +80,7 @@ def _segment_end(file: BinaryIO) -> int:
 
 
 def _vint(file: BinaryIO, *, keep_marker: bool = False) -> int | None:
-    """Read an EBML number of variable length; None for "unknown" and at the end of the file."""
+    """Read an EBML variable-size integer; None for "unknown" and at the end of the file."""
     first = file.read(1)
     if not first or not first[0]:
         return None
@@ -95,7 +95,7 @@ def _vint(file: BinaryIO, *, keep_marker: bool = False) -> int | None:
 
 
 def _riff_end(file: BinaryIO, size: int) -> int:
-    """End of the last RIFF chunk that has one: long AVI files have several."""
+    """Return the end offset of the last finished RIFF chunk: long AVI files have several."""
     end = 0
     while end + 8 <= size:
         file.seek(end)

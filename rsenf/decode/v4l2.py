@@ -20,12 +20,12 @@ from rsenf.messages import Frame, VideoPacket
 
 _NS_PER_US = 1000
 _HINT = "check that the camera is plugged in, readable by you, and not in use by another program"
-# Levels of these formats at a level of 8-bit ones.
+# Levels of these formats per 8-bit level.
 _DEEP = {"Y10 ": 4, "Y12 ": 16, "Y16 ": 256}
 
 
 class Capture(Protocol):
-    """What is used of ``cv2.VideoCapture``."""
+    """The methods used of ``cv2.VideoCapture``."""
 
     def isOpened(self) -> bool: ...  # noqa: D102 - OpenCV's names
 
@@ -46,7 +46,7 @@ def open_camera(
     on_event: Callable[[str], None],
     factory: CaptureFactory | None = None,
 ) -> VideoSource:
-    """Open a V4L2 camera; see :func:`rsenf.decode.open_source`."""
+    """Open a V4L2 source; see :func:`rsenf.decode.open_source`."""
 
     def connect(epoch: int) -> _CameraConnection:
         return _CameraConnection(spec, stamp, stop, epoch, factory or _opencv_capture)
@@ -59,7 +59,7 @@ def _opencv_capture(url: str) -> Capture:
     number = device.name.removeprefix("video")
     if not device.exists() or not number.isdigit():
         raise Disconnected("there is no such camera", _HINT)
-    # OpenCV would write to stderr; what is wrong is said here.
+    # Otherwise OpenCV writes to stderr; errors are reported here.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     unconverted = [cv2.CAP_PROP_CONVERT_RGB, 0]
     capture: Capture = cv2.VideoCapture(int(number), cv2.CAP_V4L2, unconverted)
@@ -68,7 +68,7 @@ def _opencv_capture(url: str) -> Capture:
 
 @dataclass(frozen=True)
 class _Shot:
-    """One picture as the driver gave it, with the driver's and this host's time."""
+    """One picture as the driver delivered it, with the driver's and this host's times."""
 
     image: NDArray[Any]
     fourcc: str
@@ -84,7 +84,7 @@ class _Shot:
 
 
 def _shots(url: str, factory: CaptureFactory, stamp: Stamp) -> Iterator[_Shot]:
-    """Read pictures; runs in the pump's thread, which alone touches the device."""
+    """Read pictures; runs in the pump's thread, the only one that uses the device."""
     capture = factory(url)
     try:
         if not capture.isOpened():
@@ -107,8 +107,8 @@ def _shots(url: str, factory: CaptureFactory, stamp: Stamp) -> Iterator[_Shot]:
 class _CameraConnection:
     """An open camera.
 
-    The time of a picture is the driver's, where that moves; else that of its arrival, counted from
-    the first by a clock that nobody sets.
+    The time of a picture is the driver's if that clock runs; else its arrival by a monotonic
+    clock, counted from the first picture.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class _CameraConnection:
         self._number = -1
         self.overrun = 0
         try:
-            # Two, to see whether the driver's clock moves.
+            # Two pictures, to see whether the driver's clock runs.
             self._ahead = [self._next(spec.open_timeout_s), self._next(spec.read_timeout_s)]
         except BaseException:
             self._pump.close()
@@ -148,7 +148,7 @@ class _CameraConnection:
 
     @property
     def warnings(self) -> list[str]:
-        """What a result should say about its input."""
+        """Warnings that belong in a result, one line each."""
         if self._by_device:
             return []
         return ["the camera gives no times: those of arrival are taken, which are late and uneven"]
@@ -160,7 +160,7 @@ class _CameraConnection:
             raise Disconnected(f"no picture for {timeout_s:g} s", _HINT) from None
 
     def _all_shots(self) -> Iterator[_Shot]:
-        """Yield every picture, and count those that were dropped before it."""
+        """Yield every picture, and count the dropped ones."""
         self._pump.may_drop = True
         for shot in self._ahead:
             self._number += 1
@@ -214,18 +214,18 @@ class _CameraConnection:
         )
 
     def close(self) -> None:
-        """Let go of the camera, without waiting."""
+        """Release the camera, without waiting."""
         self._pump.close()
 
 
 def _luma(shot: _Shot) -> NDArray[np.uint8] | None:
-    """Luma of what OpenCV's V4L2 capture returns unconverted; None when it can't be read."""
+    """Return the luma of an unconverted picture from OpenCV; None if it can't be read."""
     image = shot.image
     if shot.is_jpeg:
-        # A JPEG's luma as coded: libjpeg gives it without any colour conversion.
+        # libjpeg returns the luma as coded, without colour conversion.
         decoded: NDArray[np.uint8] | None = cv2.imdecode(image.ravel(), cv2.IMREAD_GRAYSCALE)
         return decoded
-    if image.ndim == 3 and image.shape[2] == 3:  # a driver with nothing but RGB
+    if image.ndim == 3 and image.shape[2] == 3:  # a driver that supports RGB only
         return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
     if image.ndim == 3 and image.shape[2] == 2:  # YUYV, or UYVY
         return np.ascontiguousarray(image[:, :, 1 if shot.fourcc == "UYVY" else 0])

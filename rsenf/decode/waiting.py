@@ -1,4 +1,4 @@
-"""Waiting that can be ended, and waiting for a frame's time."""
+"""Interruptible waiting, and pacing of frames in real time."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from threading import Event
 
 from rsenf.timebase import NS_PER_S
 
-# How often a wait looks whether it should stop.
+# Interval of checking for a stop.
 POLL_S = 0.05
 
 
 class Stop:
-    """Stops one source: set by its ``close()`` or by the caller's event, whichever is first."""
+    """Stop flag of one source: set by its ``close()`` or by the caller's event."""
 
     def __init__(self, outside: Event | None = None) -> None:
         self._closed = Event()
         self._outside = outside or self._closed
 
     def set(self) -> None:
-        """Stop this source, not the others that share the caller's event."""
+        """Stop this source, but not others that share the caller's event."""
         self._closed.set()
 
     def is_set(self) -> bool:
@@ -28,7 +28,7 @@ class Stop:
         return self._closed.is_set() or self._outside.is_set()
 
     def wait(self, timeout_s: float) -> bool:
-        """Sleep, but not past a stop; return :meth:`is_set`."""
+        """Sleep until the timeout or a stop; return :meth:`is_set`."""
         end_s = time.monotonic() + timeout_s
         while not self.is_set() and (left_s := end_s - time.monotonic()) > 0:
             self._outside.wait(min(POLL_S, left_s))
@@ -36,12 +36,12 @@ class Stop:
 
 
 class Pacer:
-    """Holds each frame back until its time, counted from the first one, has come.
+    """Delays each frame until its time, counted from the first one.
 
     Parameters
     ----------
     now_s, sleep_s : callable
-        A steady clock and a sleep.
+        A monotonic clock and a sleep function, in seconds.
     """
 
     def __init__(self, now_s: Callable[[], float], sleep_s: Callable[[float], object]) -> None:
@@ -50,7 +50,7 @@ class Pacer:
         self._start: tuple[float, int] | None = None
 
     def wait_for(self, pts_ns: int) -> None:
-        """Sleep until the frame with this presentation time is due; not at all when it is late."""
+        """Sleep until the frame with this presentation time is due, or return at once if late."""
         if self._start is None:
             self._start = self._now_s(), pts_ns
         start_s, start_ns = self._start

@@ -1,4 +1,4 @@
-"""Recordings compared in time, as JSON and in words."""
+"""Recordings compared with each other in time, as JSON and text."""
 
 from __future__ import annotations
 
@@ -18,7 +18,14 @@ NEXT = "longer recordings, or ones with more usable signal, may help"
 
 
 def against_json(found: Against, warnings: list[str]) -> dict[str, Any]:
-    """Return the stable keys of a comparison."""
+    """Return the JSON document of a comparison of two recordings; its keys are stable.
+
+    Parameters
+    ----------
+    found : Against
+    warnings : list of str
+        All warnings that a reader should know.
+    """
     return {
         "decision": found.decision,
         "reason": found.reason,
@@ -34,7 +41,7 @@ def against_json(found: Against, warnings: list[str]) -> dict[str, Any]:
 
 
 def against_words(found: Against) -> str:
-    """Say a comparison to a person, in a few lines."""
+    """Return a comparison of two recordings as a few lines of text."""
     lines = [f"{found.decision}: {MEANINGS[found.decision]}", f"  {'because':15} {found.reason}"]
     if math.isfinite(found.offset_s):
         error = f" ± {found.offset_std_s:.2f}" if math.isfinite(found.offset_std_s) else ""
@@ -57,11 +64,20 @@ def against_words(found: Against) -> str:
     return "\n".join(lines)
 
 
-MOST_MISFIT = 3.0  # standard errors by which pairs may differ from the common alignment
+MOST_MISFIT = 3.0  # largest deviation of pairs from the common alignment, in standard errors
 
 
 def aligned_json(names: Sequence[str], found: Aligned, warnings: list[str]) -> dict[str, Any]:
-    """Return the stable keys of several recordings on one time."""
+    """Return the JSON document of several recordings aligned in time; its keys are stable.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the recordings.
+    found : Aligned
+    warnings : list of str
+        All warnings that a reader should know.
+    """
     apart = [name for name, at in zip(names, found.begin_s, strict=True) if not math.isfinite(at)]
     fits = not found.misfit > MOST_MISFIT
     columns = (found.begin_s, found.begin_std_s, found.clock_ppm, found.clock_std_ppm)
@@ -87,7 +103,7 @@ DIFFER = "the pairs contradict each other"
 
 
 def aligned_words(told: dict[str, Any]) -> str:
-    """Say several recordings on one time to a person, from what their JSON has."""
+    """Return the document of :func:`aligned_json` as text."""
     lines = [f"{told['decision']}: {told['reason']}"]
     for at, one in enumerate(told["recordings"]):
         begin_s = one["begin_s"]

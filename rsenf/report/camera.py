@@ -1,4 +1,4 @@
-"""Known cameras, and which of them took a recording: as JSON and in words."""
+"""Known cameras, and which of them made a recording, as JSON and text."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ TURNED = "was read in the other direction: a camera turned over?"
 
 
 def mode_json(mode: Mode) -> dict[str, Any]:
-    """Return a mode; what isn't known is None."""
+    """Return a mode as plain data; None for what is unknown."""
     return {name: value or None for name, value in dataclasses.asdict(mode).items()}
 
 
 def known_json(known: Known) -> dict[str, Any]:
-    """Return what is known of a camera in a mode."""
+    """Return what is known of a camera in one mode, as plain data."""
     time_s, std_s = known.read_out
     clocks = [r.clock_ppm for r in known.readings if r.clock_ppm is not None]
     return {
@@ -40,7 +40,14 @@ def known_json(known: Known) -> dict[str, Any]:
 
 
 def cameras_words(store: str, known: Sequence[Known]) -> str:
-    """List the known cameras for a person."""
+    """Return the known cameras as text.
+
+    Parameters
+    ----------
+    store : str
+        Path of the store.
+    known : sequence of Known
+    """
     if not known:
         return f"no camera is known in {store}; rsenf camera add NAME FILE adds one"
     lines = []
@@ -60,19 +67,20 @@ def identification_json(
     own: Sequence[str],
     same_model_ratio: float,
 ) -> dict[str, Any]:
-    """Return what is said of a recording's camera.
+    """Return the JSON document of the identification of a recording's camera.
 
     Parameters
     ----------
     reading : Reading or None
-        None when there is no read-out time.
+        The recording's read-out time; None if there is none.
     why_none : str
         Why there is none.
     weighed : sequence of (Known, float)
-        Cameras in its mode with their log10 likelihood ratios, the likeliest first.
+        Known cameras in its mode with their log10 likelihood ratios, the likeliest first.
     own : sequence of str
-        Cameras that the recording itself is kept of.
+        Cameras in whose stored recordings this one is included.
     same_model_ratio : float
+        Share of the other cameras that are of the same model.
     """
     cameras = [
         known_json(camera)
@@ -112,7 +120,7 @@ def identification_json(
 
 
 def identification_words(told: dict[str, Any]) -> str:
-    """Say to a person which of the known cameras may have taken a recording."""
+    """Return the document of :func:`identification_json` as text."""
     cameras = told["cameras"]
     said = [camera["verdict"] for camera in cameras]
     heads = {

@@ -1,4 +1,4 @@
-"""What a model was found to lack, in words."""
+"""Effects that a capture model was found to lack, as text and JSON."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import Any
 from rsenf.messages import DiscoveryVerdict
 from rsenf.report.hint_words import kind_words, tone_words
 
-LINE, UNEVEN = 0.1, 1.5  # share of a line, and of a part over its even share, to be named
-LISTED = 8  # frames
+# Limits for a place to be named: share of a spectral line, and share of a part over the even share.
+LINE, UNEVEN = 0.1, 1.5
+LISTED = 8  # frame numbers that are listed
 VERDICTS = {
     "no_discrepancy": "the model explains this recording",
     "explained": "what was missing is found",
@@ -19,16 +20,16 @@ VERDICTS = {
 
 
 def discovery_words(told: dict[str, Any]) -> str:
-    """Say to a person what was found, by rows or beside a reference.
+    """Return the result of a discovery, from rows or against a reference, as text.
 
     Parameters
     ----------
     told : dict
-        Of :func:`rsenf.discrepancy.discovery_json`, joined to that of a reference or not, or of
+        Of :func:`rsenf.discrepancy.discovery_json`, joined with that of a reference or not; or of
         :func:`rsenf.discrepancy.clock_offset.beside_json`.
     """
     gap, reference = told["gap"], told.get("reference", {})
-    beside_rows = "gap" in reference  # of its own
+    beside_rows = "gap" in reference  # the reference has a gap beside that of the rows
     power = "reference's variance" if reference and not beside_rows else "flicker's power"
     lines = [
         f"{told['verdict']}: {VERDICTS[told['verdict']]}",
@@ -79,7 +80,7 @@ def _at_last(gap: dict[str, Any]) -> list[str]:
 
 
 def watch_json(told: DiscoveryVerdict) -> dict[str, Any]:
-    """Return the stable keys of a verdict on one window of a stream, plain values all."""
+    """Return the JSON document of the verdict on one window of a stream; its keys are stable."""
     return {
         "verdict": told.verdict,
         "reason": told.reason,
@@ -112,7 +113,7 @@ def watch_json(told: DiscoveryVerdict) -> dict[str, Any]:
 
 
 def _left(left: dict[str, Any], everywhere: list[dict[str, Any]]) -> list[str]:
-    """Say where it is and what it may be; of parts only those that have more than the others."""
+    """Describe the unexplained residual: its place, where it is uneven, and its possible kind."""
     counts = Counter(place["axis"] for place in everywhere)
     most = [place for place in left["places"] if _stands_out(place, counts[place["axis"]])]
     lines = [f"  {'where':15} {_place(place)}" for place in most]
@@ -129,7 +130,7 @@ def _stands_out(place: dict[str, Any], parts: int) -> bool:
 
 
 def effect_words(effect: dict[str, Any]) -> str:
-    """Say an effect in one line: its name, or those of its class, and its parameters."""
+    """Return an effect as one line: its name, or those of its class, and its parameters."""
     return ": ".join(filter(None, [_name(effect), ", ".join(_parameters(effect))]))
 
 
@@ -140,7 +141,7 @@ def _name(effect: dict[str, Any]) -> str:
 def _parameters(effect: dict[str, Any]) -> list[str]:
     out, errors = [], effect["stderr"]
     frames = effect["parameters"].get("at_frames")
-    if frames:  # each by itself: how often is only what they come to
+    if frames:  # single events: their rate follows from them
         return [f"at frames {', '.join(map(str, frames[:LISTED]))}{' …' * (len(frames) > LISTED)}"]
     for name, value in effect["parameters"].items():
         error = errors.get(name)
@@ -161,7 +162,7 @@ def _place(place: dict[str, Any]) -> str:
 
 
 def _course(course: dict[str, Any]) -> str:
-    """Say the form of a course, and its parameters."""
+    """Return the form of a parameter's course over time, and its coefficients, as text."""
     told = [f"{k} {v:.3g}" for k, v in course.items() if isinstance(v, float) and k != "leaves"]
     if "at_s" in course:
         told.append(f"at {', '.join(f'{t_s:.1f}' for t_s in course['at_s'])} s")

@@ -1,4 +1,4 @@
-"""What is guessed of what stays unexplained, in words."""
+"""Hints on the nature of an unexplained residual, as text."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ KINDS = {
     "other_course": "camera and reference move apart otherwise than by a clock's error",
     "unknown": "of no kind that is known here",
 }
-FEW = 4  # frequencies or times that are written out
+FEW = 4  # frequencies or times that are listed
 
 
 def kind_words(left: dict[str, Any]) -> str:
-    """Say of what kind it may be that is left.
+    """Return the possible kinds of an unexplained residual as text.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def kind_words(left: dict[str, Any]) -> str:
 
 
 def tone_words(left: dict[str, Any]) -> str:
-    """Say which frequencies a tone may have; nothing where there is no tone."""
+    """Return the frequencies that a tone with this alias may have, as text; '' without a tone."""
     if "alias_hz" not in left:
         return ""
     alias = f"the frames show {left['alias_hz']:.2f} Hz"

@@ -1,4 +1,4 @@
-"""An idle estimate, and two of them compared, as JSON and in words."""
+"""An idle estimate, and a comparison of two, as JSON and text."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ COMPARED = {
 
 
 def idle_json(estimate: IdleEstimate, warnings: list[str]) -> dict[str, Any]:
-    """Return the stable keys of an idle estimate.
+    """Return the JSON document of an idle estimate; its keys are stable.
 
     Parameters
     ----------
     estimate : IdleEstimate
     warnings : list of str
-        All that a reader should know, the estimate's own warnings among it.
+        All warnings that a reader should know, including the estimate's own.
     """
     return {
         "verdict": estimate.verdict,
@@ -60,7 +60,7 @@ def idle_json(estimate: IdleEstimate, warnings: list[str]) -> dict[str, Any]:
 
 
 def idle_words(estimate: IdleEstimate) -> str:
-    """Say an estimate to a person, in a few lines."""
+    """Return an idle estimate as a few lines of text."""
     lines = [f"{estimate.verdict}: {estimate.reason or _value(estimate)}"]
     return "\n".join([*lines, *(f"  {name:15} {text}" for name, text in _details(estimate))])
 
@@ -91,14 +91,18 @@ def _details(estimate: IdleEstimate) -> list[tuple[str, str]]:
 
 
 def decimals(error: float) -> int:
-    """How many decimals show two digits of an error; from 1 to 5."""
+    """Return the number of decimals that show two digits of an error; from 1 to 5.
+
+    >>> decimals(0.012), decimals(3.4), decimals(float("nan"))
+    (3, 1, 2)
+    """
     if not (math.isfinite(error) and error > 0):
         return 2
     return min(max(1 - math.floor(math.log10(error)), 1), 5)
 
 
 def comparison_json(found: Comparison) -> dict[str, Any]:
-    """Return the stable keys of a comparison of two read-out times."""
+    """Return the JSON document of a comparison of two read-out times; its keys are stable."""
     return {
         "log10_lr_same_readout": number(found.log10_lr_same_readout),
         "verdict": found.verdict,
@@ -107,7 +111,7 @@ def comparison_json(found: Comparison) -> dict[str, Any]:
 
 
 def comparison_words(found: Comparison) -> str:
-    """Say to a person whether two recordings were read out in the same time."""
+    """Return a comparison of two read-out times as text."""
     lines = [f"{found.verdict}: {COMPARED[found.verdict]}"]
     if math.isfinite(found.log10_lr_same_readout):
         ratio = f"10^{found.log10_lr_same_readout:+.1f}"

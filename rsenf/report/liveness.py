@@ -10,7 +10,7 @@ from rsenf.timebase import seconds, utc_text
 
 
 def live_json(told: Liveness) -> dict[str, Any]:
-    """Return a verdict as it is printed; what isn't known is None."""
+    """Return the JSON document of a verdict on liveness; None for what is unknown."""
     return {
         "t_s": seconds(told.header.pts_ns),
         "epoch": told.header.epoch,
@@ -27,7 +27,7 @@ def live_json(told: Liveness) -> dict[str, Any]:
 
 
 def alarm_json(alarm: Alarm) -> dict[str, Any]:
-    """Return an alarm, or its end."""
+    """Return the JSON document of an alarm, or of its end."""
     return {
         "start_s": seconds(alarm.start_pts_ns),
         "end_s": None if alarm.active else seconds(alarm.end_pts_ns),

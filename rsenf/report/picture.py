@@ -1,4 +1,4 @@
-"""One picture of a comparison: spectrogram, ENF over the reference, score against lag."""
+"""The picture of a comparison: spectrogram, ENF over the reference, and score against lag."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ def draw(
     reference: Sequence[ReferenceBlock],
     result: MatchResult,
 ) -> None:
-    """Draw the picture into a PNG file, which appears only when it is complete.
+    """Draw the picture into a PNG file, which appears only once it is complete.
 
     Parameters
     ----------
     path : Path
-        File to write; replaced when it is there.
+        File to write; an existing one is replaced.
     rows : ThinRows
-        What the spectrogram is made of.
+        Data of the spectrogram.
     estimates : sequence of EnfEstimate
         The recording's ENF.
     reference : sequence of ReferenceBlock
-        What it was compared with.
+        The grid frequency that it was compared with.
     result : MatchResult
-        What came of it.
+        Result of the comparison.
 
     Raises
     ------
@@ -65,7 +65,15 @@ def draw(
 def curve_of(
     track: Track | None, grid: Grid | None, settings: MatchSettings, result: MatchResult
 ) -> ScoreCurve:
-    """Return the scores behind a result; an empty curve where nothing could be compared."""
+    """Return the scores behind a result; an empty curve if nothing could be compared.
+
+    Parameters
+    ----------
+    track, grid : Track or None, Grid or None
+        ENF of the recording and of the reference.
+    settings : MatchSettings
+    result : MatchResult
+    """
     if track is None or grid is None or not math.isfinite(result.lag_s):
         return no_curve()
     first_s = -track.first_s - track.enf_hz.size * track.hop_s

@@ -1,4 +1,4 @@
-"""A curve of scores against lag, cut down to what a picture can show."""
+"""The score against lag, reduced to the resolution of a picture."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import numpy as np
 from rsenf.match.lag_scores import LagScores
 from rsenf.messages.schema import FloatArray
 
-WHOLE_POINTS = 1000  # as fine as a picture is wide
-NEAR_S = 120.0  # how far around the best lag every lag is kept
+WHOLE_POINTS = 1000  # bins of lag: about the width of a picture in pixels
+NEAR_S = 120.0  # distance from the best lag within which every lag is kept
 
 
 @dataclass(frozen=True, eq=False)
 class ScoreCurve:
-    """Scores of a whole search, and all of those near its best lag.
+    """Scores of a whole search in bins of lag, and all scores near the best lag.
 
     Parameters
     ----------
     name, unit : str
-        What the score is and how to read it; empty when there is no score.
+        Name of the score, and how to read it; empty if there is none.
     lag_s : ndarray, shape (n,)
-        Middle of each stretch of lags that holds any.
+        Mean lag of each bin that has any.
     low, high : ndarray, shape (n,)
-        Least and greatest score in the stretch; NaN where none could be compared.
+        Minimum and maximum score in the bin; NaN if none could be computed.
     near_lag_s, near : ndarray, shape (m,)
         Every lag within ``NEAR_S`` of the best, and its score.
     """
@@ -47,15 +47,15 @@ class ScoreCurve:
 def score_curve(
     pieces: Iterable[LagScores], first_s: float, last_s: float, best_lag_s: float
 ) -> ScoreCurve:
-    """Take in a curve piece by piece; memory doesn't grow with the number of lags.
+    """Reduce a curve given in pieces; memory doesn't grow with the number of lags.
 
     Parameters
     ----------
     pieces : iterable of LagScores
     first_s, last_s : float
-        Bounds of the lags; what lies outside goes into the outermost stretches.
+        Bounds of the lags; lags outside go into the first and last bins.
     best_lag_s : float
-        Where to keep every lag.
+        Lag around which every score is kept.
     """
     low, high = np.full(WHOLE_POINTS, np.nan), np.full(WHOLE_POINTS, np.nan)
     lag_sum, count = np.zeros(WHOLE_POINTS), np.zeros(WHOLE_POINTS)
@@ -87,7 +87,7 @@ def no_curve() -> ScoreCurve:
 
 
 def _merged(pieces: list[LagScores]) -> tuple[FloatArray, FloatArray]:
-    """Put pieces in the order of their lags; of a lag that comes twice the better score counts."""
+    """Merge pieces in the order of lag; of equal lags the higher score counts."""
     lag_s = np.concatenate([np.empty(0), *(p.lag_s for p in pieces)])
     score = np.concatenate([np.empty(0), *(p.score for p in pieces)])
     lags, starts = np.unique(lag_s[order := np.argsort(lag_s, kind="stable")], return_index=True)

@@ -1,4 +1,7 @@
-"""Spectrogram of the concatenated rows: what a person sees of the flicker's lines."""
+"""Spectrogram of the concatenated rows, in which the lines of the flicker are visible.
+
+Periodograms with a Hann window of 10 s, 2 s apart.
+"""
 
 from __future__ import annotations
 
@@ -8,19 +11,19 @@ from numpy.typing import NDArray
 from rsenf.messages import RowBlock
 from rsenf.timebase import nanoseconds
 
-# Row means kept for each frame: enough for lines up to 240 Hz at 30 frames/s, little to keep.
+# Row means kept per frame: enough for lines up to 240 Hz at 30 frames/s, in little memory.
 KEPT_ROWS = 16
 TOP_HZ = 240.0
 WINDOW_S, STEPS_PER_WINDOW = 10.0, 5
-# More windows than this are averaged in pairs: hours of video take no more room than minutes.
+# At this number, columns are averaged in pairs: hours of video take no more memory than minutes.
 MAX_COLUMNS = 512
 
 
 class ThinRows:
-    """Spectrogram of row means averaged down to a few a frame, in bounded memory.
+    """Spectrogram of row means, averaged to a few per frame, in bounded memory.
 
-    The series is the paper's: rows of all frames one after the other, as if none were missing
-    between frames. Within each window a row's own mean is taken off, and with it the picture's
+    The series is the paper's (Section III-B): the rows of all frames concatenated, as if none were
+    missing between frames. In each window each row's mean is subtracted, and with it the picture's
     texture.
     """
 
@@ -30,12 +33,12 @@ class ThinRows:
         self._rows: NDArray[np.float32] = np.empty((0, 0), np.float32)  # of the current window
         self._first = (0, 0)  # number and time of the first frame
         self._window = 0  # frames in a window, once the frame rate is known
-        self._columns: list[NDArray[np.float64]] = []  # power, each the mean of some windows
+        self._columns: list[NDArray[np.float64]] = []  # power, each the mean of ``_merged`` windows
         self._merged = 1
         self._open: list[NDArray[np.float64]] = []  # windows of the next column
 
     def add(self, block: RowBlock) -> None:
-        """Take in a block of rows; those of another picture size are left out."""
+        """Add a block of rows; blocks of another picture size are left out."""
         thin = _thinned(block)
         if not self._rows.size:
             self._rows = thin[:0]
@@ -59,7 +62,7 @@ class ThinRows:
         return max(self._window // STEPS_PER_WINDOW, 1)
 
     def _take(self, power: NDArray[np.float64]) -> None:
-        """Average a window's spectrum into the open column; merge columns when there are many."""
+        """Add a window's spectrum to the open column; merge columns in pairs if there are many."""
         self._open.append(power)
         if len(self._open) < self._merged:
             return
@@ -72,25 +75,25 @@ class ThinRows:
 
     @property
     def kept_rows(self) -> int:
-        """Row means kept for each frame; 1 when the input has no more."""
+        """Row means kept per frame; 1 if the input has one mean per frame."""
         return int(self._rows.shape[1])
 
     def seen_hz(self, line_hz: float) -> float:
-        """Where a line of the rows' series lies among the frequencies that are kept."""
+        """Return the alias of a line at the sampling rate of the kept rows."""
         rate_hz = self.frame_rate_hz * self.kept_rows
         return abs(line_hz - rate_hz * round(line_hz / rate_hz))
 
     def spectrogram(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the level of every frequency at every time.
+        """Return the spectrogram.
 
         Returns
         -------
         t_s : ndarray, shape (times,)
             Centres of the windows, uniform, from the first frame.
         f_hz : ndarray, shape (frequencies,)
-            From 0, uniform, up to 240 Hz or what the rows can show.
+            Uniform, from 0 to 240 Hz or to the highest frequency of the kept rows.
         level_db : ndarray, shape (frequencies, times)
-            Relative to a line of one 8-bit level.
+            Relative to a line with an amplitude of one 8-bit level.
 
         Raises
         ------
@@ -99,7 +102,7 @@ class ThinRows:
         """
         if not np.isfinite(self.frame_rate_hz):
             raise ValueError("fewer than two frames")
-        window = self._window or len(self._rows)  # a clip shorter than a window is one itself
+        window = self._window or len(self._rows)  # a clip shorter than a window is one window
         columns = self._columns or [_power(self._rows, self.frame_rate_hz)]
         first = window / 2 + (self._merged - 1) / 2 * self._step
         centres = first + np.arange(len(columns), dtype=np.float64) * self._merged * self._step
@@ -108,7 +111,7 @@ class ThinRows:
 
 
 def _thinned(block: RowBlock) -> NDArray[np.float32]:
-    """Average rows down to a few a frame, (frames, kept rows)."""
+    """Average rows to a few per frame, (frames, kept rows)."""
     rows = block.level.mean(axis=2)
     edges = np.arange(min(KEPT_ROWS, block.rows)) * block.rows // min(KEPT_ROWS, block.rows)
     sizes = np.diff(np.append(edges, block.rows))
@@ -116,7 +119,7 @@ def _thinned(block: RowBlock) -> NDArray[np.float32]:
 
 
 def _power(rows: NDArray[np.float32], frame_rate_hz: float) -> NDArray[np.float64]:
-    """Power spectrum of rows one after the other, in squared amplitudes, up to ``TOP_HZ``."""
+    """Return the Hann-windowed periodogram of concatenated rows, as squared amplitudes."""
     series = (rows - rows.mean(axis=0)).reshape(-1).astype(np.float64)
     weights = np.hanning(series.size)
     spectrum = np.fft.rfft(series * weights)

@@ -13,7 +13,7 @@ from rsenf.model.analytic_simulation import DURATION_S, ROWS
 from rsenf.model.analytic_tables import AS_PUBLISHED, Reading, idle_table, printed_table
 from rsenf.model.published import PUBLISHED_TABLES, Entry
 
-STEP_PERCENT, FINE_STEP_PERCENT = 5, 1  # of what is written, and of what is drawn
+STEP_PERCENT, FINE_STEP_PERCENT = 5, 1  # step of idle periods in text, and in pictures
 
 
 def tables_document(
@@ -28,13 +28,13 @@ def tables_document(
     Parameters
     ----------
     as_published : bool
-        Whether to give the paper's own numbers, rather than the right ones.
+        Whether to compute the paper's printed numbers instead of the corrected ones.
     light : {'cosine', 'rectified'}
-        Of the tables; the figures always have the rectified one.
+        Waveform of the light in the tables; the figures always use ``rectified``, |cos|.
     step_percent : int
-        Between idle periods.
+        Step of the idle period, in per cent of the frame period.
     progress : callable, optional
-        Told how many of :func:`simulated_s` seconds are simulated.
+        Called with the number of seconds simulated, of :func:`simulated_s` in total.
     """
     percents = _percents(step_percent)
     if as_published:
@@ -65,7 +65,7 @@ def tables_document(
 def _figures(
     reading: Reading, percents: range, progress: Callable[[float], None]
 ) -> list[dict[str, Any]]:
-    """Simulate every case."""
+    """Simulate all cases of the figure."""
     figures: list[dict[str, Any]] = []
     for frame_rate, nominal_hz in CASES:
         points = []
@@ -79,7 +79,7 @@ def _figures(
 
 
 def thinned(document: dict[str, Any]) -> dict[str, Any]:
-    """Return a document with the idle periods that are written only."""
+    """Return a document reduced to the idle periods that are printed, in steps of 5 %."""
 
     def thin(parts: list[dict[str, Any]], key: str) -> list[dict[str, Any]]:
         return [
@@ -103,7 +103,7 @@ def _row(entry: Entry) -> dict[str, Any]:
 
 
 def _one_or_list(freq_hz: tuple[float, ...]) -> float | list[float] | None:
-    """A number; a list where lines tie; None where there is no line."""
+    """Return a number; a list if lines tie; None without a line."""
     rounded = [round(hz, 6) for hz in freq_hz]
     return rounded if len(rounded) > 1 else rounded[0] if rounded else None
 

@@ -1,4 +1,4 @@
-"""Two pictures from the document of `rsenf tables`: the idle tables, and the strongest line."""
+"""Pictures of the document of ``rsenf tables``: the idle tables, and the strongest line."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from rsenf.whole_file import whole_file
 INK, MODEL, MARK = "#222222", "#0b62a4", "#c23b22"
 LINE_COLOURS = ("#0b62a4", "#c77700", "#2c8a4b", "#8a3b8f", "#5b5b5b")
 BAND = "its range over the light's phase"
-TOP_RATIO = 4000.0  # infinity is drawn here
+TOP_RATIO = 4000.0  # infinite ratios are drawn here
 TOP_HZ = 135.0
 
 
 def draw_idle_tables(path: Path, document: dict[str, Any]) -> None:
-    """Draw the ratio of the two strongest lines against the idle period, and the printed ones.
+    """Draw the ratio of the two strongest lines against the idle period, with the printed values.
 
     Parameters
     ----------
     path : Path
-        PNG file to write; replaced when it is there.
+        PNG file to write; an existing one is replaced.
     document : dict
-        What ``rsenf tables --json`` prints, its tables in steps of one per cent.
+        Of :func:`rsenf.report.tables.tables_document`, in steps of one per cent.
     """
     figure, panels = _figure(len(document["tables"]), 1, (13, 5.4))
     wrong = {
         (entry["frame_rate_hz"], entry["idle_percent"])
         for erratum in document["errata"]
-        if erratum["name"] != "second_harmonic"  # that is of another light
+        if erratum["name"] != "second_harmonic"  # that one is about another waveform
         for entry in erratum["entries"]
     }
     for axes, table in zip(panels[0], document["tables"], strict=True):
@@ -41,14 +41,14 @@ def draw_idle_tables(path: Path, document: dict[str, Any]) -> None:
 
 
 def draw_strongest(path: Path, document: dict[str, Any]) -> None:
-    """Draw the strongest line's frequency and amplitude against the idle period.
+    """Draw frequency and amplitude of the strongest line against the idle period.
 
     Parameters
     ----------
     path : Path
-        PNG file to write; replaced when it is there.
+        PNG file to write; an existing one is replaced.
     document : dict
-        What ``rsenf tables --json`` prints, its figures in steps of one per cent.
+        Of :func:`rsenf.report.tables.tables_document`, in steps of one per cent.
     """
     figures = document["figures"]
     figure, panels = _figure(len(figures), 2, (16, 7.6))
@@ -76,7 +76,7 @@ def _figure(columns: int, rows: int, size: tuple[float, float]) -> tuple[Any, An
 
 
 def _legend(figure: Any, axes: Any) -> None:
-    """One legend below all panels, from one of them."""
+    """Add the legend of one panel below all of them."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
 
@@ -120,7 +120,7 @@ def _draw_ratio(axes: Any, table: dict[str, Any], wrong: set[tuple[float, int]])
 
 
 def _shown(ratio: float | None) -> float:
-    """An infinite ratio goes to the top of the picture."""
+    """Return the ratio as drawn: infinity at the top of the picture."""
     return TOP_RATIO if ratio is None else min(ratio, TOP_RATIO)
 
 
@@ -161,7 +161,7 @@ def _dots(axes: Any, points: Sequence[dict[str, Any]], key: str) -> None:
 
 
 def _by_line(points: Sequence[dict[str, Any]]) -> Iterator[tuple[str, list[dict[str, Any]]]]:
-    """Cut the points where the model's strongest line changes; each line has its colour."""
+    """Split the points where the model's strongest line changes; yield a colour for each run."""
     runs = itertools.groupby(points, key=lambda point: point["model_hz"])
     for n, (_, run) in enumerate(runs):
         yield LINE_COLOURS[n % len(LINE_COLOURS)], list(run)

@@ -1,4 +1,4 @@
-"""The idle tables, the figure and the errata, from the document of `rsenf tables`, as text."""
+"""The document of ``rsenf tables`` as text and CSV: idle tables, figure and errata."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _NONE = "–"
 
 
 def tables_text(document: dict[str, Any]) -> str:
-    """Return everything in the document for a person to read."""
+    """Return the whole document as text."""
     published = document["as_published"]
     light = "as published" if published else f"{document['light']} light"
     parts = []
@@ -41,7 +41,7 @@ def tables_text(document: dict[str, Any]) -> str:
 
 
 def tables_csv(document: dict[str, Any]) -> dict[str, str]:
-    """Return the document's tables as CSV files by name; lines that tie share a cell."""
+    """Return the document's tables as CSV texts by file name; tied lines share a cell."""
     kinds = (("idle_table", "tables", "rows"), ("strongest_line", "figures", "points"))
     return {
         f"{kind}_{part['frame_rate_hz']:g}fps_{part['nominal_hz']:g}hz.csv": _csv(part[rows])
@@ -82,7 +82,7 @@ def _hz(value: float | Sequence[float] | None) -> str:
 
 
 def _range(low_high: Sequence[float | None] | None) -> str:
-    """Range over the light's phase; nothing where the phase doesn't matter."""
+    """Return the range over the light's phase; '' if the phase doesn't matter."""
     if low_high is None:
         return ""
     low, high = ("∞" if end is None else f"{end:.3g}" for end in low_high)
@@ -90,7 +90,7 @@ def _range(low_high: Sequence[float | None] | None) -> str:
 
 
 def _aligned(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Right-align columns, and leave out those with nothing in them."""
+    """Right-align columns; leave out empty ones."""
     lines = [head, *rows]
     kept = [c for c in range(len(head)) if any(line[c] for line in lines[1:])]
     wide = [max(len(line[c]) for line in lines) for c in kept]

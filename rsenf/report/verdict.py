@@ -1,4 +1,4 @@
-"""A verdict on the time of recording, as JSON and in words."""
+"""A verdict on the time of recording, as JSON and text."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from rsenf.messages import Candidate, Edit, MatchResult, Segment
 from rsenf.timebase import NO_ZONE, utc_text
 
 UNEDITED = "the recording as the camera wrote it, before anything was done to it"
-CALIBRATED = "phase"  # the method whose likelihood ratios are
+CALIBRATED = "phase"  # the method whose likelihood ratios are calibrated
 
 
 class CandidateJson(TypedDict):
-    """A time that the recording may have begun at."""
+    """A possible start of the recording."""
 
     grid: str
     lag_s: float | None
@@ -28,7 +28,7 @@ class CandidateJson(TypedDict):
 
 
 class SegmentJson(TypedDict):
-    """A stretch of an edited recording that fits by itself."""
+    """A segment of an edited recording that fits the reference by itself."""
 
     from_s: float | None
     to_s: float | None
@@ -40,7 +40,7 @@ class SegmentJson(TypedDict):
 
 
 class EditJson(TypedDict):
-    """What was done to a recording, at one place of it or to all."""
+    """An edit of a recording, at one place or of its whole speed."""
 
     kind: str
     at_s: float | None
@@ -53,24 +53,28 @@ class EditJson(TypedDict):
 
 
 def number(value: float) -> float | None:
-    """Make a float fit for JSON: null for what is unknown or not finite."""
+    """Return a float for JSON: None if it isn't finite."""
     return float(value) if math.isfinite(value) else None
 
 
 def ppm_text(value: float) -> str:
-    """Write parts per million with their sign and one decimal; zero is +0.0."""
+    """Return parts per million with sign and one decimal; zero is +0.0.
+
+    >>> ppm_text(-0.04), ppm_text(68.25)
+    ('+0.0', '+68.2')
+    """
     return f"{round(value, 1) + 0.0:+.1f}"
 
 
 def verdict_json(result: MatchResult, warnings: list[str]) -> dict[str, Any]:
-    """Return the stable keys of a verdict, and some more.
+    """Return the JSON document of a verdict; its keys are stable.
 
     Parameters
     ----------
     result : MatchResult
         The verdict.
     warnings : list of str
-        All that a reader should know, the result's own warnings among it.
+        All warnings that a reader should know, including the result's own.
     """
     return {
         "decision": result.decision,
@@ -140,7 +144,7 @@ def _candidate_json(candidate: Candidate) -> CandidateJson:
 
 
 def verdict_words(result: MatchResult) -> str:
-    """Say a verdict to a person, in a few lines."""
+    """Return a verdict as a few lines of text."""
     lines = [headline(result)]
     details = _details(result) if math.isfinite(result.lag_s) else []
     edits = [("edited?", edit.text) for edit in result.edits]
@@ -155,7 +159,7 @@ def verdict_words(result: MatchResult) -> str:
 
 
 def _segments(result: MatchResult) -> list[tuple[str, str]]:
-    """Return when each segment of an edited clip begins."""
+    """Return the start of each segment of an edited clip, as pairs of a name and a line."""
     limit = ratio_limits(result.method)["absent"]
     return [
         (
@@ -169,7 +173,7 @@ def _segments(result: MatchResult) -> list[tuple[str, str]]:
 
 
 def headline(result: MatchResult) -> str:
-    """Say a verdict in a line."""
+    """Return a verdict as one line of text."""
     if result.decision == "match":
         zone = f"; {NO_ZONE}" if result.zone_unknown else ""
         return f"match: the recording begins {_when(result)}{zone}"
@@ -184,7 +188,7 @@ def _when(result: MatchResult) -> str:
 
 
 def _details(result: MatchResult) -> list[tuple[str, str]]:
-    """Return what the verdict rests on: pairs of a name and a line."""
+    """Return the basis of the verdict, as pairs of a name and a line."""
     matches, limits = result.decision == "match", ratio_limits(result.method)
     absent = result.decision == "no_match"
     details = [] if matches else [("nearest" if absent else "best fit", _when(result))]
@@ -223,14 +227,26 @@ def _details(result: MatchResult) -> list[tuple[str, str]]:
 
 
 def ratio_limits(method: str) -> dict[str, float]:
-    """Largest log10 likelihood ratio of each question that a method's calibration vouches for."""
+    """Return the largest log10 likelihood ratio that a method's calibration supports.
+
+    Parameters
+    ----------
+    method : str
+        Name of the matcher.
+
+    Returns
+    -------
+    dict of str to float
+        By question: against 'other' times, against 'absent' (not in the reference), for a 'claim'.
+        Infinite for a method without calibration.
+    """
     if method != CALIBRATED:
         return dict.fromkeys(("other", "absent", "claim"), math.inf)
     return {question: line.limit for question, line in calibration().lines.items()}
 
 
 def _less_likely(log10_lr: float, limit: float) -> str:
-    """Say the log10 of a likelihood ratio against something; at the limit it may be more."""
+    """Return a log10 likelihood ratio in words; 'over' if it reaches the calibration's limit."""
     size = abs(log10_lr)
     if size < 0.3:
         return "about as likely"

@@ -1,4 +1,4 @@
-"""The read-out axis found by the data: both are sampled until the flicker tells which it is."""
+"""Detects the read-out axis: samples rows and columns until the flicker shows which it is."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from rsenf.rows.settings import AXES, RowsSettings
 from rsenf.rows.stage import Rows
 from rsenf.timebase import nanoseconds
 
-# Told the blocks by rows and by columns: 'rows', 'columns', or '' when neither shows.
+# Takes the blocks by rows and by columns; returns 'rows', 'columns', or '' if undecided.
 Choose = Callable[[Sequence[RowBlock], Sequence[RowBlock]], str]
 
-# The data is asked when so much of it is there. Ten seconds are enough for flicker that survives a
-# good codec; faint flicker gets twice that, and then it is rows, as in nearly every video.
+# Times of the decision. Ten seconds are enough for flicker that survives a good codec; faint
+# flicker gets twice that, after which 'rows' is assumed, as in nearly every video.
 LOOK_AFTER_S = (10.0, 20.0)
-# Whatever time stamps say, no more than this is held: 10 s at 240 frames/s.
+# Limit of frames held, whatever their time stamps: 10 s at 240 frames/s.
 MAX_FRAMES = 2400
 
 
 class AutoRows:
-    """Row means along the axis that the sensor is read out by, whichever it is.
+    """Row means along a read-out axis that is detected from the data.
 
     Implements :class:`rsenf.stage.Stage`, from frames to row blocks. Nothing is sent until the axis
-    is known; then everything is, exactly as :class:`~rsenf.rows.stage.Rows` would have.
+    is decided; then everything, exactly as :class:`~rsenf.rows.stage.Rows` would have sent it.
 
     Parameters
     ----------
     settings : RowsSettings
-        Of both samplers; its axis is not looked at.
+        For both samplers; its axis is ignored.
     choose : callable
-        Tells the axis by the blocks of both, or that it can't be told yet.
+        Decides on the axis from the blocks of both samplers, see ``Choose``.
     """
 
     def __init__(self, settings: RowsSettings, choose: Choose) -> None:
@@ -46,7 +46,7 @@ class AutoRows:
         self._first_ns = 0
 
     def update(self, message: Frame) -> list[Any]:
-        """Take a frame; return the blocks that it completes, once the axis is known."""
+        """Take a frame; return the blocks that it completes, once the axis is decided."""
         if self._chosen:
             return self._chosen.update(message)
         self._first_ns = self._first_ns if self._frames else message.header.pts_ns
@@ -61,7 +61,7 @@ class AutoRows:
         return self._decide(final=full or self._looks == len(LOOK_AFTER_S))
 
     def flush(self) -> list[Any]:
-        """Return the last block, or everything when the stream was too short to tell before."""
+        """Return the last block, or all blocks of a stream too short for an earlier decision."""
         if self._chosen:
             return self._chosen.flush()
         for axis, sampler in self._samplers.items():

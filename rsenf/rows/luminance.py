@@ -1,4 +1,4 @@
-"""Luminance that somebody else has already taken from a video, as row blocks."""
+"""Row blocks from luminance that another program has sampled."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def blocks_from_luminance(
     block_frames: int = 8,
     read_out_axis: str = "rows",
 ) -> Iterator[RowBlock]:
-    """Cut an array of luminance into row blocks, as the rows stage would have.
+    """Cut an array of luminance into row blocks like those of the rows stage.
 
     Parameters
     ----------
@@ -29,11 +29,11 @@ def blocks_from_luminance(
     frame_time_s : ndarray, shape (frames,)
         Start of each frame, seconds, increasing.
     header : Header
-        Source and run of the messages, and how frames are timed.
+        Template of the headers: source, run id, and where frame times come from.
     block_frames : int
-        Frames in a block.
+        Frames per block.
     read_out_axis : str
-        'frame' when there is one mean per frame.
+        'rows' or 'columns'; 'frame' for a single mean per frame.
     """
     pts_ns = np.round(np.asarray(frame_time_s, np.float64) * NS_PER_S).astype(np.int64)
     frames, rows, strips = level.shape

@@ -1,4 +1,4 @@
-"""What the rows stage may be told."""
+"""Settings of the rows stage."""
 
 from __future__ import annotations
 
@@ -19,21 +19,22 @@ class RowsSettings:
     Parameters
     ----------
     read_out_axis : {'rows', 'columns', 'auto'}
-        'columns' for video that was rotated before it was coded; 'auto' lets the data tell, and
+        'columns' for video that was rotated before it was coded; 'auto' detects the axis, and
         sends nothing until it has.
     block_frames : int
-        Frames in a block; blocks begin at multiples of it.
+        Frames per block; blocks begin at multiples of it.
     strips : int
-        Strips published: flicker has one phase along a row, patterns seldom do.
+        Strips of the picture's width, each with its own row means: flicker has one phase along a
+        row, patterns seldom do.
     tiles : int
-        Tiles that the mask decides on, a multiple of the strips.
+        Tiles across a row on which the mask decides, a multiple of the strips.
     mask : bool
-        Leave out what moves.
+        Leave out pixels where something moves.
     tile_means : bool
         Publish tile means too.
     """
 
-    # Read by whoever validates a configuration file: a misspelt key is an error.
+    # For Pydantic: an unknown key in a configuration file is an error.
     __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     read_out_axis: ReadOut = "rows"

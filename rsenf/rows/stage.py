@@ -1,4 +1,4 @@
-"""Frames in, blocks of row means out."""
+"""The rows stage: frames in, blocks of row means of the steady pixels out."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from rsenf.rows.settings import RowsSettings
 from rsenf.rows.steady import SteadyMask
 from rsenf.rows.tiles import Int32Array, tile_pixels, tile_sums
 
-# Below this share of steady pixels, or above this share of clipped rows, the row means say more
-# about motion or the sensor's limits than about the light.
+# Below this share of steady pixels, or above this share of clipped rows, row means depend more on
+# motion or the sensor's limits than on the light.
 MIN_STEADY_RATIO = 0.15
 MAX_CLIPPED_RATIO = 0.5
 BLACK_LEVEL, WHITE_LEVEL = 17.0, 250.0  # limited-range black is 16
 
 
 class Rows:
-    """Row means of the steady pixels, as in the paper's Section III-A, block by block.
+    """Row means of the steady pixels (paper, Section III-B), block by block.
 
-    Implements :class:`rsenf.stage.Stage`: takes :class:`~rsenf.messages.Frame`, yields
-    :class:`~rsenf.messages.RowBlock`. Where a part of a row moves, its luma is replaced by the
-    background there times the brightness ratio of the row's steady part, so that leaving pixels
-    out doesn't shift the row's level.
+    Implements :class:`rsenf.stage.Stage`: takes :class:`~rsenf.messages.Frame`, returns
+    :class:`~rsenf.messages.RowBlock`. Where part of a row moves, its luma is replaced by the
+    background, scaled by the brightness of the row's steady part over that part's background. So
+    leaving pixels out doesn't shift the row's level.
 
     Parameters
     ----------
@@ -37,9 +37,9 @@ class Rows:
 
     def __init__(self, settings: RowsSettings | None = None) -> None:
         self.settings = settings or RowsSettings()
-        self._headers: list[Header] = []  # of the block's frames, with their sums
-        self._sums: list[Int32Array] = []
-        self._size_px = 0, 0  # height and width of frames, and what goes by it
+        self._headers: list[Header] = []  # of the frames of the present block
+        self._sums: list[Int32Array] = []  # their tile sums
+        self._size_px = 0, 0  # height and width of frames; the next two depend on it
         self._cut: _Cut
         self._steady: SteadyMask
 
@@ -63,7 +63,7 @@ class Rows:
             raise ValueError("a frame without its luma plane")
         if frame.luma.shape != self._size_px:
             self._resize(*frame.luma.shape)
-        # The picture itself isn't kept: it may be a view of a buffer that will be used again.
+        # The plane itself isn't kept: it may be a view of a buffer that will be reused.
         axis, tiles = self.settings.read_out_axis, self._cut.tiles
         self._sums.append(tile_sums(frame.luma, axis, tiles))
         self._headers.append(frame.header)
@@ -110,9 +110,9 @@ class Rows:
         return block
 
     def _level(self, sums: Float32Array) -> tuple[Float32Array, NDArray[np.uint32]]:
-        """Row means per strip, (frames, rows, strips), and the pixels behind them.
+        """Return row means per strip, (frames, rows, strips), and the pixel counts behind them.
 
-        What moves is painted over in ``sums``.
+        Replaces moving parts in ``sums`` by the background.
         """
         cut, mask, kept_px = self._cut, self._steady, self._cut.kept_px
         if self.settings.mask:
@@ -141,7 +141,7 @@ class Rows:
 
 
 class _Cut:
-    """How planes of one size are cut, and the pixels of a row in each part.
+    """How planes of one size are cut into tiles and strips, and a row's pixels in each.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ class _Cut:
     def __init__(self, size_px: tuple[int, int], settings: RowsSettings) -> None:
         tiles, strips = settings.tiles, settings.strips
         across_px = size_px[0] if settings.read_out_axis == "columns" else size_px[1]
-        if across_px < tiles:  # narrower than what it would be cut into: one piece
+        if across_px < tiles:  # too narrow for the tiles: a single one
             tiles = strips = 1
         self.strips = strips
         self.tiles = tiles if settings.mask or settings.tile_means else strips
@@ -162,17 +162,17 @@ class _Cut:
         self.strip_px = _by_strip(self.tile_px, strips)
         self.kept_px = np.tile(self.strip_px.T.astype(np.uint32), (self.rows, 1))
         self.all_px = float(self.kept_px.sum())
-        self.kept_px.flags.writeable = False  # every block in which nothing moves has this one
+        self.kept_px.flags.writeable = False  # shared by all blocks without motion
 
 
 def _by_strip(per_tile: Float32Array, strips: int) -> Float32Array:
-    """Add up the tiles of each strip, one after the other: (…, tiles, n) to (…, strips, n)."""
+    """Add up the tiles of each strip: (…, tiles, n) to (…, strips, n)."""
     *more, _, n = per_tile.shape
     return np.asarray(np.add.reduce(per_tile.reshape(*more, strips, -1, n), axis=-2))
 
 
 def _over_tiles(per_tile: Float32Array) -> Float32Array:
-    """Add up all tiles, pair by pair, as ``sum`` does with eight of them: (tiles, n) to (n,)."""
+    """Add up all tiles pairwise, as ``sum`` does with eight of them: (tiles, n) to (n,)."""
     while (tiles := len(per_tile)) > 1:
         pairs = per_tile[0 : tiles - 1 : 2] + per_tile[1::2]
         per_tile = np.concatenate([pairs, per_tile[tiles - 1 :]]) if tiles % 2 else pairs
@@ -182,7 +182,7 @@ def _over_tiles(per_tile: Float32Array) -> Float32Array:
 def _paint_over(
     sums: Float32Array, background: Float32Array, mask: SteadyMask, steady: NDArray[np.bool_]
 ) -> None:
-    """Replace what moves by its background, as bright as the steady part of the same row."""
+    """Replace moving parts in place by their background, scaled by the row's steady part."""
     moved = np.flatnonzero(~steady.all(axis=0))
     touched = slice(mask.band_starts[moved[0]], mask.band_starts[moved[-1] + 1])
     seen, background = sums[..., touched], background[:, touched]

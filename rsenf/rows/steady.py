@@ -1,14 +1,16 @@
-"""Which parts of the picture are steady: a background model on tile means.
+"""Detects the steady parts of the picture, by background subtraction on tile means.
 
-The paper takes row means over *steady* pixels, those that motion doesn't touch. A pixel-wise
-background subtraction costs more than decoding, so the decision is made on cells, one tile wide
-and a band of rows high, block by block of frames. Flicker changes all cells of a band by the same
-factor at the same time; motion changes single cells. So: divide each frame's cells by the band's
-common factor, see by how much each is off its background, and call a cell moving while that
-changes by more than it usually does.
+The paper takes row means over *steady* pixels, those not touched by motion (Section III-B).
+Subtraction per pixel costs more than decoding, so the decision is made on cells, one tile wide and
+a band of rows high, for each block of frames.
 
-What stands still again is of use again, whatever it shows now: it gets a new background, and a
-factor that brings it to the level of the old one, so that who comes and goes leaves no steps.
+Model: flicker multiplies all cells of a band by a common factor (their median ratio to the
+background), motion changes single cells. Statistic: a cell over the common factor, minus a straight
+line over the block's frames. A cell is moving when it exceeds a multiple of its usual spread, when
+its line rises by more than ``SLOW_LEVEL``, or when its spread is always large.
+
+A cell that is still again is used again, whatever it shows now: it gets a new background, and an
+offset, fading slowly, to the level of the old one. So passing objects leave no steps.
 """
 
 from __future__ import annotations
@@ -21,40 +23,41 @@ from numpy.typing import NDArray
 from rsenf.medians import median_of_few
 from rsenf.messages.schema import Float32Array
 
-# In this many blocks an offset goes back to nothing, or nearly (1/e); and then it is nothing.
+# Time constant of an offset's decay (to 1/e), in blocks; below the level it is set to zero.
 FADES_BLOCKS, NOTHING_LEVEL = 10.0, 0.01
 BAND_ROWS = 16
-# The spread follows the scene within some 20 blocks (5 s at 30 fps), the background within two.
+# Weights of exponential smoothing: the spread follows the scene within some 20 blocks (5 s at
+# 30 fps), the background within two.
 LEARNING_RATE, FOLLOW_RATE = 0.05, 0.5
-# A cell is moving when it leaves a straight line by this many times its usual spread, and by more
-# than a level: codec noise alone moves a cell's mean by tenths of a level.
+# A cell is moving when it departs from a straight line by more than this multiple of its spread,
+# and by more than one level: codec noise alone changes a cell's mean by tenths of a level.
 SPREADS = 6.0
 MIN_DEVIATION_LEVEL = 1.0
-# What changes slowly is no flicker, and leaves the rows no steps: so much in a block may be.
+# Slow changes are no flicker and leave no steps in the rows: allowed rise within a block.
 SLOW_LEVEL = 4.0
-LAST_FRAMES = 2  # of the block before, that show what changes between the two
+LAST_FRAMES = 2  # frames of the block before that are included, to see changes between blocks
 # A cell that is never quiet (leaves, a fan) is not steady either.
 RESTLESS_LEVEL = 6.0
-# Cells that moved in the block before count by so little in the common factor.
+# Weight in the common factor of cells that moved in the block before.
 DOUBTED = 0.1
-NEAR = 0.1  # and those by little that are off by as much more than this, of the factor before
+NEAR = 0.1  # relative deviation from the factor before at which a cell's weight is halved
 
 
 class Levelling:
-    """Offsets of tiles and rows, that fade slowly, with no step from frame to frame.
+    """Offsets of tiles and rows that decay exponentially, without steps between frames.
 
-    Offsets, not factors: these would make dark parts' noise as bright as what stood there.
+    Offsets rather than factors, which would amplify the noise of dark parts.
     """
 
     def __init__(self) -> None:
         self._offset: Float32Array | None = None  # (tiles, rows), at the end of the block before
 
     def replace(self, before: Float32Array, now: Float32Array) -> None:
-        """Bring what has another background now to the level of before: both (tiles, rows)."""
+        """Add the offset from a new background to the one before, both (tiles, rows)."""
         self._offset = (0.0 if self._offset is None else self._offset) + before - now
 
     def of_block(self, frames: int) -> Float32Array | None:
-        """Return the next frames' offsets, (frames, tiles, rows); None where there are none."""
+        """Return the offsets of the next frames, (frames, tiles, rows); None for none."""
         offset = self._offset
         if offset is None:
             return None
@@ -64,19 +67,19 @@ class Levelling:
 
 
 class SteadyMask:
-    """Background, spread and decision, one block of frames at a time.
+    """Background, spread and decision for each cell, updated with one block of frames at a time.
 
-    Rows are the last axis of everything: neighbours in memory, so that each step is one long loop.
+    Rows are the last axis of all arrays, contiguous in memory, for long inner loops.
 
     Parameters
     ----------
     tiles, rows : int
-        Size of the tile means.
+        Shape of the tile means.
 
     Attributes
     ----------
     levelling : Levelling
-        Brings what stands there now to the level of what stood there before.
+        Offsets from the present background to an earlier one.
     """
 
     def __init__(self, tiles: int, rows: int) -> None:
@@ -88,7 +91,7 @@ class SteadyMask:
         self.levelling = Levelling()
         self._background: Float32Array | None = None
         self._spread = np.full((tiles, self.bands), MIN_DEVIATION_LEVEL / SPREADS, np.float32)
-        # Of the block before: its last cells and common factors, and the decision.
+        # Of the block before: last cells and common factors, and the decision.
         self._cells = np.empty((0, tiles, self.bands), np.float32)
         self._gain = np.empty((0, self.bands), np.float32)
         self._steady = np.ones((tiles, self.bands), np.bool_)
@@ -106,16 +109,16 @@ class SteadyMask:
         return np.asarray(np.divide(sums, self._rows_in_band, out=sums))
 
     def rows_of(self, of_bands: NDArray[Any]) -> NDArray[Any]:
-        """Write out to every row: (…, bands) to (…, rows)."""
+        """Repeat for every row of a band: (…, bands) to (…, rows)."""
         return np.repeat(of_bands, self._band_rows, axis=-1)
 
     def update(self, level: Float32Array) -> NDArray[np.bool_]:
-        """Learn from a block and tell which cells stayed steady throughout it.
+        """Update the model with a block, and return which cells were steady throughout it.
 
         Parameters
         ----------
         level : ndarray of float32, shape (frames, tiles, rows)
-            Mean luma of each row in each tile.
+            Mean luma of each row in each tile, in levels.
 
         Returns
         -------
@@ -140,22 +143,23 @@ class SteadyMask:
         return steady
 
     def _common_factor(self, cells: Float32Array, floor: Float32Array) -> Float32Array:
-        """Brightness of each band over its background's, (frames, bands)."""
+        """Return the brightness of each band over its background's, (frames, bands)."""
         ratio = (cells / floor).transpose(0, 2, 1)
         gain = np.asarray(np.maximum(median_of_few(ratio), 1e-3))
         off = np.abs(cells - gain[:, None] * floor)
         if not self._gain.size or (self._steady.all() and off.max() <= MIN_DEVIATION_LEVEL):
             return gain
-        # Where much moves the most common factor may be a coat's: it is where it was before.
+        # With much motion the median may be that of a moving object (a coat, say). So weight cells
+        # by how near they are to the factor of the block before.
         usual = _mean_of_frames(self._gain)[:, None]
         trust = np.where(self._steady, 1.0, DOUBTED).T / (1.0 + ((ratio / usual - 1.0) / NEAR) ** 2)
         gain = np.asarray(np.maximum(_weighted_median(ratio, trust), 1e-3))
-        lost = ~self._steady.any(axis=0)  # nothing tells how bright the light is now
+        lost = ~self._steady.any(axis=0)  # bands without a steady cell keep their mean factor
         gain[:, lost] *= usual[lost, 0] / _mean_of_frames(gain)[lost]
         return gain
 
     def _learn_spread(self, quick: Float32Array, steady: NDArray[np.bool_], first: bool) -> None:
-        # Learnt only where nothing moves, or motion would soon count as usual.
+        # Updated only where nothing moves, or motion would soon count as usual spread.
         spread = np.sqrt(_mean_of_frames(quick**2))
         weight = 1.0 if first else np.where(steady | (spread < self._spread), LEARNING_RATE, 0.0)
         self._spread = np.asarray(self._spread + weight * (spread - self._spread), np.float32)
@@ -172,7 +176,7 @@ class SteadyMask:
 
 
 def _weighted_median(values: Float32Array, weight: NDArray[np.floating]) -> Float32Array:
-    """Median over the last axis of values that count by weights."""
+    """Return the weighted median over the last axis."""
     order = np.argsort(values, axis=-1)
     reached = np.cumsum(np.take_along_axis(weight, order, -1), -1)
     middle = np.argmax(reached >= reached[..., -1:] / 2.0, axis=-1)[..., None]
@@ -180,7 +184,7 @@ def _weighted_median(values: Float32Array, weight: NDArray[np.floating]) -> Floa
 
 
 def _beside_line(course: Float32Array) -> tuple[Float32Array, Float32Array]:
-    """Return what a straight line over the frames leaves of each cell, and the line's rise."""
+    """Return each cell minus its fitted straight line over the frames, and the line's rise."""
     place = np.arange(len(course), dtype=np.float32) / max(len(course) - 1, 1)
     place -= place.mean()
     line = place[:, None, None]
@@ -189,5 +193,5 @@ def _beside_line(course: Float32Array) -> tuple[Float32Array, Float32Array]:
 
 
 def _mean_of_frames(of: Float32Array) -> Float32Array:
-    """Average over the first axis, without all that ``np.mean`` looks at before it does."""
+    """Average over the first axis, without the overhead of ``np.mean``."""
     return np.asarray(np.add.reduce(of, axis=0) / len(of))

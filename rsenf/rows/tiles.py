@@ -1,8 +1,8 @@
-"""Sums of a luma plane over tiles: the one pass over the pixels that everything else rests on.
+"""Sums of a luma plane over tiles: the only pass over the pixels.
 
-The plane is cut across the read-out axis into a few tiles; every row (the paper's Section III-A
-unit of sampling) gets one sum per tile. Strips, row means and the steady mask are all made from
-these sums, so the mask costs no second pass over the picture.
+The plane is cut across the read-out axis into a few tiles; every row (the sampling unit of the
+paper, Section III-B) gets one sum per tile. Strips, row means and the steady mask are computed
+from these sums, so that the mask needs no second pass.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-# Threads inside OpenCV fight the decoder's for the same cores, and these sums are limited by
-# memory, not by arithmetic.
+# OpenCV's threads would compete with the decoder's for the same cores, and these sums are limited
+# by memory bandwidth.
 cv2.setNumThreads(1)
 
-# What OpenCV's reduce is told: to add up, exactly. Looked up once: a tile takes it 3 µs.
+# Arguments of cv2.reduce: exact integer sums. Looked up once, since a tile takes only 3 µs.
 SUM, INT32 = cv2.REDUCE_SUM, cv2.CV_32S
 
-# Rows that are read again are read while they are in the processor's own cache.
+# Size of a part that is read twice: it fits the processor's cache.
 CACHED_BYTES = 1 << 19
 
 Int32Array = NDArray[np.int32]
@@ -29,7 +29,11 @@ Int32Array = NDArray[np.int32]
 
 @functools.cache
 def tile_edges(width_px: int, tiles: int) -> tuple[int, ...]:
-    """Return the ``tiles + 1`` column indices that cut ``width_px`` as evenly as can be."""
+    """Return the ``tiles + 1`` column indices that cut a width as evenly as possible.
+
+    >>> tile_edges(10, 4)
+    (0, 2, 5, 8, 10)
+    """
     return tuple(round(i * width_px / tiles) for i in range(tiles + 1))
 
 
@@ -41,13 +45,19 @@ def tile_sums(luma: NDArray[np.uint8], axis: str, tiles: int) -> Int32Array:
     luma : ndarray of uint8, shape (height_px, width_px)
         Luma plane; lines may be padded (any stride along the rows).
     axis : {'rows', 'columns'}
-        Direction in which the sensor is read out: 'rows' top to bottom.
+        Read-out axis: 'rows' is top to bottom.
     tiles : int
-        Tiles across that axis.
+        Number of tiles across that axis.
 
     Returns
     -------
     ndarray of int32, shape (tiles, rows)
+
+    Examples
+    --------
+    >>> tile_sums(np.arange(8, dtype=np.uint8).reshape(2, 4), "rows", 2)
+    array([[ 1,  9],
+           [ 5, 13]], dtype=int32)
     """
     height_px, width_px = luma.shape
     if axis == "columns":
@@ -69,17 +79,25 @@ def tile_sums(luma: NDArray[np.uint8], axis: str, tiles: int) -> Int32Array:
 def tile_pixels(
     height_px: int, width_px: int, axis: str, tiles: int
 ) -> tuple[int, NDArray[np.int64]]:
-    """Return the number of rows along the read-out axis, and the pixels a row has in each tile."""
+    """Return the number of rows along the read-out axis, and a row's pixels in each tile.
+
+    Parameters
+    ----------
+    height_px, width_px : int
+        Size of the plane.
+    axis, tiles
+        As for :func:`tile_sums`.
+    """
     rows, across = (width_px, height_px) if axis == "columns" else (height_px, width_px)
     edges = np.array(tile_edges(across, tiles), np.int64)
     return rows, edges[1:] - edges[:-1]
 
 
 def _uneven(band: NDArray[np.uint8], sums: Int32Array) -> None:
-    """Sum each row of some over tiles that memory isn't cut by: ``sums``, shape (tiles, rows, 1).
+    """Sum rows over tiles that aren't equal cuts of contiguous memory; ``sums``: (tiles, rows, 1).
 
-    Reading a tile skips the rest of each row, at which memory is several times slower. So whole
-    rows come first, only to be in the cache when their tiles are read.
+    Strided access to a tile is several times slower than reading whole rows. So whole rows are
+    summed first, only to load them into the cache before their tiles are read.
     """
     cv2.reduce(band, 1, SUM, sums[0], INT32)
     for tile, of_tile in zip(_tiles(band.shape[1], len(sums)), sums, strict=True):
@@ -88,6 +106,6 @@ def _uneven(band: NDArray[np.uint8], sums: Int32Array) -> None:
 
 @functools.cache
 def _tiles(width_px: int, tiles: int) -> tuple[tuple[slice, slice], ...]:
-    """Where each tile is in a plane, for its index."""
+    """Return the index of each tile in a plane."""
     edges = itertools.pairwise(tile_edges(width_px, tiles))
     return tuple((slice(None), slice(a, b)) for a, b in edges)

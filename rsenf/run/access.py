@@ -1,8 +1,9 @@
-"""Who may do what between hosts: TLS with client certificates, and the rules of each router.
+"""Access control between hosts: mutual TLS, and the access rules of each Zenoh router.
 
-A certificate's common name says who somebody is. A host of the graph goes by its name, and may send
-what its nodes send and nothing else; anybody else with a certificate may listen, and send what
-``access`` says. The nodes of a host reach its router over loopback, and may do everything.
+The common name of the client certificate identifies the sender. A host of the graph uses its host
+name and may send only what its nodes send. Any other certificate holder may listen, and may send
+what ``access`` in the graph allows. The nodes of a host reach its router over loopback, without
+restrictions.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from rsenf.config import Graph
 from rsenf.config.graph import TlsConfig
 from rsenf.errors import UsageError
 
-# Wild cards don't cover what begins with '@'.
+# Zenoh's wildcards don't match chunks that begin with '@'.
 ALL_KEYS = ["**", f"{ROOT}/*/{NODES}/**", ECHO_KEY]
 SENDING = ["put", "delete", "declare_queryable", "reply", "liveliness_token"]
 HEARING = ["declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query"]
@@ -24,12 +25,18 @@ BOTH_WAYS = ["ingress", "egress"]
 
 
 def secured(graph: Graph, host: str) -> dict[str, Any]:
-    """Return the Zenoh settings of a host's router by path; none where the graph has no TLS.
+    """Return the TLS and access settings of a host's router, by Zenoh path; {} without TLS.
+
+    Parameters
+    ----------
+    graph : Graph
+    host : str
+        Name of the host in the graph.
 
     Raises
     ------
     UsageError
-        When a certificate or key can't be found.
+        When a certificate or key file doesn't exist.
     """
     if graph.tls is None:
         return {}
@@ -37,12 +44,19 @@ def secured(graph: Graph, host: str) -> dict[str, Any]:
 
 
 def certificates(tls: TlsConfig, name: str) -> dict[str, Any]:
-    """Return the Zenoh settings by path of somebody who shows the certificate of that name.
+    """Return the Zenoh TLS settings, by path, of a client or router with a certificate.
+
+    Parameters
+    ----------
+    tls : TlsConfig
+        File names, in which ``{host}`` stands for the name.
+    name : str
+        Common name of the certificate.
 
     Raises
     ------
     UsageError
-        When a certificate or key can't be found.
+        When a certificate or key file doesn't exist.
     """
     ca, certificate, key = (p.replace("{host}", name) for p in (tls.ca, tls.certificate, tls.key))
     for path in (ca, certificate, key):
@@ -95,16 +109,16 @@ def _rule(name: str, messages: list[str], flows: list[str], keys: list[str]) -> 
 
 
 def sent_by(graph: Graph, host: str, name: str) -> list[str]:
-    """Keys that may come to a host's router from somebody: its own, and what it passes on.
+    """Return the keys that a router accepts from a peer: the peer's own, and those it forwards.
 
     Parameters
     ----------
     graph : Graph
         The graph.
     host : str
-        Whose router it is.
+        Host whose router it is.
     name : str
-        Another host, or somebody else by the name in the certificate.
+        The peer: another host, or any other common name of a certificate.
     """
     site, keys = graph.site, []
     for other in sorted(_behind(graph, host, name)):
@@ -112,7 +126,7 @@ def sent_by(graph: Graph, host: str, name: str) -> list[str]:
         for node in graph.hosts[other].nodes:
             keys += [topic_key(site, of, topic) for topic, of in graph.nodes[node].outputs()]
             keys += [health_key(site, node), alive_key(site, node)]
-    # Somebody else may be linked to any of the hosts, which pass on what it sends.
+    # A peer that is no host may connect to any host, which forwards what it sends.
     others = graph.access if name in graph.hosts else {name}
     for other in others:
         access = graph.access.get(other)
@@ -121,7 +135,7 @@ def sent_by(graph: Graph, host: str, name: str) -> list[str]:
 
 
 def _behind(graph: Graph, host: str, name: str) -> set[str]:
-    """Hosts whose messages come by way of one of them: itself, and those that lie behind it."""
+    """Return the hosts whose messages arrive through a host: itself, and those linked behind it."""
     pairs = [
         {a, b} for a, config in graph.hosts.items() for b in config.links if host not in (a, b)
     ]

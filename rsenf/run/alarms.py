@@ -1,4 +1,4 @@
-"""What makes an archive keep the minutes about it: a message, or a signal."""
+"""Alarm triggers of an archive, which keeps the minutes around each: a message, or SIGUSR1."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from rsenf.record.writer import Recorder
 
 
 class AlarmWatch:
-    """Tells an archive of alarms. A recording that is a single file keeps everything anyway.
+    """Reports alarms to an archive. A single-file recording keeps everything, so it needs none.
 
     Parameters
     ----------
     sink : Recorder or ArchiveRecorder
-        What is recorded to.
+        The open recording.
     key_expr : str
-        Whose messages are alarms, but for those that say that one is no longer active.
+        Messages of these keys are alarms, unless their ``active`` is false.
     """
 
     def __init__(self, sink: Recorder | ArchiveRecorder, key_expr: str) -> None:
         self._archive = sink if isinstance(sink, ArchiveRecorder) else None
-        # What has to be received for it.
+        # To be subscribed to.
         self.key_exprs = (key_expr,) if self._archive else ()
         self._is_trigger: dict[str, bool] = {}
         self._asked = threading.Event()
 
     def note(self, received: Received) -> None:
-        """Take in a message that was recorded."""
+        """Check a recorded message; raise the alarm if it triggers one."""
         key, message = received.key, received.message
         if key not in self._is_trigger:
             self._is_trigger[key] = any(matches(expr, key) for expr in self.key_exprs)
@@ -42,14 +42,14 @@ class AlarmWatch:
             self._archive.alarm(key, " ".join(filter(None, (key, getattr(message, "text", "")))))
 
     def check(self) -> None:
-        """Do what a signal has asked for."""
+        """Raise the alarm that a signal has requested since the last call."""
         if self._archive and self._asked.is_set():
             self._asked.clear()
             self._archive.alarm(None, "SIGUSR1")
 
     @contextmanager
     def on_signal(self) -> Iterator[None]:
-        """Let SIGUSR1 be an alarm of all cameras; only in the main thread, which signals reach."""
+        """Make SIGUSR1 an alarm of all cameras. Does nothing outside the main thread."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return

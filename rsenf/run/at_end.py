@@ -1,4 +1,4 @@
-"""The end of a process that has been on the bus."""
+"""Ends a process that has used Zenoh."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import NoReturn
 
 
 def end_process(code: int) -> NoReturn:
-    """End now, once everything is closed.
+    """Flush stdout and stderr and exit at once. Call it after everything is closed.
 
-    Left to itself, the interpreter would still take apart Zenoh's objects while Zenoh's threads
-    may ask for it: of a hundred nodes one waited for ever.
+    A normal exit can deadlock: the interpreter destroys Zenoh's objects while Zenoh's threads may
+    still need the interpreter. One node in a hundred hung for ever.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Checks that a program keeps to the contract of nodes: run alone on a bus of its own."""
+"""Conformance test of a node program: runs it alone, on a private bus, against the contract."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from rsenf.run.patience import wait_until
 from rsenf.run.supervisor import free_endpoint
 
 SITE, NODE, RUN = "contract", "node", "c0ffee00"
-# What a node may take on an idle machine; on a slower one it has longer.
+# Time limits on an idle machine; a slower machine gets proportionally more.
 READY_S = 15.0
 STOP_S = 2.0
-TWO_WORDS_S = 4.0  # a node has one every second
+TWO_WORDS_S = 4.0  # for two health messages; a node sends one a second
 SAMPLES = 20
 
 
@@ -39,18 +39,18 @@ class Check:
 
 @dataclass
 class Heard:
-    """What the program has said."""
+    """What the program has sent: its token, health messages (``words``) and all others."""
 
     alive: bool = False
     words: list[Health] = field(default_factory=list)
     sent: list[Received] = field(default_factory=list)
 
     def on_alive(self, _key: str, alive: bool) -> None:
-        """Take in its token."""
+        """Note that its liveliness token appeared or vanished."""
         self.alive = alive
 
     def take(self, inbox: Inbox) -> None:
-        """Take in what came."""
+        """Empty the inbox."""
         while received := inbox.receive(0):
             if isinstance(received.message, Health):
                 self.words.append(received.message)
@@ -61,19 +61,24 @@ class Heard:
 def check_contract(
     command: Sequence[str], reads: Sequence[str], sends: Sequence[str]
 ) -> list[Check]:
-    """Start a program, feed it good and bad messages, stop it; return what it kept to.
+    """Start a program, send it valid and invalid messages, stop it; return the results.
 
     Parameters
     ----------
     command : sequence of str
         Program and arguments.
     reads, sends : sequence of str
-        Its topics below the site, such as ``cam/track``.
+        Topics that it reads and sends, below the site, such as ``cam/track``.
+
+    Returns
+    -------
+    list of Check
+        One for each point of the contract, in order.
 
     Raises
     ------
     UsageError
-        When it can't be started.
+        When the program can't be started.
     """
     endpoint = free_endpoint()
     with open_bus(BusSettings(mode="router", listen=(endpoint,))) as bus:
@@ -127,7 +132,7 @@ def _checks(
 
 
 def _feed(bus: ZenohBus, key: str) -> None:
-    """Send good messages with bad ones among them."""
+    """Send valid messages with invalid ones between them."""
     topic = topic_of(key)
     cls = TOPICS[topic]
     publisher = bus.publisher(key, delivery_of(topic))

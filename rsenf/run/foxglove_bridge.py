@@ -1,4 +1,4 @@
-"""What travels on the bus, live in Foxglove: a WebSocket server that it connects to."""
+"""Live bridge from the bus to Foxglove: a WebSocket server that Foxglove connects to."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ PROTOBUF = "protobuf"
 
 
 class FoxgloveBridge:
-    """A server for Foxglove. To be used from one thread, and closed.
+    """A WebSocket server for Foxglove. A context manager; use it from one thread.
 
-    Pictures go by Foxglove's own schemas, everything else by rsenf's, as in a recording. Frames,
-    which are descriptors of what is elsewhere, are left out. Who doesn't keep up loses the oldest
-    messages; nobody on the bus is made to wait.
+    Compressed pictures use Foxglove's schemas, everything else rsenf's, as in a recording. Frame
+    messages are left out: they only describe pixels held elsewhere. A client that is too slow
+    loses the oldest messages; it exerts no backpressure on the bus.
 
     Parameters
     ----------
     host : str
-        Address to listen at: ``127.0.0.1`` is this host alone.
+        Address to listen at; ``127.0.0.1`` is reachable from this host only.
     port : int
-        Port; 0 for any that is free.
+        Port; 0 chooses a free one.
     name : str
-        What Foxglove calls the connection.
+        Name of the connection in Foxglove.
     clock_ns : callable
         Wall clock, UTC since 1970, in ns.
 
@@ -37,7 +37,7 @@ class FoxgloveBridge:
     UsageError
         When the package ``foxglove-sdk`` isn't installed.
     RsenfError
-        When nothing can be opened there.
+        When the server can't listen there.
     """
 
     def __init__(self, host: str, port: int, name: str, clock_ns: Callable[[], int]) -> None:
@@ -65,7 +65,17 @@ class FoxgloveBridge:
         self._server.stop()
 
     def send(self, topic: str, message: Any, payload: bytes) -> None:
-        """Show a message as it came from the bus."""
+        """Forward a message from the bus.
+
+        Parameters
+        ----------
+        topic : str
+            Its key.
+        message : object
+            The decoded message.
+        payload : bytes
+            The bytes it came in.
+        """
         header = message.header
         if isinstance(message, Frame):
             return

@@ -1,4 +1,4 @@
-"""A lane whose messages are frames: they get their pixels from the ring, and give them back."""
+"""A lane that reads frames: takes their pixels from the shared-memory ring, and returns them."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from rsenf.run.pump import Lane
 
 @dataclass(kw_only=True)
 class FrameLane(Lane):
-    """A lane from frames.
+    """A :class:`Lane` whose input is frames.
 
     Parameters
     ----------
     frames : FrameReceiver
-        Where their pixels come from.
+        Gives frames their pixels.
     """
 
     frames: FrameReceiver = field(default_factory=FrameReceiver)
 
     def feed(self, received: Received) -> None:
-        """Sample one frame; refuse one whose pixels aren't what it says (``SchemaMismatch``)."""
+        """Sample one frame; raises SchemaMismatch when its pixels don't match its description."""
         try:
             frame = self.frames.open(received.message)
-        except NodeFailed as exc:  # no such ring here; only one of this run has to be
+        except NodeFailed as exc:  # no such ring on this host: a failure only for one of this run
             if received.message.header.run_id.partition(".")[0] == self.node.run_id:
                 raise
             raise SchemaMismatch(str(exc)) from exc

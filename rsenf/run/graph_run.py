@@ -1,4 +1,4 @@
-"""A running graph as its supervisor sees it: what each node says, and whether its process lives."""
+"""State of a running graph in its supervisor: the health messages and processes of its nodes."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from rsenf.run.node_state import WENT_WRONG, NodeState, end_of
 from rsenf.run.peers import GIVEN_UP, LAST_WORDS
 from rsenf.run.restart_policy import RestartPolicy, Spawn
 
-# Told to stop, sources end their streams and everything after them finishes by itself; who hasn't
-# by then is told too, and in the end made to. All within two seconds, unless the machine is so
-# slow that the nodes took longer than that to start: then they get as long to stop.
+# Shutdown: first the sources get SIGTERM and end their streams, after which the other nodes finish
+# by themselves. Then the nodes still running get SIGTERM, and in the end SIGKILL. All within two
+# seconds; on a machine so slow that the nodes took longer to start, they get as long to stop.
 SOURCES_FIRST_S = 0.7
 KILL_AFTER_S = 1.7
-MOST_S = 20.0  # a camera may not be there for hours, which tells nothing of the machine
+MOST_S = 20.0  # a start may take hours for want of a camera, not of speed
 POLL_S = 0.05
-# A node that hangs must not make its supervisor wait.
+# A node that hangs must not block its supervisor.
 TELLING = dataclasses.replace(HEALTH, lossless=False)
-MOST_ALARMS = 100  # of a camera, that are told at the end
-# Topics whose latest messages a run tells at its end.
+MOST_ALARMS = 100  # kept for each camera, reported at the end
+# Topics whose latest messages a run reports at its end.
 RESULTS = ("match", "idle", "live", "alarm", "discover")
 
 
@@ -50,15 +50,15 @@ class GraphRun:
     Parameters
     ----------
     graph : Graph
-        What is run.
+        The graph.
     run_id : str
         Identity of this run.
     endpoint : str
-        Where others can join the bus.
+        Address of the bus, for others to connect to.
     nodes : dict
         State of each node by name.
     on_change : callable
-        Told of every change of a node's state.
+        Called with a node at every change of its state.
     spawn : callable
         Starts a node's process.
 
@@ -67,10 +67,10 @@ class GraphRun:
     latest : dict
         By topic (:data:`RESULTS`), the latest message of each camera.
     alarms : dict
-        Alarms that each camera gave, and their ends, in order.
+        Alarms of each camera, their ends included, in order.
     never_began : bool
-        Whether a node went wrong before all were ready: those that weren't would wait for it in
-        vain, since they have not seen it come and go.
+        Whether a node failed before all were ready. The run then stops: nodes that have never seen
+        its token would wait for it for ever.
     """
 
     graph: Graph
@@ -84,7 +84,7 @@ class GraphRun:
     never_began: bool = False
     _words: Inbox = field(default_factory=Inbox)
     _begun: float = field(default_factory=time.monotonic)
-    _all_ready_s: float = 0.0  # after the beginning
+    _all_ready_s: float = 0.0  # since the start
     _stopping: bool = False
     _bus: Bus | None = None
     _tellers: dict[str, list[Publisher]] = field(default_factory=dict)
@@ -99,7 +99,7 @@ class GraphRun:
             self._note_own(node)
 
     def _note_own(self, node: NodeState) -> None:
-        """Take somebody's own program to run as long as its process lives: it may say nothing."""
+        """Count an external program as running while its process lives: it may send no health."""
         if self.graph.nodes[node.name].program():
             node.was_ready = True
             self._change(node, "running", "")
@@ -110,9 +110,9 @@ class GraphRun:
         return [n for n in self.nodes.values() if n.process and n.exit_code is None]
 
     def wait(self, stop: threading.Event) -> None:
-        """Watch until every process has ended; end them when asked to, or when one can't begin.
+        """Watch until every process has ended; stop them when asked to, or when one can't start.
 
-        A host without nodes is a router, which runs until it is stopped.
+        A host without nodes is a router only, and runs until it is stopped.
         """
         while not (stop.is_set() or self.never_began):
             if self.nodes and not (self.running or self._revival.due):
@@ -122,7 +122,7 @@ class GraphRun:
         self._listen_until_quiet()
 
     def watch(self, timeout_s: float) -> None:
-        """Take in what the nodes say, and see which have ended."""
+        """Take a message of the nodes, notice ended processes, and apply the restart policy."""
         quiet = not self._listen(timeout_s)
         for node in self.running:
             assert node.process is not None
@@ -141,7 +141,7 @@ class GraphRun:
             self._change(hung, hung.state, "silent for too long: it hangs, and is killed")
 
     def _ended(self, node: NodeState, state: str, detail: str) -> None:
-        """Take in the end of a process; what died is to be started again, where a rule says so."""
+        """Handle the end of a process; schedule a restart where the node's rule says so."""
         assert node.process is not None
         assert node.exit_code is not None
         again = ""
@@ -155,7 +155,7 @@ class GraphRun:
         self._tell_others(node)
 
     def _tell_others(self, node: NodeState) -> None:
-        """Say of a node what it can't say any more: those that read it wait for it, or don't."""
+        """Publish health for a node that can't any more, so that its readers wait for it or not."""
         said = {"restarting": "restarting", "done": "done"}.get(node.state, GIVEN_UP)
         is_own = bool(self.graph.nodes[node.name].program())
         others_know = self.graph.restart_of(node.name) is None and not is_own
@@ -182,7 +182,7 @@ class GraphRun:
             teller.send(word)
 
     def stop(self) -> None:
-        """Stop everything within two seconds: sources first, so that their streams end in order."""
+        """Stop everything within two seconds: sources first, so that streams end with END marks."""
         self._stopping = True
         for node in self._revival.forget():
             self._change(node, "lost", node.detail.partition(";")[0])
@@ -197,7 +197,7 @@ class GraphRun:
         self._wait_until(begun + patience_s + 1.0)
 
     def kill(self) -> None:
-        """End every process at once, and remove what they leave in shared memory."""
+        """Kill every process at once, and remove their shared-memory rings."""
         for node in self.running:
             node.signal(signal.SIGKILL)
         self._remove_rings(self.run_id)
@@ -208,7 +208,7 @@ class GraphRun:
 
     @property
     def _start_took_s(self) -> float:
-        """How long the nodes took to be ready; so far, if not all are."""
+        """Seconds until all nodes were ready; until now, if not all are."""
         return self._all_ready_s if self._all_ready else time.monotonic() - self._begun
 
     @property
@@ -219,7 +219,7 @@ class GraphRun:
         return self.graph.nodes[node.name].is_source
 
     def _tell(self, nodes: Iterable[NodeState]) -> None:
-        """Ask to stop, once: a second time means at once."""
+        """Send SIGTERM, once only: a second one makes a node end at once."""
         for node in nodes:
             if not node.told and node.state not in LAST_WORDS:
                 node.told = True
@@ -239,7 +239,7 @@ class GraphRun:
             return False
         if isinstance(received.message, Health):
             node = self.nodes.get(node_of(received.key))
-            # On a bus of others there may be nodes of the same name.
+            # On a shared bus another run may have nodes of the same name.
             ours = received.message.header.run_id == self.run_id
             if node is not None and ours and _is_of(received.message, node):
                 self._revival.heard(node.name)
@@ -259,7 +259,7 @@ class GraphRun:
     def _change(self, node: NodeState, state: str, detail: str) -> None:
         before = node.state, node.detail
         node.state, node.detail = state, detail
-        # One that has a rule may yet be started again, until its process has ended for good.
+        # A node with a restart rule may come back, until its process has ended for good.
         final = node.exit_code is not None or self.graph.restart_of(node.name) is None
         if node.went_wrong and final and not self._all_ready:
             self.never_began = True
@@ -267,7 +267,7 @@ class GraphRun:
             self.on_change(node)
 
     def listen_to(self, bus: Bus) -> None:
-        """Subscribe to the health of the nodes, and to what a run says at its end."""
+        """Subscribe to the health of the nodes, and to the topics that a run reports at its end."""
         self._bus = bus
         site = self.graph.site
         bus.subscribe(self._words, health_key(site, "*"), LOOKING)
@@ -278,18 +278,18 @@ class GraphRun:
 
 
 def _is_of(health: Health, node: NodeState) -> bool:
-    """Whether it is a word of the node's living process, not of the one before it."""
+    """Whether a health message is of the node's present process, not of an earlier one."""
     alive = node.exit_code is None
     return alive and (node.process is None or health.pid == node.process.pid)
 
 
 def check_ended(run: GraphRun) -> int:
-    """Exit code of a graph that has ended: the worst of its nodes'.
+    """Return the exit code of a graph that has ended: the highest of its nodes'.
 
     Raises
     ------
     NodeFailed
-        When a node was lost or failed; with the exit code of a wrong usage when that was all.
+        When a node was lost or failed; with the usage exit code when all of these ended with it.
     """
     bad = [n for n in run.nodes.values() if n.went_wrong]
     if bad:
@@ -297,5 +297,5 @@ def check_ended(run: GraphRun) -> int:
         if all(n.exit_code == EXIT_USAGE for n in bad):
             failure.exit_code = EXIT_USAGE
         raise failure
-    # Below 0: ended by the signal to stop, which came before it could listen to signals.
+    # Below 0: killed by SIGTERM before its signal handler was installed.
     return max([0, *(n.exit_code or 0 for n in run.nodes.values())])

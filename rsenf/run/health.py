@@ -1,6 +1,6 @@
-"""A node's health: every second, at every change, and as its last word.
+"""Health reporting of a node: published every second, at every change of state, and at its end.
 
-How late a node's inputs are: median and slowest twentieth of the last minute.
+Includes the latency of the node's inputs: median and 95th percentile of the last minute.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from rsenf.messages import Header, Health
 from rsenf.run.peers import Peers
 
 MINUTE_S = 60.0
-MOST = 2048  # frames at 30 Hz, and more of anything slower
+MOST = 2048  # latencies held: more than a minute of frames at 30 Hz
 NONE = (math.nan, math.nan)
 
 
 class LastMinute:
-    """Latencies of the last minute. May be used from several threads."""
+    """Latencies of the last minute. Thread-safe."""
 
     def __init__(self) -> None:
         self._taken: deque[tuple[float, float]] = deque(maxlen=MOST)
         self._lock = threading.Lock()
 
     def note(self, now_s: float, latency_s: float) -> None:
-        """Take one in, at a time by any steady clock."""
+        """Add a latency, with the time by any monotonic clock, both in seconds."""
         with self._lock:
             self._taken.append((now_s, latency_s))
 
     def p50_p95_s(self, now_s: float) -> tuple[float, float]:
-        """Return both; NaN when there was none."""
+        """Return median and 95th percentile; NaN without any latency."""
         with self._lock:
             while self._taken and now_s - self._taken[0][0] > MINUTE_S:
                 self._taken.popleft()
@@ -51,29 +51,29 @@ class LastMinute:
 
 
 EVERY_S = 1.0
-# Of a file played as fast as it goes, a newest estimate may come a hundred times a second, and
-# every node of the graph hears what each says.
+# Rate limit: with a file at full speed the detail may change a hundred times a second, and every
+# node of the graph receives it.
 DETAIL_EVERY_S = 0.5
 _STATM = Path("/proc/self/statm")
 
 
 class HealthReport:
-    """Collects what a node says about itself and sends it. May be used from several threads.
+    """Collects and publishes a node's health. Thread-safe.
 
     Parameters
     ----------
     name, kind, run_id : str
         Of the node.
     publisher, words : Publisher
-        Where to; and where to at a change of state only.
+        For every health message; for those at a change of state only.
     inbox : Inbox
-        Whose counters go with it.
+        Its counters are reported.
     peers : Peers
-        Who of the others is lost.
+        Tells which other nodes are lost.
     sent : callable
-        Tells how many messages the node has sent.
+        Returns how many messages the node has sent.
     restarts : int
-        Times that the node was started before in this run.
+        Number of earlier starts of the node in this run.
     """
 
     def __init__(
@@ -96,12 +96,12 @@ class HealthReport:
         self._last_input_ns, self._latency_s = 0, 0.0
         self._restarts = restarts
         self._since_arrival, self._since_exposure = LastMinute(), LastMinute()
-        self._said = ""  # the state in the last word
+        self._said = ""  # the state last sent to ``words``
         self._lock = threading.Lock()
         self._published_s, self._published_lost = 0.0, tuple[str, ...]()
 
     def note_input(self, header: Header) -> None:
-        """Count a message taken, and the time from its frame's exposure and arrival to here."""
+        """Count an input message, and its latency since exposure and since arrival."""
         self._taken += 1
         self._last_input_ns, now_s = time.time_ns(), time.monotonic()
         if header.arrival_time_ns:
@@ -118,21 +118,21 @@ class HealthReport:
             self._publish()
 
     def show(self, detail: str) -> None:
-        """Change what is said of a running node, without a word for every change."""
+        """Change the detail of a running node; published at most every 0.5 s."""
         with self._lock:
             self.state, self.detail = "running", redact(detail)
             if time.monotonic() - self._published_s >= DETAIL_EVERY_S:
                 self._publish()
 
     def beat(self) -> None:
-        """Publish when a second is over, or when another node was lost. To be called often."""
+        """Publish when a second has passed or another node was lost. To be called often."""
         with self._lock:
             late = time.monotonic() - self._published_s >= EVERY_S
             if late or self._peers.lost != self._published_lost:
                 self._publish()
 
     def _publish(self) -> None:
-        """Number and send under the lock, so that no word overtakes another."""
+        """Number and send; under the lock, so that messages keep their order."""
         counters, usage = self._inbox.counters, os.times()
         self._published_s, self._published_lost = time.monotonic(), self._peers.lost
         now_ns = time.time_ns()
@@ -195,7 +195,7 @@ class _Rate:
 
 
 def _memory_bytes() -> int:
-    """Resident memory; its peak where the system doesn't tell the present value."""
+    """Return the resident memory; its peak where the system doesn't report the present value."""
     try:
         return int(_STATM.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:

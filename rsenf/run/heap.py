@@ -1,7 +1,7 @@
-"""Keeps what the C library's heap has been given, for the next block of the same size.
+"""Tunes glibc's malloc to reuse freed memory instead of returning it to the system at once.
 
-What lies free between blocks that are in use is kept as well: of a minute in which more was held,
-tens of megabytes. That is given back now and then, and costs a few page faults each time.
+Free memory between used blocks stays allocated as well: tens of megabytes after a minute of
+higher use. :func:`trim_heap` returns it now and then, at the cost of a few page faults.
 """
 
 from __future__ import annotations
@@ -9,18 +9,18 @@ from __future__ import annotations
 import contextlib
 import ctypes
 
-# Of glibc's malloc.h. Blocks from 128 kB on come straight from the system unless told otherwise,
-# and go back to it: each time, every page of a recording's megabyte, or of an array of rows, is
-# cleared and mapped anew, which takes as long as the work on it.
+# Parameters of mallopt(3), from glibc's malloc.h. By default blocks of 128 kB and more are mapped
+# and unmapped each time. The kernel then clears every page of an array of rows, or of a recording's
+# chunk, anew, which takes as long as the work on it.
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _LARGEST_KEPT, _KEPT = 4 << 20, 16 << 20
-TRIM_S = 60.0  # between the times that it is given back
+TRIM_S = 60.0  # interval of trim_heap
 
 
 def keep_heap() -> None:
-    """Let blocks of up to 4 MiB be taken from memory that is there: 16 MiB of it, at most, wait.
+    """Serve blocks of up to 4 MiB from the heap, and keep up to 16 MiB free at its top.
 
-    Larger ones, of a search, go back. With another C library than glibc this does nothing.
+    Larger blocks, as of a search, return to the system when freed. Does nothing without glibc.
     """
     with contextlib.suppress(OSError, AttributeError, TypeError):  # another C library, or none
         mallopt = ctypes.CDLL(None).mallopt
@@ -29,6 +29,6 @@ def keep_heap() -> None:
 
 
 def trim_heap() -> None:
-    """Give back what is free, wherever it lies; with another C library nothing happens."""
+    """Return all free memory of the heap to the system. Does nothing without glibc."""
     with contextlib.suppress(OSError, AttributeError, TypeError):
         ctypes.CDLL(None).malloc_trim(0)

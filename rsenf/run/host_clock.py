@@ -1,4 +1,4 @@
-"""This host's clock of the day, which may be set: what goes by it should know when."""
+"""The host's wall clock, with detection of steps: somebody may set it."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from collections.abc import Callable
 
 from rsenf.timebase import NS_PER_S
 
-SET_NS = NS_PER_S // 2  # what happens between two looks at the clocks is far below
+SET_NS = NS_PER_S // 2  # far above the time between reading the two clocks
 
 
 class HostClock:
-    """Tells the time of day, UTC since 1970 in ns, and notices when somebody sets it.
+    """Returns the wall clock, UTC since 1970 in ns, and reports when it is set.
 
-    Intervals are measured by the steady clock everywhere; a clock that is set changes what arrival
-    times say from then on, and ends nothing.
+    Intervals are measured with the monotonic clock everywhere, so a step changes later arrival
+    times but ends nothing.
 
     Parameters
     ----------
     on_set : callable
-        Told, in one line, by how much it was set.
+        Called with one line of text that says by how much the clock was set.
     wall_ns, steady_ns : callable
-        The clock of the day, and one that nobody sets.
+        The wall clock and a monotonic clock, in ns.
     """
 
     def __init__(

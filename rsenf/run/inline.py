@@ -1,4 +1,4 @@
-"""The whole pipeline in one process, as fast as it goes: the same stages as the nodes'."""
+"""Runs the whole pipeline in one process at full speed, with the same stages as the nodes."""
 
 from __future__ import annotations
 
@@ -39,31 +39,31 @@ Tap = Callable[[str, Any], None]
 
 @dataclass
 class Analysis:
-    """What came out of a recording.
+    """Results of a recording. A stretch is one epoch: a source that restarted has several.
 
     Attributes
     ----------
     estimates : list of EnfEstimate
-        Those that the tracker stands behind, in order.
+        The tracker's first choices (rank 0), in order.
     idle_by_epoch : dict of IdleEstimate
-        The last of each stretch of the recording, by its epoch.
+        The last estimate of each stretch, by epoch.
     results : list of MatchResult
-        One for each stretch of the recording.
+        One for each stretch.
     verdicts : list of Liveness
     alarms : list of Alarm
-        With their ends.
+        Their ends included.
     stretches_s : list of float
-        Length of each stretch; a source that restarted has several.
+        Duration of each stretch.
     row_reasons : Counter of str
-        Blocks of rows by why they are of no use; those of use under ''.
+        Number of row blocks by the reason why they are unusable; '' for usable ones.
     clocks : dict of FrameClock
-        Over the rows of each stretch of the recording, by its epoch.
+        Fitted to the frame times of each stretch, by epoch.
     lines, across_px : int
-        Of the picture along and across the read-out; across is 0 of a recording without pictures.
+        Picture size along and across the read-out; ``across_px`` is 0 without pictures.
     loss : str
-        What could not be read, in one line; empty when all was.
+        What could not be read, in one line; empty if nothing was lost.
     warnings : list of str
-        What to say about the recording, one line each.
+        Warnings about the recording, one line each.
     """
 
     estimates: list[EnfEstimate] = field(default_factory=list)
@@ -81,15 +81,15 @@ class Analysis:
 
     @property
     def seconds(self) -> float:
-        """From first to last frame, over all stretches."""
+        """Seconds from first to last frame, summed over all stretches."""
         return sum(self.stretches_s)
 
     @property
     def frame_rate_hz(self) -> float:
-        """Rate at which the camera took its frames, over all of the longest stretch.
+        """Frame rate of the camera in Hz, over the longest stretch; NaN without a frame.
 
-        Where the stream was converted to another rate it is the one before, as far as it was found;
-        NaN without a frame.
+        For a stream converted to another rate it is the rate before the conversion, where the
+        tracker has found it.
         """
         usable = [e for e in self.estimates if e.usable]
         found_hz = [e.frame_rate_hz for e in usable if e.converted or not self.clocks]
@@ -100,14 +100,14 @@ class Analysis:
 
     @property
     def result(self) -> MatchResult:
-        """Result of the stretch that tells most."""
+        """Match result of the stretch with most seconds used."""
         return max(self.results, key=lambda r: r.seconds_used)
 
     @property
     def idle(self) -> IdleEstimate:
-        """Idle estimate of the stretch that tells most: the longest of those that have one.
+        """Idle estimate of the longest stretch, those with verdict ``estimated`` first.
 
-        Of a recording without a single frame it is an empty one.
+        Without a single frame it is an empty estimate.
         """
 
         def tells(estimate: IdleEstimate) -> tuple[bool, int]:
@@ -130,25 +130,25 @@ def analyse(
     progress: Callable[[float], None] = lambda seconds: None,
     tap: Tap = lambda topic, message: None,
 ) -> Analysis:
-    """Run a recording through rows, and what is asked for of track, match and idle.
+    """Run a recording through the rows stage, and those requested of track, idle, match and live.
 
     Parameters
     ----------
     recording : Input
-        Frames, row blocks or estimates.
+        Yields frames, row blocks or estimates.
     rows, track, idle : RowsSettings, TrackSettings, IdleSettings
-        Settings of the stages; track and idle only if given. Estimates need no tracker, and tell
-        nothing of the idle period.
+        Settings of the stages; track and idle run only if given. A recording of estimates needs no
+        tracker, and allows no idle estimate.
     make_match : callable, optional
-        Builds the match stage, after track; none to stop at the estimates.
+        Builds the match stage, which follows the tracker; omitted, the run ends at the estimates.
     make_live : callable, optional
-        Builds the judge of liveness, of what all the other stages send.
+        Builds the liveness stage, which reads what all other stages send.
     reference : sequence of ReferenceBlock
-        What the match stage and the judge compare with.
+        Grid frequency for the match and liveness stages.
     progress : callable, optional
-        Told how many seconds of the recording are done.
+        Called with the number of seconds done.
     tap : callable, optional
-        Called with the topic and every message between stages.
+        Called as ``tap(topic, message)`` with every message between stages.
 
     Raises
     ------
@@ -217,7 +217,7 @@ def _stages(
     make_match: Callable[[], Stage] | None,
     make_live: Callable[[], Stage] | None,
 ) -> list[StageSpec]:
-    """Return the stages after the topic that a recording begins with."""
+    """Return the stages that follow the first topic of a recording."""
     stages = [live_stage(make_live)] if make_live else []
     if begin == "frames":
         stages.append(rows_stage(rows))
@@ -229,7 +229,7 @@ def _stages(
 
 
 def _end_after(last: Message | None, recording: Input) -> Message:
-    """Return the mark that ends the stream."""
+    """Return the END mark of the stream."""
     if last is None:
         kind: type[Message] = TOPICS[recording.begins_with]
         return kind(header=Header(mark=Mark.END))
@@ -237,7 +237,7 @@ def _end_after(last: Message | None, recording: Input) -> Message:
 
 
 def _span_ns(message: Message) -> tuple[int, int]:
-    """Stream time at the start and at the end of what a message covers."""
+    """Return the stream times (ns) of the start and the end of what a message covers."""
     if isinstance(message, RowBlock):
         return message.header.pts_ns, int(message.frame_pts_ns[-1])
     if isinstance(message, EnfEstimate):

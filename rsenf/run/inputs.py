@@ -1,4 +1,4 @@
-"""Recordings as inputs of the one-process commands: video, MCAP, or arrays of luminance."""
+"""Inputs of the one-process commands: a video, an MCAP recording, or arrays of luminance."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ LONGEST_MAGIC = 16
 
 
 class Input(ABC):
-    """A recording, opened.
+    """An open recording.
 
     Attributes
     ----------
     name : str
-        What to call it.
+        Name for messages.
     path : Path or None
-        Its file, if it is in one.
+        Its file, if any.
     tells_arrival : bool
-        Whether it says when its pictures arrived.
+        Whether its messages carry arrival times.
     duration_s : float or None
-        How long it is, as far as it says so itself.
+        Its declared duration; None if unknown.
     begins_with : str
-        'frames', 'rows' or 'track': which topic its messages are of.
+        Topic of its messages: 'frames', 'rows' or 'track'.
     """
 
     name: str
@@ -45,17 +45,17 @@ class Input(ABC):
 
     @property
     def called(self) -> str:
-        """Its path, as far as it has one: what to call it among others."""
+        """Its path, or else its name: distinct among several recordings."""
         return str(self.path or self.name)
 
     @property
     def loss(self) -> str:
-        """What could not be read, in one line; empty when all was."""
+        """What could not be read, in one line; empty if nothing was lost."""
         return ""
 
     @property
     def warnings(self) -> list[str]:
-        """What a result should say about its input, one line each."""
+        """Warnings about the input that belong in a result, one line each."""
         return []
 
 
@@ -68,29 +68,29 @@ def open_input_file(
     threads: int = 0,
     frame_rate_hz: float | None = None,
 ) -> Input:
-    """Open a recording by what it is, not by what it is called.
+    """Open a recording. The format is recognised by suffix or first bytes.
 
     Parameters
     ----------
     path : path
-        Video, ``.mcap`` (a recording, or pictures of another program) or ``.npz``.
+        Video, ``.mcap`` (a recording of rsenf, or pictures of another program) or ``.npz``.
     camera : str, optional
-        Which camera of an MCAP recording with several.
+        Camera of an MCAP recording with several.
     source : str, optional
-        What its messages say they come from; ``file/<name>`` unless given.
+        ``source`` of the message headers; ``file/<name>`` by default.
     begin : str
-        What to take of an MCAP recording: 'rows', 'track' for its estimates, or 'frames', which
+        Topic to read from an MCAP recording: 'rows', 'track' for its estimates, or 'frames', which
         decodes its video again.
     threads : int, optional
-        That decode a video file; as many as there are cores unless given.
+        Decoder threads of a video file; by default enough for all cores.
     frame_rate_hz : float, optional
-        Rate at which frames are counted, of a video in place of its own times, of arrays where
-        they have none.
+        Constant frame rate: replaces the time stamps of a video, and serves arrays without times.
 
     Raises
     ------
     UsageError
-        When there is no such file, it can't begin so, or it has frame times that must stand.
+        When the file doesn't exist, has no such topic, or has frame times that a rate can't
+        replace.
     InputError
         When it holds nothing that can be analysed.
     """
@@ -116,12 +116,12 @@ def open_input_file(
 
 
 def timed(path: Path) -> UsageError:
-    """Return the error of giving a frame rate to a recording that has no use for one."""
+    """Return the error for a frame rate given with a recording that has frame times."""
     return UsageError(f"{path} has frame times of its own", "give no frame rate")
 
 
 class Opening(NamedTuple):
-    """How a recording is to be opened; as the arguments of :func:`open_input_file`."""
+    """Options of opening a recording: the arguments of :func:`open_input_file`."""
 
     camera: str
     source: str
@@ -132,20 +132,20 @@ class Opening(NamedTuple):
 
 @dataclass(frozen=True)
 class Format:
-    """A format of recordings.
+    """A file format of recordings.
 
     Attributes
     ----------
     open : callable
-        From a path and an :class:`Opening` to an :class:`Input`.
+        Takes a path and an :class:`Opening`, returns an :class:`Input`.
     begins : tuple of str
-        What may be asked for as its beginning.
+        Topics that can be read from it.
     suffix : str
-        Of its files; empty where the name doesn't tell.
+        Suffix of its files; empty for any.
     magic : bytes
-        Its files begin so; empty where they needn't.
+        First bytes of its files; empty for any.
     may_lack_times : bool
-        Whether frames may have no times of their own, and can be counted at a given rate.
+        Whether frames may lack time stamps, so that a frame rate may be given.
     """
 
     open: Callable[[Path, Opening], Input]
@@ -161,7 +161,7 @@ class Format:
 
 
 def _recorded(path: Path, opening: Opening) -> Input:
-    """Open an MCAP file: a recording, or the pictures of another program."""
+    """Open an MCAP file: a recording of rsenf, or pictures of another program."""
     from rsenf.record.reader import open_recording
     from rsenf.run.foreign.cameras import picture_topics
     from rsenf.run.foreign.video import ForeignVideo
@@ -225,7 +225,7 @@ class Video(Input):
 
     @property
     def warnings(self) -> list[str]:
-        """What the container left open."""
+        """Warnings about the container's time stamps."""
         return self._source.warnings
 
 
@@ -233,7 +233,7 @@ def _video(path: Path, opening: Opening) -> Input:
     return Video(path, opening.source, opening.threads, opening.frame_rate_hz)
 
 
-# The first that a file is of opens it. What is of none is left to FFmpeg.
+# The first format that a file matches opens it; FFmpeg gets what matches none.
 FORMATS: Registry[Format] = Registry(
     "input format",
     "rsenf.inputs",

@@ -1,7 +1,7 @@
-"""Words on stderr as structured lines: one JSON object an event, for whoever collects logs.
+"""Structured logging to stderr: one JSON object per event, for log collectors.
 
-Asked for by ``rsenf run --log json``, or RSENF_LOG=json in the environment, which the nodes of a
-run inherit. Without, the words stay as a person reads them.
+Enabled by ``rsenf run --log json``, or RSENF_LOG=json in the environment, which the nodes of a run
+inherit. Otherwise messages are plain text.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ ASKED = "RSENF_LOG"
 
 
 def ask_for(form: str) -> None:
-    """Choose the form, for this process and those that it starts; ``auto`` leaves it as it is."""
+    """Choose the log format of this process and its children; ``auto`` leaves it unchanged."""
     if form != "auto":
         os.environ[ASKED] = form
 
 
 def is_json() -> bool:
-    """Whether structured lines are asked for."""
+    """Whether structured logging is enabled."""
     return os.environ.get(ASKED, "") == "json"
 
 
 def line(level: str, message: str, *, node: str = "", camera: str = "") -> str:
-    """Return an event as a line of JSON, with its secrets hidden.
+    """Return an event as a line of JSON, with credentials redacted.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def line(level: str, message: str, *, node: str = "", camera: str = "") -> str:
     message : str
         What happened.
     node, camera : str
-        Whose it is; several cameras with commas between; empty for the run's own.
+        Node and camera of the event (several cameras separated by commas); empty for the run.
     """
     now = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
     event = {"time": now, "level": level, "node": node, "camera": camera, "message": message}
@@ -45,6 +45,16 @@ def line(level: str, message: str, *, node: str = "", camera: str = "") -> str:
 
 
 def complain(text: str, message: str, *, node: str = "") -> None:
-    """Tell an error on stderr: as words for a person, or as an event where that is asked for."""
+    """Report an error on stderr.
+
+    Parameters
+    ----------
+    text : str
+        Printed, unless structured logging is enabled.
+    message : str
+        Logged if it is.
+    node : str
+        Name of the node, for the structured log.
+    """
     words = line("error", message, node=node) if is_json() else redact(text)
     print(words, file=sys.stderr, flush=True)

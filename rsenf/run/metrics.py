@@ -1,7 +1,7 @@
-"""Prometheus metrics and health endpoints of a running graph, from what its supervisor knows.
+"""Prometheus metrics and health endpoints of a running graph, from its supervisor's state.
 
-``/metrics`` for Prometheus, ``/healthz`` (the supervisor lives), ``/readyz`` (every node runs, or
-has done its work; 503 otherwise).
+``/metrics`` for Prometheus, ``/healthz`` (the supervisor lives), ``/readyz`` (every node is running
+or done; 503 otherwise).
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _LATENCIES: dict[str, Callable[[Health], tuple[float, float]]] = {
 
 
 class GraphMetrics:
-    """What Prometheus collects.
+    """Collector of the metrics, as ``prometheus_client`` expects one.
 
     Parameters
     ----------
@@ -61,11 +61,11 @@ class GraphMetrics:
 
     @property
     def is_ready(self) -> bool:
-        """Whether every node runs, or has done its work."""
+        """Whether every node is running or done."""
         return all(node.state in UP for node in self._run.nodes.values())
 
     def collect(self) -> Iterator[Any]:
-        """Yield every metric: a library's word for it."""
+        """Yield every metric (called by ``prometheus_client``)."""
         yield from self._of_nodes()
         yield from self._of_cameras()
 
@@ -123,12 +123,14 @@ def serving_metrics(run: GraphRun, where: str) -> Iterator[int]:
     run : GraphRun
         The running graph.
     where : str
-        ``HOST:PORT``, or a port alone, of this host; 0 for any that is free.
+        ``HOST:PORT``, or a port on 127.0.0.1; port 0 chooses a free one.
 
     Raises
     ------
-    UsageError, RsenfError
-        When that is no address, or can't be listened at.
+    UsageError
+        When that is no address.
+    RsenfError
+        When the server can't listen there.
     """
     host, _, port = where.rpartition(":")
     if not port.isdecimal() or int(port) > 65535:
@@ -152,7 +154,7 @@ def serving_metrics(run: GraphRun, where: str) -> Iterator[int]:
             self.wfile.write(body)
 
         def log_message(self, *_words: object) -> None:
-            """Say nothing: it is asked every few seconds."""
+            """Log nothing: requests come every few seconds."""
 
     try:
         server = ThreadingHTTPServer((host.strip("[]") or "127.0.0.1", int(port)), Handler)

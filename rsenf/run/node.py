@@ -1,4 +1,4 @@
-"""What every node process does beside its stage: config, bus, health, signals, last words."""
+"""The process of a node, apart from its stage: config, bus, health, peers, signals, shutdown."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from rsenf.run.peers import Peers
 PATIENCE_S = 3.0
 BEAT_S = 0.25
 SENDS_AGAIN_S = 2.0
-ALONE_S = 10.0  # that a node has to end in when the process that started it is gone
+ALONE_S = 10.0  # time limit to end in once the parent process is gone
 
 
 class NodeProcess:
@@ -49,17 +49,17 @@ class NodeProcess:
     Parameters
     ----------
     graph : Graph
-        The whole graph, so that the node knows who feeds it.
+        The whole graph, which tells the senders of the node's inputs.
     name : str
-        Its own name in the graph.
+        Name of this node in the graph.
     run_id : str
         Identity of the run, carried by every message.
     bus : Bus
         Open bus.
     restarts : int
-        Times that the node was started before in this run.
+        Number of earlier starts of the node in this run.
     gone : sequence of str
-        Nodes of the graph that have ended already.
+        Nodes of the graph that have already ended.
     """
 
     def __init__(
@@ -74,18 +74,18 @@ class NodeProcess:
         self.graph, self.name, self.run_id, self.restarts = graph, name, run_id, restarts
         self.config: Any = graph.nodes[name]
         self._sends = set(self.config.outputs())
-        self._newest: dict[str, str] = {}  # message of each camera, in short
+        self._newest: dict[str, str] = {}  # summary of each camera's newest message
         self.stop = threading.Event()
         self.inbox = Inbox(round(graph.bus.largest_mb * 1e6))
         far = elsewhere(graph, name)
         returning = far.union(n for n in graph.nodes if graph.restart_of(n))
-        # What is somebody's own may show no token, and is not waited for.
+        # An external program may have no liveliness token, and is not waited for.
         own = {n for n, config in graph.nodes.items() if config.program()}
         self.peers = Peers(set(graph.nodes) - {name} - own, returning, gone)
         self.exit_code = 0
         self._bus = bus
         self._publishers: list[Publisher] = []
-        self._recovers: list[str] = []  # key expressions of which nothing is to be missed
+        self._recovers: list[str] = []  # key expressions whose missing messages are requested
         self._health = HealthReport(
             name,
             self.config.kind,
@@ -104,17 +104,23 @@ class NodeProcess:
     # --- the streams -----------------------------------------------------------------------
 
     def publisher(self, camera: str, topic: str, *, live: bool = False) -> Publisher:
-        """Open a camera's topic for sending.
+        """Open a topic of a camera for sending.
+
+        Parameters
+        ----------
+        camera, topic : str
+        live : bool
+            Whether the source can't wait for slow receivers: chooses the delivery class.
 
         Raises
         ------
         NodeFailed
-            When the node's kind doesn't declare that it sends it.
+            When the node's kind doesn't declare this output.
         """
         return self._open(Stream(topic, camera), delivery_of(topic, live=live))
 
     def reference_publisher(self, grid: str) -> Publisher:
-        """Open a grid's reference for sending; raises as ``publisher``."""
+        """Open a grid's reference for sending; raises as :meth:`publisher` does."""
         return self._open(Stream(REFERENCE, grid), delivery_of(REFERENCE))
 
     def _open(self, stream: Stream, delivery: Delivery) -> Publisher:
@@ -129,7 +135,14 @@ class NodeProcess:
         return publisher
 
     def subscribe(self, key_expr: str, delivery: Delivery | None = None) -> str:
-        """Let the inbox receive a key expression; returns it."""
+        """Subscribe the inbox to a key expression, which is returned.
+
+        Parameters
+        ----------
+        key_expr : str
+        delivery : Delivery, optional
+            Delivery class; that of the topic by default.
+        """
         delivery = delivery or delivery_of(topic_of(key_expr))
         self._bus.subscribe(self.inbox, key_expr, delivery)
         if delivery.recovers:
@@ -137,36 +150,39 @@ class NodeProcess:
         return key_expr
 
     def show_newest(self, camera: str, text: str) -> None:
-        """Tell a camera's newest message in the node's state, beside the other cameras'."""
+        """Show a summary of a camera's newest message in the node's health detail."""
         self._newest[camera] = f"{camera} {text}"
         self.show("; ".join(self._newest.values()))
 
     def sender_of(self, topic: str, name: str) -> str:
-        """Node of this graph that sends a camera's topic or a grid's reference; '' for none."""
+        """Return the node of this graph that sends a topic of a camera or grid; '' for none."""
         return sender_of(self.graph, topic, name)
 
     # --- the others ------------------------------------------------------------------------
 
     def ready(self) -> None:
-        """Subscriptions are open: show it. Senders wait for this."""
+        """Declare the liveliness token. To be called once all subscriptions are open."""
         self._bus.declare_alive(alive_key(self.graph.site, self.name))
         self.say("running")
 
     def wait_for_peers(self, *, live: bool = False) -> None:
-        """Wait until all other nodes of the graph listen, so that nothing is sent into the void.
+        """Wait until all other nodes of the graph are ready, so that they miss no message.
 
-        A live source doesn't wait for those of other hosts: what it sends is kept for them.
+        Parameters
+        ----------
+        live : bool
+            A live source doesn't wait for nodes on other hosts: they can request what they missed.
         """
         names = self.peers.names - (elsewhere(self.graph, self.name) if live else set())
         missing = self.peers.wait_for(names, PATIENCE_S, self.stop)
-        # Who was started again finds the others as they are: some may have ended meanwhile.
+        # A restarted node doesn't wait: some of the others may have ended meanwhile.
         if missing and not self.stop.is_set() and not self.restarts:
             self.say("waiting", f"for {', '.join(sorted(missing))}")
             self.peers.wait_for(names, float("inf"), self.stop)
             self.say("running")
 
     def _watch_peers(self, *, health: bool) -> None:
-        """Follow what the others say: by their health where they may not be of this program."""
+        """Subscribe to the states of the others; to all health where some may not be rsenf's."""
         site, key = self.graph.site, health_key if health else word_key
         words = CallbackInbox(
             lambda word: self.peers.on_state(node_of(word.key), word.message.state)
@@ -175,23 +191,23 @@ class NodeProcess:
         self._bus.subscribe(words, key(site, "*"), LOOKING)
 
     def _on_alive(self, key: str, alive: bool) -> None:
-        """Take in that a node has come or gone."""
+        """Note that a node has come or gone; recover what was missed of one that is back."""
         self.peers.on_alive(key, alive)
         name = node_of(key)
         if alive and name in self.graph.nodes:
             away = name in elsewhere(self.graph, self.name)
-            # Of one that is seen for the first time on this host nothing was missed, and it may
-            # have ended before it can answer.
+            # Nothing was missed of a node of this host that is seen for the first time, and it may
+            # end before it can answer.
             if away or self.peers.departures(name)[0]:
                 self._catch_up(name)
             if away:
-                # It may be seen a moment before it sends here again.
+                # Its token may arrive a moment before its messages do: ask again later.
                 again = threading.Timer(SENDS_AGAIN_S, self._catch_up, (name,))
                 again.daemon = True
                 again.start()
 
     def _catch_up(self, name: str) -> None:
-        """Ask a node that is back for what it sent unheard."""
+        """Request from a node that is back what this node may have missed."""
         for topic, of in self.graph.nodes[name].outputs():
             key = topic_key(self.graph.site, of, topic)
             kept = delivery_of(topic).recovers
@@ -200,12 +216,12 @@ class NodeProcess:
 
     @contextlib.contextmanager
     def beating(self, supervisor: int) -> Iterator[None]:
-        """Publish health regularly; stop when the process that started this one is gone.
+        """Publish health regularly; stop the node when its parent process is gone.
 
         Parameters
         ----------
         supervisor : int
-            Number of that process; 0 for none.
+            Process id of the parent; 0 not to watch it.
         """
         ended = threading.Event()
 
@@ -218,7 +234,7 @@ class NodeProcess:
                     trim_heap()
                 if supervisor and os.getppid() != supervisor:
                     self.stop.set()
-                    # With the bus gone, a message may be waited with for ever.
+                    # Without the bus a send may block for ever.
                     alone_s += BEAT_S
                     if alone_s > ALONE_S:
                         end_process(EXIT_FAILED)
@@ -232,7 +248,7 @@ class NodeProcess:
             thread.join()
 
     def live(self, body: Callable[[NodeProcess], None]) -> int:
-        """Run the body, and say how it ended; returns the exit code."""
+        """Run the body, publish how it ended, and return the exit code."""
         try:
             with contextlib.ExitStack() as stack:
                 stack.callback(self.flush)
@@ -247,13 +263,13 @@ class NodeProcess:
         return self.exit_code
 
     def flush(self) -> None:
-        """Send what still waits for others to go with it. In the thread that sends."""
+        """Send the messages that wait to be batched. To be called in the sending thread."""
         for publisher in self._publishers:
             publisher.flush()
 
 
 def run_node() -> NoReturn:
-    """Run a node of a graph from its command line, as its kind says, and end the process."""
+    """Run the node that the command line names, and end the process."""
     keep_heap()
     args, code = _arguments(), EXIT_FAILED
     try:
@@ -270,7 +286,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--graph", type=Path, required=True)
     parser.add_argument("--node", required=True)
     parser.add_argument("--connect", action="append", default=[], help="endpoint of the bus")
-    # A source that is started again begins another stream: it must not go by the same identity.
+    # A restarted source begins a new stream, so it needs a new identity.
     parser.add_argument("--run-id", default=secrets.token_hex(4), help="never the same twice")
     parser.add_argument("--replay", action="append", default=[], metavar="NODE=FILE")
     parser.add_argument("--restarts", type=int, default=0, help="times it was started before")
@@ -292,14 +308,21 @@ def _run(args: argparse.Namespace) -> int:
             with node.beating(args.supervisor):
                 return node.live(node.config.body)
     except RsenfError as exc:
-        # A supervisor has heard it over the bus, and says it.
+        # A supervisor has received it over the bus, and reports it.
         if node is None or not args.supervisor:
             complain(f"rsenf: {args.node}: {exc}", str(exc), node=args.node)
         return exc.exit_code
 
 
 def bus_settings(graph: Graph, router: tuple[str, ...] = ()) -> BusSettings:
-    """How to reach the graph's bus: a router that was opened for it, or what it names itself."""
+    """Return how to connect to the graph's bus.
+
+    Parameters
+    ----------
+    graph : Graph
+    router : tuple of str
+        Endpoints of the run's router; without, the graph's ``bus`` section says where.
+    """
     bus = graph.bus
     if router:
         return BusSettings(connect=router, zenoh=bus.zenoh)
@@ -307,7 +330,7 @@ def bus_settings(graph: Graph, router: tuple[str, ...] = ()) -> BusSettings:
 
 
 def install_signals(node: NodeProcess) -> None:
-    """Let SIGTERM and SIGINT stop a node in order, and the second one at once."""
+    """Make the first SIGTERM or SIGINT stop a node in order, the second one at once."""
     told = False
 
     def stop(_signum: int, _frame: Any) -> None:

@@ -1,4 +1,4 @@
-"""A node as its supervisor knows it."""
+"""State of a node in its supervisor."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ WENT_WRONG = ("lost", "failed")
 
 @dataclass
 class NodeState:
-    """What is known of a node.
+    """State of a node.
 
     Attributes
     ----------
     state : str
-        'starting', 'running', 'done', 'failed', 'lost' when its process ended without a word, or
-        'restarting' when it is to be started again.
+        As its health says: 'starting', 'waiting', 'running', 'done' or 'failed'; 'lost' when its
+        process ended without saying so; 'restarting' when a restart is due.
     restarts : int
-        Times it was started again.
+        Number of restarts.
     """
 
     name: str
@@ -31,7 +31,7 @@ class NodeState:
     health: Health | None = None
     process: subprocess.Popen[bytes] | None = None
     exit_code: int | None = None
-    told: bool = False  # to stop
+    told: bool = False  # whether SIGTERM was sent
     was_ready: bool = False
     restarts: int = 0
 
@@ -41,16 +41,24 @@ class NodeState:
         return self.state in WENT_WRONG
 
     def signal(self, number: signal.Signals) -> None:
-        """Send its process a signal, unless it has ended."""
+        """Send a signal to its process, unless it has ended."""
         if self.process and self.exit_code is None:
             self.process.send_signal(number)
 
 
 def end_of(node: NodeState, code: int) -> tuple[str, str]:
-    """Return the state and detail of a node whose process has ended with a code."""
+    """Return the state and detail of a node whose process has ended.
+
+    Parameters
+    ----------
+    node : NodeState
+        As it was before.
+    code : int
+        Exit code; below 0 the negative number of the signal that killed it.
+    """
     if node.state == "failed" or (node.state == "done" and code >= 0):
         return node.state, node.detail
-    if code == -signal.SIGTERM and node.told:  # before it could listen to signals
+    if code == -signal.SIGTERM and node.told:  # before its signal handler was installed
         return "done", "stopped before it began"
     if code == -signal.SIGKILL and node.told:
         return "failed", "did not stop in time and was killed"

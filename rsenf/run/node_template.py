@@ -1,4 +1,4 @@
-"""A node to begin with: raises an alarm when the grid of a camera leaves its usual band.
+"""A node to start from: raises an alarm when a camera's ENF leaves its normal band.
 
 rsenf contract --reads cam1/track --sends cam1/alarm -- python own_node.py
 nodes: {band: {kind: external, command: [python, own_node.py],
@@ -17,13 +17,13 @@ BAND_HZ = 0.2
 
 
 class Band:
-    """A stage: estimates in, alarms out. It knows nothing of the bus, so it is easy to test."""
+    """A stage: estimates in, alarms out. It doesn't use the bus, so it is easy to test."""
 
     def __init__(self) -> None:
         self.sent = 0
 
     def update(self, estimate: EnfEstimate) -> list[Alarm]:
-        """Take an estimate; return an alarm when it is outside."""
+        """Take an estimate; return an alarm when it is outside the band."""
         away_hz = abs(estimate.enf_hz - estimate.nominal_hz)
         if not estimate.usable or away_hz <= BAND_HZ:
             return []
@@ -32,13 +32,13 @@ class Band:
         return [Alarm(header=header, kind="enf_outside", value=away_hz, limit=BAND_HZ, unit="Hz")]
 
     def flush(self) -> list[Alarm]:
-        """Return what is left at the end: nothing here."""
+        """Return what the end of the stream completes: nothing here."""
         return []
 
 
 def body(node: NodeProcess) -> None:
-    """Judge every camera until all have ended, or until told to stop."""
-    # A stage anew for each epoch, numbers from 0, and an END mark at the end.
+    """Watch every camera until all streams have ended, or until told to stop."""
+    # The runner makes a new stage for each epoch, and sends an END mark at the end.
     band = StageSpec(sends=("alarm",), reads=("track",), make=Band)
     cameras = dict.fromkeys(read.split("/")[0] for read in node.config.reads)
     lanes = [lane_of(node, camera, [band]) for camera in cameras]

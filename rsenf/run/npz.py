@@ -1,4 +1,4 @@
-"""Luminance that was sampled elsewhere: arrays, or an ``.npz`` file of them."""
+"""Luminance sampled by another program, as an input: arrays, or an ``.npz`` file of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.run.inputs import Input, timed
 from rsenf.whole_file import read_arrays
 
-ARRAYS = "arrays"  # what a recording without a file is called
+ARRAYS = "arrays"  # name of an input without a file
 _NAMES = ("rows", "frame_time_s", "luminance", "frame_rate_hz")
 _NEEDED = (
     "needed: 'rows' (frames × rows, or frames × rows × strips) or 'luminance' (frames), "
@@ -24,7 +24,7 @@ _NEEDED = (
 
 
 class Luminance(Input):
-    """Luminance that was sampled elsewhere.
+    """Arrays of luminance as an input.
 
     Parameters
     ----------
@@ -32,14 +32,14 @@ class Luminance(Input):
         Either ``rows`` (frames × rows, or frames × rows × strips) with ``frame_time_s`` (frames,)
         or ``frame_rate_hz``, or ``luminance`` (frames,) with ``frame_rate_hz``.
     header : Header
-        Of its messages: what they say they come from, and how frames are timed.
+        Template of the message headers: their source, and where frame times come from.
     path : Path, optional
-        The file that they were in.
+        File that held the arrays.
 
     Raises
     ------
     InputError
-        When the arrays don't fit each other.
+        When the arrays' names, shapes or values are wrong.
     """
 
     def __init__(
@@ -58,12 +58,22 @@ class Luminance(Input):
 
 
 def read_npz(path: Path, source: str, frame_rate_hz: float | None = None) -> Luminance:
-    """Read luminance from an ``.npz`` file, its frames counted at a given rate if they have none.
+    """Read luminance from an ``.npz`` file.
+
+    Parameters
+    ----------
+    path : Path
+    source : str
+        ``source`` of the message headers.
+    frame_rate_hz : float, optional
+        Constant frame rate, for arrays without ``frame_time_s``.
 
     Raises
     ------
     InputError
-        When the file can't be read, or its arrays don't fit each other.
+        When the file can't be read, or the arrays' names, shapes or values are wrong.
+    UsageError
+        When a frame rate is given though the file has frame times.
     """
     try:
         held = read_arrays(path, _NAMES)
@@ -80,7 +90,7 @@ def read_npz(path: Path, source: str, frame_rate_hz: float | None = None) -> Lum
 def _luminance(
     where: str, held: dict[str, NDArray[Any]]
 ) -> tuple[NDArray[Any], NDArray[np.float64], str]:
-    """Return level (frames, rows, strips), frame times and read-out axis of checked arrays."""
+    """Check the arrays; return level (frames, rows, strips), frame times (s), read-out axis."""
     for name, array in held.items():
         if array.dtype.kind not in "fiu":
             raise InputError(f"{where}: '{name}' holds {array.dtype}, not numbers", _NEEDED)

@@ -1,4 +1,4 @@
-"""Where a decode node's frames go: to the node that samples them, or to a stage of its own."""
+"""Outputs of a decode node: to the rows node, or to a rows stage in the same process."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rsenf.stage import StageSpec
 
 
 class Outlet(Protocol):
-    """Takes frames."""
+    """Destination of a camera's frames."""
 
     def send(self, frame: Frame) -> None:
         """Take a frame whose ``luma`` is filled."""
@@ -26,7 +26,7 @@ class Outlet(Protocol):
         """End the stream, after the frame with this header."""
 
     def close(self) -> None:
-        """Let go of what is held."""
+        """Release shared memory, if any."""
 
 
 def open_frames(
@@ -38,18 +38,20 @@ def open_frames(
     live: bool = False,
     ahead: bool = False,
 ) -> Outlet:
-    """Open the way of a camera's frames to the node that samples them.
+    """Open the output of a camera's frames to the node that samples them.
 
     Parameters
     ----------
     node : NodeProcess
     camera : str
     ring : bool
-        By shared memory; else over the bus.
+        Use a shared-memory ring; else send pixels over the bus.
     slots : int
-        Planes that a ring holds.
-    live, ahead : bool, optional
-        Whether the source can't wait; whether it comes faster than it was filmed.
+        Number of planes in a ring.
+    live : bool, optional
+        Whether the source can't wait for slow readers.
+    ahead : bool, optional
+        Whether frames come faster than real time, so that messages may be batched.
     """
     frames = node.publisher(camera, "frames", live=live)
     reader = reader_of_frames(node.graph, camera)
@@ -62,7 +64,7 @@ def open_frames(
 
 
 class _Departed:
-    """Whether a reader keeps planes that it will never give back: it is away, or was meanwhile."""
+    """Whether a reader holds planes that it will never return: it is away, or was since asked."""
 
     def __init__(self, peers: Peers, reader: str) -> None:
         self._peers, self._reader = peers, reader
@@ -77,12 +79,22 @@ class _Departed:
 
 
 class Fused:
-    """A rows stage in the same process."""
+    """A rows stage in the process that decodes.
+
+    Parameters
+    ----------
+    stage : StageSpec
+        The rows stage.
+    rows : Publisher
+        Sends its row blocks.
+    ahead : bool
+        As for :func:`open_frames`.
+    """
 
     def __init__(self, stage: StageSpec, rows: Publisher, *, ahead: bool) -> None:
         self._runner = Runner.of(stage, 1)
         self._rows = rows
-        self._ahead = ahead  # of time: what follows a block comes at once
+        self._ahead = ahead  # of real time: the next block follows at once
 
     def send(self, frame: Frame) -> None:
         """Sample a frame."""
@@ -98,7 +110,7 @@ class Fused:
 
 
 class _Unread:
-    """Nobody samples the frames: only what is known of each travels, for recording."""
+    """Frames without a reader: only their descriptions are sent, for recording."""
 
     def __init__(self, frames: Publisher, *, ahead: bool) -> None:
         self._frames, self._ahead = frames, ahead

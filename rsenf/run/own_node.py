@@ -1,7 +1,7 @@
-"""A node of one's own in Python, with all that nodes owe each other taken care of.
+"""Runs an external node written in Python: bus, health, signals and shutdown are taken care of.
 
-Told where and who it is by the environment, as ``kind: external`` in a graph and ``rsenf contract``
-do. ``rsenf new-node`` writes one to begin with, :mod:`rsenf.run.node_template`.
+The environment tells it the bus and its name, as set by ``kind: external`` in a graph and by
+``rsenf contract``. ``rsenf new-node`` writes an example, :mod:`rsenf.run.node_template`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rsenf.run.node import NodeProcess, install_signals
 
 
 def run_own_node(body: Callable[[NodeProcess], None]) -> NoReturn:
-    """Run a node of one's own until its body returns, and end the process.
+    """Run an external node until its body returns, and end the process.
 
     Parameters
     ----------
@@ -57,6 +57,6 @@ def _run(body: Callable[[NodeProcess], None]) -> int:
     with open_bus(BusSettings(connect=(told["RSENF_CONNECT"],))) as bus:
         node = NodeProcess(graph, name, run_id, bus, restarts)
         install_signals(node)
-        # Started by a graph, it ends with what started it; by hand, it goes on without its shell.
+        # Started by a graph, it ends with its parent process; started by hand, it doesn't.
         with node.beating(os.getppid() if "RSENF_NODE" in told else 0):
             return node.live(body)

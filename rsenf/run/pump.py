@@ -1,4 +1,4 @@
-"""The loop of every node between two topics: receive, feed the stage, send."""
+"""The main loop of nodes with a stage: receive, feed the stage, send."""
 
 from __future__ import annotations
 
@@ -23,37 +23,37 @@ from rsenf.stage import StageContext, StageSpec
 
 T = TypeVar("T")
 
-# An input whose sender has gone without an END mark is given up when nothing has come this long.
+# An input whose sender has gone without an END mark is closed after this long without a message.
 GIVE_UP_S = 1.0
-# One that has ended well has sent its mark: it is under way, behind what a slow reader takes.
+# A sender that ended with 'done' has sent its END mark: it may still be queued for a slow reader.
 UNDER_WAY_S = 60.0
-# Told to stop, a node still takes what is under way, but not for longer than this.
+# Told to stop, a node still takes queued messages, but no longer than this.
 LINGER_S = 0.4
 POLL_S = 0.1
-# What a camera and those who read it may take to begin with, before its silence is told.
+# Extra time for a camera and its readers to start before silence is reported.
 FIRST_PICTURE_S = 25.0
-# Rows of a live camera that wait, from which on what is due is skipped: at twice as many the camera
-# would be made to wait, and with it everybody else who reads it.
+# Queued row blocks of a live camera beyond which optional work is skipped. At twice as many,
+# backpressure would stop the camera, and with it all its other readers.
 BEHIND = ROWS.queue // 2
 
 
 @dataclass(kw_only=True)
 class Lane:
-    """One camera's way through a node.
+    """One camera's path through a node: its inputs, stages and outputs.
 
     Parameters
     ----------
     node : NodeProcess
     runner : Runner or Branches
-        The stage, or stages, and their life.
+        Runs the stage or stages.
     publishers : dict
-        Where messages go, by their class.
+        Output for each message class.
     inputs : dict
-        Key of each input that hasn't ended, and the node that sends it.
+        Sending node ('' if unknown) by key, of each input that hasn't ended.
     shown : tuple of type
-        Messages that the node's state tells, the newest of each camera: all have ``in_short``.
+        Message classes whose newest ``in_short`` is shown in the node's health.
     ahead : bool
-        Whether what comes is ahead of time: nobody waits for each message, so several go at once.
+        Whether input comes faster than real time, so that outputs may be batched.
     """
 
     node: NodeProcess
@@ -66,19 +66,19 @@ class Lane:
     _begun: set[str] = field(default_factory=set)
 
     def feed(self, received: Received) -> None:
-        """Give the stage a message and send on what it completes."""
+        """Feed a message to the stage and send what it completes."""
         key = received.key
         if key not in self.inputs:
             return
         if received.message.header.is_end:
             del self.inputs[key]
         self.send(self.runner.feed(received.message))
-        # What the stage took its time for is no silence of the sender's.
+        # Taken after the stage's work, which must not count as the sender's silence.
         self._heard[key] = time.monotonic()
         self._begun.add(key)
 
     def give_up(self) -> None:
-        """End the inputs from which nothing will come any more."""
+        """End the inputs whose senders are gone and from which nothing more comes."""
         now, peers = time.monotonic(), self.node.peers
         for key, sender in list(self.inputs.items()):
             ends = key in self._begun and peers.has_finished(sender)
@@ -88,7 +88,7 @@ class Lane:
                 self._end(key)
 
     def end(self) -> None:
-        """End what is still open."""
+        """End all inputs that are still open."""
         for key in list(self.inputs):
             self._end(key)
 
@@ -98,12 +98,12 @@ class Lane:
         self.send(self.runner.feed(TOPICS[topic_of(key)](header=header)))
 
     def _header(self, mark: Mark = Mark.DATA) -> Header:
-        """Return what a stream goes by that never began."""
+        """Return the header of a stream that may never have begun."""
         source = source_of(next(iter(self.publishers.values())).key)
         return Header(run_id=self.node.run_id, source=source, mark=mark)
 
     def send(self, messages: Iterable[Any]) -> None:
-        """Send what the stage has completed, and show the newest."""
+        """Send messages of the stage, and show the newest in the node's health."""
         for message in messages:
             is_end = message.header.is_end
             publisher = self.publishers.get(type(message))
@@ -117,18 +117,18 @@ class Lane:
 
 @dataclass(kw_only=True)
 class WatchfulLane(Lane):
-    """A lane whose stage is told when nothing comes.
+    """A lane that tells its stage when an input is silent.
 
     Parameters
     ----------
     watched : str
-        Key of the input that may not be silent.
+        Key of the watched input.
     watching : Runner
-        Of the stage that is told.
+        Runner of the stage that is told.
     silent_s : float
-        For how long; to begin with a camera, and those who read it, may take longer.
+        Time limit without a message; ``FIRST_PICTURE_S`` is added before the first one.
     on_silence : callable
-        Makes the message that tells it.
+        Builds the message for the stage from a header.
     """
 
     watched: str
@@ -137,7 +137,7 @@ class WatchfulLane(Lane):
     on_silence: Callable[[Header], Any]
 
     def give_up(self) -> None:
-        """Notice silence as well."""
+        """Report silence as well."""
         now = time.monotonic()
         limit_s = self.silent_s + (0.0 if self.watched in self._begun else FIRST_PICTURE_S)
         if self.watched in self.inputs and now - self._heard.get(self.watched, now) > limit_s:
@@ -152,16 +152,18 @@ def lane_of(
     lane: type[Lane] = Lane,
     **more: Any,
 ) -> Lane:
-    """Open a camera's way through a node.
+    """Open the inputs and outputs of a camera's stages.
 
     Parameters
     ----------
     node : NodeProcess
     camera : str
     stages : sequence of StageSpec
-        Each is fed what it reads.
+        Each is fed the topics that it reads.
     lane : type, optional
-        Kind of lane, with ``more`` that it takes.
+        Class of lane; a stage with a limit on silence gets a :class:`WatchfulLane`.
+    **more
+        Further arguments of that class.
     """
     site, inputs = node.graph.site, dict[str, str]()
     branches: list[tuple[Sequence[str], Runner]] = []
@@ -188,39 +190,39 @@ def lane_of(
 
 
 class NodeContext(StageContext):
-    """What a stage in a node's process is given beside messages.
+    """Context of a stage in a node process.
 
     Parameters
     ----------
     node : NodeProcess
     camera : str
-        Whose stage it is.
+        Camera of the stage.
     """
 
     def __init__(self, node: NodeProcess, camera: str) -> None:
         self._node = node
         self.stays = node.graph.restart_of(node.name) is not None
         senders = [node.graph.sender(topic, camera) for topic in ("rows", "frames")]
-        # Of a bus of others nobody knows whether it waits.
+        # A sender outside this graph is not known to wait.
         self._waits = any(sender is not None and sender.waits for sender in senders)
 
     def refused(self, why: str) -> None:
-        """Count it, and say why in the node's state."""
+        """Count a refused input, and say why in the node's health."""
         self._node.inbox.counters.rejected += 1
         self._node.say("running", f"not compared: {why}")
 
     def is_behind(self) -> bool:
-        """Whether a live camera would soon be made to wait, and everybody who reads it."""
+        """Whether so much waits that backpressure would soon stop a live camera."""
         return not self._waits and self._node.inbox.depth > BEHIND
 
     def run(self, work: Callable[[], T]) -> T | None:
-        """Do the work in a thread; give it up when the node is told to stop."""
+        """Do the work in a thread; abandon it (None) when the node is told to stop."""
         done: Future[T] = Future()
 
         def do() -> None:
             try:
                 done.set_result(work())
-            except Exception as exc:  # noqa: BLE001 - raised again where it is waited for
+            except Exception as exc:  # noqa: BLE001 - raised again by done.result
                 done.set_exception(exc)
 
         Thread(target=do, name="stage", daemon=True).start()
@@ -233,8 +235,8 @@ class NodeContext(StageContext):
 def pump(node: NodeProcess, lanes: list[Lane]) -> None:
     """Run until every lane has ended, or the node is told to stop.
 
-    A node told to stop takes what has already arrived, flushes and sends its END marks, so that
-    those after it finish too.
+    A node told to stop takes what has already arrived, flushes its stages and sends END marks, so
+    that the nodes after it finish too.
     """
     by_key: dict[str, list[Lane]] = {}
     for lane in lanes:

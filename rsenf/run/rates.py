@@ -1,4 +1,4 @@
-"""How often the topics of a bus send, and how much."""
+"""Message rates and data rates of the topics on a bus."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from typing import Any
 from rsenf.bus.delivery import Delivery
 from rsenf.bus.inbox import Received
 
-# Measuring wants what is sent now, and holds up nobody.
+# For measuring: no history, and no backpressure on senders.
 LIVE_ONLY = Delivery(lossless=False, queue=1024, history=0)
 
 
 @dataclass
 class Rate:
-    """Of one topic.
+    """Rates of one topic.
 
     Attributes
     ----------
     messages, bytes : int
-        That came.
+        Received.
     longest_gap_s : float
-        Between two of them, or from the last to the end.
+        Longest time between two messages, or from the last to the end.
     over_s : float
-        How long was listened.
+        Duration of the measurement.
     """
 
     key: str
@@ -40,13 +40,13 @@ class Rate:
         return self.messages / self.over_s
 
     def line(self) -> tuple[str, ...]:
-        """As cells of a table."""
+        """Return the cells of a table row."""
         kilobytes = self.bytes / self.over_s / 1e3
         counts = (str(self.messages), f"{self.rate_hz:.2f}", f"{kilobytes:.1f}")
         return (self.key, self.message, *counts, f"{self.longest_gap_s:.2f}")
 
     def as_json(self) -> dict[str, Any]:
-        """As plain data."""
+        """Return plain data."""
         return {
             "topic": self.key,
             "message": self.message,
@@ -58,12 +58,12 @@ class Rate:
 
 
 class Rates:
-    """Of all topics that are heard.
+    """Rates of all topics received.
 
     Parameters
     ----------
     now_s : float
-        When listening begins, by any steady clock.
+        Start of the measurement, by any monotonic clock.
     """
 
     def __init__(self, now_s: float) -> None:
@@ -80,7 +80,7 @@ class Rates:
         rate.since_s = now_s
 
     def found(self, now_s: float) -> list[Rate]:
-        """Return what was found until now, by topic."""
+        """Return the rates until now, sorted by topic."""
         for rate in self._rates.values():
             rate.over_s = now_s - self._begun_s
             rate.longest_gap_s = max(rate.longest_gap_s, now_s - rate.since_s)

@@ -1,8 +1,8 @@
-"""What its codec alone makes of a recording: rows as they ought to be, filmed and coded again.
+"""Simulates what a recording's own codec does to given row means.
 
-The mean picture of the recording is lit as some model says its lines are, given a sensor's noise,
-put through an encoder of the same kind, rate and groups of pictures, and sampled as the recording
-was. The encoder's other settings aren't known; so it is alike in size, not error by error.
+The mean picture of the recording is modulated by the given row means, gets sensor noise, passes an
+encoder of the same codec, bit rate and GOP length, and is sampled as the recording was. The
+encoder's other settings are unknown, so the loss is alike in size, not sample by sample.
 """
 
 from __future__ import annotations
@@ -25,26 +25,24 @@ from rsenf.model.strips import strip_edges
 from rsenf.rows.settings import ReadOut, RowsSettings
 
 CODECS = {"h264": "h264", "hevc": "h265", "vp9": "vp9", "mjpeg": "mjpeg"}  # h264 for any other
-LOSSLESS_H264 = "High 4:4:4 Predictive"  # with 4:2:0 nobody uses it for anything else
+LOSSLESS_H264 = "High 4:4:4 Predictive"  # used with 4:2:0 for lossless coding only
 SEED = 0
 
 
 @dataclass(frozen=True, eq=False)
 class Filmed:
-    """The mean picture of a recording under the light that its lines should have.
-
-    Iterating yields what an encoder takes.
+    """Frames of a recording's mean picture under given light; iterated by the encoder.
 
     Attributes
     ----------
     picture : ndarray of float32 (height, width)
     light : ndarray of float32 (frames, lines, strips)
-        Relative to its mean.
+        Brightness relative to its mean over the frames.
     axis : str
-        Along which the lines lie.
+        Direction of the lines: ``rows`` or ``columns``.
     frame_rate : Fraction
     sensor : Sensor
-        Whose noise is added.
+        Model of the noise.
     """
 
     picture: Float32Array
@@ -55,7 +53,7 @@ class Filmed:
 
     @property
     def time_base(self) -> Fraction:
-        """Frames come regularly: to a codec times mean nothing."""
+        """One frame period: constant, since time stamps don't affect a codec."""
         return 1 / self.frame_rate
 
     @property
@@ -83,9 +81,9 @@ class Filmed:
 
 
 def is_lossy(path: Path) -> bool:
-    """Whether a video's codec takes something away, as far as its file tells.
+    """Whether a video's codec is lossy, as far as its file tells; False for what is no video.
 
-    H.264 does; lossless H.265 and VP9 can't be told from lossy. What is no video isn't coded.
+    Lossless H.264 is recognised by its profile; lossless H.265 and VP9 count as lossy.
     """
     import av
 
@@ -101,18 +99,22 @@ def is_lossy(path: Path) -> bool:
 
 
 def recoded(path: Path, level: Float32Array, axis: str, settings: RowsSettings) -> Float32Array:
-    """Return the row means that are left of others after a recording's own codec.
+    """Return row means after coding them with a recording's own codec.
 
     Parameters
     ----------
     path : Path
         The recording, a video.
     level : ndarray of float32 (frames, lines, strips)
-        What they are before it.
+        Row means before coding, in levels.
     axis : str
-        ``rows`` or ``columns``: along which the lines lie.
+        Direction of the lines: ``rows`` or ``columns``.
     settings : RowsSettings
-        With which the recording was sampled.
+        Settings with which the recording was sampled.
+
+    Returns
+    -------
+    ndarray of float32 (frames, lines, strips)
     """
     import dataclasses
 
@@ -121,7 +123,7 @@ def recoded(path: Path, level: Float32Array, axis: str, settings: RowsSettings) 
     from rsenf.run.inputs import open_input_file
 
     picture, rate, codec = _seen(path)
-    # Encoders take even sizes: a line is added where one lacks, and taken off again.
+    # Encoders need even sizes: odd ones are padded by a line, which is cut off again.
     picture = np.pad(picture, [(0, n % 2) for n in picture.shape], mode="edge")
     light = level / np.maximum(level.mean(axis=0), 1e-6)
     light = np.pad(light, ((0, 0), (0, level.shape[1] % 2), (0, 0)), mode="edge")
@@ -140,7 +142,7 @@ def recoded(path: Path, level: Float32Array, axis: str, settings: RowsSettings) 
 
 
 def _seen(path: Path) -> tuple[Float32Array, Fraction, Codec]:
-    """Mean picture of a video, its frame rate, and its codec as far as the file tells."""
+    """Return mean picture, frame rate and codec of a video, as far as the file tells."""
     import av
 
     from rsenf.decode.luma import luma_plane

@@ -1,4 +1,4 @@
-"""What a recording says of its run, and when it has everything."""
+"""The loop of a recording node: metadata of the run, input hashes, and the end of its streams."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from rsenf.record.writer import Recorder
 from rsenf.run.node import NodeProcess
 from rsenf.run.pump import POLL_S
 
-# Recording waits for the disk, and its senders wait for it.
+# A slow disk exerts backpressure on the senders.
 DELIVERY = Delivery(lossless=True, queue=512, history=600)
-# How long a recording that is told to stop waits for streams to end; and for a sender that is gone.
+# How long to wait for streams to end when told to stop, and for the END mark of a sender that left.
 STOP_LINGER_S = 0.5
 GONE_LINGER_S = 1.0
 HASH_POLL_S = 0.05
-# Nobody waits for what is written: to be woken by every message takes longer than to write it.
+# Pause when the inbox is empty: waking up for every message costs more than writing it.
 LULL_S = 0.05
 
 
 def run_info(node: NodeProcess) -> dict[str, str]:
-    """Run, site and graph, as they go into the recording. Secrets are hidden."""
+    """Return run id, site and graph for the recording's metadata, with credentials redacted."""
     config = yaml.safe_dump(shown(node.graph), sort_keys=False, allow_unicode=True, width=1000)
     return {"run_id": node.run_id, "site": node.graph.site, "config": config}
 
 
 class InputHashes:
-    """Hashes the files that a graph reads, beside the recording.
+    """Hashes the input files of a graph in a thread, while the recording runs.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class InputHashes:
                     self._facts[node] = {"input": path.name, "input_sha256": "", "why": str(exc)}
 
     def facts(self, stop: threading.Event) -> dict[str, dict[str, str]]:
-        """Wait for the hashes, unless told to stop; returns what is known of each node's input."""
+        """Wait for the hashes until stopped; return metadata of each node's input file."""
         while self._thread.is_alive() and not stop.is_set():
             self._thread.join(HASH_POLL_S)
         why = "the recording was stopped before its hash was known"
@@ -78,21 +78,21 @@ class InputHashes:
 
 
 class Ending:
-    """Knows which streams are still open: those of the graph's own nodes, until their END mark.
+    """Tells when all recorded streams of the graph have ended, by their END marks.
 
-    A node that is gone without an END mark is not waited for.
+    A stream whose node is gone without an END mark counts as ended.
 
     Parameters
     ----------
     node : NodeProcess
         The recording node.
     key_exprs : list of str
-        What it records.
+        Key expressions that it records.
     """
 
     def __init__(self, node: NodeProcess, key_exprs: list[str]) -> None:
         self._node = node
-        self._open: dict[str, str] = {}  # who sends each stream
+        self._open: dict[str, str] = {}  # sending node of each open stream
         self._heard: dict[str, float] = {}
         self._stop_by = float("inf")
         site = node.graph.site
@@ -101,17 +101,17 @@ class Ending:
                 key = topic_key(site, of, topic)
                 if any(matches(expr, key) for expr in key_exprs):
                     self._open[key] = name
-        # What only others send has no end that could be known.
+        # The end of streams from outside the graph can't be known.
         self._endless = not self._open
 
     def note(self, key: str, header: Header) -> None:
-        """Take in a message that was recorded."""
+        """Note a recorded message."""
         self._heard[key] = time.monotonic()
         if header.is_end:
             self._open.pop(key, None)
 
     def reached(self) -> bool:
-        """Whether there is nothing more to wait for."""
+        """Whether nothing more is to be expected."""
         now, node = time.monotonic(), self._node
         for key, name in list(self._open.items()):
             quiet_s = now - self._heard.setdefault(key, now)
@@ -130,7 +130,7 @@ def look_until_ended(
     ready: str,
     more: Sequence[str] = (),
 ) -> None:
-    """Show what is on the bus until every stream of the graph has ended, or until told to stop.
+    """Observe the bus until every stream of the graph has ended, or until told to stop.
 
     Parameters
     ----------
@@ -138,11 +138,11 @@ def look_until_ended(
     topics : sequence of str
         Key expressions below the site.
     take : callable
-        Given each message, and the health of the nodes. Nobody waits for it.
+        Called with each message, and with the health of the nodes. It exerts no backpressure.
     ready : str
-        What the node says once it listens.
+        Health detail of the node once it listens.
     more : sequence of str, optional
-        Whole keys to listen to beside, whose ends don't count.
+        Further full keys to subscribe to, whose ends don't count.
     """
     key_exprs = [f"{ROOT}/{node.graph.site}/{below}" for below in topics]
     for key_expr in (*key_exprs, *more, health_key(node.graph.site, "*")):
@@ -159,16 +159,16 @@ def look_until_ended(
 
 
 def of_run(config: RecordSettings, restarts: int) -> RecordSettings:
-    """Return what a recorder that was started again writes to: a new file beside the one it left.
+    """Return the settings of a restarted recorder: a new file beside the one it left.
 
-    What an earlier run left there is kept, too.
+    Files of earlier runs are kept as well.
 
     Parameters
     ----------
     config : RecordSettings
-        What it was told.
+        Settings of the first start.
     restarts : int
-        Times it was started before in this run.
+        Number of earlier starts in this run.
     """
     if config.out is None or not restarts:
         return config
@@ -180,12 +180,20 @@ def of_run(config: RecordSettings, restarts: int) -> RecordSettings:
 def open_sink(
     config: RecordSettings, info: dict[str, str], warn: Callable[[str], None]
 ) -> Recorder | ArchiveRecorder:
-    """Open what a node records to: a file, or an archive, which warns of what stops nothing.
+    """Open the output of a recording node: a file, or an archive.
+
+    Parameters
+    ----------
+    config : RecordSettings
+    info : dict
+        Metadata of the run.
+    warn : callable
+        Called with warnings of an archive that don't end the recording.
 
     Raises
     ------
     UsageError, RecordingError
-        When it can't be.
+        When it can't be opened.
     """
     if config.archive is None:
         return Recorder(
@@ -211,7 +219,7 @@ def open_sink(
 
 
 def disk_guard(config: RecordSettings, warn: Callable[[str], None]) -> DiskGuard:
-    """Look after the disk that an open sink is on."""
+    """Return the guard of free space on the disk that a recording is written to."""
     folder = Path(config.archive) if config.archive else Path(str(config.out)).absolute().parent
     return DiskGuard(folder, config.disk, warn)
 
@@ -223,18 +231,17 @@ def record_until(
     guard: DiskGuard,
     on_message: Callable[[Received], None] = lambda received: None,
 ) -> None:
-    """Write what an inbox receives until ``ended()`` says so.
+    """Write what an inbox receives until ``ended()`` is true.
 
     Parameters
     ----------
     sink : Recorder or ArchiveRecorder
         The open recording.
     inbox : Inbox
-        Where messages arrive.
     ended : callable
-        Asked between messages.
+        Called between messages.
     guard : DiskGuard
-        Looks after the disk.
+        Checks the free space.
     on_message : callable, optional
         Called after each message was written.
 

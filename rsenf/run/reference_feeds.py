@@ -1,4 +1,4 @@
-"""References that go on, on the bus: who measures them, and the loop that publishes them."""
+"""Publishes references that are still being measured: from a camera, topic, sound card or file."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from rsenf.run.runner import Runner
 from rsenf.run.sound_card import listen
 from rsenf.stage import Stage
 
-POLL_S = 0.25  # how often a file is looked at
+POLL_S = 0.25  # interval of checking a growing file
 
 
 def publish_feed(node: NodeProcess) -> None:
-    """Publish what goes on measuring, until it ends or the node is told to stop.
+    """Publish a growing reference until its source ends or the node is told to stop.
 
     Raises
     ------
     UsageError
-        When it can't be opened.
+        When the source can't be opened.
     """
     config = node.config
     kind, name = config.feed
@@ -58,13 +58,13 @@ def publish_feed(node: NodeProcess) -> None:
 
 @dataclass(kw_only=True)
 class _NotedLane(Lane):
-    """A lane whose stage notes what it leaves out, for the node's state."""
+    """A lane whose stage notes what it leaves out; the notes appear in the node's health."""
 
     notes: Notes
     _said: str = ""
 
     def send(self, messages: Iterable[Any]) -> None:
-        """Send messages; say what is new to be noted."""
+        """Send messages; report new notes."""
         super().send(messages)
         noted = "; ".join(self.notes.lines)
         if noted != self._said:
@@ -73,10 +73,10 @@ class _NotedLane(Lane):
 
 
 def _relay(node: NodeProcess, senders: dict[str, str], stage: Stage, notes: Notes) -> None:
-    """Turn other topics into the reference; each by its key and the node that sends it."""
+    """Make the reference of other topics; ``senders`` maps their keys to the sending nodes."""
     lane = _NotedLane(
         node=node,
-        # The reference goes on through the others' epochs: it is one stage for all of them.
+        # The reference continues over epochs of its inputs: one stage serves all of them.
         runner=Runner("reference", lambda: stage, inputs=len(senders)),
         publishers={ReferenceBlock: node.reference_publisher(node.config.grid)},
         inputs={node.subscribe(key): sender for key, sender in senders.items()},
@@ -96,13 +96,13 @@ def _publish(node: NodeProcess, blocks: Iterable[ReferenceBlock]) -> None:
         header = block.header
         node.note_input(header)
         publisher.send(block)
-        if node.stop.is_set():  # what a file holds already may take long
+        if node.stop.is_set():  # a file's present content may take long
             break
     publisher.send(ReferenceBlock(header=header.numbered(header.seq + 1, Mark.END)))
 
 
 def _grown(node: NodeProcess, config: Any) -> Iterator[ReferenceBlock]:
-    """Return what a file holds, and goes on to hold."""
+    """Return the blocks of a growing file."""
     path, grid, nominal_hz = Path(config.input), config.grid, config.nominal_hz
 
     def wait() -> bool:
@@ -114,7 +114,7 @@ def _grown(node: NodeProcess, config: Any) -> Iterator[ReferenceBlock]:
 
 
 def _heard(node: NodeProcess, config: Any, device: str) -> Iterator[ReferenceBlock]:
-    """Yield what a sound card hears, and say by which tone."""
+    """Yield blocks measured from a sound card's input; report which tone they are based on."""
     growing = Growing(config.grid, run_id=node.run_id)
     reference: SoundReference | None = None
     tone = ""

@@ -1,7 +1,7 @@
-"""Whom a router refuses, and what: one line each, of what Zenoh has in its log.
+"""Reports refused connections and messages of the Zenoh router, one line each, from Zenoh's log.
 
-Zenoh tells it nowhere else, and its log goes to the standard output: that is led through a pipe
-for as long as the router runs, while what this process prints goes where it always did.
+Zenoh reports them nowhere else, and its log goes to standard output. So file descriptor 1 is
+replaced by a pipe while the router runs; ``sys.stdout`` of this process keeps its target.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import zenoh
 LOG_FILTER = "error,zenoh_link_tls=warn,zenoh::net::routing::interceptor=trace"
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 _NAMED = re.compile(r"(?P<zid>[0-9a-f]+) on \S*CertCommonName\((?P<who>[^)]*)\)")
-# What would be forbidden is told beforehand too, of every key: it counts once a message is held up.
+# Zenoh logs for every key in advance what would be forbidden; it counts once a message is stopped.
 _FORBIDDEN = re.compile(
     r"(?P<thread>ThreadId\(\d+\)).*: (?P<zid>[0-9a-f]+) .*is unauthorized to "
     r"(?P<what>[\w/ ]+) \(ingress\) on (?P<key>\S+)"
@@ -27,25 +27,25 @@ _FORBIDDEN = re.compile(
 _HELD_UP = re.compile(r"(?P<thread>ThreadId\(\d+\)).*Msg intercepted!")
 _NO_CERTIFICATE = "peer sent no certificates"
 _WRONG = re.compile(r"invalid peer certificate: (\w+)")
-# Whoever is refused tries again and again: the same is told once in this time.
+# A refused client tries again and again: the same refusal is reported once in this time.
 QUIET_S = 60.0
 MOST_TOLD = 1000
 
 
 class Refusals:
-    """Tells each refusal once a minute.
+    """Parses Zenoh's log and reports each refusal, at most once a minute.
 
     Parameters
     ----------
     say : callable
-        Told of each in one line.
+        Called with one line of text for each.
     """
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
         self._told: dict[str, float] = {}
-        self._names: dict[str, str] = {}  # in the certificates, by session
-        self._forbidden: dict[str, str] = {}  # last of each of Zenoh's threads
+        self._names: dict[str, str] = {}  # common name of the certificate, by session
+        self._forbidden: dict[str, str] = {}  # last rule violated, by Zenoh thread
 
     def take(self, line: str) -> None:
         """Take a line of Zenoh's log."""
@@ -58,7 +58,7 @@ class Refusals:
         self._say(f"refused: {text}")
 
     def _refusal(self, line: str) -> str:
-        """Say in words what a line tells; empty when it refuses nobody."""
+        """Return the refusal that a log line reports, in words; empty for none."""
         if found := _NAMED.search(line):
             if len(self._names) >= MOST_TOLD:
                 self._names.clear()
@@ -79,7 +79,7 @@ class Refusals:
 
 @contextmanager
 def telling_refusals(say: Callable[[str], None]) -> Iterator[None]:
-    """Tell what the router of this process refuses, for the duration of a ``with`` block."""
+    """Report what the router of this process refuses, for the duration of a ``with`` block."""
     sys.stdout.flush()
     shown, (reading, writing) = os.dup(1), os.pipe()
     os.dup2(writing, 1)

@@ -1,6 +1,6 @@
-"""Restart policy and watchdog: nodes that died are started again, nodes that are silent are ended.
+"""Restart policy and watchdog: restarts nodes that died, kills nodes that hang.
 
-A node is started again after a growing pause, so many times within so long.
+Restarts have exponential backoff, and a limit on their number within a sliding time window.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from rsenf.config.node_kind import Restart
 from rsenf.errors import EXIT_USAGE
 from rsenf.run.node_state import NodeState
 
-# Until its first word a node may take this long: it loads libraries, on a machine that is busy.
+# Extra time until a node's first health message: loading libraries is slow on a busy machine.
 FIRST_WORD_S = 60.0
 
 
 class Restarts:
-    """Restarts of one node.
+    """Restart counter of one node.
 
     Parameters
     ----------
-    rule : Restart, optional
-        The rule; without, a node is never started again.
+    rule : Restart or None
+        Its rule; without one, a node is never restarted.
     """
 
     def __init__(self, rule: Restart | None) -> None:
@@ -35,14 +35,14 @@ class Restarts:
         self._deaths: deque[float] = deque()
 
     def pause_s(self, now_s: float, exit_code: int) -> float | None:
-        """Take in a death; return the pause until it is started again, or None when it isn't.
+        """Note a death; return the pause (s) before the restart, or None for no restart.
 
         Parameters
         ----------
         now_s : float
-            Time of the death by a steady clock.
+            Time of the death by a monotonic clock.
         exit_code : int
-            What is wrongly set up stays so, however often it is tried.
+            After a usage error there is no restart: it would only repeat the error.
         """
         if self.rule is None or exit_code == EXIT_USAGE:
             return None
@@ -56,29 +56,30 @@ class Restarts:
         return float(min(pause_s, self.rule.backoff_max_s))
 
     def of(self) -> str:
-        """Which one this is, of how many, in words."""
+        """Return the number of this restart and its limit, in words."""
         assert self.rule is not None
         return f"{len(self._deaths)} of {self.rule.limit} within {self.rule.within_s:g} s"
 
 
-# The supervisor itself may have been held up, and with it what it hears.
+# A longer gap between two checks means that the supervisor itself was held up; it is not counted
+# as silence of the nodes.
 HELD_UP_S = 1.0
 Spawn = Callable[[NodeState], "subprocess.Popen[bytes]"]
 
 
 class RestartPolicy:
-    """What a supervisor does about nodes that die or hang.
+    """Restarts nodes that died and kills nodes that hang.
 
     Parameters
     ----------
     graph : Graph
-        With the rules.
+        Holds the restart rules.
     nodes : mapping
         State of each node by name.
     spawn : callable
         Starts a node's process.
     clock : callable, optional
-        A steady clock, in seconds.
+        A monotonic clock, in seconds.
     """
 
     def __init__(
@@ -96,7 +97,7 @@ class RestartPolicy:
 
     @property
     def due(self) -> list[NodeState]:
-        """Nodes that wait to be started again."""
+        """Nodes that wait to be restarted."""
         return [self._nodes[name] for name in self._due]
 
     def start(self, node: NodeState) -> None:
@@ -105,11 +106,17 @@ class RestartPolicy:
         self._heard[node.name] = self._clock() + FIRST_WORD_S
 
     def heard(self, name: str) -> None:
-        """Take in that a node has said something."""
+        """Note a health message of a node."""
         self._heard[name] = self._clock()
 
     def plan(self, node: NodeState, exit_code: int) -> str:
-        """Take in a death; return in words when it is started again, '' when it isn't."""
+        """Schedule the restart of a node that died.
+
+        Returns
+        -------
+        str
+            When it is restarted, in words; empty for no restart.
+        """
         restarts, now_s = self._restarts[node.name], self._clock()
         pause_s = restarts.pause_s(now_s, exit_code)
         if pause_s is None:
@@ -118,10 +125,10 @@ class RestartPolicy:
         return f"started again in {pause_s:g} s, {restarts.of()}"
 
     def start_due(self) -> list[NodeState]:
-        """Start those whose pause is over; returns them.
+        """Start the nodes whose pause is over; return them.
 
-        A grid's reference that was sent whole, and whose node has ended, is sent once more to a
-        node that needs it: the one that died has taken it along.
+        Where a restarted node reads a grid's reference whose sender is done, the sender is started
+        once more as well: the reference was lost with the process that died.
         """
         now_s = self._clock()
         started = [self._nodes[name] for name, due_s in self._due.items() if due_s <= now_s]
@@ -140,16 +147,16 @@ class RestartPolicy:
         return started
 
     def forget(self) -> list[NodeState]:
-        """Start none of them any more; returns those that waited for it."""
+        """Cancel all restarts; return the nodes that waited for one."""
         waiting = self.due
         self._due.clear()
         return waiting
 
     def kill_hung(self) -> NodeState | None:
-        """Kill the node that has been silent for too long, and longest; returns it.
+        """Kill the node that has been silent longest, if beyond its limit; return it.
 
-        One that hangs makes those wait that send to it, and they fall silent after it. So only
-        the first is killed, and the others get their time anew.
+        A hanging node blocks its senders by backpressure, so that they fall silent after it. So
+        only the first is killed, and the time limits of all others start anew.
         """
         now_s = self._clock()
         held_up_s, self._looked_s = now_s - self._looked_s, now_s
@@ -165,10 +172,10 @@ class RestartPolicy:
         return first
 
     def _over_s(self, node: NodeState, now_s: float) -> float:
-        """Seconds that a living node has been silent beyond what it may."""
+        """Return the seconds that a running node has been silent beyond its limit."""
         rule = self._restarts[node.name].rule
         if rule is None or node.process is None or node.exit_code is not None:
             return -1.0
         if self._graph.nodes[node.name].program() and node.health is None:
-            return -1.0  # it has never said that it would
+            return -1.0  # an external program that has never sent health
         return now_s - self._heard[node.name] - rule.silent_s

@@ -1,4 +1,4 @@
-"""Who is on a bus, by tokens and words of health, and how each is doing."""
+"""The nodes on a bus and their states, from liveliness tokens and health messages."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from rsenf.messages import Health
 from rsenf.messages.plain import plain
 from rsenf.run.peers import LAST_WORDS
 
-# A node says something every second: after this long it is silent.
+# Nodes send health every second: after this long without, one counts as silent.
 SILENT_S = 3.5
 UP = ("running", "done")
 
 
 @dataclass
 class Seen:
-    """What was seen of a node.
+    """What is known of a node.
 
     Attributes
     ----------
     alive : bool
-        Whether its token is there.
+        Whether its liveliness token is present.
     health : Health or None
-        Its last word, or its supervisor's about it.
+        Its last health message, or its supervisor's about it.
     heard_s : float
-        When that came, by the roster's clock.
+        When that arrived, by the roster's clock.
     """
 
     site: str
@@ -41,7 +41,11 @@ class Seen:
     heard_s: float = 0.0
 
     def state(self, now_s: float) -> str:
-        """'silent' for a token without words, 'lost' for words without a token, or what it says."""
+        """Return its state.
+
+        'absent' without token and health, 'silent' for a token without (recent) health, 'lost' for
+        health of a node that should run but has no token; else as its health says.
+        """
         if self.health is None:
             return "silent" if self.alive else "absent"
         if self.alive and now_s - self.heard_s > SILENT_S:
@@ -51,16 +55,16 @@ class Seen:
 
 
 class Roster:
-    """Watches the nodes of a bus. To be filled by :meth:`listen`, from one thread.
+    """Observes the nodes of a bus. Call :meth:`listen` repeatedly, from one thread.
 
     Parameters
     ----------
     bus : Bus
         An open bus.
     site : str
-        Site to look at; ``*`` for all.
+        Site to observe; ``*`` for all.
     clock : callable, optional
-        A steady clock, in seconds.
+        A monotonic clock, in seconds.
     """
 
     def __init__(self, bus: Bus, site: str, clock: Callable[[], float] = time.monotonic) -> None:
@@ -71,33 +75,33 @@ class Roster:
         bus.subscribe(self._words, health_key(site, "*"), LOOKING)
 
     def expect(self, site: str, names: Iterable[str]) -> None:
-        """Name nodes that should be there."""
+        """Add nodes that should be present."""
         for name in names:
             self._of(site, name)
 
     def listen(self, timeout_s: float) -> bool:
-        """Take in the next word; False when none came in time."""
+        """Take the next health message; return False when none came in time."""
         received = self._words.receive(timeout_s)
         if received is None:
             return False
         seen = self._of(site_of(received.key), node_of(received.key))
-        # Its supervisor speaks of it too, and what was kept of that may be old.
+        # Its supervisor reports on it too, and such a message from the history may be older.
         if seen.health is None or received.message.time_ns >= seen.health.time_ns:
             seen.health, seen.heard_s = received.message, self._clock()
         return True
 
     def nodes(self) -> list[Seen]:
-        """Return all that were seen, or expected, by name."""
+        """Return all nodes seen or expected, sorted by site and name."""
         return [self._seen[at] for at in sorted(self._seen.copy())]
 
     def down(self) -> list[str]:
-        """Return which nodes neither run nor have done their work, in words."""
+        """Return the nodes that are neither running nor done, and their states, in words."""
         states = {f"{s.site}/{s.name}": s.state(self._clock()) for s in self.nodes()}
         none = {"any node": "absent"}
         return [f"{name} is {state}" for name, state in (states or none).items() if state not in UP]
 
     def as_json(self) -> list[dict[str, Any]]:
-        """Return all that is known of them as plain data."""
+        """Return all nodes as plain data."""
         now_s = self._clock()
         return [
             {"site": seen.site, "node": seen.name, "alive": seen.alive}

@@ -1,8 +1,8 @@
-"""The life of a stage: fed message by message, flushed at the end, renewed with each epoch.
+"""The life cycle of a stage: fed message by message, renewed at each epoch, flushed at the end.
 
-Every way of running rsenf goes through here: a node process has one :class:`Runner` for each
-camera, the one-process commands a :class:`Pipeline` of them. So batch, stream and replay can't
-differ.
+Every way of running rsenf uses this: a node process has a :class:`Runner` for each stage of a
+camera, the one-process commands have a :class:`Pipeline` of them. So batch, live and replay
+results can't differ.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ class Runner:
     Parameters
     ----------
     topic : str
-        Topic that the stage's messages go to; tells their class.
+        Main output topic of the stage, which implies the message class.
     make_stage : callable
-        Builds a fresh stage. Called for every epoch, so that none mixes two.
+        Builds a new stage; called for every epoch, so that none sees two.
     inputs : int
-        Streams that must have ended before the stage has: 1, or 2 with a reference. A stage with
-        a reference keeps it across epochs, and tells them apart by itself.
-    beside : str
-        Other topics that some of the stage's messages go to, by their class, with own numbers.
+        Number of input streams; the stage ends when all have ended. A stage with several (such as
+        a reference) isn't renewed at an epoch: it keeps the reference and separates epochs itself.
+    *beside : str
+        Further output topics, for messages of their classes, with sequence numbers of their own.
     """
 
     def __init__(
@@ -40,28 +40,28 @@ class Runner:
         self._make_stage = make_stage
         self._stage = make_stage()
         self._inputs, self._open = inputs, inputs
-        self._last: dict[type[Any], Header] = {}  # of the messages in, by what they are
-        self._fed: Header | None = None  # of the last message in
-        self._sent: dict[str, Header] = {}  # of the last message out, by its topic
+        self._last: dict[type[Any], Header] = {}  # of the last input message of each class
+        self._fed: Header | None = None  # of the last input message
+        self._sent: dict[str, Header] = {}  # of the last output message of each topic
         self.ended = False
 
     @classmethod
     def of(cls, spec: StageSpec, inputs: int) -> Runner:
-        """Return a runner of a stage with so many inputs that there are."""
+        """Return a runner of a stage that has this number of inputs."""
         return cls(spec.sends[0], spec.make, inputs, *spec.sends[1:])
 
     def topic_of(self, message: Any) -> str:
-        """Return which of the stage's topics a message goes to."""
+        """Return the output topic of a message."""
         found = (topic for topic in self._beside if isinstance(message, TOPICS[topic]))
         return next(found, self.topic)
 
     def feed(self, message: Any) -> list[Any]:
-        """Give the stage a message; return what it completes, an END mark when all has ended.
+        """Feed a message to the stage; return what it completes, and END marks when all has ended.
 
         Raises
         ------
         SchemaMismatch
-            When the message can't follow those before it. The stage goes on without.
+            When the message can't follow those before it. It is skipped; the stage goes on.
         """
         header: Header = message.header
         if header.is_end:
@@ -74,9 +74,17 @@ class Runner:
         return out + self._note(self._stage.update(message))
 
     def end(self, header: Header) -> list[Any]:
-        """One input has ended, or will never come; the last one ends the stage.
+        """Note the end of one input; the last one flushes the stage.
 
-        ``header`` is what the END mark goes by when the stage has not had a single message.
+        Parameters
+        ----------
+        header : Header
+            Template of the END mark's header if the stage has had no message at all.
+
+        Returns
+        -------
+        list
+            The last messages and END marks; empty while other inputs are open.
         """
         self._open -= 1
         if self._open > 0 or self.ended:
@@ -94,7 +102,7 @@ class Runner:
         return out
 
     def _renew(self, header: Header) -> list[Any]:
-        """Finish the epoch before and start anew, when this message begins another."""
+        """Flush the stage and make a new one, when this message begins another epoch."""
         fed = self._fed
         if fed is None or (fed.run_id, fed.epoch) == (header.run_id, header.epoch):
             return []
@@ -109,12 +117,12 @@ class Runner:
 
 
 class Branches:
-    """Stages of one camera, each fed with what it reads.
+    """Parallel stages of one camera, each fed with the topics that it reads.
 
     Parameters
     ----------
-    branches : sequence of tuple
-        Topics that a stage reads, and its runner.
+    *branches : tuple
+        Input topics of a stage, and its runner.
     """
 
     def __init__(self, *branches: tuple[Sequence[str], Runner]) -> None:
@@ -122,24 +130,24 @@ class Branches:
 
     @property
     def ended(self) -> bool:
-        """Whether all stages have."""
+        """Whether all stages have ended."""
         return all(runner.ended for _, runner in self._branches)
 
     def feed(self, message: Any) -> list[Any]:
-        """Feed the stages that read it; return what they complete, as :meth:`Runner.feed` does."""
+        """Feed the stages that read this message; return what they complete, END marks included."""
         reading = [runner for kinds, runner in self._branches if isinstance(message, kinds)]
         return [sent for runner in reading for sent in runner.feed(message)]
 
 
 class Pipeline:
-    """Stages of one camera in one process, each fed with what it reads of what the others send.
+    """Connected stages of one camera in one process: each is fed what the others send and it reads.
 
     Parameters
     ----------
     stages : sequence of StageSpec
         In the order in which they are fed.
     given : sequence of str
-        Topics that are fed from outside: ``frames``, or ``rows`` and ``reference``.
+        Topics fed from outside: ``frames``, or ``rows`` and ``reference``.
     tap : callable, optional
         Called as ``tap(topic, message)`` with every message that a stage sends.
     """
@@ -159,7 +167,7 @@ class Pipeline:
         self._tap = tap
 
     def feed(self, topic: str, message: Any) -> None:
-        """Feed a message to all that read it, and what they complete to those after them."""
+        """Feed a message to all stages that read it, and their outputs to the next ones."""
         for reads, runner in self._lanes:
             if topic in reads:
                 for sent in runner.feed(message):

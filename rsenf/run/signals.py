@@ -1,4 +1,4 @@
-"""Ctrl-C: once to stop in order, twice to stop at once."""
+"""Handling of Ctrl-C: the first one stops in order, the second at once."""
 
 from __future__ import annotations
 
@@ -11,12 +11,17 @@ from types import FrameType
 
 @contextmanager
 def interruptible(at_once: Callable[[], None]) -> Iterator[threading.Event]:
-    """Turn the first SIGINT or SIGTERM into an event; the second calls ``at_once`` and interrupts.
+    """Turn the first SIGINT or SIGTERM into an event, which the ``with`` statement yields.
+
+    Parameters
+    ----------
+    at_once : callable
+        Called at the second signal.
 
     Raises
     ------
     KeyboardInterrupt
-        At the second signal, so that everything is closed on the way out.
+        At the second signal, so that context managers are closed.
     """
     stop = threading.Event()
 

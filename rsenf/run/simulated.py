@@ -1,4 +1,4 @@
-"""The simulator in place of a camera: frames straight from the capture model, no codec."""
+"""The simulator as a video source: frames of the capture model, without a codec."""
 
 from __future__ import annotations
 
@@ -25,7 +25,19 @@ if TYPE_CHECKING:
 def open_simulated(
     config: SimulatedInput, source: str, run_id: str, *, pace: bool, stop: Event
 ) -> VideoSource:
-    """Open the simulator as a source."""
+    """Open the simulator as a source.
+
+    Parameters
+    ----------
+    config : SimulatedInput
+        Capture model, grid (a reference or a synthetic one), duration and seed.
+    source, run_id : str
+        For the headers of the frames.
+    pace : bool
+        Yield frames in real time, as if live.
+    stop : Event
+        Ends the source.
+    """
     model = load_model(Path(config.model))
     if config.reference:
         measured = read_reference(config.reference, timezone=config.timezone, step_s=config.step_s)

@@ -1,4 +1,4 @@
-"""A sound card's input, as pieces of sound with the time at which they were there."""
+"""Sound card input: blocks of samples with their arrival times."""
 
 from __future__ import annotations
 
@@ -14,40 +14,47 @@ import numpy as np
 from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray
 
-# Silence for so long is no recording at all: the device is gone.
+# Without samples for so long, the device is gone.
 SILENCE_S = 5.0
 BACKOFF_S = (1.0, 30.0)
 POLL_S = 0.1
-WAITING = 256  # pieces
+WAITING = 256  # blocks of samples
 
 
 class Sound(NamedTuple):
-    """Samples (n,), when the last of them was there (UTC since 1970), and what went before."""
+    """Samples (n,), and the arrival time of the last of them (UTC since 1970, ns)."""
 
     samples: FloatArray
     arrival_ns: int
     rate_hz: int
-    after_loss: bool  # samples are missing before these
+    after_loss: bool  # whether samples are missing before these
 
 
 class Opened(NamedTuple):
-    """An input that was opened: started when entered, closed when left."""
+    """An open input; its ``stream`` is started when entered and closed when left."""
 
     stream: AbstractContextManager[Any]
     rate_hz: int
 
 
-# Takes a device and the function to call with samples, of shape (n,), and whether some were lost.
+# Takes a device, and a function to call with samples (n,) and with whether some were lost before.
 OpenInput = Callable[[str, Callable[[FloatArray, bool], None]], Opened]
 
 
 def open_input(device: str, take: Callable[[FloatArray, bool], None]) -> Opened:
-    """Open an input of the sound card by its number or a part of its name; '' is the usual one.
+    """Open an input of the sound card.
+
+    Parameters
+    ----------
+    device : str
+        Its number or a part of its name; '' for the default input.
+    take : callable
+        Called from the sound library's thread with samples (n,), and with whether some were lost.
 
     Raises
     ------
     UsageError
-        When the library isn't there, or no such input.
+        When the library isn't installed, or there is no such input.
     """
     try:
         import sounddevice
@@ -55,7 +62,7 @@ def open_input(device: str, take: Callable[[FloatArray, bool], None]) -> Opened:
         raise UsageError(
             "sound needs a library that isn't installed", "pip install 'rsenf[sound]'"
         ) from None
-    except OSError:  # what it says when PortAudio isn't there
+    except OSError:  # raised when PortAudio is missing
         raise UsageError("sound needs PortAudio", "on Debian: apt install libportaudio2") from None
 
     def callback(samples: Any, _frames: int, _time: Any, status: Any) -> None:
@@ -82,23 +89,25 @@ def listen(
     clock_ns: Callable[[], int] = time.time_ns,
     open_: OpenInput = open_input,
 ) -> Iterator[Sound]:
-    """Yield sound until stopped, through a device that goes and comes back.
+    """Yield sound until stopped; reopen the device with backoff when it is lost.
 
     Parameters
     ----------
     device : str
+        As for :func:`open_input`.
     stop : Event
+        Ends the iteration.
     on_event : callable
-        Told, in one line, when the device is lost and back.
+        Called with one line of text when the device is lost.
     clock_ns : callable
-        This host's wall clock.
+        The host's wall clock, ns.
     open_ : callable
         Opens the device.
 
     Raises
     ------
     UsageError
-        When it can't be opened in the first place.
+        When the device can't be opened at the first attempt.
     """
     back_s, is_first = BACKOFF_S[0], True
     while not stop.is_set():
@@ -124,7 +133,7 @@ def listen(
 def _taking(
     heard: queue.Queue[tuple[FloatArray, int, bool]], clock_ns: Callable[[], int]
 ) -> Callable[[FloatArray, bool], None]:
-    """Return what the card's thread calls: it never waits, and says later what it dropped."""
+    """Return the callback for the sound library's thread; with a full queue it drops samples."""
     dropped = False
 
     def take(samples: FloatArray, lost: bool) -> None:
@@ -141,7 +150,7 @@ def _taking(
 def _until_silent(
     heard: queue.Queue[tuple[FloatArray, int, bool]], stop: Event
 ) -> Iterator[tuple[FloatArray, int, bool]]:
-    """Yield what is heard; what comes first follows on nothing."""
+    """Yield blocks until none comes for ``SILENCE_S``; the first one is marked as after a loss."""
     since_s, first = time.monotonic(), True
     while not stop.is_set() and time.monotonic() - since_s < SILENCE_S:
         try:

@@ -1,4 +1,4 @@
-"""The kind of node that is a stage between topics of each camera: all that most kinds need.
+"""Base class of node kinds that run stages between topics of each camera, as most kinds do.
 
 ::
 
@@ -31,7 +31,7 @@ class StageNode(NodeKind):
     cameras: tuple[Camera, ...] = Field(min_length=1)
 
     def body(self, node: NodeProcess) -> None:
-        """Feed every camera's stages."""
+        """Feed the stages of every camera."""
         from rsenf.run.pump import NodeContext, lane_of, pump
 
         lanes = [lane_of(node, c, self.stages(NodeContext(node, c))) for c in self.cameras]

@@ -1,4 +1,4 @@
-"""The stages of the pipeline: what each reads and sends, and how it is made from its settings.
+"""The stages of the pipeline: inputs, outputs, and how each is built from its settings.
 
 Node kinds, the one-process run and regression all build them here.
 """
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 
 def rows_stage(settings: RowsSettings) -> StageSpec:
-    """From frames to the row means of their steady pixels."""
+    """Stage from frames to the row means of their steady pixels."""
 
     def make() -> Stage:
-        from rsenf.rows.stage import Rows  # OpenCV: 40 ms that not everybody needs
+        from rsenf.rows.stage import Rows  # imports OpenCV: 40 ms
 
         if settings.read_out_axis != "auto":
             return Rows(settings)
@@ -42,9 +42,14 @@ def rows_stage(settings: RowsSettings) -> StageSpec:
 def flicker_stages(
     track: TrackSettings | None, idle: IdleSettings | None, context: StageContext = ALONE
 ) -> list[StageSpec]:
-    """From rows to the ENF, to the idle period, or to both.
+    """Stages from rows to the ENF, to the idle period, or to both.
 
-    Both, fed with the same rows, follow the flicker once where that makes no difference.
+    Parameters
+    ----------
+    track, idle : TrackSettings or None, IdleSettings or None
+        None omits the stage. Two stages share one flicker follower if their settings allow it and
+        ``context.is_shared``; the results are the same.
+    context : StageContext, optional
     """
     followers = _Followers(track, idle) if context.is_shared else None
 
@@ -69,12 +74,20 @@ def flicker_stages(
 
 
 def match_stage(make: Callable[[], Stage]) -> StageSpec:
-    """From the ENF and a grid's reference to the time of recording."""
+    """Stage from the ENF and a grid's reference to the time of recording."""
     return StageSpec(("match",), ("track", "reference"), make)
 
 
 def live_stage(make: Callable[[], Stage], silent_s: float = math.inf) -> StageSpec:
-    """From all that is known of a feed, and a reference, to verdicts and alarms."""
+    """Stage from rows, ENF, idle period and a reference to verdicts on liveness, and alarms.
+
+    Parameters
+    ----------
+    make : callable
+        Builds the stage.
+    silent_s : float
+        Seconds without rows after which the stage is told.
+    """
 
     def silence(header: Header) -> Any:
         from rsenf.live import Silence
@@ -93,9 +106,18 @@ def live_stage(make: Callable[[], Stage], silent_s: float = math.inf) -> StageSp
 
 
 def discover_stage(settings: WatchSettings, model: str | None, context: StageContext) -> StageSpec:
-    """From rows to what a model of the camera lacks, and what changes."""
+    """Stage from rows to effects that a model of the camera lacks, and to changes.
 
-    @functools.cache  # every epoch begins with the same
+    Parameters
+    ----------
+    settings : WatchSettings
+    model : str or None
+        Model file to start from; None for a plain lamp and camera.
+    context : StageContext
+        Tells the stage to skip work, and runs its long computations.
+    """
+
+    @functools.cache  # every epoch starts from the same model
     def given() -> CaptureModel:
         from rsenf.config.model_file import load_model
         from rsenf.discrepancy.start import PLAIN
@@ -111,17 +133,17 @@ def discover_stage(settings: WatchSettings, model: str | None, context: StageCon
 
 
 class _Followers:
-    """Followers of the flicker for a tracker and an idle estimator that are fed the same rows.
+    """Shared flicker followers of a tracker and an idle estimator that are fed the same rows.
 
-    A pair for each epoch, where both would follow the flicker in just the same way.
+    One pair for each epoch, if both stages would follow the flicker with the same settings.
     """
 
     def __init__(self, track: TrackSettings | None, idle: IdleSettings | None) -> None:
         self._track, self._idle = track, idle
-        self._other: Follower | None = None  # of an epoch in which one stage isn't made yet
+        self._other: Follower | None = None  # for the stage of this epoch that isn't made yet
 
     def next(self) -> Follower | None:
-        """Return one of a pair, then the other; None where each stage follows by itself."""
+        """Return one of a pair, then the other; None if the stages can't share."""
         from rsenf.flicker.follower import FlickerFollower
         from rsenf.flicker.shared import shared
 

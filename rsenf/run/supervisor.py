@@ -1,4 +1,4 @@
-"""Starts the processes of a graph, and leaves none behind."""
+"""Starts the node processes of a graph and the router between them, and ends them all."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rsenf.run.node_state import NodeState
 
 __all__ = ["GraphRun", "NodeState", "check_ended", "start_graph"]
 
-# Threads of the numerical libraries fight each other for the same cores.
+# Several processes with multi-threaded numerical libraries would compete for the same cores.
 _ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
@@ -47,23 +47,23 @@ def start_graph(
     Parameters
     ----------
     graph : Graph
-        The graph, already checked.
+        The validated graph.
     path : Path
         Its file, which every node reads again.
     on_change : callable, optional
-        Told of every change of a node's state.
+        Called with a node at every change of its state.
     replayed : mapping, optional
-        What was given to :func:`rsenf.config.load_graph` beside the file.
+        Recording by node, as given to :func:`rsenf.config.load_graph`.
     host : str, optional
-        Which of the graph's hosts this is: its nodes are started, or, where there are none, its
-        router alone. Empty for a graph that isn't split over hosts.
+        Host of the graph whose nodes are started; a host without nodes runs a router only. Empty
+        for a graph that isn't split over hosts.
 
     Raises
     ------
     UsageError
         When the graph has no such host, or needs one.
     RsenfError
-        When the bus can't be opened, or a recording can't be played. No node was started, then.
+        When the bus can't be opened, or a recording can't be played; no node was started then.
     """
     check_host(graph, host)
     here = {name: node for name, node in graph.nodes.items() if host_of(graph, name) == host}
@@ -89,7 +89,7 @@ def start_graph(
             run.start()
             yield run
         finally:
-            # In order, whatever went wrong: a recording is to be closed.
+            # An orderly stop even after an error, so that recordings are closed.
             try:
                 run.stop()
             finally:
@@ -101,7 +101,13 @@ def start_graph(
 
 
 def check_host(graph: Graph, host: str) -> None:
-    """Raise a UsageError when a graph isn't split so that this could be one of its hosts."""
+    """Check that a graph has this host, or needs none when it is empty.
+
+    Raises
+    ------
+    UsageError
+        When it doesn't.
+    """
     if host and host not in graph.hosts:
         known = ", ".join(graph.hosts)
         raise UsageError(f"no host {host!r} in this graph", f"one of {known}" if known else "")
@@ -110,7 +116,7 @@ def check_host(graph: Graph, host: str) -> None:
 
 
 def router_settings(graph: Graph, own: tuple[str, ...], host: str) -> BusSettings:
-    """How to open a run's own router: for its nodes, and for the routers of other hosts.
+    """Return the settings of a run's own router, for its nodes and the routers of other hosts.
 
     Parameters
     ----------
@@ -119,7 +125,7 @@ def router_settings(graph: Graph, own: tuple[str, ...], host: str) -> BusSetting
     own : tuple of str
         Endpoints for the nodes.
     host : str
-        Which of its hosts this is; '' where it isn't split.
+        Host of the graph; '' if it isn't split over hosts.
     """
     zenoh = graph.bus.zenoh
     if not host:
@@ -135,14 +141,14 @@ def router_settings(graph: Graph, own: tuple[str, ...], host: str) -> BusSetting
 
 
 def free_endpoint() -> str:
-    """Address of this host alone at which nobody listens."""
+    """Return a free TCP endpoint on the loopback interface."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def _threads(router: tuple[str, ...], zenoh: Mapping[str, Any]) -> dict[str, str]:
-    """Threads of a node whose one link is to the graph's own router, unless somebody chose."""
+    """Return Zenoh's thread setting for nodes with one link, unless the user has chosen another."""
     chosen = zenoh or os.environ.get(RUNTIME, MANY_LINKS) != MANY_LINKS
     return {RUNTIME: ONE_LINK} if router and not chosen else {}
 
@@ -168,7 +174,7 @@ def _spawn(
 
 
 def _told(graph: Graph, node: NodeState, endpoint: str, run_id: str) -> dict[str, str]:
-    """What somebody's own program is told, in its environment."""
+    """Return the environment variables for an external program."""
     config = graph.nodes[node.name]
     return {
         "RSENF_CONNECT": endpoint,
@@ -185,7 +191,7 @@ def _start(
     node: NodeState, command: list[str], environment: Mapping[str, str]
 ) -> subprocess.Popen[bytes]:
     try:
-        # A session of its own: Ctrl-C reaches the supervisor only, which stops them in order.
+        # A new session: Ctrl-C reaches only the supervisor, which stops the nodes in order.
         return subprocess.Popen(
             command,
             env={**os.environ, **_ENVIRONMENT, **environment},
@@ -198,7 +204,7 @@ def _start(
 
 
 def _printed_to() -> int | None:
-    """Where this process prints, which need not be its first descriptor: see ``refusals``."""
-    with contextlib.suppress(OSError, ValueError, AttributeError):  # none, or not a file
+    """Return the descriptor of ``sys.stdout``, which need not be 1: see ``refusals``."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):  # no stdout, or not a file
         return sys.stdout.fileno()
     return None

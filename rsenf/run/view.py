@@ -1,4 +1,4 @@
-"""How a running graph looks on a terminal, and in a log."""
+"""Views of a running graph: a table on a terminal, or log lines (plain or JSON)."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ class LineView:
         self._begun = time.monotonic()
 
     def started(self, run: GraphRun) -> None:
-        """Say where the bus is."""
+        """Print the address of the bus."""
         if not self._quiet:
             self._print(f"bus at {run.endpoint}, run {run.run_id}")
 
     def update(self, node: NodeState) -> None:
-        """Say a node's new state."""
+        """Print a node's new state."""
         if not self._quiet or node.went_wrong:
             pid = f" pid {node.process.pid}" if node.process and node.state == "running" else ""
             self._print(f"{node.name}: {node.state}{pid} {node.detail}".rstrip())
@@ -54,18 +54,18 @@ class LineView:
 
 
 class JsonView:
-    """One line of JSON for each change of state, for whoever collects logs."""
+    """One line of JSON for each change of state, for log collectors."""
 
     def __init__(self, graph: Graph, *, quiet: bool) -> None:
         self._graph, self._quiet = graph, quiet
 
     def started(self, run: GraphRun) -> None:
-        """Say where the bus is."""
+        """Print the address of the bus."""
         if not self._quiet:
             self._print(log.line("info", f"bus at {run.endpoint}, run {run.run_id}"))
 
     def update(self, node: NodeState) -> None:
-        """Say a node's new state."""
+        """Print a node's new state."""
         if self._quiet and not node.went_wrong:
             return
         again = "warning" if node.state == "restarting" else "info"
@@ -80,7 +80,7 @@ class JsonView:
 
 
 class TableView:
-    """A table that is redrawn in place, for people."""
+    """A table on a terminal, redrawn in place."""
 
     def __init__(self, graph: Graph) -> None:
         self._graph = graph
@@ -88,7 +88,7 @@ class TableView:
         self.refresh: Callable[[], None] = lambda: None
 
     def started(self, run: GraphRun) -> None:
-        """Begin to draw."""
+        """Draw for the first time."""
         self._run = run
         self.refresh()
 

@@ -1,4 +1,4 @@
-"""The result table of a batch as a page."""
+"""The result table of a batch as an HTML page."""
 
 from __future__ import annotations
 

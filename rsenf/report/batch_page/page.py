@@ -1,6 +1,6 @@
-"""The page: counts, the table, the settings. It needs nothing else, and sorts by its headings.
+"""The self-contained page of a batch: counts, a table that sorts by its headings, and settings.
 
-What the page shows of a row: figures with their errors, in units that people use.
+``SHOWN`` defines the columns of each analysis: values with errors, in customary units.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from rsenf.report.idle import decimals
 from rsenf.report.pages import fill
 
 Row = Mapping[str, Any]
-_UNSURE_DECIMALS = 2  # of a figure without an error
+_UNSURE_DECIMALS = 2  # decimals of a value without an error
 
 
 @dataclass(frozen=True)
 class Cell:
-    """What is shown, and what it is sorted by: a number, a text, or None for what isn't known."""
+    """Text of a table cell, and its sort key: a number, a text, or None for unknown."""
 
     text: str
     key: float | str | None
@@ -38,11 +38,20 @@ class Column:
     cell: Callable[[Row], Cell]
     number: bool = False
     badge: bool = False
-    whole: bool = False  # never broken into lines
+    whole: bool = False  # no line breaks
 
 
 def text(heading: str, name: str, *, whole: bool = False) -> Column:
-    """Column of a text as it stands."""
+    """Return a column of texts.
+
+    Parameters
+    ----------
+    heading : str
+    name : str
+        Key of the row, here and in the other functions.
+    whole : bool
+        No line breaks.
+    """
 
     def cell(row: Row) -> Cell:
         value = row[name]
@@ -53,7 +62,7 @@ def text(heading: str, name: str, *, whole: bool = False) -> Column:
 
 
 def figure(heading: str, name: str, std: str = "", scale: float = 1.0) -> Column:
-    """Column of a number, times ``scale``, with the standard error that another column holds."""
+    """Return a column of numbers, times ``scale``, with standard errors of the key ``std``."""
 
     def cell(row: Row) -> Cell:
         value, error = row[name], row[std] if std else None
@@ -68,7 +77,7 @@ def figure(heading: str, name: str, std: str = "", scale: float = 1.0) -> Column
 
 
 def small(heading: str, name: str, std: str = "") -> Column:
-    """Column of a number far below 1, with the standard error that another column holds."""
+    """Return a column of numbers far below 1, with standard errors of the key ``std``."""
 
     def cell(row: Row) -> Cell:
         value, error = row[name], row[std] if std else None
@@ -80,7 +89,7 @@ def small(heading: str, name: str, std: str = "") -> Column:
 
 
 def between(heading: str, low: str, high: str, scale: float, places: int) -> Column:
-    """Column of a span."""
+    """Return a column of intervals."""
 
     def cell(row: Row) -> Cell:
         if row[low] is None or row[high] is None:
@@ -92,7 +101,7 @@ def between(heading: str, low: str, high: str, scale: float, places: int) -> Col
 
 
 def share(heading: str, part: str, whole: str) -> Column:
-    """Column of so many of so many."""
+    """Return a column of counts, as 'part of whole'."""
 
     def cell(row: Row) -> Cell:
         if row[part] is None:
@@ -103,7 +112,7 @@ def share(heading: str, part: str, whole: str) -> Column:
 
 
 def file(heading: str, name: str) -> Column:
-    """Column of links to files beside the page."""
+    """Return a column of links to files beside the page."""
 
     def cell(row: Row) -> Cell:
         return Cell("open" if row[name] else "", row[name] or None, row[name] or "")
@@ -160,15 +169,16 @@ _TONES = {"done": "match", "no_signal": "no_decision", "unusable": "no_match", "
 
 
 def batch_page(analysis: str, rows: Sequence[Mapping[str, Any]], settings: dict[str, str]) -> str:
-    """Return the page.
+    """Return the page of a batch as HTML.
 
     Parameters
     ----------
     analysis : str
+        The verb: a key of ``SHOWN``.
     rows : sequence of mapping
-        With all columns of the table.
+        Rows with all columns of the result table.
     settings : dict of str
-        How the recordings were treated, as told to people.
+        Settings of the analysis, as text.
     """
     folder = _common_folder([row["path"] for row in rows])
     columns = [
@@ -199,7 +209,7 @@ def batch_page(analysis: str, rows: Sequence[Mapping[str, Any]], settings: dict[
 
 
 def _common_folder(paths: Sequence[str]) -> str:
-    """Return the folder that all paths are in."""
+    """Return the deepest folder that contains all paths."""
     return os.path.commonpath([os.path.dirname(path) for path in paths])
 
 
@@ -213,6 +223,6 @@ def _status(row: Mapping[str, Any]) -> Cell:
 
 
 def _remarks(row: Mapping[str, Any]) -> Cell:
-    """Why there is no result, what is lost, what to mind."""
+    """Return reason, loss and warnings of a row."""
     told = "; ".join(filter(None, [row["reason"], row["loss"], *(row["warnings"] or [])]))
     return Cell(told, told or None)

@@ -1,4 +1,9 @@
-"""The page on what a model was found to lack: the story in pictures, one file."""
+"""The HTML page on effects that a model was found to lack, with pictures, in one file.
+
+In: a discovery from rows (``Discovery``), from a reference (``ClockOffsetDiscovery``), or both.
+Read ``page`` (rows) with ``steps``, ``places`` and ``pictures``; then ``beside`` (reference) with
+``beside_pictures``. ``model_text`` prints the extended model.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a reference told: a page by itself, or a section on the page of the rows."""
+"""Discovery against a reference: a page by itself, or a section on the page of the rows."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ DEFINITIONS = (
 def beside_page(
     found: ClockOffsetDiscovery, told: dict[str, Any], recording: str, extended: CaptureModel
 ) -> str:
-    """Return the page of a recording of one mean a frame; the same discovery gives the same text.
+    """Return the page of a recording with one mean per frame; its text is deterministic.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def beside_page(
     told : dict
         Of :func:`rsenf.discrepancy.clock_offset.beside_json`.
     recording : str
-        Name of what was looked at.
+        Name of the recording.
     extended : CaptureModel
         Of :func:`rsenf.discrepancy.clock_offset.beside_model`.
     """
@@ -67,7 +67,7 @@ def beside_page(
 def section(
     found: ClockOffsetDiscovery, told: dict[str, Any], first_picture: int
 ) -> dict[str, Any]:
-    """Return what is to be told of a reference.
+    """Return the template's values for the section on a reference.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def section(
     told : dict
         Of :func:`rsenf.discrepancy.clock_offset.beside_json`.
     first_picture : int
-        Where on the page its pictures begin.
+        Index of its first picture on the page.
     """
     gap, left = told["gap"], told["unexplained"]
     before, after = (where_beside(found, fit) for fit in (found.first, found.last))
@@ -94,7 +94,7 @@ def section(
 
 
 def headline(found: ClockOffsetDiscovery, told: dict[str, Any]) -> str:
-    """Return in one sentence what the reference told."""
+    """Return the result against the reference in one sentence; parameters as for ``section``."""
     clock, kind = _clock(found), told["unexplained"]
     shrinks = f"the gap shrinks by {100.0 * min(found.shrinkage, 1.0):.1f} %"
     chance = "no more than the noise of recording and reference makes"
@@ -118,7 +118,7 @@ def _clock(found: ClockOffsetDiscovery) -> str:
 def _values(
     found: ClockOffsetDiscovery, gap: dict[str, Any], how: dict[str, Any]
 ) -> list[tuple[str, str, str]]:
-    """List names, values and what is to be known of each."""
+    """Return names, values and explanations."""
     out = []
     if found.skew:
         ppm, error = found.clock

@@ -1,7 +1,4 @@
-"""Pictures of a recording's ENF beside a reference.
-
-The ENF of a recording beside what a model says of it on a reference, and what is left.
-"""
+"""Pictures of a discovery against a reference: the gap, and measured and simulated ENF."""
 
 from __future__ import annotations
 
@@ -21,16 +18,16 @@ from rsenf.report.panels.gap_steps import draw_gap_steps
 def draw_enf_beside(
     figure: Any, beside: AlignedReference, fits: Sequence[tuple[str, LagFit]], noise_hz: float
 ) -> None:
-    """Draw measured and simulated ENF, and below their difference, each fit in its column.
+    """Draw measured and simulated ENF, and their difference below, with a column for each fit.
 
     Parameters
     ----------
     figure : matplotlib figure
     beside : AlignedReference
     fits : sequence of (str, LagFit)
-        With what to call each.
+        Fits with their names.
     noise_hz : float
-        Standard deviation of a difference by chance.
+        Standard deviation of a difference due to noise.
     """
     drawn = figure.subplots(2, len(fits), sharex=True, sharey="row", squeeze=False)
     for column, (name, fit) in enumerate(fits):
@@ -56,7 +53,7 @@ def draw_enf_beside(
 
 
 def _held_out(beside: AlignedReference) -> list[tuple[float, float]]:
-    """From when to when each held-out block has values."""
+    """Return start and end (s) of each held-out block."""
     own = np.where(beside.held_out, beside.block, np.nan)
     blocks = groupby(zip(own.tolist(), beside.t_s.tolist(), strict=True), key=lambda at: at[0])
     spans = [(number, [t_s for _, t_s in values]) for number, values in blocks]
@@ -79,7 +76,7 @@ _ENF = (
 
 
 def draw_beside(found: ClockOffsetDiscovery) -> list[Picture]:
-    """Draw the gap, and the ENF before and after; where nothing was added, there is but one."""
+    """Draw the gap, and the ENF before and after an addition, or once if nothing was added."""
     fits = [("before", found.first), ("after", found.last)]
     if not found.skew:
         fits = [("measured and simulated", found.last)]

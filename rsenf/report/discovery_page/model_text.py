@@ -1,4 +1,4 @@
-"""A model file to read: long lists and numbers cut short."""
+"""A model as readable YAML: long lists and numbers are shortened."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import yaml
 from rsenf.model import CaptureModel
 
 DIGITS = 7
-FEW = 6  # values of a list that are written out
+FEW = 6  # longest list that is printed in full
 
 
 def model_text(model: CaptureModel) -> str:
-    """Return a model as YAML, of long lists the first values and how many there are."""
+    """Return a model as YAML; of long lists only the first values and the length."""
     return yaml.safe_dump(_short(model.to_dict()), sort_keys=False, width=90, allow_unicode=True)
 
 

@@ -1,7 +1,4 @@
-"""A discovery as one HTML page.
-
-What was found, in sentences.
-"""
+"""A discovery as one HTML page: the result in sentences, steps, pictures and tables."""
 
 from __future__ import annotations
 
@@ -39,7 +36,14 @@ _CHANCE = "no more than chance leaves of recordings that the model has made itse
 
 
 def headline(found: Discovery, told: dict[str, Any]) -> str:
-    """Return the verdict in one sentence."""
+    """Return the verdict in one sentence.
+
+    Parameters
+    ----------
+    found : Discovery
+    told : dict
+        Of :func:`rsenf.discrepancy.discovery_json`.
+    """
     added, shrinks = _and(names_of(found)), _shrinks(found)
     if found.verdict == "no_discrepancy":
         return f"The model explains this recording: what it leaves is {_CHANCE}."
@@ -55,7 +59,7 @@ def headline(found: Discovery, told: dict[str, Any]) -> str:
 
 
 def left_over(found: Discovery, told: dict[str, Any]) -> dict[str, Any]:
-    """Return what is to be told of what is left at the end."""
+    """Return the template's values for the remaining residual; parameters as for ``headline``."""
     left = told["unexplained"]
     return {
         "gap": gap_words(found.last.gap),
@@ -68,7 +72,7 @@ def left_over(found: Discovery, told: dict[str, Any]) -> dict[str, Any]:
 
 
 def _shrinks(found: Discovery) -> str:
-    """Say how much of the gap goes, where there was one and it shrank."""
+    """Return by how much the gap shrinks, as a clause; empty if it doesn't."""
     share = found.shrinkage
     return f"the gap shrinks by {min(100.0 * share, 100.0):.1f} %, and " if share > 0.0 else ""
 
@@ -84,19 +88,19 @@ def discovery_page(
     extended: CaptureModel,
     beside: ClockOffsetDiscovery | None = None,
 ) -> str:
-    """Return the page; the same discovery gives the same text.
+    """Return the page as HTML; its text is deterministic.
 
     Parameters
     ----------
     found : Discovery
     told : dict
-        Of :func:`rsenf.discrepancy.discovery_json`: what the rows told.
+        Of :func:`rsenf.discrepancy.discovery_json`: the result from rows.
     recording : str
-        Name of what was looked at.
+        Name of the recording.
     extended : CaptureModel
         Of :func:`rsenf.discrepancy.model_of`.
     beside : ClockOffsetDiscovery, optional
-        What a reference told.
+        The result against a reference.
     """
     data = found.last.data
     pictures = draw_pictures(found)

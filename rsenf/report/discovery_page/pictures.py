@@ -1,8 +1,7 @@
-"""The page's pictures, and what is said of each.
+"""The page's pictures, with their captions and alternative texts.
 
-What is left by frequency, as the frames show it.
-
-The gap of each part of the picture and of the recording.
+Gap by step, row images, spectrum of the residual (in alias frequency), and the gap of each part of
+the picture and of the recording.
 """
 
 from __future__ import annotations
@@ -28,11 +27,11 @@ AXES = {
     "level": ("by level", "level of the wall"),
     "strip": ("by strip", "strip, from the left"),
 }
-SURE = 3.0  # standard errors from which on a part is drawn full
+SURE = 3.0  # standard errors above which a part is drawn in full colour
 
 
 def axes_of(shares: Sequence[ResidualShare]) -> list[str]:
-    """Name the axes along which there is more than one part."""
+    """Return the axes that are divided into more than one part."""
     names = [share.axis for share in shares]
     return [axis for axis in AXES if names.count(axis) > 1]
 
@@ -40,7 +39,7 @@ def axes_of(shares: Sequence[ResidualShare]) -> list[str]:
 def draw_gap_places(
     axes: Any, axis: str, sides: Sequence[tuple[Sequence[ResidualShare], float]], limit: float
 ) -> None:
-    """Draw each part's own gap along an axis with its standard error, before and after.
+    """Draw the gap of each part along an axis with its standard error, before and after.
 
     Parameters
     ----------
@@ -48,9 +47,9 @@ def draw_gap_places(
     axis : str
         A key of ``AXES``.
     sides : sequence of (sequence of ResidualShare, float)
-        Before, if there is such, and after; each with the whole gap.
+        Before, if anything was added, and after; each with the whole gap.
     limit : float
-        Below which a whole gap is none.
+        Limit of a whole gap by chance.
     """
     title, label = AXES[axis]
     axes.set_title(title)
@@ -63,7 +62,7 @@ def draw_gap_places(
     ):
         own = [share for share in shares if share.axis == axis]
         for share in own:
-            # Parts are alike in size: each one's own gap is its share times how many there are.
+            # Parts are of equal size: the gap of one is its share times their number.
             value = max(abs(share.share * whole) * len(own), 1.1 * lowest)
             error = value / max(abs(share.sure), 1e-9)
             look = {"color": colour, "alpha": 1.0 if abs(share.sure) > SURE else 0.4}
@@ -78,12 +77,19 @@ def draw_gap_places(
         axes.set_xticks([share.low + 0.5 for share in own], [f"{s.low + 1:.0f}" for s in own])
 
 
-WIDTH_PX = 500  # as fine as the picture can show; what is finer is drawn as its extremes
-MULTIPLES = 3  # of the flicker that are marked
+WIDTH_PX = 500  # resolution of the picture; finer frequencies are reduced to their maximum
+MULTIPLES = 3  # harmonics of the flicker that are marked
 
 
 def draw_alias_spectrum(axes: Any, fits: Sequence[tuple[str, Fit]]) -> None:
-    """Draw the spectrum of what fits leave: one before, if there is such, and one after."""
+    """Draw the spectrum of the residual of fits, by alias frequency.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+    fits : sequence of (str, Fit)
+        Fits with their names: before, if anything was added, and after.
+    """
     axes.set_title("What is left, by frequency")
     axes.set_yscale("log")
     axes.minorticks_off()
@@ -92,7 +98,7 @@ def draw_alias_spectrum(axes: Any, fits: Sequence[tuple[str, Fit]]) -> None:
     for (name, fit), (colour, width, above) in zip(reversed(fits), looks, strict=False):
         freq_hz, power = alias_spectrum(fit)
         floor = float(np.median(np.abs(power))) or 1e-30
-        # Of noise alone, which is as often below zero, only the size of it is shown.
+        # The power of noise alone is as often negative: smaller values are set to the median size.
         shown = extremes(np.maximum(power, floor), WIDTH_PX)[1]
         at_hz = extremes(freq_hz, WIDTH_PX)[0]
         axes.plot(at_hz, shown, color=colour, lw=width, label=name, zorder=above)
@@ -102,7 +108,7 @@ def draw_alias_spectrum(axes: Any, fits: Sequence[tuple[str, Fit]]) -> None:
     for n, (alias_hz, _) in enumerate(flicker_hz(fits[0][1], range(1, MULTIPLES + 1)), 1):
         axes.axvline(alias_hz, 0.78, 1.0, color=INK, lw=1)
         name = "flicker" if n == 1 else f"{n}f"
-        # Their aliases may be neighbours: to either side, one below the other.
+        # Aliases may be close together: labels go to either side, one below the other.
         side, ha = (-3, "right") if n % 2 == 0 and alias_hz > 1.0 else (3, "left")
         axes.annotate(
             name, (alias_hz, 1.05 - 0.07 * n), (side, 0), xycoords=("data", "axes fraction"),
@@ -141,7 +147,7 @@ _PLACES = (
 
 
 def draw_pictures(found: Discovery) -> list[Picture]:
-    """Draw the story; where nothing was added, there is no before and after."""
+    """Draw all pictures; before and after only if an effect was added."""
     fits = [("before", found.first), ("after", found.last)] if found.steps else [("", found.last)]
     strip = _worst_strip(found)
     begin = most_left(found.first, strip)

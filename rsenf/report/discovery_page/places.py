@@ -1,4 +1,4 @@
-"""Where theory and data disagree, as a table: each part's share of the first gap."""
+"""Table of where model and data disagree: the share of the first gap of each part."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from rsenf.discrepancy.residual_breakdown import ResidualShare
 
-MOST = 10  # parts of an axis that are listed, those with most
+MOST = 10  # parts listed for each axis, those with the largest shares
 DIGITS = {"time_s": 1, "row": 0, "level": 1, "alias_hz": 2, "wander_hz": 3}
 Pair = tuple[ResidualShare | None, ResidualShare | None]
 NAMES = {
@@ -24,13 +24,13 @@ NAMES = {
 def places_table(
     before: Sequence[ResidualShare], after: Sequence[ResidualShare], smaller: float
 ) -> list[dict[str, Any]]:
-    """Return a group of lines for each axis.
+    """Return a group of table lines for each axis.
 
     Parameters
     ----------
     before, after : sequence of ResidualShare
     smaller : float
-        Gap after, over that before.
+        Ratio of the gap after to the gap before.
     """
     groups = []
     for axis, name in NAMES.items():
@@ -45,7 +45,7 @@ def places_table(
 
 
 def _lines(before: list[ResidualShare], after: list[ResidualShare]) -> list[Pair]:
-    """Pair lines of the spectrum, which needn't be the same before and after."""
+    """Pair spectral lines, which may differ before and after."""
     old, new = ({(share.low, share.high): share for share in own} for own in (before, after))
     return [(old.get(at), new.get(at)) for at in sorted({**old, **new})]
 

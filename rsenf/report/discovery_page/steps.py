@@ -1,4 +1,4 @@
-"""What each round of the search tried, and what it added."""
+"""The rounds of forward selection: the effects tried, and the one added."""
 
 from __future__ import annotations
 
@@ -17,7 +17,14 @@ from rsenf.report.pages import setting
 
 
 def step_of(step: Step, number: int) -> dict[str, Any]:
-    """Return what is to be told of a step that added an effect."""
+    """Return the template's values for a step that added an effect.
+
+    Parameters
+    ----------
+    step : Step
+    number : int
+        Number of the step, from 1.
+    """
     best = step.chosen
     assert best is not None
     effect = best.effect
@@ -36,7 +43,7 @@ def step_of(step: Step, number: int) -> dict[str, Any]:
 
 
 def round_of(step: Step) -> dict[str, Any]:
-    """Return what a round tried and what its limits were."""
+    """Return the template's values for a round: the effects tried, and the limits."""
     return {
         "tried": step.tried,
         "limit": f"{step.limit:.1f}",
@@ -56,7 +63,7 @@ def round_of(step: Step) -> dict[str, Any]:
 
 
 def names_of(found: Discovery) -> list[str]:
-    """Name what each step added."""
+    """Return the name of the effect, or class of effects, that each step added."""
     return [" or ".join(step.kin) for step in found.steps]
 
 
@@ -67,7 +74,7 @@ def summary(effect: Effect) -> str:
 
 
 def gap_words(gap: Any) -> str:
-    """Write a gap and its standard error."""
+    """Return a gap and its standard error as text."""
     return f"{gap.value:.2e} ± {gap.stderr:.1e}"
 
 
@@ -86,7 +93,7 @@ def _outcome(step: Step, trial: Trial) -> str:
 
 
 def _parameters(trial: Trial) -> list[dict[str, str]]:
-    """List values with errors where they were fitted; a series by how many values it has."""
+    """Return parameters with errors if they were fitted; of a series only the number of values."""
     effect, told = trial.effect, series_of(trial.effect)
     errors = trial.fit.stderr_of(effect.name)
     turned = {fitting.turn for fitting in fittings(effect).values() if fitting.turn}

@@ -1,4 +1,4 @@
-"""What the pages have in common: one frame and style, pictures inside, nothing from elsewhere."""
+"""Shared by the HTML pages: frame, style and embedded pictures; no external resources."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A template filled in: a page that needs nothing else."""
+"""Renders a template to a self-contained page."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ def fill(
     filters: Mapping[str, Callable[..., Any]] | None = None,
     **values: Any,
 ) -> str:
-    """Fill in a page; whatever comes from outside is escaped.
+    """Render a page; all values are HTML-escaped.
 
     Parameters
     ----------
     template : Path
-        Which extends ``frame.html.j2``.
+        A Jinja template that extends ``frame.html.j2``.
     pictures : sequence of Picture
-        That it finds under this name, and as ``inlined`` in base64.
+        The template's ``pictures``; their PNG data are its ``inlined``, in base64.
     filters : mapping of str to callable, optional
-        That the template uses.
+        Filters of the template.
     **values
-        What it shows.
+        Variables of the template.
     """
     import jinja2
 

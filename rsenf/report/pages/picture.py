@@ -1,4 +1,4 @@
-"""A page's picture: a PNG with a title, a caption and a text for who can't see it."""
+"""A picture of a page: PNG with title, caption and alternative text."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ WIDTH_IN, HEIGHT_IN, DPI = 6.4, 3.0, 175
 
 @dataclass(frozen=True, kw_only=True)
 class Picture:
-    """A picture and what is said of it."""
+    """A picture with its texts."""
 
     file: str
     title: str
@@ -35,20 +35,20 @@ def picture_of(
     width_in: float = WIDTH_IN,
     height_in: float = HEIGHT_IN,
 ) -> Picture:
-    """Draw a picture, within :func:`rsenf.report.panels.fixed_style`.
+    """Draw a picture; to be called within :func:`rsenf.report.panels.fixed_style`.
 
     Parameters
     ----------
     file, title, caption, alt : str
     draw : callable
-        Draws onto the figure that it is given.
+        Draws onto the figure given.
     width_in, height_in : float, optional
-        Text is 10 points high: the narrower, the larger it is on a phone.
+        Size in inches. Text is 10 points high: the narrower the picture, the larger on a phone.
     """
     figure = new_figure(width_in, height_in)
     draw(figure)
     held = io.BytesIO()
-    # Without the program's version in it, which a page names in its own place.
+    # Without matplotlib's version in the file, which the page lists elsewhere.
     figure.savefig(held, format="png", dpi=DPI, metadata={"Software": None})
     return Picture(
         file=file, title=title, caption=caption, alt=alt, png=held.getvalue(),

@@ -1,4 +1,4 @@
-"""A parameter's value, for a person."""
+"""Text of a parameter's value."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ from typing import Any
 
 
 def setting(value: Any) -> str:
-    """Write a parameter's value."""
+    """Return a parameter's value as text.
+
+    >>> setting((0.5, None, True))
+    '0.5, not set, yes'
+    """
     if value is None or value == "":
         return "not set"
     if isinstance(value, bool):

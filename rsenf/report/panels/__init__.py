@@ -1,4 +1,4 @@
-"""Pictures' parts: each draws one thing onto axes that it is given, in one fixed style."""
+"""Plots that pictures consist of: each draws onto given axes, in one fixed style."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-# Each has a contrast of at least 3 to white, and they differ in lightness, not in hue alone.
+# Each has a contrast ratio of at least 3 to white, and they differ in lightness, not only in hue.
 INK, SIGNAL, GRID, MARK, CLAIM = "#222222", "#0b62a4", "#868686", "#c23b22", "#6a3d9a"
 STYLE = {
     "axes.spines.right": False,
@@ -28,8 +28,8 @@ STYLE = {
 
 @contextmanager
 def fixed_style() -> Iterator[None]:
-    """Draw alike whatever settings of matplotlib a person has made."""
-    # Where it keeps its fonts is nothing to tell a person who wants a picture.
+    """Use a fixed style, whatever the user's matplotlib settings."""
+    # Suppresses messages on matplotlib's font cache.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     import matplotlib
 
@@ -40,7 +40,7 @@ def fixed_style() -> Iterator[None]:
 
 
 def new_figure(width_in: float, height_in: float) -> Any:
-    """Return an empty figure, within :func:`fixed_style`."""
+    """Return an empty figure; to be called within :func:`fixed_style`."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -50,7 +50,7 @@ def new_figure(width_in: float, height_in: float) -> Any:
 
 
 def say_nothing(axes: Any, text: str) -> None:
-    """Say in place of a drawing why there is none."""
+    """Write on the axes why there is no plot."""
     axes.text(0.5, 0.5, text, ha="center", va="center", wrap=True, transform=axes.transAxes,
               color=INK)  # fmt: skip
     axes.set_xticks([])
@@ -60,27 +60,40 @@ def say_nothing(axes: Any, text: str) -> None:
 def extremes(
     values: NDArray[np.float64], most: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least and greatest of each of at most so many stretches of rows; NaN where all are."""
+    """Return minimum and maximum over bins of consecutive rows.
+
+    Parameters
+    ----------
+    values : ndarray
+        Reduced along its first axis.
+    most : int
+        Largest number of bins.
+
+    Returns
+    -------
+    low, high : ndarray
+        NaN where all values of a bin are.
+    """
     each = max(math.ceil(len(values) / most), 1)
     edges = np.arange(0, len(values), each)
     return np.fmin.reduceat(values, edges, axis=0), np.fmax.reduceat(values, edges, axis=0)
 
 
 def start_axis(axes: Any, t0_ns: int, span_s: float) -> Callable[[Any], Any]:
-    """Label an axis of starts in the reference: UTC where known, else time into the reference.
+    """Label an axis of start times: in UTC if known, else as time into the reference.
 
     Parameters
     ----------
     axes : matplotlib axes
     t0_ns : int
-        Start of the reference, UTC since 1970; 0 when unknown.
+        Start of the reference, UTC since 1970; 0 if unknown.
     span_s : float
-        How much the axis shows.
+        Range of the axis.
 
     Returns
     -------
     callable
-        From lags (s) to places on the axis.
+        Converts lags (s) to coordinates of the axis.
     """
     if not t0_ns:
         unit_s, unit = (3600.0, "hours") if span_s > 7200.0 else (1.0, "seconds")

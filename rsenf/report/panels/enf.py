@@ -1,4 +1,4 @@
-"""The recording's ENF over the reference."""
+"""Plot of the recording's ENF over the reference's."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from rsenf.report.verdict import ppm_text
 
 
 def draw_enf(axes: Any, track: Track | None, grid: Grid | None, result: MatchResult) -> None:
-    """Draw the recording's ENF, and the reference's at the best time as that camera would see it.
+    """Draw the recording's ENF, and the reference's at the best lag by the camera's clock.
 
     Parameters
     ----------
     axes : matplotlib axes
-    track, grid : Track, Grid
-        None where there is none.
+    track, grid : Track or None, Grid or None
+        ENF of the recording and of the reference.
     result : MatchResult
+        Its lag and clock error are applied to the reference.
     """
     axes.set_title("Electric network frequency (ENF)")
     if track is None or not track.usable:
@@ -32,7 +33,7 @@ def draw_enf(axes: Any, track: Track | None, grid: Grid | None, result: MatchRes
     t_s = track.first_s + np.arange(track.enf_hz.size) * track.hop_s
     end_s = t_s[-1] + track.first_s
     if grid is not None and math.isfinite(result.lag_s):
-        # A reference may be years long: only what lies beside the clip is looked at.
+        # A reference may be years long: only the part beside the clip is read.
         first = max(math.ceil(result.lag_s / grid.step_s - 0.5), 0)
         last = max(math.floor((result.lag_s + end_s) / grid.step_s + 0.5), first)
         clock_ppm = result.clock_ppm if math.isfinite(result.clock_ppm) else 0.0

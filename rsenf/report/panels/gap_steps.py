@@ -1,4 +1,4 @@
-"""The gap, step by step."""
+"""Plot of the gap after each step of the forward selection."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rsenf.discrepancy.gap import Gap
 from rsenf.discrepancy.noise_floor import NoiseFloor
 from rsenf.report.panels import INK, MARK, SIGNAL
 
-FAR = 30.0  # below the limit, at most, is drawn
+FAR = 30.0  # the scale begins at the limit divided by this
 
 
 def draw_gap_steps(
@@ -20,17 +20,17 @@ def draw_gap_steps(
     floor: NoiseFloor,
     of: str = "the flicker's power",
 ) -> None:
-    """Draw the gap after each step, the first on top, beside what chance makes.
+    """Draw the gap after each step, the first on top, with the range of the noise floor.
 
     Parameters
     ----------
     axes : matplotlib axes
     names : sequence of str
-        Of the steps, the first being none yet.
+        Names of the steps; the first is the initial model.
     gaps : sequence of Gap
     floor : NoiseFloor
     of : str, optional
-        What the gap is a share of.
+        What the gap is normalised by.
     """
     axes.set_title("The gap on held-out data, step by step")
     axes.set_xscale("log")

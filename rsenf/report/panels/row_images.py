@@ -1,4 +1,4 @@
-"""Rows over frames: measured, simulated, and the difference, as images."""
+"""Images of rows over frames: measured, simulated, and their difference."""
 
 from __future__ import annotations
 
@@ -12,25 +12,23 @@ from rsenf.discrepancy.fit import Fit
 from rsenf.report.panels import INK
 
 SHOWN_S = 2.0
-BANDS = 60  # of rows, at most; means of more of them have less noise
+BANDS = 60  # largest number of bands of rows; means over bands have less noise than rows
 FLICKER, LEFT = "gray", "RdBu_r"
-BRIGHT = 99.5  # percentile of what is shown that has the full colour
+BRIGHT = 99.5  # percentile of the values that gets the full colour
 
 Image = NDArray[np.float64]
 
 
 def draw_row_images(figure: Any, fits: Sequence[tuple[str, Fit]], strip: int, begin: int) -> None:
-    """Draw for each fit what was measured, what it simulates, and what is left.
-
-    All have the static level of each row taken off.
+    """Draw measurement, simulation and residual of each fit, without the rows' static levels.
 
     Parameters
     ----------
     figure : matplotlib figure
     fits : sequence of (str, Fit)
-        With a name each.
+        Fits with their names.
     strip : int
-        Which of the picture's.
+        Index of the strip.
     begin : int
         First frame.
     """
@@ -66,7 +64,14 @@ def draw_row_images(figure: Any, fits: Sequence[tuple[str, Fit]], strip: int, be
 
 
 def most_left(fit: Fit, strip: int) -> int:
-    """Return the first frame of the held-out stretch in which most is left."""
+    """Return the first frame of the held-out block with the largest residual.
+
+    Parameters
+    ----------
+    fit : Fit
+    strip : int
+        Index of the strip.
+    """
     data, held = fit.data, ~fit.data.training
     power = (fit.residual[:, :, strip] ** 2).mean(axis=1, dtype=np.float64)
     blocks = np.unique(data.block[held])

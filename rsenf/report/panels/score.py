@@ -1,4 +1,4 @@
-"""The score of every time of a reference, and of those near the best."""
+"""Plots of the score against start time: of the whole search, and near the best."""
 
 from __future__ import annotations
 
@@ -12,12 +12,21 @@ from rsenf.report.panels import CLAIM, GRID, INK, MARK, say_nothing, start_axis
 from rsenf.report.score_curve import NEAR_S, ScoreCurve
 from rsenf.timebase import seconds
 
-# The scores of ordinary times fill the picture but for those so much worse than all others.
+# Lower end of the axis, so that a few very bad scores don't compress all others.
 LOWEST_PERCENTILE = 2.0
 
 
 def draw_score(axes: Any, curve: ScoreCurve, t0_ns: int, result: MatchResult) -> None:
-    """Draw the scores of the whole search, the best time marked, and the claimed one."""
+    """Draw the scores of the whole search, with the best time and the claimed one marked.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+    curve : ScoreCurve
+    t0_ns : int
+        Start of the reference, UTC since 1970; 0 if unknown.
+    result : MatchResult
+    """
     axes.set_title("How well each time of the reference fits")
     if curve.is_empty:
         say_nothing(axes, "nothing to compare")
@@ -42,7 +51,10 @@ def draw_score(axes: Any, curve: ScoreCurve, t0_ns: int, result: MatchResult) ->
 
 
 def draw_near(axes: Any, curve: ScoreCurve, t0_ns: int, result: MatchResult) -> None:
-    """Draw every score near the best time, and that time's 95 % interval."""
+    """Draw every score near the best time, with its 95 % interval.
+
+    Parameters as for :func:`draw_score`.
+    """
     axes.set_title(f"How well each time fits, {NEAR_S:g} s before and after the best")
     if not np.isfinite(curve.near).any():
         say_nothing(axes, "nothing to compare")
@@ -66,7 +78,7 @@ def draw_near(axes: Any, curve: ScoreCurve, t0_ns: int, result: MatchResult) -> 
 
 
 def _best(curve: ScoreCurve, result: MatchResult) -> float:
-    """Score at the lag found: the result's own, refined between two lags, or the curve's best."""
+    """Return the best score: the result's, interpolated between lags, or the curve's maximum."""
     if curve.name == "correlation" and math.isfinite(result.correlation):
         return result.correlation
     near = curve.near if np.isfinite(curve.near).any() else curve.high
@@ -78,7 +90,7 @@ def _label(curve: ScoreCurve) -> str:
 
 
 def _mark_claim(axes: Any, place: Any, lag_s: Any, t0_ns: int, result: MatchResult) -> None:
-    """Draw the claimed start where it lies within the axis."""
+    """Draw the claimed start if it lies within the axis."""
     if not (t0_ns and result.claimed_utc_ns):
         return
     claimed_s = seconds(result.claimed_utc_ns - t0_ns)

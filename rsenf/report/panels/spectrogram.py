@@ -1,4 +1,4 @@
-"""The flicker's lines over time."""
+"""Spectrogram plot: the flicker's lines over time."""
 
 from __future__ import annotations
 
@@ -12,11 +12,19 @@ from rsenf.messages import EnfEstimate
 from rsenf.report.panels import MARK, extremes, say_nothing
 from rsenf.report.spectrum import ThinRows
 
-HEIGHT_PX = 280  # as fine as the picture can show; what is finer is drawn as its extremes
+HEIGHT_PX = 280  # resolution of the picture; finer frequencies are reduced to their maximum
 
 
 def draw_spectrogram(axes: Any, rows: ThinRows, estimates: Sequence[EnfEstimate]) -> None:
-    """Draw level against frequency and time, and mark the line that was followed."""
+    """Draw level against frequency and time, and mark the line that was tracked.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+    rows : ThinRows
+    estimates : sequence of EnfEstimate
+        Tell the frequency of the line.
+    """
     if not math.isfinite(rows.frame_rate_hz):
         axes.set_title("Flicker of the light")
         say_nothing(axes, "too short to draw")
@@ -26,7 +34,7 @@ def draw_spectrogram(axes: Any, rows: ThinRows, estimates: Sequence[EnfEstimate]
     axes.set_ylabel("frequency (Hz)")
     axes.set_xlabel("time in the recording (s)")
     t_s, f_hz, level_db = rows.spectrogram()
-    # Lines are thinner than the picture's pixels: each pixel shows the strongest of its own.
+    # Lines are thinner than a pixel: each pixel shows its strongest frequency.
     shown = extremes(level_db, HEIGHT_PX)[1]
     half_s = (t_s[1] - t_s[0]) / 2 if t_s.size > 1 else rows.seconds / 2
     axes.imshow(

@@ -1,4 +1,12 @@
-"""The report on a recording's time: a page, its numbers as JSON, its pictures, in one folder."""
+"""The forensic report on the time of a recording: HTML page, JSON and pictures, in one folder.
+
+In: a :class:`Case` (verdict, estimates, reference, files, settings). Out: ``report.html``,
+``report.json``, ``result.json`` and PNG files. It follows the ENFSI Guideline for Evaluative
+Reporting in Forensic Science (2015): propositions, likelihood ratios, conditions.
+
+Read ``case``, ``keys`` (of report.json) and ``document``, which fills these from ``words``,
+``ratios``, ``conditions`` and ``texts``; then ``pictures``, and ``write`` (page and folder).
+"""
 
 from __future__ import annotations
 

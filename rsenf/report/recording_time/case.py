@@ -1,4 +1,4 @@
-"""Everything that a report on the time of a recording is made from."""
+"""The inputs of a report on the time of a recording."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ from rsenf.report.spectrum import ThinRows
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingFacts:
-    """The recording's file. ``seconds`` is the length of what could be read of it.
+    """The recording's file. ``seconds`` is the duration of what could be read.
 
-    ``frame_rate_hz`` is by the times of its frames, and ``container`` what the file says of itself,
-    if it is a video.
+    ``frame_rate_hz`` is measured from the frame times; ``container`` is the metadata of a video.
     """
 
     name: str
@@ -31,7 +30,7 @@ class RecordingFacts:
 
 @dataclass(frozen=True, kw_only=True)
 class ReferenceFacts:
-    """A reference's file and what is in it. ``bytes`` is None where it is no single file."""
+    """A reference's file and its contents. ``bytes`` is None if it isn't a single file."""
 
     name: str
     bytes: int | None
@@ -50,31 +49,31 @@ class ReferenceFacts:
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A verdict with all that it came from.
+    """A verdict and everything that it is based on.
 
     Parameters
     ----------
     result : MatchResult
     verdict : dict
-        The verdict as ``verify --json`` prints it, warnings included.
+        The verdict as ``verify --json`` prints it, including warnings.
     estimates : sequence of EnfEstimate
-        Of the stretch that the result is about.
+        Estimates of the epoch that the result is about.
     spectrum : ThinRows
-        Of the same stretch.
+        Spectrogram of the same epoch.
     grid : Grid or None
         The reference that the result is about.
     recording : RecordingFacts
     references : sequence of ReferenceFacts
-        All that were compared with.
+        All references that were searched.
     settings : MatchSettings
     command : str
-        What to type for the same report; empty where it wasn't typed.
+        Command line that reproduces the report; empty if it wasn't made by a command.
     parameters : mapping of str to mapping
-        All parameters in effect, by group; no absolute paths among them.
+        All parameters in effect, by group; without absolute paths.
     versions : mapping of str to str
-        Of the program and what it rests on.
+        Versions of rsenf and of the libraries it uses.
     idle : IdleEstimate, optional
-        The camera's idle ratio, where it was looked for.
+        The camera's idle ratio, if it was estimated.
     """
 
     result: MatchResult

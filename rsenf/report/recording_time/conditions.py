@@ -1,4 +1,9 @@
-"""What kind of report it is, and what the evidence is conditioned on (as ENFSI 2015 asks)."""
+"""The kind of report, and the conditions of the evidence, as the ENFSI guideline (2015) requires.
+
+References
+----------
+ENFSI Guideline for Evaluative Reporting in Forensic Science, 2015.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +30,7 @@ KINDS = {
 
 
 def kind(case: Case) -> tuple[Literal["investigative", "evaluative"], str]:
-    """Return 'evaluative' or 'investigative', and why."""
+    """Return 'evaluative' or 'investigative', and the reason in words."""
     result = case.result
     if not result.claimed_utc_ns:
         return "investigative", KINDS["investigative"]
@@ -35,7 +40,7 @@ def kind(case: Case) -> tuple[Literal["investigative", "evaluative"], str]:
 
 
 def conditions(case: Case) -> list[str]:
-    """Return what must hold for the evidence to weigh what it is said to, in sentences."""
+    """Return, in sentences, the conditions under which the likelihood ratios hold."""
     result, names = case.result, ", ".join(propositions(case))
     usable = sum(e.usable for e in case.estimates)
     told = [

@@ -1,6 +1,6 @@
-"""A report as plain values: everything that the page shows, under keys that stay.
+"""The report as plain values: everything that the page shows, under stable keys.
 
-What would help where nothing, or nothing certain, was found.
+Includes advice on what would help if nothing, or nothing certain, was found.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ _NO_DECISION = (
 
 
 def what_would_help(case: Case) -> list[str]:
-    """Return what a person could do, the most useful first; nothing for a match."""
+    """Return advice on what could be done, the most useful first; nothing for a match."""
     result = case.result
     usable_s = sum(e.usable for e in case.estimates)
     if result.decision == "match":
@@ -77,19 +77,19 @@ VERSION = 1
 
 
 def verdict_bytes(case: Case) -> bytes:
-    """Return the verdict's file: what ``verify --json`` prints, byte for byte."""
+    """Return the content of the verdict's file: the bytes that ``verify --json`` prints."""
     return (json.dumps(case.verdict, indent=2, allow_nan=False) + "\n").encode()
 
 
 def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> Document:
-    """Return a report as values that JSON knows.
+    """Return the report as a JSON document.
 
     Parameters
     ----------
     case : Case
     pictures : sequence of Picture
     made_utc : str
-        When the report was made.
+        Time of the report, ISO 8601.
     """
     result, (name, meaning) = case.result, kind(case)
     return {

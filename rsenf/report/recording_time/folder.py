@@ -1,4 +1,4 @@
-"""Which folders a report may be written to."""
+"""Check of the folder that a report is written to."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ PAGE, NUMBERS, VERDICT = "report.html", "report.json", "result.json"
 
 
 def check_folder(path: Path) -> None:
-    """Refuse a folder that a report would spoil, or that can't be made.
+    """Check that a report may be written to a folder.
 
-    A new folder, an empty one and an earlier report are fine. A folder with anything else in it is
-    not, were it only a note beside the earlier report: replacing it would lose that.
+    Allowed are a new folder, an empty one, and one that holds an earlier report and nothing else:
+    the folder is replaced as a whole, so other files in it would be lost.
 
     Raises
     ------
     UsageError
+        When it isn't allowed, or the folder can't be made.
     """
     path = path.resolve()
     if path == Path.cwd():
@@ -45,7 +46,7 @@ def _names_in(path: Path) -> set[str]:
 
 
 def _names_of_report(path: Path) -> set[str]:
-    """Names of the files of the report in a folder; none when there is no report in it."""
+    """Return the file names of the report in a folder; empty if there is no report."""
     try:
         document = json.loads((path / NUMBERS).read_text(encoding="utf-8"))
         ours = document["schema"] == SCHEMA

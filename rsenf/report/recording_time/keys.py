@@ -1,4 +1,4 @@
-"""The keys of report.json, and what is behind them."""
+"""The keys of report.json and their types."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Comparison = TypedDict(
 
 
 class RatioTexts(TypedDict):
-    """What must be said of ratios, and the scale of words."""
+    """Explanations of likelihood ratios, and the verbal scale."""
 
     meaning: list[str]
     method: str
@@ -25,7 +25,7 @@ class RatioTexts(TypedDict):
 
 
 class Claim(TypedDict):
-    """What became of a claimed start."""
+    """The evaluation of a claimed start."""
 
     start_utc: str | None
     verdict: str
@@ -49,7 +49,7 @@ class PictureFile(TypedDict):
 
 
 class Quality(TypedDict):
-    """How much of the signal is of use."""
+    """How much of the signal is usable, and how precise it is."""
 
     values: int
     usable_values: int
@@ -59,7 +59,7 @@ class Quality(TypedDict):
 
 
 class Search(TypedDict):
-    """What was compared."""
+    """Extent and result of the search."""
 
     method: str
     best_reference: str
@@ -70,7 +70,7 @@ class Search(TypedDict):
 
 
 class Inputs(TypedDict):
-    """Files that it rests on, each with its SHA-256, and the verdict's own."""
+    """The input files, each with its SHA-256, and the file of the verdict."""
 
     recording: dict[str, Any]
     references: list[dict[str, Any]]

@@ -1,4 +1,4 @@
-"""The one thing in a report that differs from run to run: when it was made."""
+"""Time at which a report is made: all that differs between runs on the same input."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ VARIABLE = "SOURCE_DATE_EPOCH"  # reproducible-builds.org/specs/source-date-epoc
 
 
 def moment_of_report() -> str:
-    """Return now, or the moment that the environment sets, as ISO 8601 in UTC.
+    """Return the present time, or that of ``SOURCE_DATE_EPOCH``, as ISO 8601 in UTC.
 
     Raises
     ------
     UsageError
-        When the environment's is no moment.
+        When the variable isn't a valid time.
     """
     told = os.environ.get(VARIABLE, "")
     try:

@@ -1,7 +1,4 @@
-"""The report's pictures, and what is said of each.
-
-How good the estimates are, second by second.
-"""
+"""The report's pictures, with their captions and alternative texts."""
 
 from __future__ import annotations
 
@@ -24,15 +21,19 @@ from rsenf.report.recording_time.case import Case
 from rsenf.report.score_curve import NEAR_S, ScoreCurve
 from rsenf.timebase import utc_text
 
-WIDE = 10.0  # errors whose sizes differ by more are drawn on a logarithmic scale
+WIDE = 10.0  # ratio of the largest to the smallest error from which the scale is logarithmic
 
 
 def draw_quality(
     error_axes: Any, snr_axes: Any, use_axes: Any, estimates: Sequence[EnfEstimate]
 ) -> None:
-    """Draw standard errors, signal over noise, and which seconds are of use, one below the other.
+    """Draw standard error, signal-to-noise ratio, and usability of each second.
 
-    The three axes share their x axis.
+    Parameters
+    ----------
+    error_axes, snr_axes, use_axes : matplotlib axes
+        They share their x axis.
+    estimates : sequence of EnfEstimate
     """
     error_axes.set_title("Quality of the signal over time")
     if not estimates:
@@ -54,7 +55,7 @@ def draw_quality(
     half_s = float(np.median(np.diff(t_s))) / 2 if t_s.size > 1 else 0.5
     for flag, colour, label in ((True, SIGNAL, "of use"), (False, MARK, "of no use")):
         spans = [(t - half_s, 2 * half_s) for t in t_s[usable == flag]]
-        # The two lie at different heights: colour isn't all that tells them apart.
+        # At different heights, so that they are not distinguished by colour only.
         use_axes.broken_barh(spans, (0.55 if flag else 0.0, 0.45), color=colour, lw=0)
         use_axes.annotate(
             label, (1.0, 0.775 if flag else 0.225), (4, 0), xycoords="axes fraction",
@@ -68,7 +69,7 @@ def draw_quality(
 
 
 def _dots(axes: Any, t_s: Any, values: Any, usable: Any) -> None:
-    """Draw a value for each second: dots, and crosses where it is of no use."""
+    """Draw a value for each second: dots, and crosses for unusable seconds."""
     if not np.isfinite(values).any():
         axes.text(0.5, 0.5, "not known", ha="center", va="center", transform=axes.transAxes,
                   color=INK)  # fmt: skip
@@ -79,9 +80,9 @@ def _dots(axes: Any, t_s: Any, values: Any, usable: Any) -> None:
 
 
 def draw_timeline(axes: Any, result: MatchResult) -> None:
-    """Draw the stretches that fit by themselves over the recording's time, and the edits.
+    """Draw the segments of an edited recording over its time, and the edits.
 
-    A stretch lies as high as it begins later, or sooner, than as one piece with the first.
+    A segment's height is the offset of its start from that of one unedited piece with the first.
     """
     axes.set_title("What fits, stretch by stretch")
     segments = result.segments
@@ -112,7 +113,7 @@ def draw_timeline(axes: Any, result: MatchResult) -> None:
 
 
 def draw_pictures(case: Case) -> list[Picture]:
-    """Draw the pictures that there is something to show in; the same case gives the same bytes."""
+    """Draw all pictures that have data; the same case gives the same bytes."""
     result, grid = case.result, case.grid
     track = without_jumps(track_of(case.estimates))[0] if case.estimates else None
     t0_ns = grid.t0_ns if grid else 0
@@ -158,7 +159,7 @@ def draw_pictures(case: Case) -> list[Picture]:
 
 
 def left_out(case: Case) -> str:
-    """Say why there are no pictures of the comparison; empty where there are."""
+    """Return why there are no pictures of the comparison; empty if there are."""
     if math.isfinite(case.result.lag_s):
         return ""
     return f"There are no pictures of the comparison, as there was none: {case.result.reason}."

@@ -1,4 +1,12 @@
-"""The propositions, and the likelihood ratios between them."""
+"""The propositions and the likelihood ratios between them, in sentences.
+
+H1 is the best time, H2 another time in the reference, H3 a time outside it (or another grid), C a
+claimed time. Ratios are limited to what the calibration supports, and to the verbal scale's limit.
+
+References
+----------
+ENFSI Guideline for Evaluative Reporting in Forensic Science, 2015.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +27,7 @@ _EVEN_LOG10 = SCALE[-1][0]  # below it the words are "no support either way"
 
 
 def propositions(case: Case) -> dict[str, str]:
-    """Return the propositions by their short names; C is there only with a claim."""
+    """Return the propositions by their short names; C only if a claim was evaluated."""
     result, where = case.result, scope(case)
     best = (
         f"The recording was begun {place(case)}: the best time in {where}."
@@ -41,7 +49,7 @@ def propositions(case: Case) -> dict[str, str]:
 
 
 def comparisons(result: MatchResult) -> list[Comparison]:
-    """Return both ratios of the best time: H1 against H2, and H1 against H3."""
+    """Return both likelihood ratios of the best time: H1 against H2, and H1 against H3."""
     limits = _limits(result.method)
     ratioless = result.method in RATIOLESS
     why = f"{result.method} gives none" if ratioless else "too little could be compared"
@@ -52,7 +60,7 @@ def comparisons(result: MatchResult) -> list[Comparison]:
 
 
 def claim_comparisons(result: MatchResult) -> list[Comparison]:
-    """Return both ratios of a claimed time; none where the method doesn't weigh it by itself."""
+    """Return both likelihood ratios of a claimed time; none if the method doesn't compute them."""
     if not math.isfinite(result.claim_log10_lr):
         return []
     limit = _limits(result.method)["claim"]
@@ -63,7 +71,7 @@ def claim_comparisons(result: MatchResult) -> list[Comparison]:
 
 
 def claim_among(case: Case) -> str:
-    """Say which proposition the claimed time belongs to; empty without one, or where it's open."""
+    """Return which proposition the claimed time belongs to; empty if there is none, or unknown."""
     result = case.result
     reference = next((r for r in case.references if r.grid == result.grid), None)
     known = reference is not None and reference.t0_ns and math.isfinite(result.lag_s)
@@ -78,7 +86,7 @@ def claim_among(case: Case) -> str:
 
 
 def ratio_texts(result: MatchResult) -> RatioTexts:
-    """Return what must be said of ratios: their meaning, their making, the scale of words."""
+    """Return explanations of the ratios: meaning, method, limit and verbal scale."""
     limits = _limits(result.method)
     furthest = _power(max(limits["other"], limits["absent"]))
     if math.isfinite(result.claim_log10_lr):
@@ -97,7 +105,7 @@ def ratio_texts(result: MatchResult) -> RatioTexts:
 
 
 def _limits(method: str) -> dict[str, float]:
-    """Return the log10 of the largest ratio to speak of, for each question."""
+    """Return the log10 of the largest ratio to report, for each question."""
     return {name: min(limit, MAX_VERBAL_LOG10) for name, limit in ratio_limits(method).items()}
 
 
@@ -128,7 +136,7 @@ def _sentence(first: str, other: str, log10_lr: float, limit: float) -> str:
 
 
 def _power(log10: float) -> str:
-    """Write a power of ten to two digits: 1.5 is 32, 3 is 1000."""
+    """Return a power of ten rounded to two digits: 1.5 gives 32, 3 gives 1000."""
     value = 10**log10
     if value < 9.95:
         return f"{value:.2g}"
@@ -137,7 +145,7 @@ def _power(log10: float) -> str:
 
 
 def _scale() -> list[dict[str, str]]:
-    """Return the scale of words, the weakest first."""
+    """Return the verbal scale, the weakest first."""
     limits = [_power(limit) for limit, _ in reversed(SCALE)]
     ratios = [f"below {limits[0]}", *map(" to ".join, pairwise(limits)), f"above {limits[-1]}"]
     words = ["no support either way", *(text for _, text in reversed(SCALE))]

@@ -1,4 +1,4 @@
-"""What a report says whatever the case: what ratios mean, the method's limits, the terms."""
+"""Fixed texts of a report: meaning of likelihood ratios, limits of the method, glossary."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ RATIO_MEANING = (
     "is one unedited piece and that the reference and its time stamps are right.",
 )
 
-# The published metrics decide by a threshold, and weigh nothing.
+# The paper's metrics decide by a threshold, and have no likelihood ratio.
 RATIOLESS = frozenset(f"metric{number}" for number in (1, 2, 3, 4))
-# How each method comes by its ratios.
+# How each method computes its ratios.
 METHODS = {
     **dict.fromkeys(
         RATIOLESS,

@@ -1,4 +1,4 @@
-"""The question and the answer, each in a plain sentence."""
+"""The question and the answer of a report, each in plain sentences."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ CLAIMS = {
 
 
 def when(t_ns: int) -> str:
-    """Write a time for a person, to a hundredth of a second."""
+    """Return a time as text, to a hundredth of a second."""
     text = utc_text(t_ns)
     return f"{text[:10]} {text[11:22]} UTC" if text else "an unknown time"
 
 
 def scope(case: Case) -> str:
-    """Name what was searched."""
+    """Return a name for what was searched."""
     return "this reference" if len(case.references) == 1 else "these references"
 
 
 def place(case: Case) -> str:
-    """Write the best time and its 95 % interval."""
+    """Return the best time and its 95 % interval as text."""
     result = case.result
     reach_s = 1.96 * result.lag_std_s
     interval = f" (± {reach_s:.2f} s, 95 % interval)" if math.isfinite(reach_s) else ""
@@ -42,7 +42,7 @@ def place(case: Case) -> str:
 
 
 def question(case: Case) -> str:
-    """Return what is asked of the recording."""
+    """Return the question that the report answers."""
     claimed_ns = case.result.claimed_utc_ns
     if claimed_ns:
         return f"Did the recording {case.recording.name} begin at {when(claimed_ns)}, as claimed?"
@@ -61,7 +61,7 @@ def answer(case: Case) -> str:
 
 
 def _fits(case: Case) -> str:
-    """Say of a match what it is."""
+    """Return what a match means, as a clause."""
     if case.result.method in RATIOLESS:
         return (
             f"the recording passes the threshold of {case.result.method} {place(case)}. Wrong "
@@ -114,7 +114,11 @@ def _undecidable(case: Case) -> str:
 
 
 def distance(from_ns: int, to_ns: int) -> str:
-    """Say how far one time is after or before another, ready for 'the claim'."""
+    """Return how long one time is after or before another, to be continued by 'the claim'.
+
+    >>> distance(0, 90_500_000_000)
+    '90.5 s after'
+    """
     away_s = seconds(to_ns - from_ns)
     size_s = abs(away_s)
     side = "after" if away_s > 0 else "before"

@@ -1,7 +1,4 @@
-"""Put a report together, and put it in its place whole.
-
-A report's values as one HTML page.
-"""
+"""Renders a report as one HTML page, and writes its folder as a whole."""
 
 from __future__ import annotations
 
@@ -36,8 +33,8 @@ _WORDS = {
 class Section(NamedTuple):
     """A section of the page: ``sections/<id>.html.j2``, in which ``r`` is the document.
 
-    ``short`` is its name in the contents. One that is ``about`` a part of the document is left out
-    where that is empty.
+    ``short`` is its name in the table of contents. A section ``about`` a key of the document is
+    left out if that is empty.
     """
 
     id: str
@@ -46,7 +43,7 @@ class Section(NamedTuple):
     about: str = ""
 
 
-# In the order of the page. A new one is a file and a line here.
+# In the order of the page. To add one, add a template and a line here.
 SECTIONS = (
     Section("case", "The case", "Case", about="case"),
     Section("evidence", "Weight of the evidence"),
@@ -68,14 +65,14 @@ SECTIONS = (
 
 
 def page_of(document: Document, pictures: Sequence[Picture]) -> str:
-    """Fill in the page; whatever comes from outside is escaped.
+    """Render the page; all values are HTML-escaped.
 
     Parameters
     ----------
     document : Document
         Of :func:`rsenf.report.recording_time.document.document_of`; the page shows nothing else.
     pictures : sequence of Picture
-        Those that the document names, in its order.
+        Those that the document lists, in the same order.
     """
     shown = [section for section in SECTIONS if not section.about or dict(document)[section.about]]
     template = Path(__file__).parent / "page.html.j2"
@@ -83,7 +80,7 @@ def page_of(document: Document, pictures: Sequence[Picture]) -> str:
 
 
 def _known(write: Callable[..., str]) -> Callable[..., str]:
-    """Make a filter say so of what is not known."""
+    """Make a filter return 'not known' for None."""
 
     def filled(value: Any, *more: Any) -> str:
         return _UNKNOWN if value is None else write(value, *more)
@@ -100,24 +97,24 @@ def _count(value: int) -> str:
 
 
 def _utc(text: str) -> str:
-    """Write ISO 8601 for a person; seconds keep their decimals."""
+    """Return ISO 8601 in a readable form; seconds keep their decimals."""
     return f"{text[:10]} {text[11:].rstrip('Z')} UTC"
 
 
 def _power(log10: float) -> str:
-    """Write a ratio by its logarithm."""
+    """Return a ratio as a power of ten."""
     return f"10^{log10:.1f}".replace("-", "\N{MINUS SIGN}")
 
 
 def _unbroken(text: str) -> Any:
-    """Keep every time and every option in a text on one line."""
+    """Prevent line breaks within times and options of a text."""
     from markupsafe import Markup, escape
 
     return Markup(_WHOLE.sub(r'<span class="whole">\g<0></span>', str(escape(text))))
 
 
 def _duration(value: float) -> str:
-    """Write seconds as days, hours, minutes and seconds, those that are needed."""
+    """Return seconds as days, hours, minutes and seconds, without those that are zero."""
     days, rest = divmod(value, 86400)
     hours, rest = divmod(rest, 3600)
     minutes, rest = divmod(rest, 60)
@@ -127,7 +124,7 @@ def _duration(value: float) -> str:
 
 
 def _stamps(container: Mapping[str, Any]) -> str:
-    """Say what times a video's frames have."""
+    """Describe the time stamps of a video's frames."""
     if container["rate_basis"]:
         return f"none: they are counted at a rate that is {container['rate_basis']}"
     told = f"{_count(container['stamped_frames'])} frames have one"
@@ -156,7 +153,7 @@ _FILTERS: dict[str, Callable[..., str]] = {
 
 
 def write_report(path: Path, case: Case, made_utc: str) -> None:
-    """Write a report; an earlier one in the same folder is replaced when this one is complete.
+    """Write a report; an earlier one in the same folder is replaced once this one is complete.
 
     Parameters
     ----------
@@ -164,12 +161,12 @@ def write_report(path: Path, case: Case, made_utc: str) -> None:
         Folder to write: a new one, an empty one, or an earlier report.
     case : Case
     made_utc : str
-        When it was made. The same case at the same moment gives the same bytes.
+        Time of the report. The same case with the same time gives the same bytes.
 
     Raises
     ------
     UsageError
-        When the folder is one that must not be replaced.
+        When the folder must not be replaced.
     RecordingError
         When it can't be written.
     """
@@ -183,5 +180,5 @@ def write_report(path: Path, case: Case, made_utc: str) -> None:
             (folder / picture.file).write_bytes(picture.png)
         (folder / VERDICT).write_bytes(verdict_bytes(case))
         (folder / NUMBERS).write_text(numbers, encoding="utf-8")
-        # A file's name may hold bytes that are no text.
+        # A file name may contain bytes that are not valid text.
         (folder / PAGE).write_text(page, encoding="utf-8", errors="backslashreplace")

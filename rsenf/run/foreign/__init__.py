@@ -1,7 +1,7 @@
-"""Pictures in the MCAP files of other programs: ROS 2 and Foxglove.
+"""Reads pictures from MCAP files of other programs: ROS 2 and Foxglove.
 
-``cdr`` reads ROS 2's wire form, ``ros`` and ``foxglove`` the messages with pictures in them, each
-into a ``picture``; ``finder`` finds them among a file's records; ``pixels`` makes luma of raw
-ones, ``stream`` frames of all; ``cameras`` are the topics of a file, ``video`` is one as an input
-and ``convert`` writes them as a recording.
+In: an MCAP file. Out: frames, or a recording of rsenf's. Read ``picture`` first, then ``ros`` and
+``foxglove``, which parse messages into pictures; ``finder`` finds these among a file's records,
+``stream`` makes frames of them, ``cameras`` names a file's topics. ``video`` is one camera as an
+input of the one-process commands, ``convert`` writes a recording.
 """

@@ -1,4 +1,4 @@
-"""The cameras of a foreign file: its topics with pictures, under names that rsenf can use."""
+"""The cameras of a foreign file: its topics with pictures, under names that are valid in rsenf."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from rsenf.run.foreign.finder import holds_pictures
 
 
 def picture_topics(recording: Recording) -> dict[str, str]:
-    """Return camera names and the topics with their pictures, in the file's order.
+    """Return the topics with pictures by camera name, in the file's order.
 
-    ``/front/image_raw`` becomes ``front_image_raw``.
+    Topic ``/front/image_raw`` becomes camera ``front_image_raw``.
     """
     names: dict[str, str] = {}
     for topic in recording.topics.values():
@@ -27,12 +27,20 @@ def picture_topics(recording: Recording) -> dict[str, str]:
 
 
 def choose_camera(recording: Recording, cameras: dict[str, str], camera: str) -> str:
-    """Return the name of the one camera asked for, by its name or its topic.
+    """Return the name of a camera.
+
+    Parameters
+    ----------
+    recording : Recording
+    cameras : dict of str to str
+        As :func:`picture_topics` returns them.
+    camera : str
+        Its name or topic; '' for the only one.
 
     Raises
     ------
     UsageError
-        When it isn't there, or none is asked for and there are several.
+        When there is no such camera, or several and none is named.
     """
     there = ", ".join(cameras)
     if not camera and len(cameras) > 1:

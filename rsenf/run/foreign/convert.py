@@ -1,4 +1,4 @@
-"""A foreign file becomes a recording: pictures, frames, and the rows sampled from them."""
+"""Converts a foreign file to a recording: pictures, frames, and the rows sampled from them."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from rsenf.whole_file import whole_file
 
 @dataclass
 class Imported:
-    """What became of one camera.
+    """Result of one camera.
 
     Attributes
     ----------
     topic : str
-        Where its pictures were.
+        Topic of its pictures in the foreign file.
     frames : int
         Frames decoded.
     duration_s : float
@@ -35,7 +35,7 @@ class Imported:
     loss : str
         What could not be decoded, in one line; empty for nothing.
     warnings : list of str
-        What else to know, one line each.
+        One line each.
     """
 
     topic: str
@@ -56,34 +56,34 @@ def import_pictures(
 ) -> dict[str, Imported]:
     """Make a recording of the pictures in a foreign file.
 
-    Compressed pictures are kept as they are; of raw ones their luma is, without loss, as PNG.
+    Compressed pictures are copied; of raw ones the luma is kept, lossless, as PNG.
 
     Parameters
     ----------
     recording : Recording
-        The foreign file. What of it can't be read is left out and counted in its loss.
+        The foreign file. Unreadable parts are left out and counted in its loss.
     out : Path
-        The recording; it appears once it is complete.
+        The new recording; the file appears once it is complete.
     site : str
         Site of the cameras in the new recording.
     camera : str, optional
-        Only this one, by its name or topic; all unless given.
+        Name or topic of one camera; by default all are imported.
     rows : RowsSettings
-        How to sample rows.
+        Settings of the rows stage.
     progress : callable, optional
-        Told how many seconds are done.
+        Called with the number of seconds done.
 
     Returns
     -------
     dict of str to Imported
-        By camera.
+        Result of each camera.
 
     Raises
     ------
     InputError
         When there are no pictures, or none can be decoded.
     UsageError
-        When that camera isn't there.
+        When there is no such camera.
     RecordingError
         When the recording can't be written.
     """
@@ -113,7 +113,7 @@ def import_pictures(
 
 
 class _Lane:
-    """One camera's way into the recording."""
+    """Conversion of one camera."""
 
     def __init__(
         self, recorder: Recorder, site: str, camera: str, topic: str, rows: RowsSettings
@@ -127,7 +127,7 @@ class _Lane:
         self._packet: Header | None = None
 
     def take(self, items: list[Item]) -> None:
-        """Record what came of a picture."""
+        """Record the packets and frames of a picture."""
         for item in items:
             if isinstance(item, VideoPacket):
                 self._packet = item.header
@@ -142,7 +142,7 @@ class _Lane:
             self._sample(item)
 
     def end(self) -> None:
-        """Record what is still held back, and the END marks."""
+        """Record the last frames of the decoder, and the END marks."""
         self.take(self.stream.finish())
         if self._packet:
             end = self._packet.numbered(self._packet.seq + 1, Mark.END)

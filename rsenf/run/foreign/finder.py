@@ -1,4 +1,4 @@
-"""Finds the pictures among the records of a file."""
+"""Finds the pictures among the records of an MCAP file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _ENCODINGS: dict[str, Callable[[str], Reader | None]] = {
 
 
 def holds_pictures(schema: str) -> bool:
-    """Whether messages of a schema hold pictures, in one of their encodings."""
+    """Whether messages of a schema hold pictures, in any encoding."""
     return any(reader(schema) is not None for reader in _ENCODINGS.values())
 
 
@@ -42,12 +42,12 @@ class Found(NamedTuple):
 
 
 class Finder:
-    """Takes a file's records in their order, and gives its pictures.
+    """Takes the records of a file in order and returns its pictures.
 
     Parameters
     ----------
-    topics : set of str
-        Those wanted.
+    topics : frozenset of str
+        Topics to read.
     """
 
     def __init__(self, topics: frozenset[str]) -> None:
@@ -61,9 +61,9 @@ class Finder:
         Raises
         ------
         SchemaMismatch
-            When a message isn't what its schema says, or of a format that isn't known.
+            When a message doesn't match its schema, or has an unknown format.
         DamagedError
-            When the record isn't what it should be.
+            When the record is damaged.
         """
         if record.opcode == Opcode.SCHEMA:
             schema = unpack(Schema, record.body)

@@ -1,6 +1,6 @@
-"""Pictures in the messages of Foxglove, as Protobuf or as JSON.
+"""Reads pictures from Foxglove messages, in Protobuf or JSON.
 
-The schemas are the published ones, whose field numbers never change
+Uses Foxglove's published schemas, whose field numbers never change
 (https://github.com/foxglove/foxglove-sdk, folders ``schemas/proto`` and ``schemas/jsonschema``).
 """
 
@@ -32,12 +32,20 @@ _FIELDS = {
 
 
 def coded_video(stamp_ns: int, name: str, data: bytes) -> Coded:
-    """Return a picture of a video.
+    """Return a picture of a video stream.
+
+    Parameters
+    ----------
+    stamp_ns : int
+        Time stamp of the message, ns.
+    name : str
+        The message's name of the codec.
+    data : bytes
 
     Raises
     ------
     SchemaMismatch
-        When its codec isn't known.
+        When the codec is unknown.
     """
     codec = _VIDEO_CODECS.get(name.lower())
     if codec is None:
@@ -46,12 +54,12 @@ def coded_video(stamp_ns: int, name: str, data: bytes) -> Coded:
 
 
 def coded_still(stamp_ns: int, name: str, data: bytes) -> Coded:
-    """Return a picture that was compressed by itself.
+    """Return a still picture (JPEG, PNG or WebP); parameters as for :func:`coded_video`.
 
     Raises
     ------
     SchemaMismatch
-        When it isn't one of those known.
+        When the first bytes show none of these formats.
     """
     codec = still_codec(data)
     if not codec:
@@ -60,12 +68,12 @@ def coded_still(stamp_ns: int, name: str, data: bytes) -> Coded:
 
 
 def protobuf_reader(schema: str) -> Callable[[bytes], Picture] | None:
-    """Return what reads Protobuf messages of a schema; None when they hold no picture."""
+    """Return a reader of Protobuf messages of a schema; None if they hold no picture."""
     return functools.partial(_from_protobuf, schema) if schema in _FIELDS else None
 
 
 def json_reader(schema: str) -> Callable[[bytes], Picture] | None:
-    """Return what reads JSON messages of a schema; None when they hold no picture."""
+    """Return a reader of JSON messages of a schema; None if they hold no picture."""
     return functools.partial(_from_json, schema) if schema in _FIELDS else None
 
 
@@ -90,7 +98,7 @@ def _from_json(schema: str, payload: bytes) -> Picture:
 
 
 def _plain(kind: str, value: Any) -> Any:
-    """Value of a field in JSON; a TypeError, KeyError or ValueError when it isn't of the kind."""
+    """Return the value of a JSON field; raises TypeError, KeyError or ValueError if invalid."""
     if kind == "stamp":
         return _number(value["sec"]) * 1_000_000_000 + _number(value["nsec"])
     if kind == "fixed32":

@@ -1,17 +1,17 @@
-"""A picture of another program, as it came."""
+"""A picture of another program as it was stored: compressed or raw."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-# What a still picture begins with. Names of formats are free text in ROS: the bytes are not.
+# Magic numbers of still pictures. Format names are free text in ROS, so they aren't relied on.
 _STILLS = ((b"\xff\xd8\xff", "mjpeg"), (b"\x89PNG\r\n\x1a\n", "png"))
 
 
 class Coded(NamedTuple):
     """A compressed picture.
 
-    ``stamp_ns`` is the time that the message itself gives, 0 for none; ``codec`` is FFmpeg's name.
+    ``stamp_ns`` is the time stamp in the message, 0 for none; ``codec`` is FFmpeg's name of it.
     """
 
     stamp_ns: int
@@ -20,9 +20,9 @@ class Coded(NamedTuple):
 
 
 class Raw(NamedTuple):
-    """A picture of bare pixels, lines of ``step_bytes`` (0: without padding) one after another.
+    """An uncompressed picture, in lines of ``step_bytes`` (0: no padding).
 
-    ``encoding`` is ROS's name of a pixel's form; ``big_endian`` is of samples of two bytes.
+    ``encoding`` is ROS's name of the pixel format; ``big_endian`` applies to 16-bit samples.
     """
 
     stamp_ns: int
@@ -38,7 +38,11 @@ Picture = Coded | Raw
 
 
 def still_codec(data: bytes) -> str:
-    """Codec of a still picture by its first bytes; empty for an unknown one."""
+    """Return the codec of a still picture by its first bytes; empty if unknown.
+
+    >>> still_codec(b"\\xff\\xd8\\xff\\xe0")
+    'mjpeg'
+    """
     if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
         return "webp"
     return next((codec for begin, codec in _STILLS if data.startswith(begin)), "")

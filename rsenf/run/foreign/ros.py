@@ -1,9 +1,8 @@
-"""Pictures in the messages of ROS 2, whose fields stand in the order of their definition.
+"""Reads pictures from ROS 2 messages, in CDR (Common Data Representation) of either byte order.
 
-https://docs.ros.org/en/rolling/p/sensor_msgs/ and https://docs.ros.org/en/rolling/p/foxglove_msgs/;
-these definitions have no versions: a changed one gets a new name.
-
-The wire form of ROS 2: Common Data Representation, in either order of bytes.
+CDR stores the fields of a message in the order of its definition:
+https://docs.ros.org/en/rolling/p/sensor_msgs/ and https://docs.ros.org/en/rolling/p/foxglove_msgs/.
+These definitions have no versions: a changed one gets a new name.
 """
 
 from __future__ import annotations
@@ -15,13 +14,13 @@ from rsenf.errors import SchemaMismatch
 from rsenf.run.foreign.foxglove import coded_still, coded_video
 from rsenf.run.foreign.picture import Picture, Raw
 
-# Second byte of the first four: plain CDR and plain CDR 2, big- and little-endian (XTypes 7.6.3.1).
-# What differs between the two, numbers of eight bytes, occurs in no picture.
+# Second byte of the 4-byte header: plain CDR and plain CDR 2, big- and little-endian (DDS-XTypes
+# 7.6.3.1). The two differ in the alignment of 8-byte numbers, which no picture message has.
 _ORDERS = {0: ">", 1: "<", 6: ">", 7: "<"}
 
 
 class CdrReader:
-    """Reads values one after another, each aligned to its size, and never beyond the end.
+    """Reads values one after another, each aligned to its size, never beyond the end.
 
     Parameters
     ----------
@@ -31,7 +30,7 @@ class CdrReader:
     Raises
     ------
     SchemaMismatch
-        Here and from every method, when the bytes aren't what is asked for.
+        Here and from every method, when the bytes are no such value.
     """
 
     def __init__(self, payload: bytes) -> None:
@@ -45,11 +44,11 @@ class CdrReader:
         return self.take(1)[0]
 
     def u32(self) -> int:
-        """Read an unsigned number of four bytes."""
+        """Read an unsigned 32-bit integer."""
         return self._four("I")
 
     def time_ns(self) -> int:
-        """Read a ``builtin_interfaces/Time``."""
+        """Read a ``builtin_interfaces/Time``; return ns."""
         return self._four("i") * 1_000_000_000 + self._four("I")
 
     def text(self) -> str:
@@ -64,7 +63,7 @@ class CdrReader:
         return bytes(self.take(self.u32()))
 
     def take(self, size: int) -> memoryview:
-        """Read so many bytes."""
+        """Read a number of bytes."""
         end = self._at + size
         if end > len(self._body):
             raise SchemaMismatch(f"{size} bytes wanted where {len(self._body) - self._at} are left")
@@ -117,6 +116,6 @@ _MESSAGES: dict[str, Callable[[CdrReader], Picture]] = {
 
 
 def reader_of(schema: str) -> Callable[[bytes], Picture] | None:
-    """Return what reads the messages of a schema; None when they hold no picture."""
+    """Return a reader of CDR messages of a schema; None if they hold no picture."""
     read = _MESSAGES.get(schema)
     return None if read is None else lambda payload: read(CdrReader(payload))

@@ -1,7 +1,4 @@
-"""From the pictures of one topic to frames, with the times that they bear.
-
-From bare pixels to luma.
-"""
+"""Converts the pictures of one topic to frames: decoding, luma of raw pixels, and time stamps."""
 
 from __future__ import annotations
 
@@ -23,15 +20,15 @@ from rsenf.timebase import NS_PER_S
 
 
 class _Form(NamedTuple):
-    """A pixel's bytes, and how to get at its luma: a byte of it, or FFmpeg's name of the form."""
+    """Bytes per pixel, and where its luma is: a byte of it, or FFmpeg's name of the format."""
 
     bytes: int
     luma_byte: int = 0
     ffmpeg: str = ""
 
 
-# https://docs.ros.org/en/rolling/p/sensor_msgs/ (image_encodings.hpp) and foxglove.RawImage. Planes
-# of colour follow those of luma, and aren't looked at.
+# https://docs.ros.org/en/rolling/p/sensor_msgs/ (image_encodings.hpp) and foxglove.RawImage. Chroma
+# planes follow the luma plane, and are ignored.
 _FORMS = {
     **dict.fromkeys(("mono8", "8UC1", "nv12", "nv21", "nv24"), _Form(1)),
     **dict.fromkeys(("yuv422", "uyvy"), _Form(2, luma_byte=1)),
@@ -48,12 +45,13 @@ _FORMS = {
 def raw_luma(raw: Raw) -> NDArray[np.uint8]:
     """Return the luma of a raw picture, rows × columns, uint8, read-only.
 
-    What has luma keeps it as it is; of colours it is made as for every other input.
+    8-bit luma is kept unchanged; RGB, Bayer and 16-bit formats are converted by FFmpeg, as for
+    every other input.
 
     Raises
     ------
     SchemaMismatch
-        When the form isn't known, or the data don't fill the picture.
+        When the pixel format is unknown, or the data don't fill the picture.
     """
     form = _FORMS.get(raw.encoding)
     if form is None:
@@ -65,7 +63,7 @@ def raw_luma(raw: Raw) -> NDArray[np.uint8]:
 
 
 def _lines(raw: Raw, pixel_bytes: int) -> NDArray[np.uint8]:
-    """Lines of the picture, without their padding."""
+    """Return the lines of the picture without padding (a view)."""
     size = f"{raw.width_px}×{raw.height_px}"
     if not 0 < raw.width_px * raw.height_px <= LARGEST_PX:
         raise SchemaMismatch(f"a picture of {size} pixels")
@@ -86,7 +84,8 @@ def _by_ffmpeg(raw: Raw, name: str, lines: NDArray[np.uint8]) -> NDArray[np.uint
         name += "be" if raw.big_endian else "le"
     height_px, width_px = raw.height_px, raw.width_px
     if name.startswith("bayer"):
-        # FFmpeg aborts the process at odd heights: whole cells, the colours of a mosaic kept.
+        # FFmpeg aborts the process at odd heights: pad to whole 2 × 2 cells. Reflection keeps the
+        # colour order of the mosaic.
         lines = np.pad(lines, ((0, height_px % 2), (0, width_px % 2)), mode="reflect")
         height_px, width_px = lines.shape
     try:
@@ -100,10 +99,10 @@ def _by_ffmpeg(raw: Raw, name: str, lines: NDArray[np.uint8]) -> NDArray[np.uint
     return luma_plane(frame)[: raw.height_px, : raw.width_px]
 
 
-# Stamps before the year 2000 are of a clock that isn't set, or of a simulation's.
+# Stamps before the year 2000 come from an unset clock or from a simulation.
 _FIRST_WALL_CLOCK_NS = 946_684_800 * NS_PER_S
-_LONGEST_NS = 1 << 62  # 146 years: what decoders can count, with room to spare
-RAW_CODEC = "png"  # how a raw picture is kept: its luma, without loss
+_LONGEST_NS = 1 << 62  # 146 years: well within the range of decoders
+RAW_CODEC = "png"  # how the luma of a raw picture is stored, lossless
 _PNG_FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 
 Item = Frame | VideoPacket
@@ -113,25 +112,28 @@ Luma = NDArray[np.uint8]
 class PictureStream:
     """Makes frames of the pictures of one topic.
 
-    The stream clock is the pictures' own stamps, counted from the first; where that has none, the
-    times at which they were logged. A change of size or codec ends the stream.
+    The stream clock is the pictures' time stamps, counted from the first one; if the first has
+    none, the log times. A change of size or codec ends the stream.
 
     Parameters
     ----------
     source : str
-        What the messages say they come from.
+        ``source`` of the message headers.
     with_packets : bool
-        Whether to give each compressed picture, too, before its frames.
+        Whether to return each compressed picture as well, before its frames.
 
     Attributes
     ----------
     ended : str
-        Why what follows can't belong to the same stream; empty while it can.
-    damaged, backward, unset : int
-        Pictures that can't be decoded, frames whose time isn't after the one's before, and
-        pictures without a stamp, or with one centuries away, among others that have one.
+        Why the stream has ended; empty while it goes on.
+    damaged : int
+        Pictures that can't be decoded.
+    backward : int
+        Frames that are not later than the one before.
+    unset : int
+        Pictures without a time stamp, or with one centuries away, though the first one has one.
     unstamped : bool
-        Whether times are those of logging.
+        Whether log times are used.
     """
 
     def __init__(self, source: str, *, with_packets: bool = False) -> None:
@@ -148,7 +150,14 @@ class PictureStream:
         self.damaged = self.backward = self.unset = 0
 
     def feed(self, picture: Picture, log_time_ns: int) -> list[Item]:
-        """Take a picture; return what it completes: its packet, if asked for, and frames."""
+        """Take a picture; return its packet, if requested, and the frames it completes.
+
+        Parameters
+        ----------
+        picture : Coded or Raw
+        log_time_ns : int
+            When it was logged, UTC since 1970.
+        """
         if self.ended:
             return []
         if picture.stamp_ns <= 0 and self._zero_ns is not None and not self.unstamped:
@@ -167,7 +176,7 @@ class PictureStream:
             return []
 
     def finish(self) -> list[Item]:
-        """Return the frames that the decoder still holds back."""
+        """Return the frames that the decoder still holds."""
         try:
             return self._shown(self._decoder.rest()) if self._decoder else []
         except (av.FFmpegError, ValueError, MemoryError):
@@ -176,7 +185,7 @@ class PictureStream:
 
     @property
     def loss(self) -> str:
-        """What was lost so far, in one line; empty for nothing."""
+        """What was lost until now, in one line; empty for nothing."""
         lost = [self.ended] if self.ended else []
         if self.damaged:
             lost.append(f"pictures that can't be decoded: {self.damaged}")
@@ -186,7 +195,7 @@ class PictureStream:
 
     @property
     def warnings(self) -> list[str]:
-        """What a result should say, one line each."""
+        """Warnings that belong in a result, one line each."""
         found = []
         if self.unstamped:
             found.append("its pictures bear no times: those of logging were taken, which jitter")
@@ -233,7 +242,7 @@ class PictureStream:
             return kept
 
     def _is_keyframe(self, picture: Coded) -> bool:
-        """Whether it is known to need no other; of VP9 and AV1 only the first is."""
+        """Whether a picture is known to need no earlier one; for VP9 and AV1 only the first."""
         if picture.codec in ("h264", "hevc"):
             return is_random_access(picture.data, picture.codec)
         return picture.codec in STILLS or self._packets == 0

@@ -1,4 +1,4 @@
-"""One camera of a foreign file as an input like any other."""
+"""One camera of a foreign file as an input of the one-process commands."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ class ForeignVideo(Input):
     Parameters
     ----------
     recording : Recording
-        The file, which has pictures.
+        A file with pictures.
     camera : str
-        Which camera, by its name or topic; the only one unless given.
+        Name or topic of the camera; '' for the only one.
     source : str
-        What its messages say they come from.
+        ``source`` of the message headers.
 
     Raises
     ------
     UsageError
-        When that camera isn't there, or several are and none is named.
+        When there is no such camera, or several and none is named.
     """
 
     begins_with = "frames"
@@ -43,12 +43,12 @@ class ForeignVideo(Input):
         self.duration_s = (found.last_ns - found.first_ns) / 1e9
 
     def messages(self) -> Iterator[Frame]:
-        """Yield its frames, as many as can be decoded.
+        """Yield all frames that can be decoded.
 
         Raises
         ------
         InputError
-            When none can.
+            When there is none.
         """
         some = False
         for item in self._items():
@@ -65,10 +65,10 @@ class ForeignVideo(Input):
 
     @property
     def loss(self) -> str:
-        """What of the file, and of its pictures, is lost."""
+        """What could not be read of the file and its pictures, in one line."""
         return "; ".join(filter(None, [self._recording.lost, self._stream.loss]))
 
     @property
     def warnings(self) -> list[str]:
-        """What the pictures' times leave open."""
+        """Warnings about the pictures' times, one line each."""
         return self._stream.warnings

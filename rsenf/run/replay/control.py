@@ -1,4 +1,4 @@
-"""What a player is told while it plays: pause, step, seek, stop."""
+"""Controls of a player while it plays: pause, step, seek, stop; and its pace."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from threading import Condition, Event
 from rsenf.timebase import NS_PER_S
 
 POLL_S = 0.05
-# Frames that were coded in another order go back in time by less than this.
+# Frames stored in coding order go back in time by less than this.
 REORDERED_NS = 2 * NS_PER_S
 
 
 class Control:
-    """Tells a player what to do. May be used from any thread.
+    """Remote control of a player. Thread-safe.
 
     Parameters
     ----------
     stop : Event, optional
-        Ends the playing when it is set.
+        Ends the replay when it is set.
     """
 
     def __init__(self, stop: Event | None = None) -> None:
@@ -30,7 +30,7 @@ class Control:
         self._change = Condition()
 
     def pause(self) -> None:
-        """Pause, or go on."""
+        """Pause or resume."""
         with self._change:
             self.paused = not self.paused
             self._steps = 0
@@ -44,24 +44,24 @@ class Control:
             self._change.notify_all()
 
     def seek(self, by_s: float) -> None:
-        """Go on from a place so many seconds later, or earlier."""
+        """Jump forward by some seconds, or back if they are negative."""
         with self._change:
             self._seek_s = (self._seek_s or 0.0) + by_s
             self._change.notify_all()
 
     def sought_s(self) -> float | None:
-        """Take the seconds to seek by; None when nothing is sought."""
+        """Return and clear the pending jump in seconds; None for none."""
         with self._change:
             seek_s, self._seek_s = self._seek_s, None
             return seek_s
 
     def admit(self, left_s: Callable[[], float]) -> bool:
-        """Wait until a message may pass; False when the player is to seek or stop instead.
+        """Wait until a message may pass; return False when the player must seek or stop instead.
 
         Parameters
         ----------
         left_s : callable
-            How long until the message is due, were there no pauses.
+            Returns the seconds until the message is due, apart from pauses.
         """
         with self._change:
             while not self.stop.is_set() and self._seek_s is None:
@@ -76,14 +76,14 @@ class Control:
 
 
 class Pace:
-    """When what was recorded at some time is due.
+    """Maps recorded times to due times.
 
-    Where time goes back, because passes were recorded beside each other, it begins anew.
+    Where recorded time jumps back, since a recording may hold several passes, the pace restarts.
 
     Parameters
     ----------
     rate : float
-        Recorded seconds in a second; 0 for as fast as whoever listens takes it.
+        Recorded seconds per second; 0 for as fast as the receiver takes messages.
     """
 
     def __init__(self, rate: float) -> None:
@@ -92,11 +92,11 @@ class Pace:
         self._latest_ns = 0
 
     def restart(self) -> None:
-        """Let the next message be due now."""
+        """Make the next message due now."""
         self._anchor = None
 
     def left_s(self, time_ns: int) -> float:
-        """Seconds until a time is due; below 0 when it is late."""
+        """Return the seconds until a recorded time is due; below 0 when it is late."""
         if not self._rate:
             return 0.0
         now_s = time.monotonic()

@@ -1,4 +1,4 @@
-"""A recording as the input of the one-process commands: played into the stages."""
+"""A recording as an input of the one-process commands."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ class Replayed(Input):
     ----------
     recording : Recording
     camera : str
-        Which one, where it has several.
+        Name of the camera; may be empty if there is only one.
     begin : str
-        'frames', 'rows' or 'track'.
+        Topic to read: 'frames', 'rows' or 'track'.
     rate : float
-        Recorded seconds in a second; 0 for as fast as it goes.
+        Recorded seconds per second; 0 for full speed.
 
     Raises
     ------
     UsageError
-        When there is no such camera, or the choice is open.
+        When there is no such camera, or several and none is named.
     InputError
-        When it holds nothing of the kind.
+        When the recording has no such topic.
     """
 
     tells_arrival = True
@@ -53,7 +53,7 @@ class Replayed(Input):
         )
 
     def messages(self) -> Iterator[Any]:
-        """Yield its messages, as many as can be read."""
+        """Yield all messages that can be read."""
         epoch, due = 0, 0
         for _, message in self._player:
             header: Header = message.header
@@ -72,18 +72,18 @@ class Replayed(Input):
 
     @property
     def loss(self) -> str:
-        """What the file lacks."""
+        """What could not be read of the file, in one line."""
         return self._loss
 
     @property
     def warnings(self) -> list[str]:
-        """What never reached the recording."""
+        """The number of messages missing in the recording, by sequence number."""
         what = WORDS[self.begins_with]
         return [f"{what} that were not recorded: {self._missing}"] if self._missing else []
 
 
 def _camera(recording: Recording, camera: str, begin: str) -> str:
-    """Return the camera to take, by name or because it is the only one."""
+    """Return the camera to read: the one named, or the only one."""
     path, what = recording.path, WORDS[begin]
     topic = VIDEO if begin == FRAMES else begin
     cameras = [key.split("/")[-2] for key in recording.topics if topic_of(key) == topic]

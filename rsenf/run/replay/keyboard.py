@@ -1,4 +1,4 @@
-"""A player's keys: space pauses, . steps, the arrows seek, q ends."""
+"""Keyboard control of a player: space pauses, . steps, arrows seek, q ends."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _KEY = re.compile(r"\x1b\[[A-D]|.", re.DOTALL)
 
 
 def obey(keys: Iterable[str], control: Control) -> None:
-    """Do what keys say, until there are no more."""
+    """Apply keys to a player's control, until there are no more."""
     for key in keys:
         if key == " ":
             control.pause()
@@ -34,14 +34,14 @@ def obey(keys: Iterable[str], control: Control) -> None:
 
 @contextmanager
 def keyboard(terminal: int, control: Control) -> Iterator[None]:
-    """Let a terminal's keys work on a player for the duration of a ``with`` block.
+    """Control a player by a terminal's keys for the duration of a ``with`` block.
 
     Parameters
     ----------
     terminal : int
-        File descriptor; it gets its settings back.
+        File descriptor; its settings are restored at the end.
     control : Control
-        Of the player.
+        Control of the player.
     """
     before = termios.tcgetattr(terminal)
     ended = threading.Event()

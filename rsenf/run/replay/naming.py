@@ -1,4 +1,4 @@
-"""Which topics of a recording are played, and the names they go by."""
+"""Choice of the topics of a recording to replay, and their keys on the bus."""
 
 from __future__ import annotations
 
@@ -35,24 +35,23 @@ def chosen(
     Parameters
     ----------
     recording : Recording
-        What there is.
     wanted : collection of str
-        Key expressions below the site, such as ``cam1/rows``, ``*/track`` or ``reference/ce``. All
-        but decoded frames when empty. ``frames`` stands for the video, decoded.
+        Key expressions below the site, such as ``cam1/rows``, ``*/track`` or ``reference/ce``;
+        ``frames`` stands for the decoded video. If empty: all topics, without decoding video.
     rename : mapping, optional
-        New names by old: of cameras (``door``), or of topics (``door/rows``, ``reference/ce``).
+        New names by old, of cameras (``door``) or topics (``door/rows``, ``reference/ce``).
     site : str
-        Site to play to; the recorded one when empty.
+        Site to replay to; the recorded one if empty.
 
     Returns
     -------
     dict of str to str
-        Key to play to by recorded key.
+        Key on the bus by recorded key.
 
     Raises
     ------
     UsageError
-        When something wanted isn't there, or a name can't be.
+        When a wanted topic doesn't exist, or a new name is not valid.
     """
     there = _playable(recording)
     found = dict.fromkeys(k for k in there if topic_of(k) != FRAMES) if not wanted else {}
@@ -69,7 +68,7 @@ def chosen(
 
 
 def as_named(message: Any, key: str) -> Any:
-    """Return a message with the source, and the grid, that belong to its key."""
+    """Return a message with the source, and for a reference the grid, of its key."""
     grid = key.split("/")[3] if topic_of(key) == REFERENCE else ""
     source = f"{REFERENCE}/{grid}" if grid else source_of(key)
     message = dataclasses.replace(
@@ -81,7 +80,7 @@ def as_named(message: Any, key: str) -> Any:
 
 
 def _playable(recording: Recording) -> list[str]:
-    """Keys that can be played: health is of processes that are gone, and frames need a video."""
+    """Return the keys that can be replayed: not health; frames only where there is a video."""
     keys = [k for k, t in recording.topics.items() if t.is_ours and k.startswith(f"{ROOT}/")]
     signals = [k for k in keys if topic_of(k) in TOPICS and topic_of(k) not in (HEALTH, FRAMES)]
     return [*signals, *(with_topic(k, FRAMES) for k in signals if topic_of(k) == VIDEO)]

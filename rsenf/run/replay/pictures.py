@@ -1,4 +1,4 @@
-"""Recorded packets of a video, decoded again: the same frames, with the same numbers and times."""
+"""Decodes the recorded packets of a video to the same frames, with the same numbers and times."""
 
 from __future__ import annotations
 
@@ -17,7 +17,15 @@ Timed = tuple[int, VideoPacket]
 
 
 def from_key_frame(packets: Iterable[Timed], from_ns: int) -> Iterator[Timed]:
-    """Leave out what comes before the last key frame before a moment: the rest can be decoded."""
+    """Yield packets from the last key frame before a time on: those from which decoding can start.
+
+    Parameters
+    ----------
+    packets : iterable of (int, VideoPacket)
+        With their times (ns), in decoding order.
+    from_ns : int
+        First time that is wanted.
+    """
     held: list[Timed] | None = []
     for item in packets:
         if held is None:
@@ -34,17 +42,17 @@ def from_key_frame(packets: Iterable[Timed], from_ns: int) -> Iterator[Timed]:
 def pictures(packets: Iterable[Timed], from_ns: int, like: Frame) -> Iterator[tuple[int, Frame]]:
     """Decode a video.
 
-    Packets that are missing cost all pictures up to the next key frame: what a decoder would make
-    of them isn't what was filmed. Numbers leave room for them.
+    After missing packets all pictures up to the next key frame are left out, since they would be
+    decoded from wrong predictions. Frame numbers leave a gap for them.
 
     Parameters
     ----------
     packets : iterable of (int, VideoPacket)
-        With their times, in the order of decoding.
+        With their times (ns), in decoding order.
     from_ns : int
-        Frames before this time are left out; numbers begin with the first that isn't.
+        Earlier frames are left out, and numbers begin after them.
     like : Frame
-        What else is known of the frames, such as how to rotate them.
+        Template for other fields, such as the rotation.
 
     Yields
     ------
@@ -55,7 +63,7 @@ def pictures(packets: Iterable[Timed], from_ns: int, like: Frame) -> Iterator[tu
     Raises
     ------
     InputError
-        When its pictures contradict the times of its packets.
+        When the order of the pictures contradicts the times of the packets.
     """
     decoder: _Stretch | None = None
     for time_ns, packet in from_key_frame(packets, from_ns):
@@ -69,7 +77,7 @@ def pictures(packets: Iterable[Timed], from_ns: int, like: Frame) -> Iterator[tu
 
 
 class _Stretch:
-    """Decodes one stretch of a video: the packets of an epoch."""
+    """Decodes one epoch of a video."""
 
     def __init__(self, first: VideoPacket, from_ns: int, like: Frame) -> None:
         self._from_ns, self._like, self._codec = from_ns, like, first.codec
@@ -80,7 +88,7 @@ class _Stretch:
         self._lost = False
 
     def continues(self, header: Header) -> bool:
-        """Whether a packet belongs to the same stretch."""
+        """Whether a packet belongs to the same run and epoch."""
         return (header.run_id, header.epoch) == (self._last.run_id, self._last.epoch)
 
     def feed(self, time_ns: int, packet: VideoPacket) -> Iterator[tuple[int, Frame]]:
@@ -104,7 +112,7 @@ class _Stretch:
             yield from self._shown(made)
 
     def drain(self) -> Iterator[tuple[int, Frame]]:
-        """Give out the last frames."""
+        """Yield the last frames of the decoder."""
         with contextlib.suppress(av.FFmpegError):
             yield from self._shown(self._decoder.rest())
 
@@ -116,7 +124,7 @@ class _Stretch:
             )
         for picture, (time_ns, header) in decoded:
             self._size = self._size or (picture.width, picture.height)
-            # A picture of another size ended the stream when it was live, too.
+            # A picture of another size had ended the live stream as well.
             if time_ns < self._from_ns or (picture.width, picture.height) != self._size:
                 continue
             number, self._number = self._number, self._number + 1

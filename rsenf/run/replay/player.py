@@ -1,6 +1,6 @@
-"""Plays a recording: the right part of it, at the right speed, as often as asked for.
+"""Plays a recording: a part of it, at any speed, once or in a loop.
 
-The headers of what is played again: another run, and an epoch for every jump.
+Replayed messages get new headers: another run id, and a new epoch after every jump.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from rsenf.timebase import NS_PER_S, nanoseconds
 
 
 class Stamps:
-    """Gives played messages their headers.
+    """Assigns headers to replayed messages.
 
-    Stages renew themselves when run or epoch of their input change. So epochs stay as they were
-    recorded until something jumps; after a jump they go on above all that were used, on every
-    topic alike. A second run in one recording is a jump, too: a player is one run.
+    Stages are renewed when run or epoch of their input change. So recorded epochs are kept until
+    a jump (seek, loop); after it, epochs on all topics continue above the highest one used. A
+    second run within a recording counts as a jump, since a player is one run.
 
     Parameters
     ----------
     run_id : str
-        Of the player.
+        Run id of the player.
     clock_ns : callable
-        Wall clock: data arrive now, not when they were recorded.
+        Wall clock, for the arrival times.
     keys : iterable of str
-        All that are played.
+        All keys that are played.
     """
 
     def __init__(self, run_id: str, clock_ns: Callable[[], int], keys: Iterable[str]) -> None:
@@ -46,14 +46,14 @@ class Stamps:
         self._last: dict[str, Header | None] = dict.fromkeys(keys)
 
     def jump(self) -> None:
-        """What follows doesn't continue what came before."""
+        """Begin new epochs: what follows doesn't continue what came before."""
         self._offsets.clear()
         self._joined.clear()
 
     def stamp(self, key: str, message: Any) -> Any:
-        """Return a message as the player sends it.
+        """Return a message with its new header.
 
-        A stream that is joined in its midst is numbered from 0; what is missing later shows.
+        A stream joined in the middle is numbered from 0; later gaps are preserved.
         """
         old: Header = message.header
         place = (old.run_id, old.epoch, old.seq)
@@ -92,11 +92,11 @@ class Playing:
     topics, rename, site
         As for :func:`rsenf.run.replay.naming.chosen`.
     rate : float
-        Recorded seconds in a second; 0 for as fast as whoever listens takes it.
+        Recorded seconds per second; 0 for as fast as the receiver takes messages.
     start_s, end_s : float
-        Part to play, counted from the first message of the recording's streams.
+        Part to play, in seconds from the first message of the recording's streams.
     loop : int
-        How often; 0 for until stopped.
+        Number of passes; 0 for until stopped.
     """
 
     topics: tuple[str, ...] = ()
@@ -109,32 +109,32 @@ class Playing:
 
 
 class Player:
-    """Yields keys and messages, each when it is due; END marks at last, stopped or not.
+    """Iterable of keys and messages, each yielded when due; END marks last, even when stopped.
 
-    Speed decides when a message comes, never which or in which order. Whoever takes them makes
-    the player wait by not asking for the next one.
+    The rate determines when a message is yielded, never which ones or in which order. The consumer
+    exerts backpressure by not asking for the next one.
 
     Parameters
     ----------
     path : path
         The recording.
     playing : Playing
-        What of it, and how.
+        What to play, and how.
     run_id : str
         For the headers.
     clock_ns : callable
         Wall clock, UTC since 1970, in ns.
     control : Control, optional
-        To pause, step, seek and stop it by.
+        To pause, step, seek and stop.
 
     Attributes
     ----------
     keys : tuple of str
-        All that it plays.
+        Keys that are played.
     position_s : float
-        How far it is.
+        Present position.
     passes : int
-        How often it has come to the end.
+        Number of completed passes.
 
     Raises
     ------
@@ -183,7 +183,7 @@ class Player:
 
     @property
     def loss(self) -> str:
-        """What of the recording can't be read, in one line; empty when all can."""
+        """What could not be read, in one line; empty if nothing was lost."""
         loss = self._tape.loss
         return f"{loss}; played up to {self.position_s:.1f} s" if loss else ""
 
@@ -201,22 +201,22 @@ class Player:
                 at_ns = self._sought_ns()
                 continue
             self.passes += 1
-            if self.passes == self._loop or nothing:  # an empty part would loop on the spot
+            if self.passes == self._loop or nothing:  # an empty part would loop without pause
                 break
         yield from self._stamps.ends()
 
     def _references(self) -> Iterator[tuple[str, Any]]:
-        """Play them once, neither paced nor stepped: they belong to no moment."""
+        """Play references once, neither paced nor stepped: they have no stream time."""
         for key, message in self._tape.references():
             if self._control.stop.is_set():
                 return
             yield key, self._stamps.stamp(key, message)
 
     def _pass(self, at_ns: int) -> Generator[tuple[str, Any], None, bool]:
-        """Play to the end; returns whether it was reached."""
+        """Play to the end; return whether it was reached."""
         self._be_at(at_ns)
         for time_ns, key, message in self._tape.play(at_ns, self._end_ns):
-            # Video that leads up to the place is due there, not before.
+            # Packets before the start, which decoding needs, are due at the start.
             due_ns = max(time_ns, at_ns)
             if not self._admitted(due_ns):
                 return False

@@ -1,4 +1,4 @@
-"""A recording as something to be played: its topics side by side, in the order of their times."""
+"""Reads the topics of a recording merged in the order of time, from any moment on."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ class Played(NamedTuple):
 
 
 class Tape:
-    """Plays a recording's topics from any moment on. What can't be read is left out and counted.
+    """Plays a recording's topics from any moment on. Unreadable parts are left out and counted.
 
-    Each topic is read by itself, since between topics a recording needn't be in the order of
-    time: a tracker may have been minutes behind a decoder. Nor need it within a topic: frames may
-    be coded in another order, and passes recorded beside each other.
+    Each topic has its own reader, since a recording isn't ordered in time between topics: a
+    tracker may have been minutes behind a decoder. Nor is it within a topic: frames may be stored
+    in coding order, and several passes side by side.
 
     Parameters
     ----------
     recording : Recording
         The recording.
     names : mapping
-        Keys to play to by recorded key.
+        Key on the bus by recorded key.
 
     Attributes
     ----------
     first_ns, last_ns : int
-        Times of the first and the last message of all its streams.
+        Times of the first and the last message of all streams.
     """
 
     def __init__(self, recording: Recording, names: Mapping[str, str]) -> None:
@@ -56,14 +56,14 @@ class Tape:
         self._readers = [recording]
 
     def references(self) -> Iterator[tuple[str, Any]]:
-        """Play the references, whole: they belong to no moment of the streams."""
+        """Play the references as a whole: they have no stream time."""
         for recorded, key in self.names.items():
             if topic_of(key) == REFERENCE:
                 for _, message in self._messages(recorded, to_ns=None):
                     yield key, message
 
     def play(self, from_ns: int, to_ns: int) -> Iterator[Played]:
-        """Play what lies of the streams between two times, the second excluded.
+        """Play the streams between two times (ns), the second excluded.
 
         A video begins with the key frame that its first picture needs.
         """
@@ -77,12 +77,12 @@ class Tape:
 
     @property
     def loss(self) -> str:
-        """What can't be read, in one line; empty for nothing."""
+        """What could not be read, in one line; empty for nothing."""
         return self._worst.lost
 
     @property
     def _worst(self) -> Recording:
-        """Return what was read with the most damage: each topic's reader meets the same chunks."""
+        """Return the reader with most damage: the readers of all topics meet the same chunks."""
         return max(self._readers, key=lambda r: (r.loss.damaged, r.loss.rejected))
 
     def _stream(self, recorded: str, key: str, from_ns: int, to_ns: int) -> Iterator[Played]:
@@ -96,21 +96,21 @@ class Tape:
         return (Played(t, key, m) for t, m in timed if from_ns <= t < to_ns)
 
     def _frames(self, recorded: str, from_ns: int, to_ns: int) -> Iterator[tuple[int, Frame]]:
-        from rsenf.run.replay.pictures import pictures  # FFmpeg, that not everybody needs
+        from rsenf.run.replay.pictures import pictures  # imports FFmpeg
 
         packets = self._messages(with_topic(recorded, VIDEO), to_ns)
         return pictures(packets, from_ns, self._known_of_frames(recorded))
 
     def _known_of_frames(self, recorded: str) -> Frame:
-        """Return the first frame as it was recorded, without pixels; an empty one if none was."""
+        """Return the first recorded frame message, without pixels; an empty one for none."""
         if recorded not in self._recording.topics:
             return Frame()
         return next((frame for _, frame in self._messages(recorded, None)), Frame())
 
     def _messages(self, recorded: str, to_ns: int | None) -> Iterator[tuple[int, Any]]:
-        """Read the data of one topic, and at least all up to a time."""
+        """Read the data of one topic up to a time, and beyond where order in time isn't certain."""
         reader = open_recording(self.path)
-        # Pictures lie elsewhere than their packets by less than the one, later passes by the other.
+        # Reordered pictures are late by less than the first, further passes by the second.
         late_ns = max(REORDERED_NS, self._recording.topics[recorded].back_ns)
         self._readers.append(reader)
         for _, message, time_ns in reader.messages([recorded], tolerant=True):
@@ -123,7 +123,7 @@ class Tape:
 def _decodable(
     packets: Iterable[tuple[int, VideoPacket]], from_ns: int
 ) -> Iterator[tuple[int, VideoPacket]]:
-    """Leave out of every pass what its picture at a time doesn't need."""
+    """Apply :func:`from_key_frame` to every pass of the recording."""
     from rsenf.run.replay.pictures import from_key_frame
 
     for _, stretch in groupby(packets, key=lambda item: _pass_of(item[1].header)):
