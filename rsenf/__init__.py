@@ -1,14 +1,13 @@
 """rsenf reads the electric network frequency (ENF) out of rolling-shutter video.
 
-The rooms of the package, in the order data flows through them::
+The rooms of the package, in the order of the data flow::
 
-    decode -> rows -> track -> match        the signal rooms: pure, no bus, files or clocks
-    messages                                what travels between them, and is recorded
-    bus, config, record                     how it travels, what is wanted, what is kept
+    decode -> rows -> track -> match        signal processing: no bus, files or clocks
+    messages                                messages between the stages, also recorded
+    bus, config, record                     transport, configuration, recording
     run, report, api, cli                   what a person starts
 
-What is done with recordings is here, as functions; nothing of them is imported before it is asked
-for::
+The functions for analysing recordings are attributes of this package, imported on first access::
 
     >>> import rsenf
     >>> found = rsenf.verify("clip.mp4", "reference.csv")    # doctest: +SKIP
@@ -20,7 +19,7 @@ from __future__ import annotations
 import sys
 from types import ModuleType
 
-TYPE_CHECKING = False  # as in typing, which is slow to import; type checkers know it
+TYPE_CHECKING = False  # instead of typing.TYPE_CHECKING: typing is slow to import
 if TYPE_CHECKING:
     from typing import Any
 
@@ -61,7 +60,7 @@ _HOME = {
 
 
 class _Room(ModuleType):
-    # ``rsenf.track`` is a room of the package, and is called as the function of its name.
+    # A subpackage such as ``rsenf.track`` that is also callable as the function of its name.
     __doc__ = property(lambda room: room.__wrapped__.__doc__)
 
     @property
@@ -73,7 +72,7 @@ class _Room(ModuleType):
 
 
 class _Package(ModuleType):
-    """Lets ``rsenf.track``, ``rsenf.idle`` and ``rsenf.live`` be called, whoever imports them."""
+    """Makes ``rsenf.track``, ``rsenf.idle`` and ``rsenf.live`` callable, however imported."""
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in __all__ and isinstance(value, ModuleType):

@@ -1,21 +1,21 @@
-"""One small tree of errors; each knows the exit code and carries a hint.
+"""The tree of errors; each has an exit code, and may have a hint.
 
 ::
 
     RsenfError                 1
-    ├── UsageError             2   the command or its arguments can't be meant so
+    ├── UsageError             2   the command or its arguments are invalid
     │   ├── ConfigError        2   a graph or model file; lists every problem with file:line
     │   ├── ParameterError     2   a parameter of the capture model (rsenf.model.parameters)
-    │   └── ReferenceFormatError 2 a grid reference that can't be read as one
-    ├── InputError             1   a recording that yields nothing usable
-    │   └── NoSignal           1   what there is of it can be read, and has no flicker
+    │   └── ReferenceFormatError 2 a file that isn't a grid reference
+    ├── InputError             1   a recording that contains nothing usable
+    │   └── NoSignal           1   a readable recording without flicker
     ├── SourceLost             1   a live source that can't be reached
     ├── RecordingError         1   a recording can't be written (disk full, no rights)
-    ├── NodeFailed             1   a process of a graph died
-    └── SchemaMismatch         1   bytes that aren't the message they are said to be
+    ├── NodeFailed             1   a process of a graph failed
+    └── SchemaMismatch         1   bytes that don't match their declared message or version
 
-Exit code 3, "done with loss", is not an error: the work was done and the result says what was
-lost. Exit code 130 is an interruption by the user.
+Exit code 3, "done with loss", is no error: the work was done, and the result says what was lost.
+Exit code 130 is an interruption by the user.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ EXIT_INTERRUPTED = 130
 
 
 class RsenfError(Exception):
-    """Anything rsenf says no to.
+    """Base class of all errors that rsenf raises on purpose.
 
     Parameters
     ----------
@@ -36,6 +36,11 @@ class RsenfError(Exception):
         What is wrong and where, in one line.
     hint : str
         What to do about it, in one line; may be empty.
+
+    Examples
+    --------
+    >>> print(UsageError("a.mp4: no such file", "check the name"))
+    a.mp4: no such file (check the name)
     """
 
     exit_code = EXIT_FAILED
@@ -50,7 +55,7 @@ class RsenfError(Exception):
 
 
 class UsageError(RsenfError, ValueError):
-    """The command or one of its arguments can't be meant so."""
+    """The command or one of its arguments is invalid."""
 
     exit_code = EXIT_USAGE
 
@@ -74,15 +79,15 @@ class ReferenceFormatError(UsageError):
 
 
 class InputError(RsenfError):
-    """A recording that yields nothing usable."""
+    """A recording that contains nothing usable."""
 
 
 class NoSignal(InputError):
-    """A recording that can be read, but has no usable flicker of mains light in it."""
+    """A readable recording without usable flicker of mains light."""
 
 
 class SourceLost(RsenfError):
-    """A live source that can't be reached, or stopped and did not come back."""
+    """A live source that can't be reached, or was lost and did not return."""
 
 
 class RecordingError(RsenfError):
@@ -90,8 +95,8 @@ class RecordingError(RsenfError):
 
 
 class NodeFailed(RsenfError):
-    """A process of a running graph died or could not be started."""
+    """A process of a running graph failed or could not be started."""
 
 
 class SchemaMismatch(RsenfError):
-    """Bytes that are not the message, or not the version, they are said to be."""
+    """Bytes that don't match their declared message class or version."""

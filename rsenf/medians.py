@@ -1,4 +1,4 @@
-"""Medians of a few numbers each, many at a time."""
+"""Medians along a short axis."""
 
 from __future__ import annotations
 
@@ -9,8 +9,14 @@ from numpy.typing import NDArray
 
 
 def median_of_few(values: NDArray[np.floating]) -> NDArray[Any]:
-    """Median over the last axis, the same as ``np.median``: of so few, sorting is the faster."""
+    """Return the median over the last axis, as ``np.median``; faster for few values.
+
+    Examples
+    --------
+    >>> median_of_few(np.array([[3.0, 1.0, 2.0], [5.0, 9.0, 7.0]])).tolist()
+    [2.0, 7.0]
+    """
     count = values.shape[-1]
-    ordered = np.array(values, order="C")  # neighbours in memory are the faster to sort
+    ordered = np.array(values, order="C")  # contiguous values sort faster
     ordered.sort(axis=-1)
     return np.asarray((ordered[..., (count - 1) // 2] + ordered[..., count // 2]) / 2.0)

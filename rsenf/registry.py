@@ -1,12 +1,12 @@
-"""Named things of one kind: rsenf's own, and those that other packages add by entry points.
+"""Plug-in registries: named items, both rsenf's and those of other packages by entry points.
 
-A package adds its own in its ``pyproject.toml``; nothing of rsenf is touched::
+A package adds an item in its ``pyproject.toml``, without any change to rsenf::
 
     [project.entry-points."rsenf.methods"]
     my_method = "my_package.my_method:MyTracker"
 
 Groups: ``rsenf.methods`` (ENF), ``rsenf.idle_methods``, ``rsenf.matchers``, ``rsenf.effects``,
-``rsenf.nodes``, ``rsenf.inputs``. Nothing is imported before it is asked for by name.
+``rsenf.nodes``, ``rsenf.inputs``. Items are imported on first access by name.
 """
 
 from __future__ import annotations
@@ -24,18 +24,25 @@ T = TypeVar("T")
 
 
 class Registry(Mapping[str, T], Generic[T]):
-    """Things by name: rsenf's own first, in their order, then those of other packages.
+    """Items by name: rsenf's first, in their order, then those of other packages.
 
     Parameters
     ----------
     what : str
-        What one of them is, for messages: ``ENF method``.
+        Description of an item, for messages: ``ENF method``.
     group : str
-        Entry-point group by which other packages add theirs. They can't replace one of rsenf's.
+        Entry-point group for other packages. They can't replace items of rsenf.
     built_in : mapping
-        The things themselves by name, or where they are: ``module:attribute``.
+        Items by name, or their locations as ``module:attribute``.
     check : callable, optional
-        Given the name and a thing that is added, raises a UsageError where it is no such thing.
+        Takes the name and an added item; raises UsageError if the item is invalid.
+
+    Examples
+    --------
+    >>> shapes = Registry("shape", "rsenf.no_such_group", {"square": 4})
+    >>> shapes.register("triangle", 3)
+    >>> list(shapes), shapes.hint("squere")
+    (['square', 'triangle'], "did you mean 'square'? one of square, triangle")
     """
 
     def __init__(
@@ -50,14 +57,14 @@ class Registry(Mapping[str, T], Generic[T]):
         self._others: dict[str, EntryPoint] | None = None
 
     def __getitem__(self, name: str) -> T:
-        """Return a thing, imported if need be.
+        """Return an item, importing it if necessary.
 
         Raises
         ------
         KeyError
-            When there is none of that name.
+            When there is no item of that name.
         UsageError
-            When it is another package's and can't be imported.
+            When it is from another package and can't be imported.
         """
         if name not in self._items:
             self._items[name] = self._load(self._found()[name])
@@ -78,19 +85,19 @@ class Registry(Mapping[str, T], Generic[T]):
         return name in self._items or name in self._found()
 
     def find(self, name: str) -> T:
-        """Return a thing by a name that somebody typed.
+        """Return an item by a name that a user has entered.
 
         Raises
         ------
         UsageError
-            When there is none, with the nearest, or when it can't be imported.
+            When the name is unknown (with the nearest as a hint), or the item can't be imported.
         """
         if name not in self:
             raise UsageError(f"no {self.what} {name!r}", self.hint(name))
         return self[name]
 
     def usable(self) -> dict[str, T]:
-        """Return all that can be imported: one broken package takes nothing from the others."""
+        """Return all items that can be imported; broken packages are skipped."""
         found = {}
         for name in self:
             with contextlib.suppress(UsageError):
@@ -98,12 +105,12 @@ class Registry(Mapping[str, T], Generic[T]):
         return found
 
     def hint(self, name: str) -> str:
-        """Return what a misspelt name may have meant, and what there is."""
+        """Return the nearest name to an unknown one, and all names."""
         close = difflib.get_close_matches(name, self, n=1)
         return (f"did you mean {close[0]!r}? " if close else "") + f"one of {', '.join(self)}"
 
     def register(self, name: str, item: T) -> None:
-        """Add a thing for as long as this process runs; the same name again replaces it."""
+        """Add or replace an item, in this process only."""
         self._check(name, item)
         self._items[name] = item
 
@@ -116,7 +123,7 @@ class Registry(Mapping[str, T], Generic[T]):
         try:
             loaded: T = point.load()
             self._check(point.name, loaded)
-        except Exception as exc:  # whatever a stranger's module does
+        except Exception as exc:  # a foreign module may raise anything
             package = point.dist.name if point.dist else point.value
             why = str(exc) if isinstance(exc, UsageError) else f"{type(exc).__name__}: {exc}"
             raise UsageError(

@@ -1,8 +1,8 @@
-"""What a stage is: messages in, messages out, and nothing else.
+"""The interface of a stage: takes messages and returns messages.
 
-A stage knows no bus, no clock, no configuration file. The same object serves a node process, a
-replay and the one-process commands, so that they can't differ by a bit. A :class:`StageSpec` says
-all that these need to know to run it.
+A stage knows no bus, clock or configuration file. The same object is used in a node process, in a
+replay and in the one-process commands, so that their results are bit-identical. A
+:class:`StageSpec` has everything that is needed to run it.
 """
 
 from __future__ import annotations
@@ -19,34 +19,34 @@ class Stage(Protocol):
     """One step of the pipeline."""
 
     def update(self, message: Any) -> list[Any]:
-        """Take one message; return those that it completed, in order."""
+        """Take one message; return the messages that it completes, in order."""
         ...
 
     def flush(self) -> list[Any]:
-        """Return what the end of the stream completes. Nothing may follow."""
+        """Return the messages that the end of the stream completes. No update may follow."""
         ...
 
 
 @dataclass(frozen=True)
 class StageSpec:
-    """A stage of one camera: what it reads, what it sends, how it is made.
+    """A stage of one camera: its inputs and outputs, and its factory.
 
     Attributes
     ----------
     sends : tuple of str
-        Topics of its messages. With two, a message's class tells which it goes to.
+        Topics of its messages. If there are two, the message's class selects the topic.
     reads : tuple of str
         Topics of the same camera, and ``reference`` for a grid's.
     make : callable
-        Builds a fresh stage. Called for every epoch, so that none mixes two.
+        Returns a new stage. Called for every epoch, so that a stage never sees two.
     optional : tuple of str
-        Of those that it reads: read only where they are sent.
+        Topics in ``reads`` that are read only if some node sends them.
     shown : str
-        Topic whose newest message is told in the node's state, by its ``in_short``.
+        Topic whose newest message is shown in the node's state, by its ``in_short``.
     silent_s : float
-        The stage is told when nothing of the first topic has come for so long.
+        Time without a message of the first topic after which the stage is notified.
     on_silence : callable, optional
-        From the header of a stream that may not have begun to the message that tells it.
+        Makes that notice; takes the header of the stream, which may not have begun.
     """
 
     sends: tuple[str, ...]
@@ -59,16 +59,16 @@ class StageSpec:
 
 
 class StageContext:
-    """What a stage is given beside messages; by default it runs alone, with all the time it needs.
+    """The environment of a stage; by default it runs alone and without time limits.
 
     Attributes
     ----------
     is_shared : bool
-        Whether all stages of a node are fed the same, so that they may share work.
+        Whether all stages of a node get the same input, so that they may share work.
     stays : bool
-        Whether it is to go on whatever comes, as a node that is started again does.
+        Whether it must continue after any input, as in a node that is restarted.
     refused : callable or None
-        Told why an input can't be used at all; without, that is an error.
+        Called with the reason why an input can't be used at all; if None, that is an error.
     """
 
     is_shared = True
@@ -76,11 +76,11 @@ class StageContext:
     refused: Callable[[str], None] | None = None
 
     def is_behind(self) -> bool:
-        """Whether to skip what is due, for there is no time."""
+        """Whether the stage is late and should skip optional work."""
         return False
 
     def run(self, work: Callable[[], T]) -> T | None:
-        """Do what takes long; None when it was given up."""
+        """Run a long computation; return its result, or None if it was cancelled."""
         return work()
 
 

@@ -3,14 +3,14 @@
 A frame has up to three times, all in integer nanoseconds:
 
 ``pts_ns``
-    The stream's presentation clock: exact, from the container or the RTP packets, zero wherever
-    the stream put it. All signal processing uses this clock and no other.
+    The stream's presentation clock: exact, from the container or the RTP packets, with an
+    arbitrary zero. All signal processing uses only this clock.
 ``camera_time_ns``
-    The camera's wall clock (UTC since 1970), where the stream reveals it; 0 is "unknown".
+    The camera's wall clock (UTC since 1970), if the stream has it; 0 means "unknown".
 ``arrival_time_ns``
     This host's wall clock when the frame arrived; it differs from run to run.
 
-Within a frame the rows follow each other: row ``l`` begins ``l`` line times after row 0.
+Rows of a frame are exposed one after another: row ``l`` begins ``l`` line times after row 0.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from datetime import datetime
 
 NS_PER_S = 1_000_000_000
-# Of times that tell no zone where nobody said which: they are taken as UTC.
+# Warning for times without a time zone, which are taken as UTC.
 NO_ZONE = "zone unknown: by whole hours uncertain"
 ARRIVAL_MEMORY_NS = 60 * NS_PER_S
 
 
 def pts_to_ns(pts: int, time_base: Fraction) -> int:
-    """Presentation time in ns, rounded to the nearest, without passing through floats.
+    """Convert a presentation time to ns, rounded to nearest, without floating point.
 
     Parameters
     ----------
@@ -37,23 +37,28 @@ def pts_to_ns(pts: int, time_base: Fraction) -> int:
         Presentation time in ticks.
     time_base : Fraction
         Seconds per tick, for example 1/90000 or 1001/30000.
+
+    Examples
+    --------
+    >>> pts_to_ns(2, Fraction(1001, 30000))
+    66733333
     """
     numerator = 2 * pts * time_base.numerator * NS_PER_S + time_base.denominator
     return numerator // (2 * time_base.denominator)
 
 
 def seconds(t_ns: int) -> float:
-    """Nanoseconds as seconds."""
+    """Convert nanoseconds to seconds."""
     return t_ns / NS_PER_S
 
 
 def nanoseconds(t_s: float) -> int:
-    """Seconds as nanoseconds, rounded to the nearest."""
+    """Convert seconds to nanoseconds, rounded to nearest."""
     return round(t_s * NS_PER_S)
 
 
 def since_1970_ns(moment: datetime) -> int:
-    """A moment as ns since 1970; UTC unless it tells its zone."""
+    """Convert a datetime to ns since 1970; UTC is assumed without a time zone."""
     from datetime import UTC, datetime, timedelta
 
     moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
@@ -61,7 +66,13 @@ def since_1970_ns(moment: datetime) -> int:
 
 
 def utc_text(t_ns: int) -> str | None:
-    """ISO 8601 with milliseconds; None for an unknown time."""
+    """Format a time as ISO 8601 with milliseconds; None if unknown (0).
+
+    Examples
+    --------
+    >>> utc_text(1_768_435_200_500_000_000)
+    '2026-01-15T00:00:00.500Z'
+    """
     if not t_ns:
         return None
     from datetime import UTC, datetime
@@ -71,26 +82,47 @@ def utc_text(t_ns: int) -> str | None:
 
 
 def row_time_s(frame_time_s: float, row: int, rows: int, read_out_time_s: float) -> float:
-    """Start of exposure of a row, relative to a rolling shutter's row 0.
+    """Return the start of exposure of a row, ``T_n + l · T_ro / L``.
 
-    ``T_n + l · T_ro / L`` in the notation of the paper's Section III, where
-    ``T_ro = (1 − ρ) / F_r`` for an idle ratio ``ρ``.
+    The read-out time is ``T_ro = (1 − ρ) / F_r`` for an idle ratio ``ρ`` and a frame rate ``F_r``
+    (paper, Section III).
+
+    Parameters
+    ----------
+    frame_time_s : float
+        Start of exposure of row 0, ``T_n``.
+    row, rows : int
+        Row number ``l``, and number of rows ``L``.
+    read_out_time_s : float
+
+    Examples
+    --------
+    >>> row_time_s(1.0, 360, 720, 0.02)
+    1.01
     """
     return frame_time_s + row * read_out_time_s / rows
 
 
 class ArrivalClock:
-    """What to add to a stream's clock for the clock of the day, by when its messages arrived.
+    """Estimates the offset from a stream's clock to the wall clock from arrival times.
 
-    It is the least of what those of the last minute show: none arrives before it was taken, and
-    some without delay.
+    It is the minimum of arrival minus stream time over the last minute (minimum filter, as in clock
+    synchronisation): delays are never negative, and some messages arrive almost without any.
     """
 
     def __init__(self) -> None:
-        self._offsets: deque[tuple[int, int]] = deque()  # stream clock and offset, both rising
+        self._offsets: deque[tuple[int, int]] = deque()  # stream clock and offset, both increasing
 
     def note(self, pts_ns: int, arrival_ns: int) -> None:
-        """Take in that data of this time on the stream's clock arrived then; 0 is unknown."""
+        """Note the arrival of data.
+
+        Parameters
+        ----------
+        pts_ns : int
+            Its time on the stream's clock.
+        arrival_ns : int
+            Its arrival on the wall clock; 0 (unknown) is ignored.
+        """
         offsets, offset_ns = self._offsets, arrival_ns - pts_ns
         if not arrival_ns:
             return
@@ -102,5 +134,5 @@ class ArrivalClock:
 
     @property
     def offset_ns(self) -> int | None:
-        """The least delay; None when nothing told when it arrived."""
+        """Wall clock minus stream's clock, ns; None without any arrival time."""
         return self._offsets[0][1] if self._offsets else None

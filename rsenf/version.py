@@ -1,16 +1,16 @@
-"""Which rsenf this is: its version, and the commit that it was built from or is checked out at."""
+"""The version of rsenf, and the commit that it was built from or is checked out at."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
-BUILT_FROM = "COMMIT"  # a file in the package, which is written when it is built
+BUILT_FROM = "COMMIT"  # file in the package, written at build time
 SHOWN = 12  # digits
 
 
 def version_text() -> str:
-    """Return what ``rsenf --version`` says."""
+    """Return the output of ``rsenf --version``."""
     from rsenf import __version__
 
     found, _ = commit()
@@ -18,7 +18,7 @@ def version_text() -> str:
 
 
 def commit() -> tuple[str, bool]:
-    """Return the commit, '' for none, and whether the package was built: it is that commit's."""
+    """Return the commit ('' if unknown), and whether it is that of a built package."""
     package = Path(__file__).parent
     built_from = package / BUILT_FROM
     is_built = built_from.is_file()
@@ -26,9 +26,9 @@ def commit() -> tuple[str, bool]:
 
 
 def commit_of(checkout: Path) -> str:
-    """Return the commit that a folder is checked out at, without git's help; '' for none."""
+    """Return the commit that a folder is checked out at, read without git; '' if unknown."""
     git = checkout / ".git"
-    if git.is_file():  # of a worktree
+    if git.is_file():  # in a worktree
         git = checkout / git.read_text().removeprefix("gitdir:").strip()
     try:
         head = (git / "HEAD").read_text().strip()
@@ -46,7 +46,7 @@ def commit_of(checkout: Path) -> str:
 
 
 def __getattr__(name: str) -> Any:
-    """Return setuptools' step ``BuildPy`` with the commit; who runs rsenf has no setuptools."""
+    """Return ``BuildPy``, which also writes the commit; lazily, as users may lack setuptools."""
     if name != "BuildPy":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from setuptools.command.build_py import build_py

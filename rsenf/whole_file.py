@@ -1,4 +1,4 @@
-"""A file, or a folder, appears under its name whole, or not at all; NumPy archives are read so."""
+"""Files as a whole: atomic creation of files and folders, and NumPy archives read within limits."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ def read_arrays(path: Path, names: Collection[str] = ()) -> dict[str, NDArray[An
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Give a temporary name beside the file to write to; rename it when all went well.
+    """Yield a temporary path beside the file to write to; rename it to ``path`` on success.
 
-    On any failure or interruption the temporary file is removed, and what stood under the name
-    before is left as it was.
+    On any failure or interruption the temporary file is removed, and an existing file stays
+    unchanged.
 
     Raises
     ------
@@ -72,10 +72,9 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """Give a new folder beside the one to write; it takes that one's place when all went well.
+    """Yield a new temporary folder beside ``path``; it replaces that on success.
 
-    On any failure or interruption the new folder is removed, and what stood under the name before
-    is left as it was.
+    On any failure or interruption the new folder is removed, and an existing one stays unchanged.
 
     Raises
     ------
@@ -95,7 +94,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
             f"can't write {path}: {exc.strerror or exc}", "check the folder, its rights and space"
         ) from exc
     finally:
-        if old.exists() and not path.exists():  # stopped between the two steps
+        if old.exists() and not path.exists():  # interrupted between the two renames
             os.replace(old, path)
         shutil.rmtree(part, ignore_errors=True)
         shutil.rmtree(old, ignore_errors=True)

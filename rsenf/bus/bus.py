@@ -1,9 +1,8 @@
-"""What any bus offers, and what every bus does alike: the history of what was sent.
+"""The interface of a bus, and the part common to all transports: history and batching.
 
-Several messages of one key in one envelope, as a sender that runs ahead of time sends them.
-
-Each message comes after its length as a varint: the delimited form that the Protobuf libraries of
-all languages read and write. The encoding says so, so that nobody takes them for one message.
+A publisher may batch several messages of one key in one envelope. Each is preceded by its length as
+a varint: the length-delimited form that the Protobuf libraries of all languages read and write. The
+envelope's encoding differs, so that a batch can't be mistaken for a single message.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ MOST_LENGTH_BYTES = 5
 
 
 def joined(items: Sequence[Envelope]) -> Envelope:
-    """Put envelopes of one key, encoding and sender into one; a single one stays as it is."""
+    """Batch envelopes of one key, encoding and sender in one; a single one stays unchanged."""
     if len(items) == 1:
         return items[0]
     payload = b"".join(part for item in items for part in (_length(item.payload), item.payload))
@@ -38,7 +37,7 @@ def joined(items: Sequence[Envelope]) -> Envelope:
 
 
 def apart(item: Envelope) -> list[Envelope]:
-    """Take an envelope apart into those that were joined; one that is broken stays as it is."""
+    """Split a batch into its envelopes; a single or malformed one is returned unchanged."""
     media, _, schema = item.encoding.partition(";")
     payloads = _split(item.payload) if media == SEVERAL else None
     if payloads is None:
@@ -48,7 +47,7 @@ def apart(item: Envelope) -> list[Envelope]:
 
 
 def _length(payload: bytes) -> bytes:
-    """Length of a message as a varint: seven bits a byte, the lowest first."""
+    """Length of a message as a varint: seven bits a byte, least significant first."""
     out, rest = bytearray(), len(payload)
     while rest > 0x7F:
         out.append(rest & 0x7F | 0x80)
@@ -58,7 +57,7 @@ def _length(payload: bytes) -> bytes:
 
 
 def _split(payload: bytes) -> list[bytes] | None:
-    """Split at the lengths; None when they don't fill the payload, or nobody would send it."""
+    """Split by the lengths; None if they don't add up, or there are more than MOST messages."""
     found: list[bytes] = []
     at = 0
     while at < len(payload):
@@ -78,31 +77,29 @@ def _split(payload: bytes) -> list[bytes] | None:
     return found or None
 
 
-# What is kept of a topic is a few minutes, but no more memory than this: rows of 1080p are 0.26 MB
-# a second.
+# A publisher keeps a few minutes of messages, but no more than this: rows of 1080p are 0.26 MB/s.
 KEPT_BYTES = 32 * 2**20
-# Where nobody waits for each message, several go at once: to wake everybody on their way takes
-# longer than what is done with one. So many bytes of them, or as many as come in so long.
+# Largest batch. Batching pays where latency doesn't matter: waking all threads on the way takes
+# longer than the work on one message.
 TOGETHER_BYTES = 2**18
 
 
 class Publisher(ABC):
-    """Sends the messages of one key, and keeps the last of them for who was not there to hear.
+    """Sends the messages of one key, and keeps the latest for late joiners and for recovery.
 
     Parameters
     ----------
     key : str
-        Where to.
     delivery : Delivery
-        Class of the topic.
+        Delivery class of the topic.
     sender : str
         Identity of this process on the bus.
 
     Attributes
     ----------
     run_suffix : str
-        What is added to the run's identity in each message. A process that was started again
-        numbers its messages anew, so they must not pass for the ones before.
+        Appended to the run identity of each message. A restarted process numbers its messages from
+        0 again, and they must not be taken for the earlier ones.
     """
 
     def __init__(self, key: str, delivery: Delivery, sender: str) -> None:
@@ -114,19 +111,18 @@ class Publisher(ABC):
         self._lock = threading.Lock()
         self._together: list[Envelope] = []  # not sent yet
         self._together_bytes, self._together_since_s = 0, 0.0
-        self._gathered_s = math.inf  # when the last was: before the first there is no pause
+        self._gathered_s = math.inf  # time of the last one; the first follows no pause
 
     def send(self, message: Any, *, more: bool = False) -> None:
-        """Send a message; waits for slow receivers when the topic is lossless.
+        """Send a message; blocks on slow receivers if the topic is lossless (backpressure).
 
         Parameters
         ----------
         message : message
-            What is sent.
         more : bool
-            Whether others follow, so that it may wait for them and go with them; not where they
-            come so slowly that it would wait in vain. Only for who sends from one thread, and
-            flushes at the end.
+            Whether more messages follow, so that this one may wait to be batched with them. It
+            doesn't wait if they come more slowly than ``delivery.together_s``. Requires that one
+            thread sends, and that it calls :meth:`flush` at the end.
         """
         if self.run_suffix:
             message = _of_run(message, message.header.run_id + self.run_suffix)
@@ -160,14 +156,14 @@ class Publisher(ABC):
             self.flush()
 
     def flush(self) -> None:
-        """Send what still waits for others to go with it."""
+        """Send the batch that has been collected."""
         if self._together:
             items, self._together, self._together_bytes = self._together, [], 0
             self._put(joined(items))
 
     @property
     def keeps(self) -> bool:
-        """Whether it answers those who missed something."""
+        """Whether it keeps messages for late joiners and for recovery."""
         return self._kept.maxlen != 0
 
     def _keep(self, place: str, item: Envelope) -> None:
@@ -182,21 +178,22 @@ class Publisher(ABC):
         self._kept_bytes -= len(self._kept.popleft()[1].payload)
 
     def history(self) -> list[Envelope]:
-        """Messages for who joins late, the oldest first."""
+        """Messages for a late joiner, oldest first."""
         with self._lock:
             items = [item for _, item in self._kept]
         return items[-self.delivery.history :] if self.delivery.history else []
 
     def between(self, after: str, before: str) -> list[Envelope]:
-        """Messages kept of those between two places in the stream, the oldest first.
+        """Return the kept messages between two places in the stream, oldest first.
 
         Parameters
         ----------
         after : str
-            The last that came; what isn't kept any more, or is another sender's, is before all.
+            Place of the last message received before the gap. If it is no longer kept, or is
+            another sender's, all kept messages count as later.
         before : str
-            The first that came again; empty when none has. When it isn't kept any more, nothing
-            before it is.
+            Place of the first message received after the gap; empty for none. If it is no longer
+            kept, neither is any message before it.
         """
         with self._lock:
             kept = list(self._kept)
@@ -208,11 +205,11 @@ class Publisher(ABC):
     @property
     @abstractmethod
     def is_heard(self) -> bool:
-        """Whether anybody has subscribed to the key."""
+        """Whether the key has a subscriber."""
 
     @abstractmethod
     def _put(self, item: Envelope) -> None:
-        """Hand an envelope to the transport."""
+        """Pass an envelope to the transport."""
 
 
 def _of_run(message: Any, run_id: str) -> Any:
@@ -220,7 +217,7 @@ def _of_run(message: Any, run_id: str) -> Any:
 
 
 class Subscription:
-    """One key expression of an inbox: live messages wait until the history has come."""
+    """One key expression of an inbox: holds live messages back until the history has arrived."""
 
     def __init__(self, inbox: Inbox, delivery: Delivery) -> None:
         self._inbox, self._delivery = inbox, delivery
@@ -228,7 +225,7 @@ class Subscription:
         self._lock = threading.Lock()
 
     def take(self, item: Envelope) -> None:
-        """Take live messages. Called by the transport, which it makes wait."""
+        """Take live messages. Called by the transport; may block it."""
         items = apart(self._for_me(item))
         with self._lock:
             if self._held is not None:
@@ -238,33 +235,33 @@ class Subscription:
             self._inbox.put(item, self._delivery)
 
     def _for_me(self, item: Envelope) -> Envelope:
-        """Who only looks doesn't ask for what it missed."""
+        """Mark an envelope as not recoverable if this subscriber doesn't recover messages."""
         return item if self._delivery.recovers else replace(item, kept=False)
 
     def catch_up(self, history: Iterable[Envelope]) -> None:
-        """Take the history, then what has come meanwhile."""
+        """Take the history, then the live messages held back meanwhile."""
         self._inbox.put_all(map(self._for_me, history))
-        # Under the lock, so that no newer message can overtake those held.
+        # Under the lock, so that no newer message overtakes those held back.
         with self._lock:
             held, self._held = self._held, None
             self._inbox.put_all(held or [])
 
 
 class Bus(Protocol):
-    """What a node needs of a bus."""
+    """Interface of a bus, as nodes use it."""
 
     def publisher(self, key: str, delivery: Delivery) -> Publisher:
         """Open a key for sending."""
         ...
 
     def subscribe(self, inbox: Inbox, key_expr: str, delivery: Delivery) -> None:
-        """Let an inbox receive a key expression, its history included, in order."""
+        """Subscribe an inbox to a key expression: history first, then live messages."""
         ...
 
     def declare_alive(self, key: str) -> None:
-        """Show a liveliness token for as long as this process lives."""
+        """Declare a liveliness token that lasts as long as this process."""
         ...
 
     def watch_alive(self, key_expr: str, on_change: Callable[[str, bool], None]) -> None:
-        """Call ``on_change(key, alive)`` for every token, those already there included."""
+        """Call ``on_change(key, alive)`` for every token, including those already declared."""
         ...

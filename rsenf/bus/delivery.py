@@ -1,4 +1,4 @@
-"""How each class of topic is delivered."""
+"""Delivery classes of topics: blocking or dropping, queue length, history, priority."""
 
 from __future__ import annotations
 
@@ -12,21 +12,19 @@ class Delivery:
     Parameters
     ----------
     lossless : bool
-        For a sender: wait for slow receivers, rather than drop. For a receiver: let senders that
-        wait do so while its queue is full, rather than drop the oldest; what was sent to be
-        dropped is dropped in any case.
+        Sender: block on slow receivers (backpressure) instead of dropping. Receiver: let blocking
+        senders wait while its queue is full, instead of dropping the oldest message. Messages that
+        were sent as droppable are dropped in either case.
     queue : int
-        Messages of a key that may wait at a receiver.
+        Messages of one key that a receiver queues at most.
     history : int
-        Messages that a sender has for those who join late or again, and whether a receiver asks
-        for them.
+        Messages that a sender offers to late joiners, and (if not 0) that a receiver requests.
     kept : int
-        Messages that a sender keeps for those who missed some, while a link was broken; as many
-        as the history unless given.
+        Messages that a sender keeps for recovery after a broken link; at least ``history``.
     urgent : bool
-        Overtakes other topics on the way.
+        Whether the topic has real-time priority.
     together_s : float
-        For how long, at most, messages wait to go together, where their sender lets them.
+        Longest time that a message waits to be batched, in s, where its sender allows it.
     """
 
     lossless: bool
@@ -38,28 +36,28 @@ class Delivery:
 
     @property
     def recovers(self) -> bool:
-        """Whether a receiver asks for what it missed; who only looks doesn't."""
+        """Whether a receiver requests missed messages; observers don't."""
         return self.lossless and self.history > 0
 
 
-# Recording and replay wait, live pictures don't; estimates are small and are kept.
+# File and replay topics block, live pictures are dropped; estimates are small and are kept.
 FRAMES_FILE = Delivery(lossless=True, queue=16, history=0)
 FRAMES_LIVE = Delivery(lossless=False, queue=16, history=0)
 VIDEO = Delivery(lossless=True, queue=64, history=0, together_s=0.25)
-# Between hosts a live camera doesn't wait for its pictures to be sent.
+# A live camera must not be blocked by a slow link between hosts.
 VIDEO_LIVE = Delivery(lossless=False, queue=512, history=0, together_s=0.25)
 SIGNALS = Delivery(lossless=True, queue=1024, history=600)
-# What is kept is some minutes: of blocks of 8 frames, 1200 are five at 30 frames a second.
+# 1200 blocks of 8 frames are 5 minutes at 30 frames a second.
 ROWS = Delivery(lossless=True, queue=256, history=64, kept=1200)
-# A node's last word decides whether it has finished or was lost: it must not be dropped, and not
-# come long after the node's token has gone.
+# A node's last health message tells whether it finished or was lost: it must not be dropped, nor
+# arrive long after the node's liveliness token has gone.
 HEALTH = Delivery(lossless=True, queue=256, history=1, kept=300, urgent=True)
-# For those who only look: they never make a sender wait.
+# For observers, which never block a sender.
 LOOKING = Delivery(lossless=False, queue=256, history=1)
 
 
 def delivery_of(topic: str, *, live: bool = False) -> Delivery:
-    """Delivery class of a topic of a live source or of a file."""
+    """Delivery class of a topic, of a live source or of a file."""
     if topic == "frames":
         return FRAMES_LIVE if live else FRAMES_FILE
     if topic == "video" and live:

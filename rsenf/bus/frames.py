@@ -1,4 +1,4 @@
-"""Frames from the decoding process to the sampling one: by shared memory, or in the message."""
+"""Frames from the decoding process to the row sampler: in shared memory, or within messages."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ class FrameSender:
     Parameters
     ----------
     publisher : Publisher
-        For the descriptors, or the whole frames. When its topic is lossless, the ring is too.
+        Sends the descriptors, or the whole frames. If its topic is lossless, so is the ring.
     ring_name : str
-        Name for the shared-memory ring; empty to put the pixels in the message.
+        Prefix of the shared-memory ring's name; empty to put the pixels in the message.
     slots : int
-        Planes the ring holds.
+        Capacity of the ring in planes.
     reader_gone : callable
-        Says when waiting for the reader is in vain.
+        Returns whether the reader has ended, so that waiting for it is useless.
     ahead : bool
-        Whether frames come faster than they were filmed: a ring full of them is told of at once.
+        Whether frames come faster than real time: then the descriptors of a full ring are batched.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class FrameSender:
         self._publisher.send(frame, more=self._sent % self._at_once > 0)
 
     def _ring_for(self, plane_bytes: int) -> RingWriter:
-        """Return the ring; a new one when the picture has grown."""
+        """Return the ring; a new one if the plane doesn't fit."""
         if self._ring is None or self._ring.slot_bytes < plane_bytes:
             self._wait_until_read()
             self.close()
@@ -77,7 +77,7 @@ class FrameSender:
         return self._ring
 
     def finish(self, last: Header) -> None:
-        """Mark the end of the stream, after the last frame or in its place."""
+        """Send the end mark, numbered after the last header, and wait until all planes are read."""
         self._publisher.send(Frame(header=last.numbered(last.seq + 1, Mark.END)))
         self._wait_until_read()
 
@@ -95,7 +95,7 @@ class FrameSender:
 
 
 class FrameReceiver:
-    """Gives frames their pixels back; hands each plane back when it has been used."""
+    """Attaches the pixels to received frames; returns each plane to the ring after use."""
 
     def __init__(self) -> None:
         self._ring: RingReader | None = None
@@ -103,14 +103,14 @@ class FrameReceiver:
         self._taken: Frame | None = None
 
     def open(self, frame: Frame) -> Frame | None:
-        """Return the frame with its ``luma``; None when it was overwritten before it was read.
+        """Return the frame with its ``luma``; None if the plane was overwritten before it was read.
 
         Raises
         ------
         NodeFailed
             When its ring is not on this host.
         SchemaMismatch
-            When the pixels don't fit the size they are said to have.
+            When the number of pixels contradicts the frame's size.
         """
         if frame.header.is_end:
             return frame
@@ -124,14 +124,14 @@ class FrameReceiver:
             return None
         self._taken = frame
         if not ring.lossless:
-            # A live writer doesn't wait: take a copy, and see whether it was whole.
+            # A live writer doesn't wait: copy the plane, then check that it wasn't overwritten.
             luma = luma.copy()
             if not self.done():
                 return None
         return dataclasses.replace(frame, ring="", ring_slot=0, ring_ticket=0, luma=luma)
 
     def _ring_of(self, frame: Frame) -> RingReader | None:
-        """Return the ring a frame is in; None when a live writer has removed it already."""
+        """Return the ring of a frame; None if a live writer has already removed it."""
         if self._ring is None or self._ring.path.name != frame.ring:
             self.close()
             try:
@@ -146,21 +146,21 @@ class FrameReceiver:
         return self._ring
 
     def done(self) -> bool:
-        """Give the last plane back; False when it was overwritten meanwhile."""
+        """Release the last plane; return False if it was overwritten meanwhile."""
         taken, self._taken = self._taken, None
         if taken is None or self._ring is None:
             return True
         return self._ring.release(taken.ring_slot, taken.ring_ticket)
 
     def close(self) -> None:
-        """Let go of the ring."""
+        """Detach from the ring."""
         if self._ring:
             self._ring.close()
             self._ring = None
 
 
 def _plane(frame: Frame) -> NDArray[np.uint8]:
-    """Return the plane that a frame carries itself."""
+    """Return the plane that is contained in a frame message."""
     plane = np.frombuffer(frame.pixels, np.uint8)
     if min(frame.height_px, frame.width_px) < 1 or plane.size != frame.height_px * frame.width_px:
         raise SchemaMismatch(f"{plane.size} pixels of {frame.width_px}×{frame.height_px}")

@@ -1,6 +1,6 @@
-"""Where received messages wait: one queue, with each topic's delivery class, and what was lost.
+"""The receive queue: delivery classes, sequence checks, recovery of missed messages, counters.
 
-Transport-free: the Zenoh bus and the in-process one both fill an :class:`Inbox`.
+Independent of the transport: both the Zenoh bus and the loopback fill an :class:`Inbox`.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from rsenf.errors import SchemaMismatch
 from rsenf.messages import class_for, decode
 from rsenf.messages.plausible import implausible
 
-# A luma plane of 8K is 33 MB; all else is far smaller.
+# A luma plane of 8K is 33 MB; all other messages are far smaller.
 LARGEST_BYTES = 64 * 2**20
-# Before each time that a sender is asked for what is missing, until it answers: after a break of
-# a link it may take a moment until it can be reached.
+# Pause before each attempt to request missed messages, until the sender answers: after a broken
+# link it may take a moment to become reachable.
 PAUSES_S = (0.0, 0.2, 0.6, 1.2, 2.0)
 Ask = Callable[[str, str, str], Iterable[Envelope] | None]
 
 
 @dataclass(frozen=True)
 class Received:
-    """A message that was accepted, with the bytes it came in."""
+    """An accepted message, with its serialised form."""
 
     key: str
     message: Any
@@ -38,22 +38,22 @@ class Received:
 
 @dataclass
 class Counters:
-    """What happened to the messages of one inbox.
+    """Message counts of one inbox.
 
     Attributes
     ----------
     received : int
-        Accepted and handed out.
+        Accepted and returned by :meth:`Inbox.receive`.
     dropped : int
         Dropped here, by the rules of their delivery class.
     missed : int
-        Never came, by sequence number, without being dropped here.
+        Never arrived, by sequence number, and were not dropped here.
     rejected : int
-        Foreign, broken, too large, of another version, or not to be believed.
+        Foreign, malformed, too large, of another version, or implausible.
     duplicates : int
-        Came twice, as history and live.
+        Arrived twice, as history and live.
     recovered : int
-        Had not come, and were got from their sender afterwards.
+        Requested from their sender afterwards.
     """
 
     received: int = 0
@@ -67,21 +67,21 @@ class Counters:
 class Inbox:
     """Thread-safe queue of envelopes that knows delivery classes and sequence numbers.
 
-    A lossless topic makes its sender wait while its share of the queue is full (backpressure); any
-    other drops its oldest. Sequence numbers are checked when messages are taken out: what the
-    history brought twice is dropped. What is missing is asked for, if its sender keeps it; what
-    comes after it waits meanwhile. What never came is counted.
+    A lossless topic blocks its sender while its share of the queue is full (backpressure); any
+    other drops its oldest message. Sequence numbers are checked when messages are taken out:
+    duplicates are dropped, and missing messages are requested if their sender keeps them, while
+    later messages of the key are held back. Messages that never arrive are counted.
 
     Parameters
     ----------
     largest_bytes : int
-        Largest message that is taken.
+        Size of the largest message accepted.
 
     Attributes
     ----------
     ask : callable
-        ``ask(key, after, before)`` returns what the senders of a key have kept between two places,
-        or None when nobody answers; set by the bus.
+        ``ask(key, after, before)`` returns the kept messages of a key between two places, or None
+        when no sender answers; set by the bus.
     """
 
     def __init__(self, largest_bytes: int = LARGEST_BYTES) -> None:
@@ -90,14 +90,14 @@ class Inbox:
         self._items: deque[Envelope] = deque()
         self._waiting: Counter[str] = Counter()
         self._sequence = Sequence()
-        self._held: dict[str, list[Envelope]] = {}  # of keys of which something is asked for
-        self._again: set[str] = set()  # of those, who is to be asked once more
+        self._held: dict[str, list[Envelope]] = {}  # messages held back, by key under recovery
+        self._again: set[str] = set()  # keys under recovery that need another one
         self.ask: Ask = lambda *question: None
         self._closed = False
         self._change = threading.Condition()
 
     def put(self, item: Envelope, delivery: Delivery) -> None:
-        """Add an envelope, by the rules of its delivery class. Called by the transport."""
+        """Add an envelope by the rules of its delivery class; may block. For the transport."""
         with self._change:
             if self._is_too_large(item):
                 return
@@ -109,14 +109,14 @@ class Inbox:
             self._add(item)
 
     def put_all(self, items: Iterable[Envelope]) -> None:
-        """Add envelopes, however many wait: whoever asks for a history isn't reading yet."""
+        """Add envelopes without any limit: the reader of a history hasn't started to read."""
         for item in items:
             with self._change:
                 if not self._is_too_large(item):
                     self._add(item)
 
     def _is_too_large(self, item: Envelope) -> bool:
-        """Count and refuse what nobody could have meant, before it takes its place in memory."""
+        """Count and refuse an oversized message before it is stored."""
         too_large = len(item.payload) > self._largest_bytes
         self.counters.rejected += too_large
         return too_large
@@ -135,7 +135,7 @@ class Inbox:
         self.counters.dropped += 1
 
     def receive(self, timeout_s: float) -> Received | None:
-        """Return the next acceptable message, or None when none came in time or all is closed."""
+        """Return the next accepted message; None after the timeout (s) or when closed."""
         deadline = time.monotonic() + timeout_s
         while True:
             item = self._next(deadline)
@@ -161,7 +161,7 @@ class Inbox:
                 self._held[item.key].append(item)
 
     def _accept(self, item: Envelope) -> Received | None:
-        """Decode and check the sequence; None for what has to wait, is foreign, broken or old."""
+        """Decode a message and check its number; None if held back, rejected or a duplicate."""
         message = _opened(item)
         if message is None:
             self.counters.rejected += 1
@@ -176,7 +176,7 @@ class Inbox:
                 self.counters.duplicates += 1
                 return None
             if item.kept and not item.late and (absent or sequence.begins_epoch(item, header)):
-                self._held[item.key] = [replace(item, kept=False)]  # what isn't got now is lost
+                self._held[item.key] = [replace(item, kept=False)]  # no second recovery
                 self._recover(item.key, place_of(item.sender, header))
                 return None
             self.counters.missed += sequence.took(item, header)
@@ -185,7 +185,7 @@ class Inbox:
         return Received(item.key, message, item.payload)
 
     def catch_up(self, key: str) -> None:
-        """Ask for what may be missing at the end of a key: whoever sends it is back."""
+        """Request what may be missing after the last message of a key: its sender is back."""
         with self._change:
             if key in self._held:
                 self._again.add(key)
@@ -194,7 +194,7 @@ class Inbox:
                 self._recover(key, "")
 
     def _recover(self, key: str, before: str) -> None:
-        """Get what is missing, in a thread: who receives is free to take all other keys."""
+        """Request missing messages in a thread, while the reader goes on with other keys."""
         after = self._sequence.newest(key)
 
         def work() -> None:
@@ -219,31 +219,31 @@ class Inbox:
 
     @property
     def depth(self) -> int:
-        """Messages waiting, those held back included, and questions that are open."""
+        """Number of messages queued or held back, plus pending recoveries."""
         with self._change:
             return len(self._items) + sum(1 + len(held) for held in self._held.values())
 
     @property
     def closed(self) -> bool:
-        """Whether the bus has let go of it."""
+        """Whether the inbox has been closed."""
         return self._closed
 
     def close(self) -> None:
-        """Let go of whoever waits."""
+        """Close the inbox and release all waiting threads."""
         with self._change:
             self._closed = True
             self._change.notify_all()
 
 
 class CallbackInbox(Inbox):
-    """Tells of each message as it comes, in the thread that brings it, and keeps none.
+    """Passes each accepted message to a callback at once, in the transport's thread.
 
-    Only for who looks on, and is quick: the transport waits meanwhile.
+    For fast observers only: the callback blocks the transport.
 
     Parameters
     ----------
     tell : callable
-        Told of every message that is accepted.
+        Takes a :class:`Received`.
     """
 
     def __init__(self, tell: Callable[[Received], None]) -> None:
@@ -257,7 +257,7 @@ class CallbackInbox(Inbox):
 
 
 def _opened(item: Envelope) -> Any:
-    """Return the message in an envelope; None when it isn't what its topic can carry."""
+    """Return the message in an envelope; None if malformed, implausible or wrong for the topic."""
     try:
         cls = class_for(item.encoding)
         message = decode(cls, item.payload)

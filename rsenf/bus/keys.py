@@ -1,4 +1,4 @@
-"""Names on the bus: ``rsenf/<site>/<camera>/<topic>`` and ``rsenf/<site>/reference/<grid>``."""
+"""Keys on the bus: ``rsenf/<site>/<camera>/<topic>`` and ``rsenf/<site>/reference/<grid>``."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ROOT = "rsenf"
 REFERENCE = "reference"
 NODES = "@nodes"
 
-# What travels under which topic. 'video' is the compressed picture as it came, for recording.
+# Message class of each topic. 'video' carries compressed pictures, for recording.
 TOPICS: dict[str, type[Any]] = {
     "frames": Frame,
     "video": VideoPacket,
@@ -40,7 +40,7 @@ TOPICS: dict[str, type[Any]] = {
     "health": Health,
 }
 
-# What no stage reads, and nobody records: a node's health once more, for the other nodes.
+# With the topic that is neither read by stages nor recorded: health, sent to the other nodes.
 CARRIED: dict[str, type[Any]] = {**TOPICS, "word": Health}
 
 NAME_PATTERN = "[A-Za-z0-9][A-Za-z0-9_.-]*"
@@ -48,12 +48,24 @@ NAME_RULE = "letters, digits, '-', '_' and '.', beginning with a letter or digit
 
 
 def is_name(text: str) -> bool:
-    """Whether a site, camera, grid or node may be called so: one key chunk, no wild cards."""
+    """Whether a text is valid as a site, camera, grid or node: one key chunk, no wild cards.
+
+    Examples
+    --------
+    >>> is_name("cam-1"), is_name("cam/1")
+    (True, False)
+    """
     return re.fullmatch(NAME_PATTERN, text) is not None
 
 
 def camera_key(site: str, camera: str, topic: str) -> str:
-    """Key of one topic of one camera."""
+    """Key of one topic of one camera.
+
+    Examples
+    --------
+    >>> camera_key("lab", "cam1", "track")
+    'rsenf/lab/cam1/track'
+    """
     return f"{ROOT}/{site}/{camera}/{topic}"
 
 
@@ -73,12 +85,12 @@ def health_key(site: str, node: str) -> str:
 
 
 def word_key(site: str, node: str) -> str:
-    """Key of a node's health at every change of its state, for the other nodes of its graph."""
+    """Key of a node's health at each change of its state, for the other nodes of its graph."""
     return f"{ROOT}/{site}/{NODES}/{node}/word"
 
 
 def alive_key(site: str, node: str) -> str:
-    """Key of a node's liveliness token: there while its process lives and is ready."""
+    """Key of a node's liveliness token, which exists while its process is ready."""
     return f"{ROOT}/{site}/{NODES}/{node}/alive"
 
 
@@ -99,12 +111,18 @@ def topic_of(key: str) -> str:
 
 
 def source_of(key: str) -> str:
-    """What the messages of a topic say they come from: ``<site>/<camera>``."""
+    """``source`` in the headers of a topic's messages: ``<site>/<camera>``."""
     return "/".join(key.split("/")[1:3])
 
 
 def renamed(below: str, names: Mapping[str, str]) -> str:
-    """Return ``<camera>/<topic>`` under new names, of that topic or of the whole camera."""
+    """Return ``<camera>/<topic>`` renamed, by a name for that topic or for its camera.
+
+    Examples
+    --------
+    >>> renamed("cam1/track", {"cam1": "cam2"}), renamed("cam1/track", {"cam1/track": "a/b"})
+    ('cam2/track', 'a/b')
+    """
     camera, _, topic = below.partition("/")
     return names.get(below, f"{names.get(camera, camera)}/{topic}")
 
@@ -115,7 +133,7 @@ def matches(key_expr: str, key: str) -> bool:
     Raises
     ------
     UsageError
-        When it is none.
+        When the text is no key expression.
     """
     import zenoh
 
@@ -126,5 +144,5 @@ def matches(key_expr: str, key: str) -> bool:
 
 
 def no_key_expression(text: str) -> UsageError:
-    """Return the error for a text that is none."""
+    """Return the error for a text that is no key expression."""
     return UsageError(f"{text!r} is no key expression", "such as 'cam1/track', 'cam1/*' or '**'")

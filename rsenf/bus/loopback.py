@@ -1,4 +1,4 @@
-"""A bus within one process, for tests: the same interface, without sockets or waiting."""
+"""An in-process bus for tests: the same interface, without sockets or delays."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rsenf.bus.sequence import Envelope
 
 
 class Loopback:
-    """The network: what all its buses share."""
+    """The network shared by all its buses."""
 
     def __init__(self) -> None:
         self.subscriptions: list[tuple[str, Subscription]] = []
@@ -24,7 +24,7 @@ class Loopback:
         self.lock = threading.RLock()
 
     def bus(self, name: str) -> LoopbackBus:
-        """Join it as a process would."""
+        """Return a new bus on this network, as of one process."""
         return LoopbackBus(self, name)
 
 
@@ -35,7 +35,7 @@ class _LoopbackPublisher(Publisher):
 
     @property
     def is_heard(self) -> bool:
-        """Whether anybody has subscribed to the key."""
+        """Whether the key has a subscriber."""
         with self._network.lock:
             return any(matches(expr, self.key) for expr, _ in self._network.subscriptions)
 
@@ -63,7 +63,7 @@ class LoopbackBus:
         return publisher
 
     def subscribe(self, inbox: Inbox, key_expr: str, delivery: Delivery) -> None:
-        """Let an inbox receive a key expression, its history included, in order."""
+        """Subscribe an inbox to a key expression: history first, then live messages."""
         inbox.ask = self._ask
         subscription = Subscription(inbox, delivery)
         with self._network.lock:
@@ -73,25 +73,25 @@ class LoopbackBus:
         subscription.catch_up(kept)
 
     def _ask(self, key: str, after: str, before: str) -> list[Envelope] | None:
-        """What the senders of a key have kept between two places."""
+        """Return the kept messages of a key between two places; None if no sender answers."""
         with self._network.lock:
             senders = [p for p in self._network.publishers if p.key == key]
         heard = [p for p in senders if p.sender not in self._network.cut_off]
         return [item for p in heard for item in p.between(after, before)] if heard else None
 
     def cut(self, *, off: bool) -> None:
-        """Break the link to all others, without anybody's notice but for the tokens; or mend it."""
+        """Break or restore the link to all other buses; only the liveliness tokens show it."""
         (self._network.cut_off.add if off else self._network.cut_off.discard)(self._name)
         for key in self._tokens:
             self._tell(key, alive=not off)
 
     def declare_alive(self, key: str) -> None:
-        """Show a liveliness token until this bus is closed."""
+        """Declare a liveliness token that lasts until this bus is closed."""
         self._tokens.append(key)
         self._tell(key, alive=True)
 
     def watch_alive(self, key_expr: str, on_change: Callable[[str, bool], None]) -> None:
-        """Call ``on_change(key, alive)`` for every token, those already there included."""
+        """Call ``on_change(key, alive)`` for every token, including those already declared."""
         with self._network.lock:
             self._network.watchers.append((key_expr, on_change))
             there = [key for key in self._network.tokens if matches(key_expr, key)]
@@ -99,7 +99,7 @@ class LoopbackBus:
             on_change(key, True)
 
     def close(self) -> None:
-        """Withdraw the tokens, as the end of a process would."""
+        """Undeclare the tokens, as the end of a process would."""
         for key in self._tokens:
             self._tell(key, alive=False)
 

@@ -1,12 +1,12 @@
-"""Frames between two processes of one host: a ring of luma planes in shared memory.
+"""Single-producer, single-consumer ring buffer of luma planes in shared memory.
 
-Only a small descriptor crosses the bus. One writer, one reader. Every slot has a ticket, written
-by the writer after the plane, and a receipt, written by the reader when it is done with it. A
-lossless writer waits for the receipt before it uses a slot again; a live one not for long, and
-the reader finds by the ticket that the plane was overwritten.
+Only a small descriptor crosses the bus. Each slot has a ticket, which the writer sets after the
+plane, and a receipt, which the reader sets when it is done with the plane. A lossless writer waits
+for the receipt before it reuses a slot. A live writer waits only briefly; the reader then finds by
+the ticket that the plane was overwritten.
 
-The memory is a file in ``/dev/shm`` mapped by both: Python's own ``shared_memory`` removes the
-segment when *any* process that attached to it ends (bpo-38119).
+The memory is a file in ``/dev/shm`` mapped by both: Python's ``shared_memory`` removes the segment
+when *any* process that attached to it ends (bpo-38119).
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from rsenf.errors import NodeFailed, SchemaMismatch
 
 _MAGIC = 0x52534E4652494E47  # 'RSNFRING'
 _VERSION = 1
-# magic, version, slots, bytes of a slot, lossless; then tickets and receipts.
+# Words: magic, version, slots, bytes of a slot, lossless; then tickets and receipts.
 _HEAD = 5
 _POLL_S = 0.001
-# Frames of a network camera come in bursts. A live writer gives its reader this long for each:
-# little enough for 100 frames a second, whatever the reader does.
+# Longest wait of a live writer per frame: network cameras send in bursts. It allows 100 frames a
+# second even if the reader hangs.
 LIVE_PATIENCE_S = 0.01
 PREFIX = "rsenf-"  # of the names of a graph's rings
 YOUNG_S = 10.0  # a ring may be without its writer's lock for a moment at first
 
 
 def ring_directory() -> Path:
-    """Where rings live: memory where there is some, else the temporary files."""
+    """Return the directory of rings: ``/dev/shm`` if writable, else that of temporary files."""
     shm = Path("/dev/shm")
     return shm if os.access(shm, os.W_OK) else Path(tempfile.gettempdir())
 
@@ -76,7 +76,7 @@ class _Ring:
         self.slot_bytes = slot_bytes
 
     def close(self) -> None:
-        """Let go of the memory; views of it that are still held keep it alive."""
+        """Unmap the memory; views that still exist keep it alive."""
         del self._head, self._ticket, self._receipt, self._planes
         with contextlib.suppress(BufferError):
             self._memory.close()
@@ -90,16 +90,16 @@ class RingWriter(_Ring):
     name : str
         File name of the ring, unique on this host.
     slots : int
-        Planes that may be under way.
+        Capacity in planes.
     slot_bytes : int
-        Largest plane.
+        Size of the largest plane.
     lossless : bool
-        Wait for the reader, however long, rather than overwrite what it hasn't read.
+        Whether to wait for the reader without limit, instead of overwriting unread planes.
 
     Raises
     ------
     NodeFailed
-        When there is no room for it.
+        When there isn't enough memory.
     """
 
     def __init__(self, name: str, slots: int, slot_bytes: int, *, lossless: bool) -> None:
@@ -111,22 +111,22 @@ class RingWriter(_Ring):
         self._head[:] = (_MAGIC, _VERSION, slots, slot_bytes, int(lossless))
 
     def write(self, luma: NDArray[np.uint8], reader_gone: Callable[[], bool]) -> tuple[int, int]:
-        """Copy a plane into the next slot; returns the slot and its ticket.
+        """Copy a plane into the next slot; return the slot and its ticket.
 
         Parameters
         ----------
         luma : ndarray of uint8
-            Plane of any shape and line padding, not larger than a slot.
+            Plane of any shape and strides, not larger than a slot.
         reader_gone : callable
-            Asked while the writer waits for the reader. A reader that is gone will never give its
-            planes back: they are taken from it, and a lossless ring shows them to nobody else.
+            Polled while the writer waits for the reader. Once the reader is gone, its planes are
+            reclaimed; in a lossless ring, their tickets also become invalid for a later reader.
         """
         slot = self._written % self._ticket.size
         patience_s = float("inf") if self._lossless else LIVE_PATIENCE_S
         deadline = time.monotonic() + patience_s
         while self._receipt[slot] != self._ticket[slot]:
             if reader_gone():
-                if self._lossless:  # whoever reads next would read them where they lie
+                if self._lossless:  # the next reader would use these planes without a copy
                     self._ticket[:] = -np.abs(self._ticket)
                 self._receipt[:] = self._ticket
             elif time.monotonic() > deadline:
@@ -134,7 +134,7 @@ class RingWriter(_Ring):
             else:
                 time.sleep(_POLL_S)
         self._written += 1
-        # An overwritten plane must not look whole while it is being replaced.
+        # The ticket must be invalid while the plane is overwritten.
         self._ticket[slot] = -self._written
         plane = self._planes[slot, : luma.size].reshape(luma.shape)
         np.copyto(plane, luma)
@@ -152,7 +152,7 @@ class RingWriter(_Ring):
 
 
 def _reserve(path: Path, size: int) -> mmap.mmap:
-    """Create a file for this user alone, with all its memory: later it would be a bus error."""
+    """Create a file for this user only. Allocates now: lack of memory later means SIGBUS."""
     file = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600)
     try:
         os.posix_fallocate(file, 0, size)
@@ -171,10 +171,15 @@ def _reserve(path: Path, size: int) -> mmap.mmap:
 class RingReader(_Ring):
     """Reader's end.
 
+    Parameters
+    ----------
+    name : str
+        File name of the ring.
+
     Raises
     ------
     FileNotFoundError
-        When there is no such ring, or no more.
+        When the ring doesn't exist, or no longer.
     SchemaMismatch
         When it isn't a ring of this version.
     """
@@ -201,12 +206,19 @@ class RingReader(_Ring):
     def view(
         self, slot: int, ticket: int, height_px: int, width_px: int
     ) -> NDArray[np.uint8] | None:
-        """Plane of a ticket, not copied, or None when it was overwritten meanwhile.
+        """Return the plane of a ticket, as a view; None if it was overwritten meanwhile.
+
+        Parameters
+        ----------
+        slot, ticket : int
+            As returned by :meth:`RingWriter.write`.
+        height_px, width_px : int
+            Shape of the plane.
 
         Raises
         ------
         SchemaMismatch
-            When there is no such slot, or no plane of that size in it.
+            When there is no such slot, or the size exceeds it.
         """
         size = height_px * width_px
         fits = height_px > 0 and width_px > 0 and size <= self.slot_bytes
@@ -217,7 +229,7 @@ class RingReader(_Ring):
         return self._planes[slot, :size].reshape(height_px, width_px)
 
     def release(self, slot: int, ticket: int) -> bool:
-        """Give the slot back; False when the plane changed while it was read."""
+        """Release a slot; return False if its plane was overwritten while it was read."""
         whole = bool(self._ticket[slot] == ticket)
         if whole:
             self._receipt[slot] = ticket

@@ -1,4 +1,4 @@
-"""A message as it travels, and what of each stream has come, by its numbers."""
+"""Envelopes of messages, and the sequence numbers received of each stream."""
 
 from __future__ import annotations
 
@@ -7,30 +7,29 @@ from dataclasses import dataclass
 
 from rsenf.messages import Header
 
-# Runs that a stream has left, and that are known again: more than any sender keeps messages of.
+# Earlier runs remembered for each stream: more than any sender keeps messages of.
 MOST_LEFT = 64
 
 
 @dataclass(frozen=True)
 class Envelope:
-    """A message as it travels.
+    """A serialised message in transit.
 
     Parameters
     ----------
     key : str
-        Where it was sent to.
+        Destination.
     encoding : str
-        What it is said to be.
+        Media type and schema, as declared by the sender.
     payload : bytes
-        The message.
     sender : str
-        Session that sent it: one sender's numbers say nothing about another's.
+        Session that sent it; each sender numbers its messages independently.
     droppable : bool
-        Whether the sender rather lost it than waited.
+        Whether the sender prefers loss to blocking.
     kept : bool
-        Whether the sender keeps its messages for a while, for who misses one.
+        Whether the sender keeps its messages for a while, for recovery.
     late : bool
-        Whether it was got from what the sender kept.
+        Whether it was recovered from the sender's kept messages.
     """
 
     key: str
@@ -43,12 +42,12 @@ class Envelope:
 
 
 def place_of(sender: str, header: Header) -> str:
-    """A message's place in all that its sender sends of a topic."""
+    """Identify a message's place in its sender's stream, by sender, run, epoch and number."""
     return f"{sender}:{header.run_id}:{header.epoch}:{header.seq}"
 
 
 class Sequence:
-    """What has come of every stream: the messages that one sender sends to one key."""
+    """Tracks the sequence numbers of every stream: the messages of one sender to one key."""
 
     def __init__(self) -> None:
         self._last: dict[tuple[str, str], Header] = {}
@@ -57,11 +56,11 @@ class Sequence:
         self._dropped: Counter[tuple[str, str]] = Counter()
 
     def newest(self, key: str) -> str:
-        """Place of the last message of a key; empty before the first."""
+        """Return the place of the last message of a key; empty before the first."""
         return self._newest.get(key, "")
 
     def absent(self, item: Envelope, header: Header) -> int:
-        """Messages missing before this one; below 0 when it has come already."""
+        """Return how many messages are missing before this one; negative for a duplicate."""
         last = self._last.get((item.key, item.sender))
         if last is None:
             return 0
@@ -72,16 +71,16 @@ class Sequence:
         return header.seq - (last.seq if header.epoch == last.epoch else -1) - 1
 
     def begins_epoch(self, item: Envelope, header: Header) -> bool:
-        """Whether it is of a new epoch or run: where that before ended, its numbers don't tell."""
+        """Whether it begins a new epoch or run. The numbers can't tell where the last one ended."""
         last = self._last.get((item.key, item.sender))
         return last is not None and (last.run_id, last.epoch) != (header.run_id, header.epoch)
 
     def dropped(self, item: Envelope) -> None:
-        """Take in that a message was dropped here."""
+        """Note that the inbox has dropped a message."""
         self._dropped[item.key, item.sender] += 1
 
     def took(self, item: Envelope, header: Header) -> int:
-        """Take in a message that is handed out; returns how many before it never came."""
+        """Note a message that is passed to the reader; return how many before it were missed."""
         stream, absent = (item.key, item.sender), self.absent(item, header)
         last = self._last.get(stream)
         dropped = min(absent, self._dropped[stream])

@@ -1,9 +1,9 @@
 """The bus over Zenoh.
 
-What Zenoh leaves to its user is settled here: a sender that waits must not be cut off after five
-seconds; a router all of whose receiving threads wait must not hold up the very messages they wait
-for; who joins late subscribes, asks for the history, and drops what came twice; and a session is
-always closed, or the interpreter hangs at its exit.
+It settles what Zenoh leaves to its user: a blocked sender must not be disconnected after five
+seconds (Zenoh's default); receive threads that block must not deadlock a router; a late joiner
+subscribes, queries the history and drops duplicates; and a session is always closed, or the
+interpreter hangs at exit.
 """
 
 from __future__ import annotations
@@ -28,29 +28,28 @@ from rsenf.errors import RsenfError, UsageError
 
 ECHO_KEY = "rsenf/@echo"
 ECHO_TIMEOUT_S, NO_ECHO_S = 1.0, 0.3
-# Who has played faster than others take it has much under way: as long as nobody is in a hurry.
+# Longest wait at the end until everything sent has arrived: a fast replay may have much in transit.
 SEEN_OFF_S, ECHO_POLL_S = 600.0, 0.01
 HISTORY_TIMEOUT_S = 2.0
-# What was missed in a minute takes a while over a slow link.
+# The messages of a minute take a while over a slow link.
 RECOVERY_TIMEOUT_S = 20.0
-# In the attachment of a message, after its sender: that it is kept for who misses it.
+# Suffix of the sender in a message's attachment: the message is kept for recovery.
 KEPT = ";kept"
 CONNECT_TIMEOUT_MS, RETRY_MS = 3000, 1000
-# Zenoh closes a link on which a blocked sender waits longer than this, and later messages vanish
-# without a word. A slow recorder is no reason to lose data: an hour.
+# Zenoh closes a link on which a sender blocks longer than this, and silently drops later messages.
+# A slow recorder must not lose data: one hour.
 WAIT_BEFORE_CLOSE_US = 3_600_000_000
-# Between hosts a sender that waits may wait for a link that is broken, which isn't opened anew
-# while anybody does; what is lost by closing it is got back.
+# Between hosts a sender may block on a broken link, which isn't reopened as long as it blocks. What
+# is lost by closing the link is recovered afterwards.
 LINKED_WAIT_US = 5_000_000
-# A link on which nothing is heard for a lease counts as broken, and is closed with all that is on
-# it. Where senders wait for a slow reader, a router doesn't listen to them for as long. Within a
-# host nobody vanishes unheard: the end of a process closes its links.
+# A link that is silent for a lease counts as broken and is closed with all that is on it. A router
+# doesn't read from senders while these block on a slow reader. Within a host a long lease is safe:
+# the end of a process closes its links.
 LEASE_MS, LOCAL_LEASE_MS = 10_000, 3_600_000
 LOCAL = ("/127.0.0.1:", "/localhost:", "/[::1]:")
-# A thread that hands a message on waits for its receiver. On two cores Zenoh has one such thread: a
-# frame that waits for the node that samples it would keep that node's own row blocks from coming
-# in, and all would stand still. A router, or a peer, needs a thread for each of its links; who has
-# but one link needs no more than two.
+# A Zenoh receive thread blocks while a receiver is full. On two cores Zenoh has a single one, which
+# can deadlock: a frame that waits for the row sampler blocks that node's own row blocks. A router
+# or peer needs one thread for each link; a process with one link needs two at most.
 RUNTIME = "ZENOH_RUNTIME"
 MANY_LINKS, ONE_LINK = "(rx: (worker_threads: 64))", "(rx: (worker_threads: 2))"
 
@@ -62,14 +61,14 @@ class BusSettings:
     Parameters
     ----------
     mode : {'client', 'router', 'peer'}
-        'client' connects to a router; ``rsenf run`` opens one of its own in mode 'router'.
+        'client' connects to a router; ``rsenf run`` opens its own one in mode 'router'.
     connect, listen : tuple of str
-        Zenoh endpoints, for example ``tcp/127.0.0.1:7447``. A router connects to other routers,
-        and again and again to those that aren't there.
+        Zenoh endpoints, for example ``tcp/127.0.0.1:7447``. A router keeps trying to connect to
+        other routers.
     multicast : bool
         Look for routers and peers in the local network.
     zenoh : mapping
-        Any further Zenoh settings by their path (``transport/link/tls/…``): certificates, users.
+        Further Zenoh settings by path (``transport/link/tls/…``), for example certificates, users.
     """
 
     mode: str = "client"
@@ -80,7 +79,14 @@ class BusSettings:
 
 
 def setting_problem(path: str, value: Any) -> str:
-    """Say what is wrong with a Zenoh setting, without its value; empty when nothing is."""
+    """Say what is wrong with a Zenoh setting, without its value; empty if it is valid.
+
+    Parameters
+    ----------
+    path : str
+        Such as ``transport/link/tx/lease``.
+    value : JSON value
+    """
     try:
         zenoh.Config().insert_json5(path, json.dumps(value))
     except zenoh.ZError as exc:
@@ -107,7 +113,7 @@ def _config(settings: BusSettings) -> zenoh.Config:
         "transport/shared_memory/enabled": False,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": wait_us,
         "transport/link/tx/lease": LOCAL_LEASE_MS if local else LEASE_MS,
-        # Without anybody to look for, opening needn't wait half a second for answers.
+        # Without scouting, opening a session needn't wait half a second for answers.
         **({} if settings.multicast else {"scouting/delay": 0}),
         **settings.zenoh,
     }
@@ -132,8 +138,8 @@ class _ZenohPublisher(Publisher):
 
     @property
     def is_heard(self) -> bool:
-        """Whether anybody has subscribed to the key."""
-        status: Any = self._publisher.matching_status  # its stub says bool, which it isn't
+        """Whether the key has a subscriber."""
+        status: Any = self._publisher.matching_status  # not the bool that its stub declares
         return bool(status.matching)
 
     def _put(self, item: Envelope) -> None:
@@ -152,7 +158,7 @@ class _ZenohPublisher(Publisher):
                 query.reply_err(NOTHING_KEPT)
 
 
-# Parameters of a question for what was missed: places in the stream that it lies between.
+# Parameters of a recovery query: the places in the stream around the gap.
 AFTER, BEFORE = "after", "before"
 NOTHING_KEPT = zenoh.ZBytes(b"nothing kept")
 _BLOCK = zenoh.CongestionControl.BLOCK
@@ -177,9 +183,9 @@ class ZenohBus:
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self._inboxes: list[Inbox] = []
-        # Zenoh withdraws a declaration when Python forgets it.
+        # Zenoh undeclares what Python garbage-collects.
         self._declared: list[Any] = []
-        # Whether what is still under way at the end may be waited for only a moment.
+        # Whether closing may wait only briefly for messages in transit.
         self.in_a_hurry: Callable[[], bool] = lambda: True
 
     def publisher(self, key: str, delivery: Delivery) -> Publisher:
@@ -187,18 +193,18 @@ class ZenohBus:
         return _ZenohPublisher(self._session, key, delivery)
 
     def subscribe(self, inbox: Inbox, key_expr: str, delivery: Delivery) -> None:
-        """Let an inbox receive a key expression, its history included, in order.
+        """Subscribe an inbox to a key expression: history first, then live messages.
 
         Raises
         ------
         UsageError
-            When it is no key expression.
+            When the text is no key expression.
         """
         self._inboxes.append(inbox)
         inbox.ask = self._ask
         subscription = Subscription(inbox, delivery)
-        # What makes its sender wait does so in a thread of its own. Who only looks takes it as it
-        # comes: to wake another thread for each message takes longer than what is done with it.
+        # A blocking subscriber needs its own thread. Observers run in Zenoh's: waking another
+        # thread for each message takes longer than their work on it.
         handler: zenoh.handlers.Callback[zenoh.Sample] = zenoh.handlers.Callback(
             lambda sample: subscription.take(_envelope(sample)), indirect=delivery.lossless
         )
@@ -211,8 +217,8 @@ class ZenohBus:
         subscription.catch_up(_envelope(reply.ok) for reply in replies if reply.ok)
 
     def _ask(self, key: str, after: str, before: str) -> list[Envelope] | None:
-        """What the senders of a key have kept between two places; None when nobody answers."""
-        with contextlib.suppress(zenoh.ZError):  # the session was closed meanwhile
+        """Return the kept messages of a key between two places; None if no sender answers."""
+        with contextlib.suppress(zenoh.ZError):  # raised when the session was closed meanwhile
             replies = self._query(f"{key}?{AFTER}={after};{BEFORE}={before}", RECOVERY_TIMEOUT_S)
             answers = list(replies)
             said = [r for r in answers if r.ok or (r.err and r.err.payload == NOTHING_KEPT)]
@@ -225,16 +231,16 @@ class ZenohBus:
             timeout=timeout_s,
             consolidation=zenoh.ConsolidationMode.NONE,
             target=zenoh.QueryTarget.ALL,
-            congestion_control=_BLOCK,  # of the replies too
+            congestion_control=_BLOCK,  # also for the replies
         )
         return replies
 
     def declare_alive(self, key: str) -> None:
-        """Show a liveliness token for as long as this process lives."""
+        """Declare a liveliness token that lasts as long as this process."""
         self._declared.append(self._session.liveliness().declare_token(key))
 
     def watch_alive(self, key_expr: str, on_change: Callable[[str, bool], None]) -> None:
-        """Call ``on_change(key, alive)`` for every token, those already there included."""
+        """Call ``on_change(key, alive)`` for every token, including those already declared."""
 
         def on_sample(sample: zenoh.Sample) -> None:
             on_change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
@@ -243,7 +249,7 @@ class ZenohBus:
         self._declared.append(watcher)
 
     def answer_echo(self) -> None:
-        """Answer those who ask whether what they sent has arrived. For routers."""
+        """Answer the queries by which senders check that everything has arrived. For routers."""
 
         def answer(query: zenoh.Query) -> None:
             with query:
@@ -252,11 +258,11 @@ class ZenohBus:
         self._declared.append(self._session.declare_queryable(ECHO_KEY, answer))
 
     def close(self) -> None:
-        """Release the inboxes and see off what was sent; :func:`open_bus` closes the session.
+        """Close the inboxes and wait until everything sent has arrived.
 
-        A session that closes forgets what still waits to be sent. A question of the lowest priority
-        goes after all of it on the same link, so its answer means that the router has everything;
-        and the routers of other hosts, to which it goes on.
+        Closing a session (by :func:`open_bus`) discards what is still queued. A query of the lowest
+        priority is sent after all of it on the same link, so its answers mean that the router, and
+        the routers of other hosts that forward the query, have everything.
         """
         for inbox in self._inboxes:
             inbox.close()
@@ -265,15 +271,15 @@ class ZenohBus:
             target=zenoh.QueryTarget.ALL, congestion_control=_BLOCK,
         )  # fmt: skip
         if not self._answered(replies):
-            time.sleep(NO_ECHO_S)  # somebody else's router: nothing to do but give it time
+            time.sleep(NO_ECHO_S)  # a foreign router doesn't answer: just give it time
 
     def _answered(self, replies: Any) -> bool:
-        """Wait for all the answers; returns whether there was one. Not for long in a hurry."""
+        """Wait for all answers, in a hurry only briefly; return whether there was any."""
         answered, hurried_s = False, 0.0
         while hurried_s < ECHO_TIMEOUT_S:
             try:
                 reply = replies.try_recv()
-            except zenoh.ZError:  # that was all
+            except zenoh.ZError:  # no more answers
                 break
             if reply is None:
                 time.sleep(ECHO_POLL_S)
@@ -292,10 +298,10 @@ def open_bus(settings: BusSettings) -> Iterator[ZenohBus]:
     UsageError
         When a setting isn't one of Zenoh's.
     RsenfError
-        When the endpoints can't be reached, or refuse these credentials.
+        When the endpoints can't be reached or opened, or refuse these credentials.
     """
     config = _config(settings)
-    os.environ.setdefault(RUNTIME, MANY_LINKS)  # read when a process opens its first session
+    os.environ.setdefault(RUNTIME, MANY_LINKS)  # Zenoh reads it at the process's first session
     try:
         session = zenoh.open(config)
     except zenoh.ZError as exc:
@@ -307,8 +313,8 @@ def open_bus(settings: BusSettings) -> Iterator[ZenohBus]:
         yield bus
     finally:
         bus.close()
-        with contextlib.suppress(zenoh.ZError):  # a broken link is no reason not to end
-            session.close()  # type: ignore[no-untyped-call]  # zenoh's stub leaves it bare
+        with contextlib.suppress(zenoh.ZError):  # such as for a broken link
+            session.close()  # type: ignore[no-untyped-call]  # untyped in zenoh's stub
 
 
 def _unreachable(settings: BusSettings) -> RsenfError:

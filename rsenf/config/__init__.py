@@ -1,4 +1,13 @@
-"""Config: one schema, loaded from YAML, every problem with its file and line."""
+"""Graph files: one schema (pydantic), read from YAML; every problem is reported with its line.
+
+In: the text of a graph, model or case file. Out: a validated :class:`Graph` (or ``CaseFile``, or
+parameters of a model).
+
+Read ``names`` and ``node_kind`` (base class of all kinds of nodes) first; then ``graph`` (the
+schema), ``yaml_lines`` (positions of keys), ``check`` (validation and messages), ``secrets``
+(environment variables, redaction) and ``load`` (the checks across nodes). ``recording``,
+``model_file`` and ``case_file`` are small schemas of their own.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +19,7 @@ if TYPE_CHECKING:
     from rsenf.config.load import load_graph, shown
     from rsenf.config.secrets import redact
 
-# Loaded when asked for: a kind of node imports its base from here while the graph is made of it.
+# Imported lazily: node kinds import their base class from here, and ``graph`` imports them.
 _HOMES = {"Graph": "graph", "load_graph": "load", "shown": "load", "redact": "secrets"}
 
 

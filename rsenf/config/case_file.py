@@ -1,4 +1,4 @@
-"""What a report says of the case it belongs to; it has no part in any computation."""
+"""Case details for a report; they don't take part in any computation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rsenf.config.yaml_lines import YamlText
 
 
 class CaseFile(Strict):
-    """The case that a recording belongs to, as its examiner knows it; each as it is written."""
+    """The case that a recording belongs to, as stated by its examiner; printed verbatim."""
 
     case: str = Field("", description="its number or name")
     exhibit: str = Field("", description="what the recording is called there")
@@ -27,6 +27,6 @@ def load_case(path: Path) -> CaseFile:
     Raises
     ------
     UsageError, ConfigError
-        With file and line, when it can't be read or has other keys.
+        With file and line, when it can't be read or has unknown keys.
     """
     return check(YamlText(path, as_text=True), CaseFile)

@@ -1,4 +1,4 @@
-"""A YAML file against a schema: every problem at once, each with its line and a way out."""
+"""Validates a YAML file against a schema: reports all problems, each with its line and a hint."""
 
 from __future__ import annotations
 
@@ -23,6 +23,12 @@ _MISSING = ("missing", "missing_argument")
 def check(document: YamlText, model: type[Model]) -> Model:
     """Validate a document.
 
+    Parameters
+    ----------
+    document : YamlText
+    model : type
+        A pydantic model, of which an instance is returned.
+
     Raises
     ------
     ConfigError
@@ -35,7 +41,7 @@ def check(document: YamlText, model: type[Model]) -> Model:
     except ValidationError as exc:
         schema = model.model_json_schema()
         found = [_finding(document, schema, error) for error in exc.errors()]
-        # A value that could not be filled in or read is one problem, not two.
+        # A value that couldn't be read or filled in counts as one problem, not two.
         fresh = [f"{document.place(at)}: {t}" for at, t in found if at not in document.problems]
         raise ConfigError(document.report() + fresh) from exc
     if document.problems:
@@ -44,7 +50,7 @@ def check(document: YamlText, model: type[Model]) -> Model:
 
 
 def _finding(document: YamlText, schema: _Schema, error: ErrorDetails) -> tuple[KeyPath, str]:
-    """Where in the file an error is, and what to say of it."""
+    """Return the place of an error in the file, and its message."""
     kind, context, last = error["type"], error.get("ctx", {}), str(error["loc"][-1])
     path, node = _follow(document.data, schema, error["loc"])
     name = ".".join(map(str, path)) or "file"
@@ -61,7 +67,7 @@ def _finding(document: YamlText, schema: _Schema, error: ErrorDetails) -> tuple[
     elif kind == "union_tag_invalid":
         path, read = (*path, "kind"), str(context["tag"])
         text = _not_one_of(f"{name}.kind", read, _choices(node))
-        if read in NODE_KINDS:  # of a package that is there, and broken
+        if read in NODE_KINDS:  # of an installed package that can't be imported
             text = f"{name}.kind: {_why_broken(read)}"
     elif kind == "literal_error":
         words = context["expected"].replace(" or ", ", ").replace("'", "").split(", ")
@@ -74,10 +80,10 @@ def _finding(document: YamlText, schema: _Schema, error: ErrorDetails) -> tuple[
 
 
 def _follow(data: Any, schema: _Schema, loc: tuple[int | str, ...]) -> tuple[KeyPath, _Schema]:
-    """Follow pydantic's location: the keys of the file on its way, and the schema at its end.
+    """Translate pydantic's location to keys of the file, and the schema at its end.
 
-    Where several kinds are possible pydantic names the kind it took, and where a key itself is
-    wrong it says so: neither is a key of the file.
+    In a union pydantic's location contains the kind chosen, and for an invalid key the part
+    ``[key]``: neither is a key of the file.
     """
     path: list[int | str] = []
     node = _plain(schema, schema)
@@ -102,7 +108,7 @@ def _follow(data: Any, schema: _Schema, loc: tuple[int | str, ...]) -> tuple[Key
 
 
 def _plain(schema: _Schema, node: Any) -> _Schema:
-    """Return a schema node itself, not a reference to it or the choice between it and null."""
+    """Resolve references, and the choice between a schema and null."""
     while isinstance(node, dict) and ("$ref" in node or "anyOf" in node):
         if "anyOf" in node:
             node = next(n for n in node["anyOf"] if n.get("type") != "null")

@@ -1,4 +1,4 @@
-"""The schema of a graph file: which nodes, with which settings, on which bus."""
+"""The schema of a graph file: nodes with their settings, bus, hosts and access rules."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ else:
 
 
 class BusConfig(Strict):
-    """How the nodes reach each other. Empty: a router of the run's own, on this host only."""
+    """How the nodes reach each other. Empty: the run opens its own router, for this host only."""
 
     connect: tuple[str, ...] = Field((), description="endpoints of an existing router or of peers")
     listen: tuple[str, ...] = Field((), description="endpoints that the run's own router opens")
@@ -32,12 +32,12 @@ class BusConfig(Strict):
 
     @property
     def is_elsewhere(self) -> bool:
-        """Whether the bus is somebody else's, rather than a router of the run's own."""
+        """Whether the bus is an existing one, not the run's own router."""
         return bool(self.connect) or self.multicast
 
 
 class HostConfig(Strict):
-    """One of the hosts that a graph is split over: it runs its nodes, and a router for them."""
+    """One of the hosts of a distributed graph: it runs its nodes, and a router for them."""
 
     nodes: tuple[Name, ...] = Field((), description="which run here; none: a router alone")
     address: str | None = Field(
@@ -50,7 +50,7 @@ class HostConfig(Strict):
 
 
 class TlsConfig(Strict):
-    """Certificates that hosts show each other: paths, in which {host} is the host's name."""
+    """Certificates for mutual TLS between hosts: paths, in which {host} is the host's name."""
 
     ca: str = Field(description="certificate of the authority that signs all others")
     certificate: str = Field(description="of this host; its common name is the host's name")
@@ -58,7 +58,7 @@ class TlsConfig(Strict):
 
 
 class Access(Strict):
-    """What somebody with a certificate may send who is no host of the graph; all may listen."""
+    """What the owner of a certificate who is no host of the graph may send; all may listen."""
 
     publish: tuple[str, ...] = Field((), description="key expressions below the site")
 
@@ -80,26 +80,33 @@ class Graph(Strict):
     nodes: dict[Name, Node] = Field(min_length=1)
 
     def restart_of(self, name: str) -> Restart | None:
-        """Return when a node is started again: its own rule, or else the graph's."""
+        """Return a node's restart policy, or else the graph's; None for no restarts."""
         return self.nodes[name].restart or self.restart
 
     def sender(self, topic: str, of: str) -> NodeKind | None:
-        """Return the node that sends a camera's topic or a grid's reference; None for no such."""
+        """Return the node that sends a camera's topic or a grid's reference; None if there is none.
+
+        Parameters
+        ----------
+        topic : str
+        of : str
+            Camera, or grid for the topic 'reference'.
+        """
         return self.nodes.get(sender_of(self, topic, of))
 
     def inputs_of(self, node: NodeKind) -> list[Input]:
-        """Return what a node reads here: all that it must, and of the rest what is sent."""
+        """Return the inputs of a node: all required ones, and the optional ones that are sent."""
         return [
             read for read in node.inputs() if not read.optional or sender_of(self, *read.stream)
         ]
 
     def reads_of(self, node: NodeKind, stage: StageSpec, camera: str) -> list[Stream]:
-        """Return what a stage of a node reads here for a camera."""
+        """Return the streams that a stage of a node reads in this graph for a camera."""
         reads = [node.input_of(topic, camera).stream for topic in stage.reads]
         return [s for s in reads if s.topic not in stage.optional or sender_of(self, *s)]
 
     def mirrors(self, node: NodeKind) -> Iterator[Problem]:
-        """Yield a camera of a node that is compared with itself: it fits, whatever it shows."""
+        """Yield a problem for each camera that would be compared with itself, and always match."""
         sender = self.sender(REFERENCE, getattr(node, "grid", ""))
         for read in sender.inputs() if sender and not sender.program() else ():
             if read.stream.topic == "track" and read.stream.of in node.feeds:
@@ -108,24 +115,32 @@ class Graph(Strict):
 
 
 def host_of(graph: Graph, node: str) -> str:
-    """Host that a node runs on; '' where the graph isn't split."""
+    """Return the host that a node runs on; '' if none is assigned."""
     return next((name for name, host in graph.hosts.items() if node in host.nodes), "")
 
 
 def elsewhere(graph: Graph, node: str) -> set[str]:
-    """Nodes that run on other hosts than a node."""
+    """Return the nodes that run on other hosts than a node."""
     here = host_of(graph, node)
     return {name for name in graph.nodes if host_of(graph, name) != here}
 
 
 def sender_of(graph: Graph, topic: str, of: str) -> str:
-    """Name of the node that sends a camera's topic or a grid's reference; '' for no such."""
+    """Return the name of the node that sends a camera's topic or a grid's reference; or ''.
+
+    Parameters
+    ----------
+    graph : Graph
+    topic : str
+    of : str
+        Camera, or grid for the topic 'reference'.
+    """
     wanted = Stream(topic, of)
     return next((name for name, node in graph.nodes.items() if wanted in node.outputs()), "")
 
 
 def reader_of_frames(graph: Graph, camera: str) -> str:
-    """Name of the node that samples a camera's frames; '' when none of this graph does."""
+    """Return the name of the node that samples a camera's frames; '' if there is none."""
     return next(
         (
             name
@@ -137,13 +152,13 @@ def reader_of_frames(graph: Graph, camera: str) -> str:
 
 
 def runs_ahead(graph: Graph, camera: str) -> bool:
-    """Whether a camera's frames come from a file faster than they were filmed."""
+    """Whether a camera's frames come from a file faster than real time."""
     sender = graph.sender("frames", camera)
     return sender is not None and sender.runs_ahead
 
 
 def completed(graph: Graph) -> Graph:
-    """Return a graph in which rows are sampled as those that read them need it."""
+    """Return a graph in which row samplers have the settings that their readers need."""
     nodes = dict(graph.nodes)
     for node in graph.nodes.values():
         needed = node.rows_needed()

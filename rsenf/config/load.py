@@ -1,8 +1,7 @@
-"""A graph file: read, checked, and with recordings in the place of nodes if asked for.
+"""Loads a graph file, checks what its schema can't express, and substitutes replays for nodes.
 
-What the schema of a graph can't see: whether its nodes fit together.
-
-Whether a graph that is split over hosts holds together.
+Checked are the connections between nodes (missing, duplicate or contradictory ones), and between
+the hosts of a distributed graph.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from rsenf.errors import ConfigError, UsageError
 
 
 def host_problems(graph: Graph) -> Iterator[Problem]:
-    """Yield where in the file something doesn't fit, and what."""
+    """Yield the problems of a graph's hosts, links and access rules, with their keys."""
     yield from _unsecured(graph)
     if not graph.hosts:
         return
@@ -95,7 +94,7 @@ def _reached_from(graph: Graph, first: str) -> set[str]:
 
 
 def _far_rings(graph: Graph) -> Iterator[Problem]:
-    """Yield rings in shared memory that are to be read on another host."""
+    """Yield shared-memory rings whose reader runs on another host."""
     for name, node in graph.nodes.items():
         if node.uses_ring:
             for topic, camera in node.outputs():
@@ -107,13 +106,13 @@ def _far_rings(graph: Graph) -> Iterator[Problem]:
 
 
 def problems(graph: Graph) -> list[Problem]:
-    """What doesn't fit together: where in the file, and what."""
+    """Return all problems between the nodes of a graph, with their keys in the file."""
     found = [*_of_bus(graph.bus), *host_problems(graph)]
     for name, path in overwriting(graph):
         found.append((("nodes", name, "out"), f"{path} is played by this graph"))
     for name, node in graph.nodes.items():
         of_node = [*node.problems(graph), *_twice(graph, name, node), *_unread(graph, node)]
-        # With a bus of somebody else's, what is missing here may be sent there.
+        # On an existing bus, nodes outside this graph may send what is missing here.
         if not graph.bus.is_elsewhere:
             of_node += _unfed(graph, node)
         found += [(("nodes", name, *below), text) for below, text in of_node]
@@ -121,7 +120,7 @@ def problems(graph: Graph) -> list[Problem]:
 
 
 def overwriting(graph: Graph) -> Iterator[tuple[str, str]]:
-    """Yield the nodes that would record over what the graph plays, and where."""
+    """Yield each node that would overwrite a file which the graph plays, with that file."""
     played = {Path(node.plays).resolve() for node in graph.nodes.values() if node.plays}
     for name, node in graph.nodes.items():
         if node.writes and Path(node.writes).resolve() in played:
@@ -137,14 +136,14 @@ def _of_bus(bus: BusConfig) -> Iterator[Problem]:
 
 
 def _unread(graph: Graph, node: NodeKind) -> Iterator[Problem]:
-    """Yield a ring that nobody of this graph reads: its writer would wait for ever."""
+    """Yield rings without a reader in this graph: their writer would block for ever."""
     for topic, camera in node.outputs() if node.uses_ring and graph.bus.is_elsewhere else ():
         if topic == "frames" and not reader_of_frames(graph, camera):
             yield ("frames",), f"no node here reads the ring of {camera!r}; use 'tcp' or 'fused'"
 
 
 def _twice(graph: Graph, name: str, node: NodeKind) -> Iterator[Problem]:
-    """Yield what another node, or this one, does already."""
+    """Yield outputs and files that a node duplicates, and outputs that are no topics."""
     sent = node.outputs()
     for topic in {stream.topic for stream in sent} - set(TOPICS):
         yield (node.named_by,), f"sends {topic!r}, which is no topic; there are {', '.join(TOPICS)}"
@@ -162,7 +161,7 @@ def _twice(graph: Graph, name: str, node: NodeKind) -> Iterator[Problem]:
 
 
 def _unfed(graph: Graph, node: NodeKind) -> Iterator[Problem]:
-    """Yield every input that nobody sends."""
+    """Yield the inputs that no node sends."""
     for (topic, of), where, _ in graph.inputs_of(node):
         if not sender_of(graph, topic, of):
             camera = "" if topic == REFERENCE else " of camera"
@@ -175,14 +174,13 @@ def load_graph(path: str | Path, replayed: Mapping[str, str] | None = None) -> G
     Parameters
     ----------
     path : path
-        The file.
     replayed : mapping, optional
-        Recordings by the names of the nodes whose place they take.
+        Paths of recordings, by the names of the nodes that they replace.
 
     Raises
     ------
     UsageError, ConfigError
-        When it can't be read, or has problems: all of them at once.
+        When it can't be read, or has problems, all of which are listed.
     """
     document = YamlText(Path(path))
     graph = check(document, Graph)
@@ -193,19 +191,18 @@ def load_graph(path: str | Path, replayed: Mapping[str, str] | None = None) -> G
 
 
 def shown(graph: Graph) -> dict[str, Any]:
-    """Return a graph as it was read, defaults included and secrets hidden, as plain data."""
+    """Return a graph as plain data, including defaults, with secrets redacted."""
     return dict(hide(graph.model_dump(mode="json")))
 
 
 def with_replayed(graph: Graph, recordings: Mapping[str, str]) -> Graph:
-    """Return a graph in which some nodes' output is played instead of made.
+    """Return a graph in which some nodes are replaced by replays of their recorded output.
 
     Parameters
     ----------
     graph : Graph
-        The graph.
     recordings : mapping
-        Path of a recording by the name of the node that it replaces.
+        Path of a recording, by the name of the node that it replaces.
 
     Raises
     ------
@@ -226,7 +223,7 @@ def with_replayed(graph: Graph, recordings: Mapping[str, str]) -> Graph:
 
 
 def _player(name: str, node: NodeKind, path: str) -> NodeKind:
-    """Return the node that plays what another one has sent."""
+    """Return a replay node for the outputs of a node."""
     sent = node.outputs()
     if not sent:
         raise UsageError(f"node {name!r} sends nothing that could be replayed")
@@ -240,7 +237,7 @@ def _player(name: str, node: NodeKind, path: str) -> NodeKind:
 
 
 def _contradictions(graph: Graph, data: Any) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Yield settings of rows, given in the file, that a reader of the rows can't work with."""
+    """Yield row settings given in the file that contradict what a reader of the rows needs."""
     for reader, node in graph.nodes.items():
         for field, value in node.rows_needed().items():
             for camera in node.feeds:

@@ -1,4 +1,4 @@
-"""The capture model in files: a model's own, and the simulator as an input in a graph."""
+"""Capture models in files: the model file, and the simulator as an input of a graph."""
 
 from __future__ import annotations
 

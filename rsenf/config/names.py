@@ -1,4 +1,4 @@
-"""Names in a graph file: of cameras, of topics, and by what they are played anew."""
+"""Names in a graph file: of nodes, cameras and topics, and their renaming on replay."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from rsenf.bus.keys import (
 
 
 def named(text: str) -> str:
-    """Return a name that may be part of a key; ValueError for any other text."""
+    """Return a name if it is valid as a part of a key; otherwise raise ValueError."""
     if not is_name(text):
         raise ValueError(f"no name: {NAME_RULE}")
     return text
 
 
 def not_reserved(text: str) -> str:
-    """Return a name that a camera may have; ValueError for those that are taken."""
+    """Return a camera's name if it isn't reserved; otherwise raise ValueError."""
     if text == REFERENCE:
         raise ValueError(f"{REFERENCE!r} is taken: the references of the grids go by it")
     return text
@@ -43,7 +43,20 @@ def _topic(text: str) -> str:
 
 
 def ensure_renamed(old: str, new: str, topics: tuple[str, ...] | None) -> None:
-    """Check new names of a replay node, which are of a topic or of a whole camera."""
+    """Check a renaming of a replay node, of one topic or of a whole camera.
+
+    Parameters
+    ----------
+    old, new : str
+        Both ``<camera>/<topic>`` or both ``<camera>``.
+    topics : tuple of str or None
+        Topics that the node plays; None for all.
+
+    Raises
+    ------
+    ValueError
+        When a name is invalid, isn't played, or belongs to another type of message.
+    """
     is_topic = "/" in old
     for text in (old, new):
         try:
@@ -57,12 +70,12 @@ def ensure_renamed(old: str, new: str, topics: tuple[str, ...] | None) -> None:
         raise ValueError(f"{old!r} can't be played as {new!r}: another message")
 
 
-# Part of a key on the bus.
+# One chunk of a key on the bus.
 Name = Annotated[
     str,
     AfterValidator(named),
     Field(max_length=64, json_schema_extra={"pattern": f"^{NAME_PATTERN}$"}),
 ]
 Camera = Annotated[Name, AfterValidator(not_reserved)]
-# What follows the site in a key.
+# The part of a key after the site.
 Topic = Annotated[str, AfterValidator(_topic)]

@@ -1,11 +1,11 @@
-"""What a kind of node is: one class, in one file, that says all that anybody needs to know of it.
+"""Base class of all kinds of nodes: a single declaration of everything about a kind.
 
-Its fields are its settings in a graph file; its methods say what it reads and sends, what it needs
-of others, how its stages are made, and what its process does. Wiring, ``rsenf validate``,
-supervision, recording, replay and regression ask here and nowhere else.
+Fields are the settings in a graph file. Methods tell what the node reads and sends, what it
+requires of other nodes, how its stages are made, and what its process does. Wiring, ``rsenf
+validate``, supervision, recording, replay and regression use nothing else.
 
-rsenf's own are in ``nodes/``, one file each. Another package adds its own by an entry point in the
-group ``rsenf.nodes``; ``rsenf.run.stage_node.StageNode`` is the base of most.
+rsenf's own kinds are in ``nodes/``, one file each. Other packages add kinds by an entry point in
+the group ``rsenf.nodes``; most derive from ``rsenf.run.stage_node.StageNode``.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from rsenf.stage import ALONE, StageContext, StageSpec
 if TYPE_CHECKING:
     from rsenf.config.graph import Graph
 
-Problem = tuple[tuple[str, ...], str]  # keys below the node in the file, and what is wrong
+Problem = tuple[tuple[str, ...], str]  # keys below the node in the file, and the message
 
 
 class Strict(BaseModel):
-    """Unknown keys are errors; what was read doesn't change."""
+    """Base of all settings: unknown keys are errors, and instances are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Restart(Strict):
-    """When a node that dies, or hangs, is started again."""
+    """When a node that crashes or hangs is restarted."""
 
     limit: int = Field(5, ge=0, description="times within within_s; after that it stays dead")
     within_s: float = Field(300.0, gt=0)
@@ -59,7 +59,7 @@ class Stream(NamedTuple):
 
     @classmethod
     def below(cls, text: str) -> Stream:
-        """Read what follows the site in a key: ``cam1/rows`` or ``reference/ce``."""
+        """Parse the part of a key after the site: ``cam1/rows`` or ``reference/ce``."""
         first, _, last = text.partition("/")
         return cls(REFERENCE, last) if first == REFERENCE else cls(last, first)
 
@@ -70,7 +70,7 @@ class Stream(NamedTuple):
 class Input(NamedTuple):
     """A stream that a node reads.
 
-    ``where`` is the node's key that names it. An ``optional`` one is read where it is sent.
+    ``where`` is the node's setting that names it. An ``optional`` stream is read if it is sent.
     """
 
     stream: Stream
@@ -84,11 +84,11 @@ class NodeKind(Strict):
     Attributes
     ----------
     is_source : bool
-        Whether it is told to stop before those that read it.
+        Whether it is stopped before the nodes that read it.
     sends_again : bool
-        Whether it is started once more for a reader that was: it sends all it has, and ends.
+        Whether it is restarted along with a reader: it sends everything it has, and ends.
     named_by : str
-        The node's key that says what it sends.
+        The setting that names what it sends.
     """
 
     kind: str
@@ -104,20 +104,20 @@ class NodeKind(Strict):
 
     @property
     def feeds(self) -> tuple[str, ...]:
-        """Cameras that it serves, in the order of the file."""
+        """Cameras that the node serves, in the order of the file."""
         return tuple(getattr(self, "cameras", ()))
 
     def stages(self, context: StageContext = ALONE) -> list[StageSpec]:
-        """Return what it does with each of its cameras; nothing for what has no stage."""
+        """Return the stages that run for each camera; empty for a node without stages."""
         return []
 
     def outputs(self) -> list[Stream]:
-        """Return what it sends. Its process can open no other topic for sending."""
+        """Return the streams that it sends. Its process can't publish any other."""
         topics = [topic for stage in self.stages() for topic in stage.sends]
         return [self.input_of(topic, camera).stream for camera in self.feeds for topic in topics]
 
     def inputs(self) -> list[Input]:
-        """Return what it reads that others of the graph send."""
+        """Return the streams that it reads from other nodes of the graph."""
         found: dict[Stream, Input] = {}
         for camera in self.feeds:
             for stage in self.stages():
@@ -127,78 +127,84 @@ class NodeKind(Strict):
         return list(found.values())
 
     def input_of(self, topic: str, camera: str, *, optional: bool = False) -> Input:
-        """Return what a stage of a camera reads under a topic."""
+        """Return the input that a topic means for a stage of a camera."""
         if topic == REFERENCE:
             return Input(Stream(topic, getattr(self, "grid", "")), "grid", optional)
         return Input(Stream(topic, camera), "cameras", optional)
 
     def rows_needed(self) -> Mapping[str, Any]:
-        """Return fields of ``RowsSettings`` without which it can do nothing, and their values."""
+        """Return the fields of ``RowsSettings`` that it depends on, with the required values."""
         return {}
 
     # --- what others ask -------------------------------------------------------------------
 
     def problems(self, graph: Graph) -> Iterator[Problem]:
-        """Yield what is wrong with it, or with its place in a graph, that its fields can't tell."""
+        """Yield problems of the node or its place in the graph that the schema can't detect."""
         return iter(())
 
     def check_ready(self, name: str, site: str) -> None:
-        """Raise an error of rsenf for what would fail later, before any node is started."""
+        """Raise an RsenfError for what would fail later. Called before any node is started."""
 
     @property
     def plays(self) -> str:
-        """Recording that its messages are of; empty for what makes them."""
+        """Recording that the node plays; empty for other nodes."""
         return ""
 
     @property
     def writes(self) -> str:
-        """File that it writes; empty for none."""
+        """File that the node writes; empty for none."""
         return ""
 
     @property
     def records(self) -> tuple[str, ...]:
-        """Key expressions below the site of what it writes down; nothing for most."""
+        """Key expressions, below the site, of what it records; empty for most nodes."""
         return ()
 
     @property
     def uses_ring(self) -> bool:
-        """Whether its frames lie in shared memory."""
+        """Whether it passes frames through shared memory."""
         return getattr(self, "frames", "") == "ring"
 
     @property
     def runs_ahead(self) -> bool:
-        """Whether its frames come from a file faster than they were filmed."""
+        """Whether its frames come from a file faster than real time."""
         return False
 
     @property
     def waits(self) -> bool:
-        """Whether it waits for those that read it, rather than fall behind or leave out."""
+        """Whether it waits for its readers, instead of falling behind or dropping."""
         return self.runs_ahead
 
     # --- its process -----------------------------------------------------------------------
 
     def program(self) -> list[str]:
-        """Return the command line of somebody's own program; empty for a node of rsenf's."""
+        """Return the command line of an external program; empty for rsenf's own nodes."""
         return []
 
     def body(self, node: Any) -> None:
-        """Open the streams, call ``node.ready()``, loop until done or until told to stop.
+        """Open the streams, call ``node.ready()``, and loop until done or ``node.stop`` is set.
 
         Parameters
         ----------
         node : rsenf.run.node.NodeProcess
-            Its process.
+            The process that runs the node.
         """
         raise UsageError(f"a {self.kind} node has no process of rsenf's", "'rsenf run' starts it")
 
 
 def unknown(known: Registry[Any] | Mapping[str, Any], name: str) -> str:
-    """Say that there is no method of a name, and what there is."""
+    """Return the message for an unknown method, with the known ones."""
     return f"no method {name!r}; one of {', '.join(known)}"
 
 
 def bad_key_expressions(named: Iterable[tuple[str, str]]) -> Iterator[Problem]:
-    """Yield those of some keys of a node that hold no key expression."""
+    """Yield a problem for each setting that isn't a valid key expression.
+
+    Parameters
+    ----------
+    named : iterable of (str, str)
+        Names of settings, with their values.
+    """
     for where, key_expr in named:
         try:
             matches(key_expr, "any")

@@ -1,4 +1,4 @@
-"""What is recorded, and where to: of a 'record' node, and of 'rsenf record'."""
+"""Settings of recording, for a 'record' node and for 'rsenf record'."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Nothing that is printed, logged, recorded or shown may carry a password."""
+"""Redacts credentials in everything that is printed, logged, recorded or shown."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rsenf.decode.spec import redact as redact_addresses
 
 _SECRET = r"password|passwd|passphrase|secret|token|private_key"
 _SECRET_KEY = re.compile(_SECRET, re.IGNORECASE)
-# A key that sounds like a secret, in YAML, JSON or prose, and what is written after it.
+# A key that looks like a secret, in YAML, JSON or prose, and its value.
 _PAIR = re.compile(
     rf"""([\w./-]*(?:{_SECRET})[\w./-]*["']?\s*[:=]\s*)("[^"]*"|'[^']*'|[^\s,}}\]]+)""",
     re.IGNORECASE,
@@ -17,14 +17,14 @@ _PAIR = re.compile(
 
 
 def is_secret(key: str) -> bool:
-    """Whether what a key holds is not to be shown."""
+    """Whether the value of a key must not be shown."""
     return _SECRET_KEY.search(key) is not None
 
 
 def redact(text: str) -> str:
-    """Hide credentials in addresses, and the values of keys that sound like secrets.
+    """Redact credentials in addresses, and the values of keys that look like secrets.
 
-    For lines of text. What is still structured goes through :func:`hide`, which can't miss.
+    For lines of text. Use the more reliable :func:`hide` for structured data.
 
     Examples
     --------
@@ -35,7 +35,13 @@ def redact(text: str) -> str:
 
 
 def hide(value: Any) -> Any:
-    """Return plain data (dicts, lists, scalars) with its secrets replaced by ``***``."""
+    """Return plain data (dicts, lists, scalars) with secrets replaced by ``***``.
+
+    Examples
+    --------
+    >>> hide({"user": "ann", "password": "hunter2"})
+    {'user': 'ann', 'password': '***'}
+    """
     if isinstance(value, dict):
         return {k: "***" if is_secret(str(k)) and v else hide(v) for k, v in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""YAML with the line of every key, environment variables filled in, duplicate keys noted."""
+"""YAML with line numbers of all keys, environment variables and detection of duplicate keys."""
 
 from __future__ import annotations
 
@@ -20,29 +20,28 @@ _VARIABLE = re.compile(r"\$\{([A-Za-z_][A-Za-z0-9_]*)(?::-([^}]*))?\}")
 
 
 class YamlText:
-    """A YAML document as plain data, and where each of its keys stands.
+    """A YAML document as plain data, with the line of each key.
 
     Parameters
     ----------
     path : Path
-        File to read.
     as_text : bool, optional
-        Take every scalar as it is written: 0117 and 2026-01-15 are texts, too.
+        Read every scalar as a string, also 0117 and 2026-01-15.
 
     Attributes
     ----------
     data : object
         The document: dicts, lists and scalars.
     problems : dict
-        Keys that stand twice, variables that aren't set, values that can't be read, by the path
-        of the key. Whoever checks the data reports them along with its own findings.
+        Duplicate keys, unset variables and unreadable values, by the path of the key. To be
+        reported along with the problems found when the data is validated.
 
     Raises
     ------
     UsageError
-        When there is no such file.
+        When the file doesn't exist or isn't readable text.
     ConfigError
-        When it isn't YAML at all.
+        When it isn't YAML.
     """
 
     def __init__(self, path: Path, *, as_text: bool = False) -> None:
@@ -67,13 +66,13 @@ class YamlText:
             raise ConfigError([f"{path}:1: nested without end"]) from exc
 
     def place(self, key_path: KeyPath) -> str:
-        """``file:line`` of a key, or of the nearest key above it."""
+        """Return ``file:line`` of a key, or of its nearest known parent."""
         while key_path and key_path not in self.lines:
             key_path = key_path[:-1]
         return f"{self.path}:{self.lines.get(key_path, 1)}"
 
     def report(self) -> list[str]:
-        """One line for each of the problems."""
+        """Return one line for each problem."""
         return [f"{self.place(at)}: {text}" for at, text in self.problems.items()]
 
     def _value(self, node: yaml.Node, at: KeyPath) -> Any:
@@ -98,7 +97,7 @@ class YamlText:
         if "${" in node.value:
             node.value = _VARIABLE.sub(lambda m: self._variable(m, at), node.value)
             if isinstance(node, yaml.ScalarNode) and node.style is None:
-                # Without quotes: a variable may hold a number, as the text itself could.
+                # An unquoted variable may hold a number: determine its type again.
                 node.tag = self._tag(node.value)
         if self._as_text:
             return node.value
@@ -109,7 +108,7 @@ class YamlText:
             return None
 
     def _tag(self, text: str) -> str:
-        tag = self._loader.resolve(yaml.ScalarNode, text, (True, False))  # type: ignore[no-untyped-call]  # PyYAML's stub leaves it bare
+        tag = self._loader.resolve(yaml.ScalarNode, text, (True, False))  # type: ignore[no-untyped-call]  # untyped in PyYAML's stub
         return str(tag)
 
     def _variable(self, match: re.Match[str], at: KeyPath) -> str:

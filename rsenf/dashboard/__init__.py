@@ -1,7 +1,10 @@
-"""A web page that shows all feeds of a bus as they are now. It looks, and changes nothing.
+"""A web page with the current state of all feeds on a bus. Read-only.
 
-What is known: ``feed`` (one camera: ``enf_series``, ``row_strip``, ``spectrogram``, ``preview``),
-``references``, ``node_board``, ``alarm_board``, and ``site``, which has them all and takes every
-message. What a browser is told: ``session``. Over HTTP: ``app``, ``guard`` (who may ask) and
-``server``. All of it is bounded: an hour, a day or a year of messages take the same memory.
+In: every message on the bus. Out: JSON over a WebSocket, pictures and files over HTTP.
+
+Read ``site`` (the state, fed by every message) first; then its parts: ``wiring`` (what the graph
+file tells), ``feed`` (one camera) with ``enf_series``, ``row_strip``, ``spectrogram`` and
+``preview``, ``tail`` (incremental images), ``references`` and ``alarm_board``; then ``session``
+(incremental updates to one browser), ``app``, ``guard`` (access control), ``recordings`` and
+``server``. Memory is bounded: an hour or a year of messages need the same.
 """

@@ -1,4 +1,4 @@
-"""Alarms, the newest first, each with when it began and ended."""
+"""The latest alarms of all feeds, newest first, with their begin and end."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from rsenf.config import redact
 from rsenf.dashboard.plain import in_ms, rounded
 from rsenf.messages import Alarm, Header, Mark
 
-KEPT_ALARMS = 200  # those that have ended go first
+KEPT_ALARMS = 200  # beyond that the ended ones are dropped first
 NEVER_LIVE = ("stale", "frozen", "loop", "lost")
 
 
 class Raised(NamedTuple):
-    """An alarm as it stands."""
+    """The current state of an alarm; times are UTC."""
 
     number: int
     feed: str
@@ -25,22 +25,22 @@ class Raised(NamedTuple):
 
 
 class AlarmBoard:
-    """The latest alarms. One that is said again, or said to have ended, is the same alarm."""
+    """The latest alarms. A repetition or the end of an alarm updates its entry."""
 
     def __init__(self) -> None:
-        self._raised: dict[int, Raised] = {}  # by number, so in the order of their coming
+        self._raised: dict[int, Raised] = {}  # by number, which is the order of arrival
         self._number = 0
 
     def update(self, feed: str, message: Alarm, log_time_ns: Callable[[], int]) -> None:
-        """Take in an alarm.
+        """Take an alarm.
 
         Parameters
         ----------
         feed : str
-            Of which camera.
+            Its camera.
         message : Alarm
         log_time_ns : callable
-            When it was by the clock of the day.
+            Returns the wall-clock time of the message's ``pts_ns``, in ns.
         """
         header = message.header
         if header.mark != Mark.DATA:
@@ -65,23 +65,23 @@ class AlarmBoard:
             del self._raised[min((r.message.active, r.number) for r in raised)[1]]
 
     def _known(self, feed: str, message: Alarm) -> int | None:
-        """Number of the alarm that is said again, or that is said to have ended."""
+        """Return the number of the alarm that a message repeats or ends; None if it is new."""
         for number, raised in reversed(self._raised.items()):
             if (raised.feed, raised.message.kind) != (feed, message.kind):
                 continue
-            # What ends it may be that the stream's clock has begun anew: no time tells which.
+            # An end always fits: if the stream's clock was reset, start times can't be compared.
             is_end = raised.message.active and not message.active
             return number if is_end or _began(raised.message) == _began(message) else None
         return None
 
     def _end_those_before(self, feed: str, kind: str) -> None:
-        """End what nobody will end any more: of a kind there is one at a time."""
+        """End active alarms of a kind: there is only one at a time, and its end was missed."""
         for raised in self._active(feed):
             if raised.message.kind == kind:
                 self._end(raised)
 
     def is_live(self, feed: str, header: Header) -> None:
-        """End what isn't so where a feed is live; a judge that died can't say so any more."""
+        """End alarms that contradict a live feed. A stage that crashed couldn't end them."""
         for raised in self._active(feed):
             own = raised.message.header
             is_later = _stream(own) != _stream(header) or own.pts_ns < header.pts_ns
@@ -99,11 +99,11 @@ class AlarmBoard:
         return self._raised.get(number)
 
     def active(self, feed: str) -> int:
-        """How many of a camera have not ended."""
+        """Return the number of a camera's active alarms."""
         return len(self._active(feed))
 
     def plain(self) -> list[dict[str, Any]]:
-        """All of them for JSON, the newest first."""
+        """Return all alarms for JSON, newest first."""
         return [_plain(raised) for raised in reversed(self._raised.values())]
 
 

@@ -1,4 +1,4 @@
-"""The page over HTTP: its files, its news by WebSocket, pictures and recordings."""
+"""The ASGI application: static files, updates by WebSocket, pictures and recordings."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 STATIC = Path(__file__).with_name("static")
 EVERY_S = 0.5
-LEAST_S = 0.05  # between two answers, however fast somebody asks
+LEAST_S = 0.05  # shortest time between two updates, however fast a browser asks
 MOST_BROWSERS = 64
 LARGEST_QUESTION = 1000
 
@@ -32,16 +32,15 @@ def make_app(site: Site, host: str, stop: Event) -> Guard:
     Parameters
     ----------
     site : Site
-        What to show.
     host : str
-        Address that is listened at.
+        Address that the server listens at.
     stop : Event
-        Ends the connections.
+        Closes the WebSockets when set.
 
     Raises
     ------
     UsageError
-        When the packages it needs aren't installed.
+        When a required package isn't installed.
     """
     try:
         from starlette.applications import Starlette
@@ -68,7 +67,7 @@ def missing(exc: ImportError) -> UsageError:
 
 
 class _Pages:
-    """What isn't a file of the page."""
+    """Handlers of the routes that aren't static files."""
 
     def __init__(self, site: Site, stop: Event) -> None:
         self._site, self._stop = site, stop
@@ -99,7 +98,7 @@ class _Pages:
         answer = FileResponse(
             path, filename=path.name, media_type="application/octet-stream", stat_result=path.stat()
         )
-        if not state_of(path)[1]:  # it grows while it is sent: no size that is told would be right
+        if not state_of(path)[1]:  # the file grows while it is sent: its final size is unknown
             del answer.headers["content-length"]
         return answer
 
@@ -134,11 +133,11 @@ class _Pages:
                 asked.clear()
                 if news := await asyncio.to_thread(session.news):
                     await socket.send_text(news)
-                # Whoever asks is told almost at once; news by itself waits for its turn.
+                # Answer a request almost at once; otherwise update at the regular interval.
                 await asyncio.sleep(LEAST_S)
                 with contextlib.suppress(TimeoutError):
                     await asyncio.wait_for(asked.wait(), EVERY_S)
-        except (WebSocketDisconnect, RuntimeError):  # it has gone while it was told
+        except (WebSocketDisconnect, RuntimeError):  # disconnected while sending
             pass
         finally:
             listening.cancel()

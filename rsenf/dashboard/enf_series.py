@@ -1,4 +1,4 @@
-"""A feed's ENF: the last ten minutes second by second, the last hour in means of ten seconds."""
+"""A feed's ENF: the last ten minutes in steps of 1 s, the last hour as means over 10 s."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ MEAN_NS = 10 * NS_PER_S
 KEPT = {RECENT: 600, HOUR: 360}
 SPACE_NS = {RECENT: NS_PER_S, HOUR: MEAN_NS}
 SPARKS = 60
-# Of each reference value to be shown, given the times: NaN where there is none.
+# Returns the reference frequencies (Hz) at given times (ns); NaN where there is none.
 Lookup = Callable[[NDArray[np.int64]], NDArray[np.float64]]
 
 
 class Point(NamedTuple):
-    """One value; NaN where there was no usable one."""
+    """One value; NaN for no usable estimate."""
 
     t_ns: int
     enf_hz: float
@@ -31,14 +31,14 @@ class Point(NamedTuple):
 
 
 class EnfSeries:
-    """Both series. Times rise: a clock that was set back takes what lies after it along."""
+    """Both series. Times increase: when a clock is set back, later points are removed."""
 
     def __init__(self) -> None:
         self._points = {name: deque[Point](maxlen=kept) for name, kept in KEPT.items()}
         self._sum: list[Point] = []
 
     def add(self, point: Point) -> None:
-        """Add the value of a second."""
+        """Add the value of one second."""
         self._append(RECENT, point)
         if self._sum and point.t_ns // MEAN_NS != self._sum[0].t_ns // MEAN_NS:
             self._append(HOUR, _mean(self._sum))
@@ -56,11 +56,11 @@ class EnfSeries:
 
     @property
     def last_ns(self) -> int:
-        """When the newest value was; 0 for none."""
+        """Time of the newest value; 0 for none."""
         return self._points[RECENT][-1].t_ns if self._points[RECENT] else 0
 
     def plain(self, name: str, reference: Lookup) -> dict[str, Any]:
-        """A series for JSON, column by column; times in ms."""
+        """Return the series 'recent' or 'hour' for JSON, by columns; times in ms."""
         points = self._points[name]
         t_ns = np.array([p.t_ns for p in points], np.int64)
         return {
@@ -72,7 +72,7 @@ class EnfSeries:
         }
 
     def sparks(self) -> list[float | None]:
-        """The last five minutes, coarsely, in Hz."""
+        """Return the last five minutes as means over 5 s, in Hz, for a sparkline."""
         recent = list(self._points[RECENT])[-5 * SPARKS :]
         return [
             rounded(_mean(recent[i : i + 5]).enf_hz, 4) for i in range(0, len(recent) // 5 * 5, 5)
@@ -80,7 +80,7 @@ class EnfSeries:
 
 
 def _mean(points: list[Point]) -> Point:
-    """Mean of those that are known, at the centre of their times."""
+    """Mean of the finite values, at the centre of all times."""
     t_ns = (points[0].t_ns + points[-1].t_ns) // 2
     known = np.array([p[1:] for p in points if np.isfinite(p.enf_hz)])
     if not known.size:

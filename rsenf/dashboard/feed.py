@@ -1,4 +1,4 @@
-"""One camera: what its messages say, as far as a page shows it."""
+"""The state of one camera, as the page shows it."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ LONGEST_LAG_S = 1e9  # some thirty years
 
 
 class Feed:
-    """One camera's state. Messages in, JSON out.
+    """One camera's state: takes its messages, returns JSON data.
 
     Parameters
     ----------
     name : str
         ``<site>/<camera>``.
     references : References
-        To compare its ENF with.
+        References to compare its ENF with.
     clock_ns : callable
         Wall clock, UTC since 1970, in ns.
     claimed_ns : int
-        When its first frame is said to have been taken, UTC; 0 for now, as it comes.
+        Claimed time of its first frame, UTC in ns; 0 for a live feed.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class Feed:
         self._rows: RowBlock | None = None
         self._heard_ns = 0
         self._known_streams: deque[tuple[str, int]] = deque(maxlen=KEPT_STREAMS)
-        # When each stream of the camera began: it does anew at each start and reconnection.
+        # Arrival of each stream's first message; each start and reconnection begins a new stream.
         self._began_ns: deque[int] = deque(maxlen=KEPT_STREAMS)
         self._streams, self._has_ended = 0, False
         self._first_frame_ns = 0
@@ -84,7 +84,7 @@ class Feed:
         }
 
     def update(self, message: Any) -> None:
-        """Take in a message of this camera; of kinds that aren't shown, nothing."""
+        """Take a message of this camera; kinds that aren't shown are ignored."""
         take, header = self._take.get(type(message)), message.header
         if take is None:
             return
@@ -96,14 +96,14 @@ class Feed:
             self._has_ended = True
 
     def close(self) -> None:
-        """Let go of what is held."""
+        """Detach from the frame ring."""
         self.preview.close()
 
-    # --- what comes ------------------------------------------------------------------------
+    # --- messages --------------------------------------------------------------------------
 
     def _note_stream(self, header: Header) -> None:
         stream = header.run_id, header.epoch
-        # Stages of one camera that were started again at different times speak of different ones.
+        # Stages that were restarted at different times send messages of different streams.
         if stream in self._known_streams:
             return
         self._known_streams.append(stream)
@@ -148,10 +148,10 @@ class Feed:
             self.strip.update(message)
             self.spectrogram.update(message)
 
-    # --- what is shown ---------------------------------------------------------------------
+    # --- JSON ------------------------------------------------------------------------------
 
     def card(self) -> dict[str, Any]:
-        """What is to be seen of it at a glance, for JSON."""
+        """Return the summary of the feed, for JSON."""
         enf, rows = self._enf, self._rows
         return {
             "name": self.name,
@@ -176,7 +176,7 @@ class Feed:
         }
 
     def chart(self, series: str) -> dict[str, Any]:
-        """The ENF over the reference, for JSON."""
+        """Return the ENF and the reference over time, for JSON; ``series`` as in EnfSeries."""
         placed = self._placed_reference()
         if placed is None:
             return {"series": series, "placed": None, **self.series.plain(series, _nothing)}
@@ -187,7 +187,7 @@ class Feed:
         return {"series": series, "placed": {"grid": grid, "how": how}, **plain}
 
     def spectrogram_plain(self, seen: tuple[int, int]) -> dict[str, Any]:
-        """New columns of the spectrogram, for JSON."""
+        """Return the columns of the spectrogram after those seen, for JSON."""
         plain = self.spectrogram.columns.since(seen)
         if self._rows is not None:
             header = self._rows.header
@@ -196,7 +196,7 @@ class Feed:
         return {**plain, "nominal_hz": self.spectrogram.nominal_hz}
 
     def strip_plain(self, seen: tuple[int, int]) -> dict[str, Any]:
-        """New columns of the row strip, for JSON."""
+        """Return the columns of the row strip after those seen, for JSON."""
         return {
             **self.strip.columns.since(seen),
             "rms_level": rounded(self.strip.rms_level, 3),
@@ -205,7 +205,10 @@ class Feed:
         }
 
     def _placed_reference(self) -> tuple[str, int, str] | None:
-        """Grid to draw, when its first sample was by the feed's clock, and how that is known."""
+        """Grid to draw, time of its first sample on the feed's clock, and the source of that time.
+
+        The source is 'claim', 'clock' or 'match'.
+        """
         claimed_ns = self._claimed_ns - self._first_frame_ns if self._claimed_ns else 0
         found = self._references.by_clock(self.series.last_ns + claimed_ns)
         if found is not None:
@@ -222,7 +225,7 @@ class Feed:
         live = self._live
         if live is None:
             return None
-        # The judge of a file goes by when it is said to be of, the page by when it was played.
+        # For a file, the verdict's times are in claimed time, the page's in time of replay.
         since_ns = live.since_ns
         if self._claimed_ns:
             first_ns = self._first_frame_ns

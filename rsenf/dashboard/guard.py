@@ -1,4 +1,4 @@
-"""Who may ask: pages of this address only, so that no other site reads what is shown here."""
+"""Access control by Host and Origin: protects against DNS rebinding and cross-site WebSockets."""
 
 from __future__ import annotations
 
@@ -25,18 +25,19 @@ REFUSED = b"refused: ask for this page by the address of its host\n"
 
 
 class Guard:
-    """Refuses what a page of another site, or a name that was turned to this host, asks for.
+    """Refuses requests of pages that were loaded from another site.
 
-    A browser that was lured to ``http://evil.example`` whose name then resolves to 127.0.0.1
-    (DNS rebinding) says so in ``Host``; one that opens a WebSocket from another site says so in
-    ``Origin``. Addresses, ``localhost`` and this host's own name are as they should be.
+    With DNS rebinding, where the name of ``http://evil.example`` later resolves to 127.0.0.1, the
+    header ``Host`` holds the foreign name. A WebSocket opened by a page of another site has that
+    site in ``Origin`` (RFC 6455, section 10.2). Accepted hosts are IP addresses, ``localhost``,
+    this host's name, and ``host``.
 
     Parameters
     ----------
     app : callable
-        ASGI application to guard.
+        ASGI application to protect.
     host : str
-        Address that is listened at.
+        Address that the server listens at.
     """
 
     def __init__(self, app: App, host: str) -> None:
@@ -44,7 +45,7 @@ class Guard:
         self._names = {"localhost", socket.gethostname().lower(), host.lower()}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on, or refuse it."""
+        """Forward a request or refuse it."""
         if scope["type"] == "lifespan" or self._may(scope):
             await self._app(scope, receive, _with_headers(send))
         elif scope["type"] == "websocket":

@@ -1,4 +1,4 @@
-"""A small picture of what a camera sees, renewed once a second at most."""
+"""A thumbnail of a camera's picture, updated once a second at most."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class Preview:
     Attributes
     ----------
     jpeg : bytes
-        Empty until there is one.
+        Empty before the first picture.
     number : int
-        Counts the pictures.
+        Number of pictures so far.
     """
 
     def __init__(self) -> None:
@@ -35,14 +35,14 @@ class Preview:
         self._ring: RingReader | None = None
 
     def take_frame(self, frame: Frame, now_ns: int) -> None:
-        """Take a frame, wherever its pixels are; one that can't be had is let go."""
+        """Take a frame with pixels in its message or in a ring; skip it if they are unavailable."""
         if self._is_due(now_ns):
             luma = self._peek(frame) if frame.ring else _sent(frame)
             if luma is not None:
                 self._keep(luma, now_ns)
 
     def take_packet(self, packet: VideoPacket, now_ns: int) -> None:
-        """Take a key frame of the compressed video; one that can't be decoded is let go."""
+        """Take a packet of compressed video; skip it unless it is a key frame that decodes."""
         if packet.keyframe and packet.data and self._is_due(now_ns):
             picture = _decoded(packet)
             if picture is not None:
@@ -64,7 +64,7 @@ class Preview:
             self.jpeg, self.number, self._taken_ns = coded.tobytes(), self.number + 1, now_ns
 
     def _peek(self, frame: Frame) -> NDArray[np.uint8] | None:
-        """Copy a plane out of the ring. Its reader is another: nothing is given back here."""
+        """Copy a plane from the ring without releasing it: the ring's reader is another process."""
         try:
             if self._ring is None or self._ring.path.name != frame.ring:
                 self.close()
@@ -74,11 +74,11 @@ class Preview:
             copy = None if luma is None else luma.copy()
             del luma
             return copy if self._ring.view(*place) is not None else None
-        except (OSError, SchemaMismatch, ValueError):  # on another host, removed, or no ring
+        except (OSError, SchemaMismatch, ValueError):  # ring of another host, removed, or invalid
             return None
 
     def close(self) -> None:
-        """Let go of the ring."""
+        """Detach from the ring."""
         if self._ring is not None:
             self._ring.close()
             self._ring = None
@@ -103,5 +103,5 @@ def _decoded(packet: VideoPacket) -> NDArray[np.uint8] | None:
         picture = pictures[0].picture
         height = max(2, round(picture.height * WIDTH_PX / picture.width))
         return np.asarray(picture.to_ndarray(width=WIDTH_PX, height=height, format="bgr24"))
-    except (av.FFmpegError, ValueError):  # damaged, or of a codec that isn't here
+    except (av.FFmpegError, ValueError):  # damaged packet or missing codec
         return None

@@ -1,4 +1,4 @@
-"""Files of an archive about an alarm: to be downloaded, and played again."""
+"""Archived recordings of an alarm, for download and replay."""
 
 from __future__ import annotations
 
@@ -11,20 +11,19 @@ from rsenf.record.archive.layout import ArchivedFile, archived_files
 from rsenf.timebase import NS_PER_S
 
 MCAP_END = b"\x89MCAP0\r\n"
-LEAD_S = 10.0  # played before the alarm
-AROUND_NS = 60 * NS_PER_S  # a file that is begun for an alarm is begun within this
+LEAD_S = 10.0  # replay starts this long before the alarm
+AROUND_NS = 60 * NS_PER_S  # the recording of an alarm starts within this time of it
 MOST = 8
 
 
 def files_about(archive: Path, raised: Raised) -> list[dict[str, Any]]:
-    """List the files that an alarm lies in, for JSON; those kept for alarms alone come first.
+    """List the files that contain an alarm, for JSON; those recorded for alarms come first.
 
     Parameters
     ----------
     archive : Path
         Folder of the archive.
     raised : Raised
-        The alarm.
     """
     own = [file for file in archived_files(archive) if str(file.camera) == raised.feed]
     kept = [f for f in own if f.of_alarm and abs(f.start_ns - raised.start_ns) < AROUND_NS]
@@ -33,7 +32,7 @@ def files_about(archive: Path, raised: Raised) -> list[dict[str, Any]]:
 
 
 def file_named(archive: Path, name: str) -> Path | None:
-    """Return the file of the archive that a page names; None for anything else.
+    """Return the archive's file with a relative path; None for any other path.
 
     A link that leads out of the archive is none of its files.
     """
@@ -43,7 +42,7 @@ def file_named(archive: Path, name: str) -> Path | None:
 
 
 def _covering(files: list[ArchivedFile], raised: Raised) -> list[ArchivedFile]:
-    """Those begun before the alarm ended whose successor was not begun before it began."""
+    """Return the files that overlap with an alarm. Each file lasts until the next one starts."""
     ends_ns = [file.start_ns for file in files[1:]]
     ends_ns += [_written_ns(file.path) for file in files[-1:]]
     return [
@@ -62,7 +61,7 @@ def _written_ns(path: Path) -> int:
 
 def _plain(archive: Path, file: ArchivedFile, raised: Raised) -> dict[str, Any]:
     start_s = 0.0
-    if not file.of_alarm:  # one of an alarm begins well before it anyway
+    if not file.of_alarm:  # a file of an alarm starts shortly before it anyway
         start_s = max(0.0, (raised.start_ns - file.start_ns) / NS_PER_S - LEAD_S)
     from_there = f" --start-s {start_s:.0f}" if start_s >= 1 else ""
     size_bytes, is_whole = state_of(file.path)
@@ -77,7 +76,7 @@ def _plain(archive: Path, file: ArchivedFile, raised: Raised) -> dict[str, Any]:
 
 
 def state_of(path: Path) -> tuple[int, bool]:
-    """Size, and whether it has been closed."""
+    """Return the size of a recording in bytes, and whether it has been closed."""
     try:
         with path.open("rb") as file:
             size_bytes = file.seek(0, 2)

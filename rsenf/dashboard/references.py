@@ -1,4 +1,4 @@
-"""The grids' frequency, as far as it is published, looked up by time."""
+"""Published grid frequencies, by time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from rsenf.dashboard.plain import LATEST_NS, sensible
 from rsenf.messages import ReferenceBlock
 
-KEPT_SAMPLES = 100_000  # of each grid, somewhat more than a day of seconds
+KEPT_SAMPLES = 100_000  # of each grid: slightly more than a day at one sample a second
 KEPT_GRIDS = 16
 
 
@@ -28,18 +28,18 @@ class GridReference:
 
     def _begin(self) -> None:
         self._number, self._freq_hz = np.empty(0, np.int64), np.empty(0, np.float32)
-        # What has come since these were last put together: each second anew would be too much.
+        # Samples since the last merge; merging with each block would be too slow.
         self._fresh: list[tuple[NDArray[np.int64], NDArray[np.float32]]] = []
         self._fresh_samples = 0
 
     def add(self, block: ReferenceBlock) -> None:
-        """Add a block; one of another axis begins anew, and one of no sensible axis is let go."""
+        """Add a block. Another time axis discards all samples; an invalid one is ignored."""
         if not (0 < block.step_ns < LATEST_NS and 0 <= block.first < LATEST_NS // block.step_ns):
             return
         if (sensible(block.t0_ns), block.step_ns) != (self.t0_ns, self._step_ns):
             self.t0_ns, self._step_ns = sensible(block.t0_ns), block.step_ns
             self._begin()
-        # What is no frequency of a grid is a gap.
+        # Implausible frequencies count as gaps.
         freq_hz = np.where(np.abs(block.freq_hz) < 1000, block.freq_hz, np.nan).astype(np.float32)
         if not freq_hz.size:
             return
@@ -49,7 +49,7 @@ class GridReference:
             self._put_together()
 
     def at(self, since_start_ns: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Frequency at times since the reference's first sample; NaN where there is none."""
+        """Return frequencies in Hz at times after the first sample, in ns; NaN where unknown."""
         found = np.full(since_start_ns.shape, np.nan)
         self._put_together()
         number, freq_hz = self._number, self._freq_hz
@@ -62,7 +62,7 @@ class GridReference:
         return found
 
     def _put_together(self) -> None:
-        """Sort what is fresh into the rest; what came last counts, where something came twice."""
+        """Merge new samples; of duplicates the latest counts."""
         if not self._fresh:
             return
         came = [(self._number, self._freq_hz), *self._fresh][::-1]
@@ -84,13 +84,22 @@ class References:
             self._grids.setdefault(block.grid, GridReference()).add(block)
 
     def by_clock(self, t_ns: int) -> tuple[str, int] | None:
-        """Grid that is known at a time of day, and when its reference begins."""
+        """Return a grid with a known frequency at a UTC time, and the time of its first sample."""
         for name, grid in self._grids.items():
             if grid.t0_ns and np.isfinite(grid.at(np.array([t_ns - grid.t0_ns]))[0]):
                 return name, grid.t0_ns
         return None
 
     def at(self, name: str, t_ns: NDArray[np.int64], first_sample_ns: int) -> NDArray[np.float64]:
-        """Frequency at times, given when its first sample would be by their clock."""
+        """Return a grid's frequencies in Hz at times on any clock.
+
+        Parameters
+        ----------
+        name : str
+            Grid.
+        t_ns : ndarray of int64, shape (times,)
+        first_sample_ns : int
+            Time of the reference's first sample on the same clock.
+        """
         grid = self._grids.get(name)
         return np.full(t_ns.shape, np.nan) if grid is None else grid.at(t_ns - first_sample_ns)

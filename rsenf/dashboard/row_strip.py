@@ -1,4 +1,4 @@
-"""The rows of the last frames side by side: rolling bands as an operator would see them."""
+"""The rows of the last frames side by side: an image of the rolling bands."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from numpy.typing import NDArray
 from rsenf.dashboard.tail import BLANK, Columns
 from rsenf.messages import RowBlock
 
-FRAMES = 240  # shown
-ROWS = 96  # shown, at most
-BASE_S = 60.0  # over which a row's own level is taken
-SCALE_S = 10.0
-SPAN = 3.0  # rms deviations to the ends of the grey scale
+FRAMES = 240  # columns of the image
+ROWS = 96  # most rows of the image
+BASE_S = 60.0  # averaging time of a row's static level
+SCALE_S = 10.0  # averaging time of the rms deviation
+SPAN = 3.0  # rms deviations at the ends of the grey scale
 LEAST_LEVEL = 0.01
 
 
 class RowStrip:
-    """Turns row blocks into columns of grey: each row's level less its mean of the last minute.
+    """Converts row blocks to columns of grey: each row's level less its mean of the last minute.
 
-    Where the frame rate divides the light's frequency the bands stand still, and show only as far
-    as the grid wanders.
+    If the frame rate divides the light's frequency (alias at 0 Hz), the bands stand still and are
+    mostly subtracted; only the drift of the grid shows.
 
     Attributes
     ----------
     columns : Columns
-        One a frame, from the first row down; 1 to 255, 128 for a row's own mean.
+        One for each frame, from the first row down; 1 to 255, 128 for a row's mean.
     rms_level : float
-        Root mean square deviation of late, in 8-bit levels.
+        Recent root mean square deviation, in 8-bit levels.
     frame_rate_hz : float
-        Of the latest block.
+        Frame rate of the latest block.
     """
 
     def __init__(self) -> None:
@@ -63,7 +63,7 @@ class RowStrip:
         self._add(block, np.clip(np.rint(grey), BLANK + 1, 255).astype(np.uint8))
 
     def _add(self, block: RowBlock, grey: NDArray[np.uint8]) -> None:
-        """Add a column for each frame, and blank ones for those that never came."""
+        """Add a column for each frame, and blank ones for missing frames."""
         for number, column in zip(block.frame_number.tolist(), grey, strict=True):
             self.columns.add_blank(number - self._next_frame)
             self.columns.add(column[None])
@@ -71,7 +71,10 @@ class RowStrip:
 
 
 def row_level(block: RowBlock) -> NDArray[np.float64]:
-    """Level by frame and row, all strips together, whatever was sent: from 0 to 255."""
+    """Return levels averaged over strips, shape (frames, rows), clipped to 0 to 255.
+
+    Invalid values of foreign blocks are accepted: NaN becomes 0.
+    """
     level = np.asarray(block.level, np.float64).reshape(block.frames, block.rows, -1)
     if not level.size:
         return np.zeros((0, 0))
@@ -79,7 +82,7 @@ def row_level(block: RowBlock) -> NDArray[np.float64]:
 
 
 def _fewer_rows(level: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Means of neighbouring rows."""
+    """Average neighbouring rows so that at most ROWS are left."""
     rows = level.shape[1]
     edges = np.unique(np.arange(min(ROWS, rows)) * rows // min(ROWS, rows))
     counts = np.diff([*edges.tolist(), rows])
@@ -94,5 +97,5 @@ def _duration_s(block: RowBlock) -> float:
 
 
 def _weight(step_s: float, within_s: float, seen_s: float) -> float:
-    """Of what is new in a mean that forgets; a plain mean until there is enough to forget."""
+    """Weight of a new value in an exponential mean; a plain mean during the first ``within_s``."""
     return step_s / min(max(seen_s, step_s), within_s)

@@ -1,4 +1,4 @@
-"""Serves the page from a thread of its own."""
+"""Serves the page from a separate thread."""
 
 from __future__ import annotations
 
@@ -19,29 +19,28 @@ class DashboardServer:
     Parameters
     ----------
     site : Site
-        What to show.
     host : str
-        Address to listen at: ``127.0.0.1`` is this host alone.
+        Address to listen at: ``127.0.0.1`` for this host only.
     port : int
-        Port; 0 for any that is free.
+        Port; 0 for any free one.
 
     Attributes
     ----------
     url : str
-        Where the page is.
+        Address of the page.
 
     Raises
     ------
     UsageError
-        When the packages it needs aren't installed.
+        When a required package isn't installed.
     RsenfError
-        When nothing can be opened there.
+        When the port can't be opened.
     """
 
     def __init__(self, site: Site, host: str, port: int) -> None:
         try:
             import uvicorn
-            import websockets  # noqa: F401  # uvicorn does without, and then has no news to send
+            import websockets  # noqa: F401  # optional for uvicorn, but needed for the updates
         except ImportError as exc:
             raise missing(exc) from exc
         self._stop = threading.Event()
@@ -81,7 +80,7 @@ class DashboardServer:
 
 
 def _listening(host: str, port: int) -> socket.socket:
-    """Open the port, so that one that is taken is known at once."""
+    """Open the port here, so that a port in use is reported at once."""
     try:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         return socket.create_server((host, port), family=family)
@@ -93,7 +92,7 @@ def _listening(host: str, port: int) -> socket.socket:
 
 
 def open_to_all(host: str) -> str:
-    """Warn of a page that others may see; empty for one of this host alone."""
+    """Return a warning if the page can be reached from other hosts; otherwise an empty text."""
     import ipaddress
 
     try:

@@ -1,4 +1,4 @@
-"""What one browser has been told, and what is news to it."""
+"""Incremental updates for one browser: sends only what has changed since the last one."""
 
 from __future__ import annotations
 
@@ -11,16 +11,15 @@ from rsenf.dashboard.site import Site
 
 VERSION = 1
 UNSEEN = (0, 0)
-SILENCE_NS = 5_000_000_000  # after which a word is sent all the same: the connection stands
+SILENCE_NS = 5_000_000_000  # after which an empty update is sent as a keep-alive
 
 
 class Session:
-    """One connection of a browser. It is told everything at first, then only what has changed.
+    """One connection of a browser: the first update is complete, later ones hold the changes.
 
     Parameters
     ----------
     site : Site
-        What there is to tell.
     """
 
     def __init__(self, site: Site) -> None:
@@ -28,16 +27,16 @@ class Session:
         self._told: dict[str, str] = {}
         self._watched, self._series = "", RECENT
         self._seen = {"strip": UNSEEN, "spectrogram": UNSEEN}
-        # Asked in one thread, answered in another.
+        # Filled in one thread, read in another.
         self._asked: deque[str] = deque(maxlen=1)
         self._told_ns = 0
 
     def ask(self, text: str) -> None:
-        """Say which feed the browser shows in full: ``{"feed": NAME, "series": "recent"}``."""
+        """Select the feed to be shown in full: ``{"feed": NAME, "series": "recent"}``."""
         self._asked.append(text)
 
     def _turn_to(self, text: str) -> None:
-        """Turn to the feed that is asked for; what can't be read is no question."""
+        """Switch to the feed that is asked for; an invalid request is ignored."""
         try:
             asked = json.loads(text)
             name, series = str(asked["feed"]), str(asked.get("series", RECENT))
@@ -49,7 +48,10 @@ class Session:
         self._told.pop("chart", None)
 
     def news(self) -> str:
-        """What has changed since the last call, as JSON; mostly empty for nothing."""
+        """Return what has changed since the last call, as JSON.
+
+        Empty if nothing has, except for a keep-alive after SILENCE_NS.
+        """
         site = self._site
         while self._asked:
             self._turn_to(self._asked.pop())
@@ -81,7 +83,7 @@ class Session:
         }
 
     def _detail(self) -> dict[str, Any]:
-        """The feed that is shown in full."""
+        """Return the changes of the feed that is shown in full."""
         feed = self._site.feed(self._watched)
         if feed is None:
             return {}
@@ -97,7 +99,7 @@ class Session:
         return found
 
     def _changed(self, prefix: str, parts: dict[str, Any]) -> dict[str, Any]:
-        """Return those parts that aren't as they were told."""
+        """Return the parts that differ from those sent last."""
         fresh = {}
         for name, part in parts.items():
             text = json.dumps(part, allow_nan=False)

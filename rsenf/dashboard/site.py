@@ -1,7 +1,4 @@
-"""Everything that the page shows, fed with every message. Safe to use from several threads.
-
-The nodes of a bus by what they say of themselves, and those that have fallen silent.
-"""
+"""The state of all feeds, nodes and alarms, updated by every message. Thread-safe with its lock."""
 
 from __future__ import annotations
 
@@ -22,24 +19,24 @@ from rsenf.timebase import NS_PER_S
 
 KEPT_NODES = 256
 LAST_WORDS = ("done", "failed", "lost")
-# Health comes every second; a node that says nothing this long is told from one that is well.
+# Health messages come every second; a node without any for this long is shown as silent.
 SILENT_NS = 4 * NS_PER_S
 
 
 class NodeBoard:
-    """The latest word of each node."""
+    """The latest health message of each node."""
 
     def __init__(self) -> None:
         self._latest: dict[str, Health] = {}
-        self._heard_ns: dict[str, int] = {}  # by the clock here: another host's may be wrong
+        self._heard_ns: dict[str, int] = {}  # local clock: another host's may be wrong
 
     def update(self, message: Health, now_ns: int) -> None:
-        """Take in a word of health."""
+        """Take a health message that arrived at ``now_ns``."""
         if message.node in self._latest or len(self._latest) < KEPT_NODES:
             self._latest[message.node], self._heard_ns[message.node] = message, now_ns
 
     def state(self, name: str, now_ns: int) -> str:
-        """State of a node; 'silent' when it should have spoken, '' when it is unknown."""
+        """Return a node's state; 'silent' if its health message is overdue, '' if it is unknown."""
         health = self._latest.get(name)
         if health is None:
             return ""
@@ -47,7 +44,7 @@ class NodeBoard:
         return "silent" if is_late and health.state not in LAST_WORDS else health.state
 
     def plain(self, now_ns: int) -> list[dict[str, Any]]:
-        """All nodes for JSON."""
+        """Return all nodes for JSON."""
         return [
             {
                 "name": name,
@@ -80,7 +77,7 @@ class Site:
     Parameters
     ----------
     wiring : Wiring
-        What is known beforehand.
+        Contents of the graph file.
     clock_ns : callable
         Wall clock, UTC since 1970, in ns.
     """
@@ -107,7 +104,7 @@ class Site:
         self.close()
 
     def update(self, key: str, message: Any) -> None:
-        """Take in a message as it came from the bus."""
+        """Take a message from the bus."""
         with self.lock:
             if isinstance(message, Health):
                 self.nodes.update(message, self.clock_ns())
@@ -135,16 +132,16 @@ class Site:
         return self._feeds[name]
 
     def feed(self, name: str) -> Feed | None:
-        """Return a feed that is known."""
+        """Return a feed by name; None if unknown."""
         return self._feeds.get(name)
 
     @property
     def feed_names(self) -> list[str]:
-        """Feeds in the order of the graph file, then of their coming."""
+        """Feeds in the order of the graph file, then of arrival."""
         return list(self._feeds)
 
     def card(self, name: str) -> dict[str, Any]:
-        """One feed at a glance, for JSON."""
+        """Return the summary of a feed, for JSON."""
         now_ns, known = self.clock_ns(), self.wiring.judged
         states = {n: self.nodes.state(n, now_ns) for n in self.wiring.nodes.get(name, [])}
         return {
@@ -160,12 +157,12 @@ class Site:
             return self.alarms[number]
 
     def picture(self, name: str) -> bytes:
-        """A feed's newest picture, as JPEG; empty for none."""
+        """Return a feed's newest picture as JPEG; empty for none."""
         with self.lock:
             feed = self._feeds.get(name)
             return feed.preview.jpeg if feed else b""
 
     def close(self) -> None:
-        """Let go of what is held."""
+        """Detach from all frame rings."""
         for feed in self._feeds.values():
             feed.close()

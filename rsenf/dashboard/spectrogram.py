@@ -1,8 +1,9 @@
-"""Spectrum about the grid's nominal frequency, second by second, from the rows themselves.
+"""Spectrogram about the grid's nominal frequency, one column a second, directly from the rows.
 
-Each frame's rows are projected onto the ramp of phase that the flicker has down the rows, which
-tells the lines of the aliased flicker apart; the series at the frame rate is transformed over the
-last 20 s at few frequencies. It owes nothing to the estimator whose values are drawn beside it.
+Each frame's rows, less their running mean, are projected onto the flicker's phase ramp down the
+rows, which separates the aliased lines. The resulting complex series at the frame rate is
+transformed over the last 20 s (Hann window) at few frequencies. This is independent of the ENF
+estimator whose values are drawn beside it.
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ from rsenf.dashboard.tail import BLANK, Columns
 from rsenf.messages import RowBlock
 from rsenf.timebase import NS_PER_S
 
-SECONDS = 600  # shown
+SECONDS = 600  # columns of the image
 WINDOW_S = 20.0
 BINS = 81
-HALF_WIDTH_HZ = 0.2  # of the ENF
-SPAN_DB = 50.0  # above the median
-USUAL_IDLE = 0.25  # where it isn't known yet
+HALF_WIDTH_HZ = 0.2  # range of the ENF about its nominal value
+SPAN_DB = 50.0  # range of power above the median
+USUAL_IDLE = 0.25  # idle ratio before it has been estimated
 MOST_FRAMES = 4800  # 20 s at 240 frames/s
 
 
@@ -36,7 +37,7 @@ class Spectrogram:
     nominal_hz : float
         50 or 60; may be set.
     read_out_ratio : float
-        Read-out time over frame time, negative from the bottom up; may be set.
+        Read-out time over frame period, negative from bottom to top; may be set.
     centre_pts_ns : int
         Stream clock at the centre of the newest window.
     """
@@ -51,12 +52,12 @@ class Spectrogram:
         self._drawn_ns = 0
 
     def begin_anew(self) -> None:
-        """Forget the series: its clock begins anew."""
+        """Discard the series, because the stream's clock was reset."""
         self._series.clear()
         self._drawn_ns = 0
 
     def update(self, block: RowBlock) -> None:
-        """Take a block in, and draw what seconds it completes."""
+        """Take a block, and add a column for each second that it completes."""
         level = row_level(block)
         if not level.size:
             return
@@ -73,7 +74,7 @@ class Spectrogram:
         self._draw(pts_ns[-1], has_gap=silence_ns > NS_PER_S)
 
     def _ramp(self, block: RowBlock) -> NDArray[np.complex128]:
-        """Conjugate of what a frame's rows see of the flicker, as the rows follow each other."""
+        """Conjugate phase ramp of the flicker down the rows of a frame."""
         pts_ns = block.frame_pts_ns
         frame_s = float(np.median(np.diff(pts_ns))) / NS_PER_S if block.frames > 1 else 1 / 30
         row_s = np.arange(block.rows) * self.read_out_ratio * frame_s / block.rows
@@ -96,7 +97,7 @@ class Spectrogram:
         if has_gap:
             self.columns.add_blank(int(due) - 1)
             due = 1
-        # A block may complete two seconds: it is somewhat longer than one.
+        # A block may be slightly longer than a second, and thus complete two.
         self.columns.add(np.repeat(self._column()[None], min(due, SECONDS), axis=0))
 
     def _column(self) -> NDArray[np.uint8]:

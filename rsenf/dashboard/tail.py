@@ -1,4 +1,4 @@
-"""The last columns of a picture that grows: whoever has seen some is told the rest."""
+"""The last columns of a growing image, with incremental updates for each viewer."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-BLANK = 0  # a level that no measurement has: there was none
+BLANK = 0  # level of a column without measurement
 
 
 class Columns:
@@ -18,14 +18,14 @@ class Columns:
     Parameters
     ----------
     keep : int
-        How many.
+        Number of columns kept.
 
     Attributes
     ----------
     total : int
-        How many there have been.
+        Number of columns since the last reset.
     begun : int
-        Counts how often all of them were thrown away, since the picture's height changed.
+        Number of resets, which happen when the image's height changes.
     """
 
     def __init__(self, keep: int) -> None:
@@ -34,7 +34,7 @@ class Columns:
         self._kept: deque[bytes] = deque(maxlen=keep)
 
     def add(self, columns: NDArray[np.uint8]) -> None:
-        """Add columns, one a row of the array."""
+        """Add columns, an array of shape (columns, height)."""
         if columns.shape[1] != self.height:
             self.height, self.total = int(columns.shape[1]), 0
             self.begun += 1
@@ -43,17 +43,17 @@ class Columns:
         self.total += len(columns)
 
     def add_blank(self, count: int) -> None:
-        """Add columns of which nothing is known."""
+        """Add columns without measurement."""
         if self.height and count > 0:
             count = min(count, self._kept.maxlen or count)
             self.add(np.full((count, self.height), BLANK, np.uint8))
 
     def since(self, seen: tuple[int, int]) -> dict[str, Any]:
-        """What to tell whoever has seen so many columns of that beginning, for JSON."""
+        """Return the columns after those seen, for JSON; ``seen`` as in the property."""
         begun, total = seen
         fresh = self.total - total if begun == self.begun else self.total
         fresh = min(fresh, len(self._kept))
-        # A deque is slow in its middle: what is new is mostly little, and at its end.
+        # Index from the end: access to the middle of a deque is slow, and few columns are new.
         newest = [self._kept[-1 - back] for back in range(fresh)][::-1]
         return {
             "reset": begun != self.begun,
@@ -65,5 +65,5 @@ class Columns:
 
     @property
     def seen(self) -> tuple[int, int]:
-        """What somebody has seen who has seen all."""
+        """Resets and columns up to now: the state of a viewer who has seen everything."""
         return self.begun, self.total

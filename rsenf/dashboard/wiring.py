@@ -1,4 +1,4 @@
-"""What a graph file tells beforehand: which cameras, whose nodes, whether anybody judges them."""
+"""What a graph file tells the dashboard: cameras, their nodes, and whether liveness is judged."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from rsenf.config import Graph
 
 @dataclass(frozen=True)
 class Wiring:
-    """What is known of a bus; nothing, where there is no graph file.
+    """Contents of a graph file; the defaults stand for no graph file.
 
     Attributes
     ----------
     nodes : dict
         Names of the nodes that serve each feed, in the order of the file.
     judged : frozenset of str or None
-        Feeds that a node gives verdicts on; None where that isn't known.
+        Feeds whose liveness a node judges; None if unknown.
     in_ring : tuple of str
-        Feeds whose frames lie in shared memory of some host.
+        Feeds whose frames are in shared memory of some host.
     archive : Path or None
-        Where recordings of alarms are.
+        Folder with recordings of alarms.
     claimed_ns : dict
-        When feeds that aren't live, files or simulations, are said to begin, UTC.
+        Claimed start times, UTC in ns, of feeds that aren't live (files or simulations).
     """
 
     nodes: dict[str, list[str]] = field(default_factory=dict)
@@ -35,18 +35,18 @@ class Wiring:
 
 
 def key_expressions(wiring: Wiring) -> list[str]:
-    """Return what to subscribe to beside the topics: frames that cost nothing to look at."""
+    """Return further keys to subscribe to: frames in shared memory, which cost no bandwidth."""
     return [f"{ROOT}/{feed}/frames" for feed in wiring.in_ring]
 
 
 def wiring_of(graph: Graph, archive: str | None = None) -> Wiring:
-    """Read a graph.
+    """Return the wiring of a graph.
 
     Parameters
     ----------
     graph : Graph
     archive : str, optional
-        Folder of recordings; that of the graph's own record node unless given.
+        Folder of recordings; by default that of the graph's record node.
     """
     nodes: dict[str, list[str]] = {}
     for name, node in graph.nodes.items():

@@ -1,9 +1,10 @@
-"""Which effects might explain what is left, the likeliest first.
+"""Ranks the effects of the catalogue by the share of the residual that each may explain.
 
-An effect whose consequences are proportional to its parameters is weighed by one linear step: how
-much of the training residual it explains beyond what light, idle period, course and wall could.
-One that has a value for each frame is weighed by what the values found on one row in two explain of
-the other row. One that is there or isn't can only be tried.
+An effect that is differentiable in its parameters is scored by one Gauss-Newton step: by how much
+it reduces the training residual's sum of squares beyond what flicker, idle period, phase course and
+wall could. An effect with a value for each frame or line is scored by cross-validation: the values
+found on one half of the rows, applied to the other half. An effect that is only on or off can't be
+scored without a fit.
 """
 
 from __future__ import annotations
@@ -22,22 +23,23 @@ from rsenf.discrepancy.series import halves, power, response
 from rsenf.model import CATALOGUE, Effect
 from rsenf.model.parameters import Fitting
 
-SIMPLER = 0.97  # of what a course of any shape explains, that one of few parameters must
-KEPT = 3  # candidates that keep their slopes
+# Scales the score of a series: an effect of few parameters ranks first if it explains this share.
+SIMPLER = 0.97
+KEPT = 3  # candidates that keep their Jacobians
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An effect with values to begin a fit with.
+    """An effect with initial values for a fit.
 
     Attributes
     ----------
     effect : Effect
     explains : float
-        Share of the training residual's square that it would explain, by a linear step; of an
-        effect that can only be tried infinity.
+        Share of the training residual's sum of squares that it may explain; infinite for an effect
+        that can only be fitted.
     slopes : Jacobian or None
-        To begin the fit with, where they are known.
+        Jacobian for the first step of the fit, where it is known.
     """
 
     effect: Effect
@@ -46,7 +48,7 @@ class Candidate:
 
 
 def candidates(fit: Fit) -> list[Candidate]:
-    """Return every effect of the catalogue that isn't in a fit's model yet, the likeliest first."""
+    """Return a candidate for each guess of each effect that a fit's model lacks, the best first."""
     residue = residue_of(fit)
     effects = fit.theory.model.effects
     there = {name for effect in effects for name in (effect.name, *effect.masks)}
@@ -59,13 +61,13 @@ def candidates(fit: Fit) -> list[Candidate]:
             if made is None:
                 continue
             out = sorted([*out, made], key=lambda c: -c.explains)
-            # Jacobians are large: only those likely to be fitted keep theirs.
+            # Jacobians are large: only candidates likely to be fitted keep theirs.
             out[KEPT:] = [dataclasses.replace(c, slopes=None) for c in out[KEPT:]]
     return out
 
 
 def seeming_gains(fit: Fit) -> dict[str, float]:
-    """What the likeliest candidate of each effect seems to gain, over the power of the flicker."""
+    """Apparent gain of the best candidate of each effect, relative to the flicker's power."""
     scale, out = per_power(fit), dict[str, float]()
     for c in candidates(fit):
         if np.isfinite(c.explains):
@@ -74,14 +76,17 @@ def seeming_gains(fit: Fit) -> dict[str, float]:
 
 
 def per_power(fit: Fit) -> float:
-    """Mean square of a fit's training residual, over the power of its flicker."""
+    """Mean square of a fit's training residual, relative to the flicker's power."""
     training = fit.data.training
     left = float((fit.residual[training] ** 2).mean(dtype=np.float64))
     return left / float((fit.flicker[training] ** 2).mean(dtype=np.float64))
 
 
 def weighed(fit: Fit, effect: Effect) -> Candidate | None:
-    """Weigh an effect that does nothing yet; None for one that this data can't show."""
+    """Score an effect at its neutral values, which the fit's model lacks.
+
+    None if the step would leave the range of a parameter, such as a size below 0.
+    """
     series = series_of(effect)
     if series:
         return _series(fit, effect, *series)
@@ -103,14 +108,14 @@ def weighed(fit: Fit, effect: Effect) -> Candidate | None:
     steps = normal.solve()[len(normal.vector) - len(knobs) :]
     if any(within(effect, k.name, step) != step for k, step in zip(knobs, steps, strict=True)
            if k.bounded(effect)):  # fmt: skip
-        return None  # it would have to be less than nothing
+        return None  # its size would be below 0
     left = float((fit.residual[fit.data.training] ** 2).sum(dtype=np.float64))
     told = normal.explained(len(own))
     return Candidate(effect, told * fit.noise_var / left, slopes)
 
 
 def _series(fit: Fit, effect: Effect, name: str, how: Fitting) -> Candidate:
-    """Weigh an effect that has one value for each frame or line."""
+    """Score an effect that has one value for each frame or line."""
     direction = response(fit.theory, fit.rows, fit.data, effect, name, how)
     first, second = halves(direction, fit.residual, fit.slopes.lit, fit.data, how)
     left = float((fit.residual**2).sum(dtype=np.float64))

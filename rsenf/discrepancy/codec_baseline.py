@@ -1,7 +1,8 @@
-"""Baseline of a codec: what it makes of a recording that lacks nothing; no effect is named for it.
+"""Codec baseline: the gap, and the apparent gains of effects, that a codec alone produces.
 
-What a fit says, put through the recording's own codec, is data without a discrepancy: its gap is
-part of the floor, and what effects seem to explain of it is what they must beat on the data.
+The fitted model's rows contain no discrepancy. What they have after the recording's codec is due to
+the codec: its gap is added to the noise floor, and the gain that an effect seems to have there is
+subtracted from its gain on the data.
 """
 
 from __future__ import annotations
@@ -14,22 +15,22 @@ from rsenf.discrepancy.candidates import seeming_gains
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.measured import Float32Array
 
-# Encoders are alike in what they do, not the same: by how much the data must exceed it (gaps of
-# clips without an effect were 0.1 to 2.5 of those foretold, x264 at several presets and rates), and
-# how much of the gap another encoder may have shaped like any effect.
+# Encoders differ. BEYOND: factor by which the data must exceed the baseline (clips without an
+# effect had 0.1 to 2.5 times the predicted gap, with x264 at several presets and rates). ANY: share
+# of the baseline's gap that another encoder may put into the shape of any effect.
 BEYOND, ANY = 3.0, 0.5
 
 
 @dataclass(frozen=True)
 class CodecBaseline:
-    """A gap, and gains of effects by name, such as a codec alone may bring about.
+    """Gap, and gains of effects, due to a codec alone.
 
     Attributes
     ----------
     gap : float
-        Over the power of the flicker, as one such codec left it.
+        Relative to the flicker's power.
     gains : mapping of str to float
-        Of each effect, by its name, over the same power.
+        Of each effect by name, relative to the same power.
     """
 
     gap: float
@@ -37,11 +38,11 @@ class CodecBaseline:
 
     @property
     def most(self) -> float:
-        """Gap that another codec of the kind may leave."""
+        """Largest gap that an encoder of this kind may leave."""
         return BEYOND * self.gap
 
     def of(self, name: str) -> float:
-        """What an effect may gain by such a codec alone."""
+        """Largest gain of an effect that such an encoder alone may cause."""
         return BEYOND * self.gains.get(name, 0.0) + ANY * self.gap
 
 
@@ -49,14 +50,14 @@ NOTHING = CodecBaseline(0.0, {})
 
 
 def usual_of(fitted: Fit, recoded: Callable[[Float32Array], Float32Array] | None) -> CodecBaseline:
-    """See what a codec does to data that a fit itself has made.
+    """Measure the codec baseline on the rows of a fitted model.
 
     Parameters
     ----------
     fitted : Fit
         Of the recording.
     recoded : callable or None
-        Returns what the codec leaves of rows, (frames, lines, strips); None where there is none.
+        Encodes and decodes rows (frames, rows, strips) as the recording was; None without a codec.
     """
     if recoded is None:
         return NOTHING

@@ -1,4 +1,4 @@
-"""What the estimators of rsenf see in the rows: where a fit of a model may begin."""
+"""Initial values for a fit: ENF and idle period of the rows, as rsenf's estimators find them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rsenf.messages.schema import FloatArray
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
 
-MOST_LINES = 240  # of a frame, that the estimators are given
+MOST_LINES = 240  # lines of a frame that the estimators get
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class Estimates:
     ----------
     enf : tuple of EnfEstimate
     idle_ratio : float
-        NaN where it isn't known.
+        NaN if unknown.
     nominal_hz : float
         50 or 60.
     """
@@ -49,7 +49,7 @@ def estimate(
     axis : str
         ``rows`` or ``columns``.
     nominal_hz : float or None
-        50 or 60; None for whichever is seen.
+        50 or 60; None finds it from the data.
     """
     enf = enf_of(level, time_s, axis, TrackSettings(nominal_hz=nominal_hz))
     idle = make_idle(IdleSettings(nominal_hz=nominal_hz))
@@ -61,11 +61,22 @@ def estimate(
 def enf_of(
     level: np.ndarray, time_s: FloatArray, axis: str, settings: TrackSettings
 ) -> tuple[EnfEstimate, ...]:
-    """Track the ENF of row means (frames, lines, strips), or of one mean a frame."""
+    """Track the ENF of row means.
+
+    Parameters
+    ----------
+    level : ndarray (frames, lines, strips)
+        8-bit levels; one line and strip for frame means.
+    time_s : ndarray (frames,)
+        Start of each frame.
+    axis : str
+        ``rows``, ``columns`` or ``frame``.
+    settings : TrackSettings
+    """
     tracker = make_tracker(settings)
     blocks = _blocks(level, time_s, axis)
     told = [e for block in blocks for e in tracker.update(block)] + tracker.flush()
-    return tuple(e for e in told if e.rank == 0)  # those that the tracker stands behind
+    return tuple(e for e in told if e.rank == 0)  # the tracker's answer, no alternatives
 
 
 def _blocks(level: np.ndarray, time_s: FloatArray, axis: str) -> Iterator[RowBlock]:

@@ -1,8 +1,14 @@
-"""A theory fitted to a recording: Gauss-Newton steps, every derivative made by the capture model.
+"""Fits a forward model to a recording by Gauss-Newton steps, with the capture model's own Jacobian.
 
-What belongs to the camera and the lamp is fitted to the training frames; the course of the phase,
-which every moment has of its own, to one row in two of all frames. So the other row of a frame that
-nothing was trained on is a fair judge of both.
+Model: rows are the forward model's rows plus white Gaussian noise of one variance, so maximum
+likelihood is least squares; the phase course has the Gaussian prior of
+:mod:`rsenf.flicker.grid_prior`. Parameters of camera and lamp and the wall are fitted to the
+training frames. The phase course, which is free at every moment, is fitted to one half of each
+frame (every second line; after a codec every second strip). The other half of the held-out frames
+is therefore independent of both, and judges the fit.
+
+Approximations: in a step parameters, course, series and wall follow one after another, not jointly,
+and remaining systematic errors are in the standard errors, but not in the weights of the data.
 """
 
 from __future__ import annotations
@@ -24,35 +30,36 @@ from rsenf.discrepancy.series import improved
 from rsenf.discrepancy.strip_centroid import USUAL, as_walls_may, leaned, leans
 from rsenf.messages.schema import FloatArray
 
-FARTHEST_RAD, FARTHEST_STEPS = 1.0, 50.0  # that one step may go
-# Farther than this, of the phase and of a knob or a value in its own steps, slopes are others.
+FARTHEST_RAD, FARTHEST_STEPS = 1.0, 50.0  # largest change in one step
+# After a larger step (phase; parameter or series value, in its own steps) the Jacobian is renewed.
 NEAR_RAD, NEAR_STEPS = 0.03, 1.0
-# Values of a series follow the noise of their own frames: nearer isn't worth the way.
+# Convergence. A series follows the noise of its own frames, so that it needs no smaller steps.
 REST_RAD, REST_STEPS, REST_SERIES = 1e-4, 1e-2, 0.1
 MOST = 8
-ASTRAY = 1.05  # of the least mean square on the way, that may be left
+ASTRAY = 1.05  # mean square over the least of all steps, above which the fit has diverged
 
-DARKEST = 0.01  # level of a wall: none that no light could be relative to
+DARKEST = 0.01  # lowest level of the wall, whose changes are relative
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A theory beside the data.
+    """A forward model fitted to data.
 
     Attributes
     ----------
     data : Measured
     begun : ForwardModel
-        From where it was fitted.
+        Where the fit began.
     theory : ForwardModel
+        The fitted model.
     rows : ndarray of float32 (frames, lines, strips)
-        What it says.
+        Its prediction, in 8-bit levels.
     residual : ndarray of float32 (frames, lines, strips)
-        Data less that.
+        Data minus prediction.
     slopes : Jacobian
-        What the rows do about it.
+        Of the prediction.
     stderr : ndarray (knobs,)
-        Standard error of each knob.
+        Standard error of each parameter.
     """
 
     data: Measured
@@ -65,11 +72,11 @@ class Fit:
 
     @property
     def knobs(self) -> tuple[FitParameter, ...]:
-        """What was fitted, besides the course and the wall."""
+        """Fitted parameters, without phase course and wall."""
         return self.slopes.knobs
 
     def released(self, *, rows: bool = False) -> Fit:
-        """Return what is known of it, without the arrays; or with the rows it says and leaves."""
+        """Return the fit without its arrays; with ``rows``, prediction and residual are kept."""
         out = dataclasses.replace(self, slopes=self.slopes.released())
         if not rows:
             none = np.empty((0, 0, 0), np.float32)
@@ -78,7 +85,7 @@ class Fit:
         return out
 
     def restored(self) -> Fit:
-        """Return it with all of its arrays, if they were let go."""
+        """Return the fit with all arrays, computed again where they were released."""
         if self.slopes.lit.size:
             return self
         rows = self.rows if self.rows.size else self.theory.rows(self.data)
@@ -87,7 +94,7 @@ class Fit:
         return dataclasses.replace(self, rows=rows, residual=left, slopes=slopes)
 
     def stderr_of(self, part: str) -> dict[str, float | list[float]]:
-        """Standard errors of a part's parameters, by name; of a list those of its members."""
+        """Standard errors of a part's parameters by name; a list for a parameter that is a list."""
         out: dict[str, float | list[float]] = {}
         for knob, error in zip(self.knobs, self.stderr.tolist(), strict=True):
             if knob.part != part or knob.across:
@@ -100,7 +107,7 @@ class Fit:
 
     @cached_property
     def flicker(self) -> Float32Array:
-        """What is said less what would be without flicker."""
+        """Prediction minus the prediction without flicker, (frames, lines, strips)."""
         model = self.theory.model
         unlit = dataclasses.replace(model.light, flicker_ratio=0.0)
         still = self.theory.with_model(dataclasses.replace(model, light=unlit)).rows(self.data)
@@ -108,34 +115,34 @@ class Fit:
 
     @cached_property
     def noise_var(self) -> float:
-        """Variance of a row's noise, in the training frames."""
+        """Variance of a line's noise in the training frames (levels²)."""
         return noise_var(self.residual[self.data.training], self.data)
 
     @cached_property
     def gap(self) -> Gap:
-        """Held-out gap."""
+        """Gap of the held-out frames."""
         return gap_of(self.residual, self.flicker, self.data, ~self.data.training)
 
     @cached_property
     def misfit(self) -> float:
-        """Held-out mean square of the residual (levels²)."""
+        """Mean square of the held-out frames' residual (levels²)."""
         return float((self.residual[~self.data.training] ** 2).mean(dtype=np.float64))
 
 
 def fit(
     theory: ForwardModel, data: Measured, *, most: int = MOST, slopes: Jacobian | None = None
 ) -> Fit:
-    """Fit a theory, its effects included, from where it stands.
+    """Fit a forward model, its effects included, from initial values.
 
     Parameters
     ----------
     theory : ForwardModel
-        Near enough for steps to lead to it: half a turn of the phase, half a knob.
+        Initial values. The phase may be off by half a turn, parameters by a half.
     data : Measured
     most : int, optional
-        Steps.
+        Maximum number of steps.
     slopes : Jacobian, optional
-        About where it stands, if they are known: the first step needs no others.
+        At the initial values, if known; saves its computation for the first step.
     """
     knobs = [FLICKER, IDLE]
     for effect in theory.model.effects:
@@ -157,7 +164,7 @@ def fit(
         slopes = slopes or slopes_of(theory, rows, data, knobs)
     left = data.level - rows
     least, nearest_theory = nearest
-    if mean_square(left) > ASTRAY * least:  # steps have led away
+    if mean_square(left) > ASTRAY * least:  # diverged: back to the best step
         theory = nearest_theory
         rows = theory.rows(data)
         slopes, left = slopes_of(theory, rows, data, slopes.knobs), data.level - rows
@@ -165,9 +172,10 @@ def fit(
 
 
 def noise_var(residual: Float32Array, data: Measured) -> float:
-    """Variance of a row's noise: of what neighbours don't share, nor those one further on.
+    """Variance of a line's noise, from differences of neighbouring lines (strips after a codec).
 
-    What goes up and down from row to row is no noise either, nor what grows from one to the next.
+    The least of the estimates by first differences at distances 1 and 2 and by second differences,
+    so that neither a systematic alternation nor a slope of the residual counts as noise.
     """
     moved = np.moveaxis(residual, data.apart, 0)
     apart = [(moved[n:] - moved[:-n], 2.0) for n in (1, 2) if len(moved) > n]
@@ -177,13 +185,13 @@ def noise_var(residual: Float32Array, data: Measured) -> float:
 
 
 def mean_square(left: Float32Array) -> float:
-    """Of what is left (levels²)."""
+    """Mean square of a residual (levels²)."""
     return float(np.vdot(left, left)) / left.size
 
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """Where a step has led: what the theory is and says then, and how far it went."""
+    """Result of a step: the new model and its rows, and the largest changes made."""
 
     theory: ForwardModel
     rows: Float32Array
@@ -209,7 +217,7 @@ class _Step:
 
 
 def _stepped(theory: ForwardModel, rows: Float32Array, slopes: Jacobian) -> _Step:
-    """Take one step: knobs, then the course given these, then series, then the wall."""
+    """Take one step: parameters, then the course given these, then series, then the wall."""
     data, knobs = slopes.data, slopes.knobs
     left = data.level - rows
     variance, weights = noise_var(left[data.training], data), theory.course.weights
@@ -234,10 +242,11 @@ def _stepped(theory: ForwardModel, rows: Float32Array, slopes: Jacobian) -> _Ste
 
 
 def _stderr(slopes: Jacobian, left: Float32Array) -> FloatArray:
-    """Return the standard errors of the knobs.
+    """Return the standard errors of the parameters, each the largest of three estimates.
 
-    By the noise of rows, or by how much blocks of time, or bands of lines, disagree if that is
-    more; where it matters, strips may lean as walls do.
+    The inverse Fisher information for white noise of the measured variance; the consider covariance
+    for strips whose centroids are unknown, where they matter; and the cluster-robust covariance
+    over blocks of time and over bands of lines, which includes what the model doesn't explain.
     """
     data, system = slopes.data, slopes.training
     variance = noise_var(left[data.training], data)

@@ -1,4 +1,4 @@
-"""Fit parameters of a model, one by one, in units in which they act alike."""
+"""Fit parameters: the coordinates of a capture model that a fit moves, scaled by their steps."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rsenf.model.parameters import Fitting, fittings
 
 @dataclass(frozen=True)
 class FitParameter:
-    """One coordinate of a model: a parameter's distance from neutral, or a part of an amplitude.
+    """One coordinate of a model: a parameter, or one component of a complex amplitude.
 
     Attributes
     ----------
@@ -23,13 +23,13 @@ class FitParameter:
     name : str
         Parameter.
     step : float
-        Change whose consequences are proportional to it.
+        Change within which the rows' response is linear.
     turn : str
-        Parameter that is its phase, if it is an amplitude.
+        For an amplitude: the parameter that is its phase; else empty.
     across : bool
-        Of an amplitude: the part at a right angle.
+        For an amplitude: whether this is the imaginary component.
     index : int
-        Of a parameter that is a list: which of its members; else −1.
+        For a list: which member; else −1.
     """
 
     part: str
@@ -41,16 +41,16 @@ class FitParameter:
 
     @property
     def member(self) -> tuple[str, int]:
-        """Name and place of its parameter: of both parts of an amplitude the same."""
+        """Name and index of its parameter, which both components of an amplitude have in common."""
         return self.name, self.index
 
     def bounded(self, effect: Effect) -> bool:
-        """Whether an effect that does nothing yet can go but one way with it."""
+        """Whether a neutral effect can move in one direction only along this coordinate."""
         low = next(f.metadata["low"] for f in dataclasses.fields(effect) if f.name == self.name)
         return not self.turn and low == fittings(effect)[self.name].neutral == 0.0
 
     def value(self, model: CaptureModel) -> float:
-        """Return the parameter in a model."""
+        """Value of the parameter in a model."""
         return self._of(_part(model, self.part), self.name)
 
     def _of(self, held: Any, name: str) -> float:
@@ -62,7 +62,7 @@ class FitParameter:
         return value if self.index < 0 else (*told[: self.index], value, *told[self.index + 1 :])
 
     def moved(self, model: CaptureModel, by: float) -> CaptureModel:
-        """Return the model with this coordinate moved."""
+        """Return the model with this coordinate changed, clipped to the parameter's range."""
         held = _part(model, self.part)
         if not self.turn:
             value = within(held, self.name, self._of(held, self.name) + by)
@@ -77,19 +77,20 @@ class FitParameter:
         return _with(model, self.part, **turned)
 
 
-LEAST_FLICKER = 1e-4  # without any no phase could be fitted, and nothing else
+LEAST_FLICKER = 1e-4  # without flicker the phase, and so all else, can't be fitted
 FLICKER = FitParameter("light", "flicker_ratio", 1e-3)
 IDLE = FitParameter("shutter", "idle_ratio", 1e-3)
 
 
 def knobs_of(effect: Effect, *, neutral: bool) -> list[FitParameter]:
-    """Return the knobs of an effect: for the whole clip, and none of a series.
+    """Return the fit parameters of an effect that hold for the whole clip, not those of a series.
 
     Parameters
     ----------
     effect : Effect
     neutral : bool
-        Whether the effect does nothing yet, so that what only tells beside others is left out.
+        Whether the effect is at its neutral values. Parameters without effect there, such as a
+        tone's frequency, are then left out.
     """
     out = []
     for name, fitting in fittings(effect).items():
@@ -104,12 +105,12 @@ def knobs_of(effect: Effect, *, neutral: bool) -> list[FitParameter]:
 
 
 def series_of(effect: type[Effect] | Effect) -> tuple[str, Fitting] | None:
-    """Return the parameter of an effect that is a series, and how it is fitted; None for none."""
+    """Return the parameter of an effect that is a series, and its fitting; None if it has none."""
     return next(((name, f) for name, f in fittings(effect).items() if f.each), None)
 
 
 def neutral(effect: Effect) -> Effect:
-    """Return an effect that does nothing yet; what is not fitted stays as it is."""
+    """Return an effect at its neutral values; parameters that aren't fitted stay unchanged."""
     values: dict[str, float] = {}
     for name, fitting in fittings(effect).items():
         if fitting.neutral is not None and not fitting.each:
@@ -118,7 +119,7 @@ def neutral(effect: Effect) -> Effect:
 
 
 def filled(effect: Effect, values: Mapping[str, float]) -> Effect:
-    """Return an effect with such parameters; every member of a list has the same."""
+    """Return an effect with parameters set; for a list the value of all members."""
     told = {name: getattr(effect, name) for name in values}
     return dataclasses.replace(effect, **{
         name: (value,) * len(told[name]) if isinstance(told[name], tuple) else value
@@ -127,7 +128,7 @@ def filled(effect: Effect, values: Mapping[str, float]) -> Effect:
 
 
 def turned(model: CaptureModel, knobs: Sequence[FitParameter], by: Sequence[float]) -> CaptureModel:
-    """Return a model with several knobs moved."""
+    """Return a model with several fit parameters changed, each by its own amount."""
     for knob, step in zip(knobs, by, strict=True):
         model = knob.moved(model, float(step))
     return model
@@ -148,6 +149,11 @@ def _with(model: CaptureModel, part: str, **values: Any) -> CaptureModel:
 
 
 def within(held: Any, name: str, value: float) -> float:
-    """Keep a value within the plausible range of a parameter."""
+    """Clip a value to the range of a part's parameter.
+
+    >>> from rsenf.model import make_effect
+    >>> within(make_effect("gamma", {}), "exponent", 5.0)
+    3.0
+    """
     meta = next(f.metadata for f in dataclasses.fields(held) if f.name == name)
     return float(min(max(value, meta["low"]), meta["high"]))

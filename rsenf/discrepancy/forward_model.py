@@ -1,7 +1,7 @@
-"""Forward model of a recording: a capture model and a course of the light's phase, simulated.
+"""Forward model of a recording: a capture model, the light's phase course and the wall, simulated.
 
-There is no second model in the workflow: whatever a theory says of the data is said by
-:func:`rsenf.model.simulate_rows`, noise left out.
+The workflow has no second model: all predictions are made by :func:`rsenf.model.simulate_rows`,
+without noise.
 """
 
 from __future__ import annotations
@@ -20,22 +20,23 @@ from rsenf.model.chain import Chain
 from rsenf.model.clip import Clip
 from rsenf.model.sensor import WHITE
 
-BEFORE, AFTER = 4, 8  # nodes beyond the clip's ends
-SEED = 0  # of what an effect draws and a fit doesn't know
+BEFORE, AFTER = 4, 8  # nodes before and after the clip
+SEED = 0  # for values that an effect draws and that aren't fitted
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """The course of the light's phase, as the grid's habits allow it.
+    """Course of the light's phase over time: a linear combination of the grid prior's directions.
 
     Attributes
     ----------
     weights : ndarray (directions,)
-        Of the principal directions of :func:`rsenf.flicker.grid_prior.phase_prior`, each of unit
-        variance a priori.
+        Of the principal directions of :func:`rsenf.flicker.grid_prior.phase_prior`; a priori
+        independent and of unit variance.
     nodes : int
-        Nodes ``NODE_S`` apart, the first ``BEFORE`` of them before the clip begins.
+        Number of nodes, ``NODE_S`` apart, of which ``BEFORE`` precede the clip.
     nominal_hz : float
+        Frequency of the grid.
     """
 
     weights: FloatArray
@@ -44,55 +45,55 @@ class Course:
 
     @classmethod
     def for_time(cls, duration_s: float, nominal_hz: float) -> Course:
-        """Return the course of a grid at its nominal frequency."""
+        """Return the course of a grid at its nominal frequency, for a clip of ``duration_s``."""
         nodes = math.ceil(duration_s / NODE_S) + BEFORE + AFTER
         return cls(np.zeros(phase_prior(nodes).basis.shape[1]), nodes, nominal_hz)
 
     @property
     def node_s(self) -> FloatArray:
-        """Time of each node, from the clip's first line on."""
+        """Time of each node, from the clip's first line."""
         return np.asarray((np.arange(self.nodes) - BEFORE) * NODE_S)
 
     @property
     def psi_rad(self) -> FloatArray:
-        """Phase at the nodes, relative to the nominal frequency's."""
+        """Phase of the light at the nodes, relative to that of the nominal frequency."""
         return np.asarray(phase_prior(self.nodes).basis @ self.weights)
 
     def basis_at(self, t_s: FloatArray) -> FloatArray:
-        """Phase of unit weights at some times, (times, directions)."""
+        """Phase per unit of each weight at given times, (times, directions)."""
         basis, at = phase_prior(self.nodes).basis, t_s / NODE_S + BEFORE
         left = np.clip(at.astype(np.intp), 0, self.nodes - 2)
         beyond = (at - left)[:, None]
         return np.asarray(basis[left] * (1.0 - beyond) + basis[left + 1] * beyond)
 
     def through(self, psi_rad: FloatArray) -> Course:
-        """Return the course nearest to phases at the nodes."""
+        """Return the course nearest to given phases at the nodes."""
         return dataclasses.replace(self, weights=phase_prior(self.nodes).nearest(psi_rad))
 
     def moved(self, by: FloatArray) -> Course:
-        """Return the course with other weights."""
+        """Return the course with its weights changed by ``by``."""
         return dataclasses.replace(self, weights=self.weights + by)
 
     def grid(self) -> GridPath:
-        """Return it as the frequency of a grid, from the clip's first line on."""
+        """Return the course as the frequency path of a grid, starting at the clip's first line."""
         freq_hz = self.nominal_hz + np.diff(self.psi_rad) / (4.0 * math.pi * NODE_S)
         return GridPath(freq_hz, NODE_S, BEFORE * NODE_S, self.nominal_hz)
 
 
 @dataclass(frozen=True, eq=False)
 class ForwardModel:
-    """What a recording is held to be, down to each line's level.
+    """Everything that determines the noiseless rows of a recording.
 
     Attributes
     ----------
     model : CaptureModel
-        All but what differs from clip to clip: the light's course and the wall.
+        All but the light's phase and the wall, which differ from clip to clip.
     course : Course
     wall : ndarray (lines, strips)
-        Levels under the mean light.
+        8-bit levels under the mean light.
     lean : ndarray (lines, strips)
-        By how much of that the second half of each strip is brighter, and the first darker: where
-        in a strip its light comes from. It matters to light that changes along the lines.
+        Asymmetry of each strip: its first half has ``1 − lean`` times the level, its second
+        ``1 + lean``. It matters to light that varies along the lines.
     """
 
     model: CaptureModel
@@ -101,24 +102,24 @@ class ForwardModel:
     lean: FloatArray
 
     def with_model(self, model: CaptureModel) -> ForwardModel:
-        """Return it with another model."""
+        """Return the forward model with another capture model."""
         return dataclasses.replace(self, model=model)
 
     def otherwise_delivered(
         self, model: CaptureModel, data: Measured, ahead_rad: FloatArray
     ) -> ForwardModel:
-        """Return it with a model that delivers other frames, each in its phase as measured.
+        """Return it with a model that delivers other frames, the measured phase of each frame kept.
 
         Parameters
         ----------
         model : CaptureModel
         data : Measured
         ahead_rad : ndarray (frames,)
-            By which the flicker of each measured frame is ahead of this theory's.
+            Phase by which the flicker of each measured frame leads this prediction.
         """
         clip = plan(model, data)
         taken_s = clip.start_s[clip.number[data.slot]]
-        # What was taken for a leap of the phase is a leap of time.
+        # What the course has as a jump of phase becomes a jump of time.
         late_s = taken_s - data.time_s
         psi_rad = np.interp(data.time_s, self.course.node_s, self.course.psi_rad) + ahead_rad
         psi_rad = np.unwrap(psi_rad - 4.0 * math.pi * self.course.nominal_hz * late_s)
@@ -126,12 +127,12 @@ class ForwardModel:
         return dataclasses.replace(self, model=model, course=course)
 
     def whole(self, turned_rad: float = 0.0) -> CaptureModel:
-        """Return its model with the wall and the phase that the light has at the first line.
+        """Return its capture model complete with wall and initial phase.
 
         Parameters
         ----------
         turned_rad : float, optional
-            By which the light is ahead of that.
+            Added to the phase of the light.
         """
         psi_rad = float(self.course.psi_rad[BEFORE]) + turned_rad
         light = dataclasses.replace(
@@ -143,16 +144,16 @@ class ForwardModel:
         return dataclasses.replace(self.model, light=light, scene=scene)
 
     def rows(self, data: Measured, *, turned_rad: float = 0.0, lit: float = 1.0) -> Float32Array:
-        """Simulate the rows of the measured frames, (frames, lines, strips), without noise.
+        """Simulate the rows of the measured frames without noise, (frames, lines, strips).
 
         Parameters
         ----------
         data : Measured
-            Which frames.
+            Which frames, lines and strips.
         turned_rad : float, optional
-            By which the light is ahead.
+            Added to the phase of the light.
         lit : float, optional
-            By which all the wall is brighter.
+            Factor of the wall's level.
         """
         theory = dataclasses.replace(self, wall=self.wall * lit) if lit != 1.0 else self
         model = theory.whole(turned_rad)
@@ -165,7 +166,7 @@ class ForwardModel:
 
 
 def plan(model: CaptureModel, data: Measured) -> Clip:
-    """Return the plan of all frames that a model takes for as many to arrive as were measured."""
+    """Plan enough captured frames for as many to be delivered as were measured."""
     wanted = int(data.slot[-1]) + 1
     count = wanted
     while True:

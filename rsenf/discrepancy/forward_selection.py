@@ -1,11 +1,14 @@
-"""Forward selection of effects: fit, look at the residual, keep what held-out data support.
+"""Forward selection of effects: fit, look at the residual, add the best effect, repeat.
 
-A candidate enters when it leaves less of the held-out data: of the rows, in blocks of time, that
-nothing at all was fitted to. How much likelier it must make them counts how many were tried; it
-must take away more than chance makes of data without a discrepancy, and make no block of time, no
-band of rows and no strip worse, as what is only of a like shape would. A series must be what its
-effect says it is. Ones
-that do it equally well are one class, of which none is named.
+A candidate is judged on held-out rows, which nothing was fitted to. The statistic is their log
+likelihood ratio, with and without it; it must pass ``log(candidates / FALSE_ALARMS)``, a Bonferroni
+limit. Besides, it must gain more than data without a discrepancy do by chance, make no block of
+time, band of rows or strip worse, as an effect of merely similar shape would, and its series must
+be of the kind that the effect declares. Effects that do equally well form a class, of which no
+single one is named. Afterwards :func:`needed` removes what later steps have made superfluous.
+
+The noise is taken as white and Gaussian; systematic residuals enter by cluster-robust standard
+errors (:mod:`rsenf.discrepancy.trial`).
 """
 
 from __future__ import annotations
@@ -26,36 +29,36 @@ from rsenf.discrepancy.noise_floor import NoiseFloor, floor_of
 from rsenf.discrepancy.trial import Trial, judged, settled, tried
 from rsenf.errors import UsageError
 
-FALSE_ALARMS = 0.01  # of a whole search, by chance
-TRIED = 4  # of the likeliest are fitted
-HOPE = 0.3  # of the least gain that counts, from which on a candidate is worth a fit
-RIVAL = 0.1  # of what the best explains, by a linear step, from which on another is its rival
-CONFUSED = 0.02  # the same of an effect that is known to be confused with the best
-NEAR = 0.8  # of the best's gain, from which on another is fitted to the end as well
-LIKENESS = 0.1  # of what remains unexplained, that an effect may gain by being like it in shape
-ANY_LIKENESS = 0.5  # the same of an effect whose course may be of any shape
-LOST = 0.05  # of what it gains, that an effect may make worse elsewhere
-WORST = -4.0  # standard errors by which a block of time, of rows or a strip may fare worse
-UNEVEN = 0.05  # of an effect's power, that other sizes in other parts of a recording may gain
+FALSE_ALARMS = 0.01  # probability of a chance finding, per round
+TRIED = 4  # candidates fitted, the best by linear step
+HOPE = 0.3  # apparent gain that is worth a fit, over the least gain that counts
+RIVAL = 0.1  # apparent gain of a candidate worth a fit, over the gain of the best trial
+CONFUSED = 0.02  # the same for an effect known to be confused with the best one
+NEAR = 0.8  # gain over the best one's, above which a trial is fitted to convergence too
+LIKENESS = 0.1  # share of the unexplained rest that an effect may gain by similar shape
+ANY_LIKENESS = 0.5  # the same for an effect with a course of any shape
+LOST = 0.05  # largest loss in parts of the data, over the gain in the others
+WORST = -4.0  # least gain of a block of time, band of rows or strip, in standard errors
+UNEVEN = 0.05  # share of an effect's power that sizes differing between parts may gain
 MOST_STEPS = 6
-TONE, LINE_BINS = 0.5, 6  # share of a course's power that a line has, and how wide it may be
+TONE, LINE_BINS = 0.5, 6  # a tone: least share of a course's power; half width in bins
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What one round of the search did.
+    """One round of forward selection.
 
     Attributes
     ----------
     before : Fit
     trials : tuple of Trial
-        Those that were fitted, the best first.
+        Candidates that were fitted, the best first.
     tried : int
-        How many candidates were looked at.
+        Number of candidates scored.
     limit : float
-        Nats that it must bring.
+        Log likelihood ratio (nats) that one must exceed.
     floor : NoiseFloor
-        Of data that the model before it explains.
+        Of data that the model before this round explains.
     """
 
     before: Fit
@@ -66,7 +69,7 @@ class Step:
 
     @property
     def least(self) -> float:
-        """What a gain must be: more than chance makes of it."""
+        """Least gain that counts: more than chance makes."""
         return self.floor.limit - self.floor.median
 
     @property
@@ -81,10 +84,10 @@ class Step:
             if trial.effect.name == best.effect.name and series_of(trial.effect) is None
             and self.holds(trial) and best.beyond - trial.gain <= self.least
         )  # fmt: skip
-        return next(simpler, best)  # few parameters do as well as a course of any shape
+        return next(simpler, best)  # prefer few parameters to a series, if they do as well
 
     def holds(self, trial: Trial) -> bool:
-        """Whether held-out data support a trial."""
+        """Whether the held-out data support a trial."""
         told = series_of(trial.effect)
         like = ANY_LIKENESS if told and (told[1].free or told[1].each == "line") else LIKENESS
         least = max(self.least, like * (trial.fit.gap.most - self.floor.median))
@@ -92,15 +95,16 @@ class Step:
         return trial.nats > self.limit and trial.beyond > least and not worse
 
     def released(self, rows: Trial | None = None) -> Step:
-        """Return it without the arrays of its fits, but for the rows of one trial's."""
+        """Return the round without the arrays of its fits, except for the rows of one trial."""
         trials = tuple(_released(trial, rows=trial is rows) for trial in self.trials)
         return dataclasses.replace(self, before=self.before.released(), trials=trials)
 
     @property
     def kin(self) -> tuple[str, ...]:
-        """Names of all effects that may do as well as the chosen one, it among them.
+        """Names of all effects that may do as well as the chosen one, which comes first.
 
-        What a codec may have given to the one it needn't have given to the other.
+        The codec's share isn't subtracted from the others' gains: it may have favoured one effect
+        only.
         """
         best = self.chosen
         if best is None:
@@ -113,9 +117,9 @@ class Step:
 
 
 def _by_course(best: Trial) -> tuple[str, ...]:
-    """Names of effects that are known by a tone, where a course of any shape has one.
+    """Names of effects that a free course with a tone can't be told from.
 
-    The gain of a frame and a swing of the light slower than that look the same.
+    A gain of each frame and a slow modulation of the light look the same.
     """
     told = series_of(best.effect)
     if told is None or not told[1].free or told[1].each != "frame":
@@ -130,20 +134,20 @@ def _by_course(best: Trial) -> tuple[str, ...]:
 
 
 def search(first: Fit, usual: CodecBaseline) -> Iterator[tuple[Step, Fit]]:
-    """Take step after step from a first fit, until nothing more is supported.
+    """Add effects to a fit, one a round, until the data support no more.
 
     Parameters
     ----------
     first : Fit
     usual : CodecBaseline
-        What a codec alone may have effects take away of held-out rows.
+        Gains of effects due to the codec alone.
 
     Yields
     ------
     Step
-        The last of them chose nothing, unless there are too many.
+        The last one chose nothing, unless ``MOST_STEPS`` is reached.
     Fit
-        What it has led to, with its arrays, which are much: nobody else keeps any.
+        The fit after it, with its large arrays; the generator is the only one to hold them.
     """
     now = first
     for _ in range(MOST_STEPS):
@@ -159,10 +163,24 @@ def search(first: Fit, usual: CodecBaseline) -> Iterator[tuple[Step, Fit]]:
 def needed(
     last: Fit, steps: Sequence[Step], usual: CodecBaseline = NOTHING
 ) -> tuple[Fit, list[Step]]:
-    """Take out again what later steps have made superfluous, and what is only like what is there.
+    """Backward elimination of effects that later ones made superfluous, or of merely similar shape.
 
-    An effect stays if the model without it is worse by as much as it would take for it to enter,
-    and if one size of it does for the whole recording.
+    An effect stays if it passes, on the final model, the same limits as when it entered, and if one
+    size of it fits the whole recording (:func:`rsenf.discrepancy.heterogeneity.heterogeneity`).
+
+    Parameters
+    ----------
+    last : Fit
+        After all rounds.
+    steps : sequence of Step
+        Rounds that added an effect.
+    usual : CodecBaseline, optional
+
+    Returns
+    -------
+    Fit
+    list of Step
+        Rounds whose effects stay.
     """
     kept = list(steps)
     for step in steps[:-1]:
@@ -191,7 +209,7 @@ def _name(step: Step) -> str:
 
 
 def _without(last: Fit, step: Step) -> Fit | None:
-    """Fit the model without what a step has added; None where nothing can be fitted without it."""
+    """Fit the model without the effect of a round; None if that can't be fitted."""
     theory = last.theory.with_model(last.theory.model.without(_name(step)))
     try:
         return fit(theory, last.data).released(rows=True)
@@ -200,24 +218,24 @@ def _without(last: Fit, step: Step) -> Fit | None:
 
 
 def next_step(before: Fit, usual: CodecBaseline = NOTHING) -> Step:
-    """Look at all candidates, and fit the likeliest."""
+    """Score all candidates and fit the best."""
     found, scale = candidates(before), per_power(before)
     limit = math.log(max(len(found), 1) / FALSE_ALARMS)
     step = Step(before, (), len(found), limit, floor_of(before))
     likeliest = _likeliest(found, HOPE * step.least, scale, usual)
     found = [dataclasses.replace(c, slopes=None) for c in found]
     while likeliest:
-        candidate = likeliest.pop(0)  # its slopes are much: nobody else has them
+        candidate = likeliest.pop(0)  # frees its large Jacobian after the trial
         best = step.chosen
         if best is not None and candidate.explains * scale < RIVAL * best.gain:
-            break  # it, and all after it, are far from as good
+            break  # this one and all after it are far worse
         step = _with_trial(step, candidate, usual)
     likeliest.clear()
     for candidate in _confusable(found, step, scale):
         step = _with_trial(step, candidate, usual)
     if step.chosen is None:
         return step.released()
-    # What is nearly as good may be as good, once it rests.
+    # A trial that is nearly as good may be as good once it has converged.
     near = NEAR * step.chosen.gain
     trials = [
         settled(before, t, usual) if t.gain > near and step.holds(t) else t for t in step.trials
@@ -241,7 +259,7 @@ def _released(trial: Trial, *, rows: bool = False) -> Trial:
 
 
 def _confusable(found: Sequence[Candidate], step: Step, scale: float) -> list[Candidate]:
-    """What the best is known to be confused with, though one linear step tells little for it."""
+    """Candidates known to be confused with the best trial; a linear step may underestimate them."""
     best = step.chosen
     if best is None:
         return []
@@ -256,13 +274,13 @@ def _confusable(found: Sequence[Candidate], step: Step, scale: float) -> list[Ca
 def _likeliest(
     found: Sequence[Candidate], least: float, scale: float, usual: CodecBaseline
 ) -> list[Candidate]:
-    """Those worth a fit: of each effect the likeliest, and all that can only be tried.
+    """Candidates worth a fit: the best of each effect, and all that have no linear score.
 
-    ``least`` is what one must seem to gain beyond what is usual, and ``scale`` what all of the
-    residual would be.
+    ``least`` is the apparent gain needed beyond the codec's, and ``scale`` the gain of explaining
+    all of the residual.
     """
     certain = [c for c in found if math.isinf(c.explains)]
-    best: dict[tuple[str, bool], Candidate] = {}  # of a course by itself, too
+    best: dict[tuple[str, bool], Candidate] = {}  # a series counts apart
     for c in found:
         if math.isinf(c.explains):
             continue

@@ -1,10 +1,14 @@
-"""The gap between a theory and the data: the systematic part of what is left, and its error.
+"""The gap: power of the systematic residual relative to the flicker's, free of noise.
 
-Sensor noise of one row has nothing to do with that of the next. So the product of the residuals of
-neighbouring rows is, on average, the square of what is systematically left, and no noise; over the
-power of the flicker that was fitted it is the gap. Whatever follows the noise, such as the course
-of the phase, must have been found from one of the two rows alone. A codec ties rows together; there
-the neighbours are strips, each with columns of its own.
+Model: the residual of a line is a systematic part, which neighbouring lines share, plus sensor
+noise, which is independent. The mean product of neighbours' residuals is then an unbiased estimate
+of the systematic part's power::
+
+    gap = ⟨r_even · r_odd⟩ / ⟨y²⟩,    y: fitted flicker without the static level
+
+All that follows the noise, such as the phase course, must have been fitted to one of the two only.
+A codec correlates the noise of rows, but not of strips, so after a codec neighbours are strips. The
+standard error is that of the means over blocks of time.
 """
 
 from __future__ import annotations
@@ -26,12 +30,12 @@ class Gap:
     Attributes
     ----------
     value : float
-        Power of the systematic residual over that of the flicker; its noise may make it negative.
+        Power of the systematic residual over the flicker's; noise may make it negative.
     stderr : float
-        Its standard error, by blocks of time.
+        Standard error, from blocks of time.
     comb : float
-        The same of the next but one among the neighbours that judge: what goes up and down from
-        row to row has it, and may have none of the other.
+        The same from judging lines next to each other, two lines apart: reveals a residual that
+        alternates from line to line, which the gap can miss.
     """
 
     value: float
@@ -40,7 +44,7 @@ class Gap:
 
     @property
     def most(self) -> float:
-        """The greater of both, of either sign: below zero neighbours are wrong by turns."""
+        """The larger magnitude of both; below zero, neighbours err in opposite ways."""
         return max(abs(self.value), self.comb)
 
 
@@ -56,10 +60,10 @@ def gap_of(residual: Float32Array, flicker: Float32Array, data: Measured, frames
     Parameters
     ----------
     residual, flicker : ndarray (frames, lines, strips)
-        What is left, and what was fitted less the wall.
+        Data minus prediction, and prediction minus wall.
     data : Measured
     frames : ndarray of bool (frames,)
-        Those that count.
+        Which frames count.
     """
     power = float((flicker[frames] ** 2).mean(dtype=np.float64))
     gaps = by_block(products(residual, data), data, frames)[0] / power
@@ -71,15 +75,15 @@ def gap_of(residual: Float32Array, flicker: Float32Array, data: Measured, frames
 
 
 def by_block(values: FloatArray, data: Measured, frames: Mask) -> tuple[FloatArray, FloatArray]:
-    """Mean of a series of frames over each block of time, and how many frames that is.
+    """Mean of a series over the selected frames of each block of time, and their number.
 
-    Blocks that are less than half there are left out.
+    Blocks with less than half of the most frames are left out.
     """
     return by_block_of(values[frames], data.block[frames])
 
 
 def by_block_of(values: FloatArray, block: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
-    """Return the same of frames that all count, each in a block by its number."""
+    """Return the same as :func:`by_block` for frames that all count, given their block numbers."""
     count = np.bincount(block).astype(np.float64)
     total = np.bincount(block, weights=values)
     kept = count >= max(count.max() / 2.0, 1.0)

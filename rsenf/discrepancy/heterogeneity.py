@@ -1,10 +1,9 @@
-"""Whether an effect has the same size wherever it acts, or only looks like what is there.
+"""Heterogeneity: whether an effect has one size wherever it acts, or only a similar shape.
 
-What is of a like shape takes away a part of a discrepancy, here too much and there too little. Then
-what is left goes with what the effect does, with another size in each frame, line or part of the
-recording: heterogeneity, as a meta-analysis of these parts would call it (Cochran 1954, "The
-combination of estimates from different experiments", Biometrics 10). Other missing effects
-have nothing to do with it.
+An effect of similar shape removes part of a discrepancy, here too much and there too little. The
+residual then correlates with the effect's own response, by a size that differs between frames,
+lines or parts of the recording. Other missing effects don't correlate with it. Compare Cochran, W.
+G. (1954), The combination of estimates from different experiments, Biometrics 10.
 """
 
 from __future__ import annotations
@@ -15,16 +14,16 @@ from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.measured import BANDS, Float32Array
 from rsenf.messages.schema import FloatArray
 
-LEAST = 1e-12  # of what an effect does in all, that it must do in a part to have a size there
-SURE = 4.0  # standard deviations of the noise
+LEAST = 1e-12  # share of an effect's power that a part must have to determine a size
+SURE = 4.0  # standard deviations of the noise, subtracted from the gain
 
 
 def heterogeneity(fit: Fit, name: str) -> float:
-    """Share of an effect's power that it would surely gain if its size were free in every part.
+    """Share of an effect's power gained beyond noise if every part of the data had its own size.
 
-    The parts are frames; lines of each strip; and bands of lines of each strip in each block of
-    time. Those that differ most count. A size is found from each of two neighbours, whose noise has
-    nothing to do with each other, so their product is free of it.
+    Parts are: frames; lines of each strip; and bands of lines of each strip in each block of time.
+    The partition with the largest gain counts. Each size is estimated from both of two neighbours,
+    whose noise is independent, so that the product of the estimates is free of it.
 
     Parameters
     ----------
@@ -36,7 +35,7 @@ def heterogeneity(fit: Fit, name: str) -> float:
     Raises
     ------
     UsageError
-        When the model can't do without it.
+        When the model without the effect isn't valid.
     """
     data, others = fit.data, ~fit.data.training
     without = fit.theory.with_model(fit.theory.model.without(name)).rows(data)

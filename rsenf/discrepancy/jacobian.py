@@ -1,4 +1,4 @@
-"""Jacobian of the rows by the parameters of a forward model, by finite differences of it."""
+"""Jacobian of the rows with respect to a forward model's parameters, by finite differences."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ TURN_RAD, LIT = 0.02, 0.01
 
 @dataclass(frozen=True, eq=False)
 class Jacobian:
-    """Derivatives of the rows at one theory, (frames, lines, strips) each.
+    """Derivatives of the rows at one forward model, (frames, lines, strips) each.
 
     Attributes
     ----------
     data : Measured
     basis : ndarray (frames, directions)
-        The course's directions at each frame.
+        Phase per unit weight of the course's directions, in each frame.
     lit : ndarray of float32
-        By the wall's brightness, relative to it.
+        By a relative change of the wall's level.
     turn : ndarray of float32
         By the light's phase (1/rad).
     knobs : tuple of FitParameter
     own : tuple of ndarray of float32
-        By each knob.
+        By each of these parameters.
     series : dict of str to ndarray of float32
-        By the values of each effect that has a series, all of them at once.
+        By effect that has a series: by all of its values at once.
     lean : ndarray of float32 or None
-        By the wall's lean, where there is light to which it matters.
+        By the strips' asymmetry; None if no light varies along the lines.
     """
 
     data: Measured
@@ -53,31 +53,31 @@ class Jacobian:
 
     @cached_property
     def training(self) -> System:
-        """What the training frames tell of course and knobs."""
+        """Normal equations of course and parameters on the training frames."""
         frames = self.data.training
         return System(self.lit, self.turn, self.basis[frames], lambda a: a[frames]).plus(self.own)
 
     @cached_property
     def course(self) -> System:
-        """What one half of every frame tells of the course."""
-        first = self.data.first  # not self: nothing would let go of its arrays then
+        """Normal equations of the course on the first half of every frame."""
+        first = self.data.first  # the lambda must not hold self, whose arrays it would keep alive
         return System(self.lit, self.turn, self.basis, lambda a: a[first])
 
     def plus(self, knobs: Sequence[FitParameter], own: Sequence[Float32Array]) -> Jacobian:
-        """Return them with those of more knobs."""
+        """Return the Jacobian extended by more parameters and the derivatives by them."""
         out = dataclasses.replace(self, knobs=(*self.knobs, *knobs), own=(*self.own, *own))
-        # What is known already isn't reckoned again.
+        # Keep the cached normal equations.
         out.__dict__["training"] = self.training.plus(own)
         out.__dict__["course"] = self.course
         return out
 
     def released(self) -> Jacobian:
-        """Return them without the arrays."""
+        """Return it without its arrays, to free memory."""
         none = np.empty((0, 0, 0), np.float32)
         return dataclasses.replace(self, lit=none, turn=none, own=(), series={}, lean=None)
 
     def brighter(self, residual: Float32Array) -> FloatArray:
-        """By how much training frames say that the wall is brighter, relative to it."""
+        """Relative change of the wall by least squares on the training frames, (lines, strips)."""
         lit = self.lit[self.data.training]
         seen = (lit * residual[self.data.training]).sum(axis=0, dtype=np.float64)
         return np.asarray(seen / np.maximum((lit * lit).sum(axis=0, dtype=np.float64), TINY))
@@ -86,13 +86,13 @@ class Jacobian:
 def slopes_of(
     theory: ForwardModel, rows: Float32Array, data: Measured, knobs: Sequence[FitParameter] = ()
 ) -> Jacobian:
-    """Turn the light, brighten the wall, turn every knob, and see what that does.
+    """Compute the Jacobian of a forward model.
 
     Parameters
     ----------
     theory : ForwardModel
     rows : ndarray of float32 (frames, lines, strips)
-        What it says.
+        Its prediction.
     data : Measured
     knobs : sequence of FitParameter, optional
     """
@@ -117,6 +117,6 @@ def slopes_of(
 def by_knob(
     theory: ForwardModel, rows: Float32Array, data: Measured, knob: FitParameter
 ) -> Float32Array:
-    """What the rows do, per unit, when a knob is turned."""
+    """Derivative of the rows by a fit parameter, (frames, lines, strips)."""
     moved = theory.with_model(knob.moved(theory.model, knob.step)).rows(data)
     return np.asarray((moved - rows) / np.float32(knob.step))

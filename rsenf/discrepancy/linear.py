@@ -1,9 +1,10 @@
-"""The small linear problem of one step: what each direction explains of a residual.
+"""Normal equations of one Gauss-Newton step, with the wall eliminated.
 
-A direction is what the rows do when a knob is turned, made by the capture model itself. The course
-of the phase has many directions, but each is the same ``turn``, row by row, times a slow function
-of time; and the wall, a level for each line and strip, is eliminated exactly: the part of every
-direction that a change of the wall would do as well is taken off it.
+Each parameter's direction is its column of the Jacobian. The phase course has many directions, but
+all are the derivative ``turn`` times a slow function of time, so that they need no columns of their
+own. The wall, a free level of each line and strip, is eliminated exactly: the component that a
+change of the wall could explain is projected out of every direction (Frisch, R. and Waugh, F. V.
+(1933), Partial time regressions as compared with individual trends, Econometrica 1).
 """
 
 from __future__ import annotations
@@ -23,51 +24,51 @@ TINY = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """Normal equations: ``matrix @ x = vector``, the course's directions first.
-
-    ``course`` is how many of them are the course's.
-    """
+    """Normal equations ``matrix @ x = vector``; the first ``course`` unknowns are the course's."""
 
     matrix: FloatArray
     vector: FloatArray
     course: int
 
     def over(self, variance: float) -> NormalEquations:
-        """Weigh the data by the variance of a row's noise."""
+        """Divide by the noise variance of a line, which makes the matrix the Fisher information."""
         return NormalEquations(self.matrix / variance, self.vector / variance, self.course)
 
     def with_prior(self, weights: FloatArray) -> NormalEquations:
-        """Add that the course's weights, now such, have unit variance."""
+        """Add the course's prior, zero mean and unit variance, given its present weights."""
         matrix, vector = self.matrix.copy(), self.vector.copy()
         matrix.flat[: self.course * (len(matrix) + 1) : len(matrix) + 1] += 1.0
         vector[: self.course] -= weights
         return NormalEquations(matrix, vector, self.course)
 
     def solve(self) -> FloatArray:
-        """Return the step; directions that tell nothing stay where they are."""
+        """Return the step; directions without information stay where they are."""
         return np.asarray(np.linalg.solve(*_scaled(self.matrix, self.vector)) * _scale(self.matrix))
 
     def solver(self) -> Callable[[FloatArray], FloatArray]:
-        """Return what solves for one vector after another; the matrix is factored once."""
+        """Return a function that solves for any vector; the matrix is factorised once."""
         factors = lu_factor(_scaled(self.matrix, self.vector)[0])
         scale = _scale(self.matrix)
         return lambda vector: np.asarray(lu_solve(factors, vector * scale) * scale)
 
     def covariance(self) -> FloatArray:
-        """Return the covariance of the step."""
+        """Return the covariance of the step, the inverse of the matrix."""
         scale = _scale(self.matrix)
         inverse = np.linalg.inv(_scaled(self.matrix, self.vector)[0])
         return np.asarray(inverse * scale[:, None] * scale)
 
     def considering(self, last: int, std: float) -> FloatArray:
-        """Return the covariance of the step where the last directions aren't taken, but are there.
+        """Return the covariance of a step without the last directions, which have unknown values.
+
+        The consider covariance: Schmidt, S. F. (1966), Application of state-space methods to
+        navigation problems, Advances in Control Systems 3.
 
         Parameters
         ----------
         last : int
-            How many of them.
+            Number of these directions.
         std : float
-            How far each has usually moved: a consider covariance (Schmidt).
+            Standard deviation of their values.
         """
         known = len(self.matrix) - last
         step = NormalEquations(self.matrix[:known, :known], self.vector[:known], self.course)
@@ -78,12 +79,15 @@ class NormalEquations:
         return np.asarray(step.covariance() + shift @ shift.T)
 
     def sandwich(self, scores: FloatArray) -> FloatArray:
-        """Return the covariance of the step by how much clusters of the data disagree.
+        """Return the cluster-robust covariance of the step.
+
+        Liang, K.-Y. and Zeger, S. L. (1986), Longitudinal data analysis using generalized linear
+        models, Biometrika 73; White, H. (1980), Econometrica 48.
 
         Parameters
         ----------
         scores : ndarray (clusters, directions)
-            What each adds to the vector: White's and Liang and Zeger's cluster-robust estimate.
+            What each cluster of the data contributes to the vector.
         """
         away = scores - scores.mean(axis=0)
         apart = away.T @ away * (len(away) / (len(away) - 1))
@@ -91,9 +95,9 @@ class NormalEquations:
         return np.asarray(inverse @ apart @ inverse)
 
     def explained(self, extra: int) -> float:
-        """By how much the last directions reduce the square of the residual, beyond the others."""
+        """Reduction of the sum of squares by the last ``extra`` directions, beyond the others."""
         known = len(self.matrix) - extra
-        matrix, vector = _scaled(self.matrix, self.vector)  # which changes nothing of it
+        matrix, vector = _scaled(self.matrix, self.vector)  # the result doesn't depend on scale
         rest = np.linalg.solve(matrix[:known, :known], np.column_stack(
             [matrix[:known, known:], vector[:known]]
         ))  # fmt: skip
@@ -103,12 +107,12 @@ class NormalEquations:
         return float(told @ np.linalg.solve(own, told))
 
     def worth(self, members: Sequence[Hashable]) -> dict[Hashable, float]:
-        """By how much each group of the last directions reduces the square, were it the last.
+        """Wald statistic of groups of the last directions: increase of the squares without each.
 
         Parameters
         ----------
         members : sequence
-            Of which group each of the last directions is.
+            Group of each of the last directions.
         """
         step, covariance = self.solve()[-len(members) :], self.covariance()
         covariance = covariance[-len(members) :, -len(members) :]
@@ -120,18 +124,18 @@ class NormalEquations:
 
 
 class System:
-    """Normal equations of a part of the data, ready for one residual after another.
+    """Normal equations of a part of the data, for any number of residuals.
 
     Parameters
     ----------
     lit : ndarray (frames, lines, strips)
-        What the rows do when the wall is brighter, relative to it.
+        Derivative of the rows by a relative change of the wall.
     turn : ndarray (frames, lines, strips)
-        What they do when the light's phase is ahead, per rad.
+        Derivative by the light's phase (1/rad).
     basis : ndarray (its frames, directions)
         The course's directions at each frame of the part.
     part : callable
-        Takes the part out of such an array.
+        Selects the part from such an array.
     """
 
     def __init__(
@@ -148,10 +152,10 @@ class System:
         self._course = ((self._lit * self._turn).T @ basis) * self._size[:, None]
         power = (self._turn * self._turn).sum(axis=1, dtype=np.float64)
         self._matrix = basis.T @ (power[:, None] * basis) - self._course.T @ self._course
-        self._others: list[tuple[Float32Array, FloatArray]] = []  # whole, each with its wall
+        self._others: list[tuple[Float32Array, FloatArray]] = []  # direction, projection on wall
 
     def plus(self, others: Sequence[Float32Array]) -> System:
-        """Return the system with further directions, (frames, lines, strips) each."""
+        """Return the system with more directions, (frames, lines, strips) each."""
         out = copy.copy(self)
         out._others = [*self._others]
         for other in others:
@@ -164,18 +168,18 @@ class System:
 
     @property
     def matrix(self) -> NormalEquations:
-        """Normal equations of data that it explains as it is."""
+        """Normal equations for a zero residual."""
         return NormalEquations(self._matrix, np.zeros(len(self._matrix)), self._basis.shape[1])
 
     def normal(self, residual: Float32Array) -> NormalEquations:
-        """Build the normal equations for a residual (frames, lines, strips)."""
+        """Return the normal equations for a residual (frames, lines, strips)."""
         rest = self._taken(residual)
         wall = self._wall(rest)
         vector = np.concatenate([self._along(rest, wall), self._beside(rest, wall)])
         return NormalEquations(self._matrix, vector, self._basis.shape[1])
 
     def scores(self, residual: Float32Array) -> tuple[FloatArray, FloatArray]:
-        """What each frame and each value of a frame adds to the normal equations' vector.
+        """What each frame, and each value of a frame, contributes to the vector.
 
         Parameters
         ----------
@@ -201,16 +205,16 @@ class System:
         return np.ascontiguousarray(self._part(array)).reshape(len(self._basis), -1)
 
     def _wall(self, array: Float32Array) -> FloatArray:
-        """Its part that the wall could do, line by line."""
+        """Projection of an array on changes of the wall, for each line and strip."""
         return np.asarray((self._lit * array).sum(axis=0, dtype=np.float64) * self._size)
 
     def _along(self, array: Float32Array, wall: FloatArray) -> FloatArray:
-        """Its products with the course's directions."""
+        """Inner products with the course's directions, wall projected out."""
         told = (self._turn * array).sum(axis=1, dtype=np.float64)
         return np.asarray(self._basis.T @ told - self._course.T @ wall)
 
     def _beside(self, array: Float32Array, wall: FloatArray) -> list[float]:
-        """Its products with the other directions, of which no copy is kept."""
+        """Inner products with the other directions, wall projected out; makes no copies of them."""
         return [
             float((array * self._taken(other)).sum(dtype=np.float64) - wall @ own)
             for other, own in self._others

@@ -1,7 +1,7 @@
-"""Rows of a recording averaged into lines: as many as a fit needs.
+"""Averages the rows of a recording into lines, as many as a fit needs.
 
-What a fit costs is proportional to their number, and what it tells is not: the flicker turns some
-ten times down a frame, and noise averages alike before a fit or in it.
+The cost of a fit is proportional to their number, its information isn't: the flicker has some ten
+periods down a frame, and noise averages in the same way before a fit or in it.
 """
 
 from __future__ import annotations
@@ -13,44 +13,67 @@ from numpy.typing import NDArray
 
 from rsenf.messages.schema import Float32Array
 
-ENOUGH, FEWEST, FRAMES = 120, 60, 2400  # lines; and of how many frames there may be so many
-MOST, FAST = 240, 2.0  # lines for fast tones; power of one over the median of those as fast
-DARK = 0.25  # of a line's level: darker rows count as if they had it
+ENOUGH, FEWEST, FRAMES = 120, 60, 2400  # lines; frames up to which there are ENOUGH
+MOST, FAST = 240, 2.0  # lines for fast tones; power of a tone over the median of the upper band
+DARK = 0.25  # least level of a row relative to its line, when divided by it
+# Interlace test: frames used, standard errors, least relative power, odd over even lags.
 FIELD_FRAMES, FIELD_STDS, FIELD_RATIO, FIELD_ALIKE = 200, 6.0, 1e-3, 0.25
 
 
 def enough(level: Float32Array) -> int:
-    """How many lines are enough for rows (frames, rows, strips).
+    """How many lines are needed for rows (frames, rows, strips).
 
-    Few of a long recording, that it takes no more memory than it needs; more where light changes so
-    fast down the rows that it would seem to be slower in few lines (an alias).
+    Fewer for a long recording, to limit memory; more where light varies so fast down the rows that
+    it would alias in few lines.
     """
     lines = min(max(ENOUGH * FRAMES // len(level), FEWEST), ENOUGH)
     seen = level[:: max(len(level) // FIELD_FRAMES, 1)].mean(axis=2)
-    seen = seen / np.maximum(seen.mean(axis=0), 1.0) - 1.0  # light, without the texture
+    seen = seen / np.maximum(seen.mean(axis=0), 1.0) - 1.0  # relative light, without texture
     seen *= np.hanning(seen.shape[1]).astype(np.float32)
     power = (np.abs(np.fft.rfft(seen, axis=1)) ** 2).mean(axis=0)
     noise = float(np.median(power[power.size // 2 :]))
-    # Two and a half lines a turn are the fewest that tell it well.
+    # A tone needs at least 2.5 lines a period.
     while lines < MOST and power[2 * lines // 5 : MOST // 2].max(initial=0.0) > FAST * noise:
         lines *= 2
     return min(lines, MOST)
 
 
 def group_of(rows: int, most: int) -> int:
-    """How many neighbouring rows to average, so that no more than so many lines are left.
+    """How many neighbouring rows to average into one line.
 
-    As many in each, for the lines must come regularly: a few rows at the end may be left over.
+    All lines average equally many rows, as they must be equidistant in time; a few rows at the end
+    may be left over.
+
+    Parameters
+    ----------
+    rows : int
+    most : int
+        Largest number of lines.
+
+    Examples
+    --------
+    >>> group_of(1080, 240), group_of(100, 240)
+    (5, 1)
     """
     group = -(-rows // most)
-    # A few lines less, if that leaves no row over.
+    # Fewer lines, if no row is then left over.
     return next((n for n in range(group, 2 * group) if rows % n == 0), group)
 
 
 def averaged(level: Float32Array, group: int, fields: int = 1) -> Float32Array:
-    """Average so many neighbouring rows, (frames, rows, strips), into each line.
+    """Average neighbouring rows into lines.
 
-    Of two fields that are woven into one picture, the lines are woven in the same way.
+    Parameters
+    ----------
+    level : ndarray of float32 (frames, rows, strips)
+    group : int
+        Rows averaged into each line.
+    fields : int, optional
+        2 for interlaced frames, whose fields are averaged separately and interlaced again.
+
+    Returns
+    -------
+    ndarray of float32 (frames, lines, strips)
     """
     if group == 1:
         return level
@@ -69,25 +92,29 @@ def averaged(level: Float32Array, group: int, fields: int = 1) -> Float32Array:
 def along_rows(
     array: NDArray[Any], group: int, rows: int, *, fields: int = 1, axis: int = 1
 ) -> NDArray[Any]:
-    """Repeat the values of lines for the rows that were averaged, the last for what is left."""
+    """Repeat the values of lines, along one axis, for all of their rows.
+
+    ``group`` rows are in a line, ``rows`` in all; rows left over get the last value.
+    """
     row, last = np.arange(rows), array.shape[axis] // fields - 1
     line = np.minimum(row // fields // group, last) * fields + row % fields
     return np.asarray(np.take(array, line, axis=axis))
 
 
 def texture_of(row_level: Float32Array, group: int, fields: int = 1) -> Float32Array:
-    """Return the level of each row (rows, strips) over the mean of those that are averaged."""
+    """Return the mean level of each row relative to its line of ``group`` rows, (rows, strips)."""
     line = averaged(row_level[None], group, fields)[0]
     mean = along_rows(line, group, len(row_level), fields=fields, axis=0)
     return np.asarray(np.maximum(row_level, DARK * mean) / np.maximum(mean, 1e-6), np.float32)
 
 
 def fields_of(level: Float32Array) -> int:
-    """Return 2 where every second row is of another time, as fields woven into one picture are.
+    """Return 2 for interlaced frames, in which neighbouring rows are from different times; else 1.
 
-    What a row has beyond the mean of its neighbours then goes up and down from row to row, all over
-    the picture. Texture doesn't change, noise has nothing to do with rows further on, what is
-    smooth has next to none, and a fast tone has another period.
+    The statistic is the autocovariance down the rows of each row's deviation from the mean of its
+    neighbours, at lags 3 to 5: interlacing makes it alternate in sign. Texture is constant in time
+    and subtracted, noise is uncorrelated at these lags, smooth changes have hardly any deviation,
+    and a fast tone has another period.
     """
     seen = level[:: max(len(level) // FIELD_FRAMES, 1)]
     beyond = seen[:, 1:-1] - 0.5 * (seen[:, :-2] + seen[:, 2:])

@@ -1,4 +1,4 @@
-"""What was measured, as the workflow takes it: row means with their times, in blocks of time."""
+"""The measured data: row means with frame times, in training and held-out blocks of time."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ from rsenf.timebase import NS_PER_S
 Float32Array = NDArray[np.float32]
 AnyArray = NDArray[Any]
 Mask = NDArray[np.bool_]
-Part = tuple[slice, ...]  # of an array (frames, lines, strips)
+Part = tuple[slice, ...]  # index into an array (frames, lines, strips)
 
 ALL: Part = (slice(None),)
-BANDS = 8  # of lines, that are compared
+BANDS = 8  # of lines
 
-# Rates that cameras have; one that is nearer to one of them than this is taken for it.
+# Usual frame rates; a measured one within SAME_RATE (relative) is taken for the usual one.
 RATES = (
     *(Fraction(n) for n in (24, 25, 30, 48, 50, 60, 100, 120, 240)),
     *(Fraction(n * 1000, 1001) for n in (24, 30, 60, 120, 240)),
 )
 SAME_RATE = 5e-4
-APART_FRAMES = 600  # in which noise is looked at for what neighbours share
-MOST_SLIP = 0.25  # frames, over a whole recording
+APART_FRAMES = 600  # used to find the axis of independent noise
+MOST_SLIP = 0.25  # frames by which the usual rate may be off over the whole recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,22 +53,22 @@ class Measured:
     level : ndarray of float32 (frames, lines, strips)
         8-bit levels, lines in the order of their places in the picture.
     stamp_s : ndarray (frames,)
-        Stamp of each frame, from the first on.
+        Time stamp of each frame, from the first.
     slot : ndarray of int (frames,)
-        Place of each frame on the clip's time axis, in frame periods.
+        Position of each frame on the clip's time axis, in frame periods.
     frame_rate : Fraction
     estimates : Estimates
-        Of its ENF and its idle period.
+        ENF and idle period, as rsenf's estimators find them.
     axis : str
-        ``rows`` or ``columns``: along which the lines lie.
+        ``rows`` or ``columns``: what a line is.
     apart : int
-        Axis along which neighbours have nothing to do with each other but what is systematic:
-        ``LINES``, as a sensor's noise is, or ``STRIPS``, as a codec leaves it.
+        Axis along which neighbours have independent noise: ``LINES`` for a sensor's, ``STRIPS``
+        after a codec.
     texture : ndarray of float32 (rows, strips)
-        Mean level of each of the recording's rows over that of its line. Rows are divided by it
-        before they are averaged, or bright ones would count for more, and lines be of their time.
+        Mean level of each row of the recording relative to its line. Rows are divided by it before
+        they are averaged, so that bright ones don't shift the effective time of their line.
     fields : int
-        How many are woven into each frame: then its lines are, too.
+        2 if frames and lines are interlaced, else 1.
     """
 
     level: Float32Array
@@ -83,98 +83,98 @@ class Measured:
 
     @property
     def rows(self) -> int:
-        """How many a frame of the recording has."""
+        """Rows in a frame of the recording."""
         return max(len(self.texture), self.lines)
 
     @property
     def group(self) -> int:
-        """How many neighbouring rows of the recording are averaged into a line."""
+        """Rows of the recording averaged into each line."""
         return self.rows // self.lines
 
     @property
     def nominal_hz(self) -> float:
-        """Of the grid: 50 or 60."""
+        """Nominal frequency of the grid, 50 or 60."""
         return self.estimates.nominal_hz
 
     @property
     def frames(self) -> int:
-        """How many there are."""
+        """Number of frames."""
         return int(self.level.shape[0])
 
     @property
     def lines(self) -> int:
-        """How many there are in a frame."""
+        """Lines in a frame."""
         return int(self.level.shape[1])
 
     @property
     def strips(self) -> int:
-        """Into how many each line is divided."""
+        """Strips in a line."""
         return int(self.level.shape[2])
 
     @property
     def time_s(self) -> FloatArray:
-        """Start of each frame, if frames come regularly."""
+        """Start of each frame, taken as equidistant."""
         return np.asarray(self.slot / float(self.frame_rate))
 
     @property
     def block(self) -> NDArray[np.int64]:
-        """Number of each frame's block of time, (frames,): eight blocks at least."""
+        """Block number of each frame, (frames,); there are at least ``FEWEST_BLOCKS``."""
         block_s = min(BLOCK_S, float(self.time_s[-1] + self.time_s[1]) / FEWEST_BLOCKS)
         return np.asarray(self.time_s // block_s, np.int64)
 
     @property
     def training(self) -> Mask:
-        """Frames that models are fitted to; they are scored on the others."""
+        """Frames of the even blocks, which models are fitted to; the others are held out."""
         return np.asarray(self.block % 2 == 0)
 
     @property
     def coded(self) -> bool:
-        """Whether rows share their noise, as they do after a codec."""
+        """Whether rows have correlated noise, as after a codec."""
         return self.apart == STRIPS
 
     @property
     def first(self) -> Part:
-        """Values that what follows the noise is found from."""
+        """Index of the half that latent series are estimated from: every other line or strip."""
         return (slice(None),) * self.apart + (slice(0, None, 2),)
 
     @property
     def second(self) -> Part:
-        """Their neighbours, which judge it."""
+        """Index of their neighbours, which judge the fit."""
         return (slice(None),) * self.apart + (slice(1, None, 2),)
 
     def halves(self, array: AnyArray) -> tuple[AnyArray, AnyArray]:
-        """Part an array (frames, lines, strips) into values and their neighbours, pair by pair."""
+        """Split an array (frames, lines, strips) into both halves, in pairs of neighbours."""
         second = array[self.second]
         pairs = (slice(None),) * self.apart + (slice(second.shape[self.apart]),)
         return array[self.first][pairs], second
 
     def as_recorded(self, level: Float32Array) -> Float32Array:
-        """Give every row of the recording the level of its line, (frames, rows, strips)."""
+        """Expand lines to the recording's rows, texture included, (frames, rows, strips)."""
         return along_rows(level, self.group, self.rows, fields=self.fields) * self.texture
 
     def as_lines(self, level: Float32Array) -> Float32Array:
-        """Average rows of the recording into lines, (frames, lines, strips)."""
+        """Average rows of the recording into lines, texture removed, (frames, lines, strips)."""
         return averaged(level / self.texture, self.group, self.fields)
 
     def every(self, axis: int) -> int:
-        """How many lines or strips it takes to the next pair."""
+        """Lines or strips from one pair of neighbours to the next along an axis."""
         return 2 if axis == self.apart else 1
 
 
 def measured_of(blocks: Sequence[RowBlock], nominal_hz: float | None = None) -> Measured:
-    """Join the row blocks of a recording.
+    """Prepare the row blocks of a recording for the workflow.
 
     Parameters
     ----------
     blocks : sequence of RowBlock
         Of one epoch, in order.
     nominal_hz : float, optional
-        50 or 60; by default whichever is seen.
+        50 or 60; by default found from the data.
 
     Raises
     ------
     InputError
-        When they are too short, have too few lines, or hold nothing that changes.
+        When the recording is too short, has too few lines, or doesn't change.
     """
     level, stamp_s = joined_rows(blocks)
     if blocks[0].read_out_axis == "frame":
@@ -192,7 +192,7 @@ def measured_of(blocks: Sequence[RowBlock], nominal_hz: float | None = None) -> 
     rate = frame_rate_of(stamp_s)
     slot = np.rint(stamp_s * float(rate)).astype(np.int64)
     axis = blocks[0].read_out_axis
-    # Stamps that jitter would move the phase: frames count.
+    # Frame numbers times the period: jitter of the stamps would add to the phase.
     seen = estimate(level, slot / float(rate), axis, nominal_hz)
     apart = apart_of(level[:APART_FRAMES])
     fields = fields_of(level)
@@ -203,12 +203,12 @@ def measured_of(blocks: Sequence[RowBlock], nominal_hz: float | None = None) -> 
 
 
 def joined_rows(blocks: Sequence[RowBlock]) -> tuple[Float32Array, FloatArray]:
-    """Return levels (frames, lines, strips) and stamps (s) from the first on.
+    """Return levels (frames, lines, strips) and time stamps (s), from the first frame.
 
     Raises
     ------
     InputError
-        When there are none, or some aren't finite.
+        When there is no frame, or a level isn't finite.
     """
     if not blocks:
         raise InputError("no frame can be read", "give a recording of mains light")
@@ -222,7 +222,13 @@ def joined_rows(blocks: Sequence[RowBlock]) -> tuple[Float32Array, FloatArray]:
 
 
 def frame_rate_of(stamp_s: FloatArray) -> Fraction:
-    """Rate that stamps, perhaps with holes and jitter, are of."""
+    """Frame rate of time stamps, which may have gaps and jitter.
+
+    Examples
+    --------
+    >>> frame_rate_of(np.array([0.0, 0.0401, 0.08, 0.16]))
+    Fraction(25, 1)
+    """
     period_s = float(np.median(np.diff(stamp_s)))
     periods = np.maximum(np.rint(np.diff(stamp_s) / period_s), 1.0)
     rate_hz = float(periods.sum() / (stamp_s[-1] - stamp_s[0]))

@@ -1,4 +1,4 @@
-"""Which further measurement would tell what is left, for each kind that it may be of."""
+"""For each kind of residual, the further measurements that would identify its cause."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Noise floor of the gap: the gap to data that the fitted forward model itself has made."""
+"""Noise floor: the distribution of the gap for data that the fitted model itself produced."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from rsenf.discrepancy.noise_axis import LINES
 from rsenf.discrepancy.series import followed
 
 SETS = 20
-# How far over the floor, in standard deviations of the sets, a gap must be to be one.
+# A gap counts if it exceeds the median by so many standard deviations of the simulated gaps.
 BEYOND_STDS = 4.0
 
 
 @dataclass(frozen=True)
 class NoiseFloor:
-    """Gaps of data sets without a discrepancy.
+    """Gaps of simulated data sets without a discrepancy.
 
     Attributes
     ----------
     median : float
     limit : float
-        Gaps below it are none.
+        Smaller gaps are consistent with noise.
     most : float
-        The same of :attr:`rsenf.discrepancy.gap.Gap.most`.
+        The same for :attr:`rsenf.discrepancy.gap.Gap.most`.
     """
 
     median: float
@@ -37,15 +37,15 @@ class NoiseFloor:
     most: float
 
     def raised(self, gap: float, most: float) -> NoiseFloor:
-        """Return the floor of data that have such a gap without a discrepancy, or at most such."""
+        """Return the floor plus a codec's expected gap and its largest one."""
         return NoiseFloor(self.median + gap, self.limit + most, self.most + most)
 
 
 def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> NoiseFloor:
-    """Simulate data sets from a fit, and take the gap of each.
+    """Simulate noise for a fit and return the gaps that remain after fitting it.
 
-    The theory is what it is; what a fit would follow of each set's noise, the course, the wall, the
-    knobs and series, is followed by one linear step, which is all there is to do so near the truth.
+    A parametric bootstrap. Near the true parameters one linear step is a whole fit, so course,
+    wall, parameters and series are fitted to each set of noise by one step.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> NoiseFloor:
     seed : int, optional
         Of the noise.
     sets : int, optional
-        How many.
+        Number of data sets.
     """
     rng, data = np.random.default_rng(seed), fit.data
     about, others = fit.slopes, ~data.training
@@ -87,7 +87,7 @@ def _limit(values: Sequence[float]) -> float:
 
 
 def _noise(fit: Fit, rng: np.random.Generator) -> Float32Array:
-    """Noise as the data have it: white, or such as strips don't share, from another time."""
+    """Noise like the data's: white, or after a codec the strips' own noise, shifted in time."""
     data = fit.data
     if data.apart == LINES:
         noise_std = np.float32(np.sqrt(fit.noise_var))
@@ -98,7 +98,7 @@ def _noise(fit: Fit, rng: np.random.Generator) -> Float32Array:
 
 
 def _unshared(residual: Float32Array, data: Measured) -> Float32Array:
-    """What strips neither share nor have more of from left to right, as noise of one strip."""
+    """Differences of strips, scaled to one strip's noise; from four strips on without gradient."""
     first, second = data.halves(residual)
     half_std = np.float32(np.sqrt(0.5))
     between: Float32Array = (first - second) * half_std

@@ -1,6 +1,7 @@
-"""Of how many members a list of amplitudes is: as many as the data carry, and no more.
+"""Order selection: how many members of a list of amplitudes, such as harmonics, the data support.
 
-The order of a model is its last member that is worth its two parameters; those before it stay.
+The order is the last member that reduces the sum of squares enough for its two parameters; all
+members before it stay.
 """
 
 from __future__ import annotations
@@ -16,20 +17,20 @@ from rsenf.discrepancy.fit_parameters import FitParameter
 from rsenf.model import Effect
 from rsenf.model.parameters import fittings
 
-MORE = 4  # members at a time
-LEAST = 16.0  # by which the square of a residual, over the noise's variance, must shrink
+MORE = 4  # members added at a time
+LEAST = 16.0  # reduction of the sum of squares over the noise variance (Wald statistic)
 
 
 def with_order(effect: Effect, knobs: Sequence[FitParameter], worth: Mapping[Any, float]) -> Effect:
-    """Cut each list of an effect after its last member that is worth its place.
+    """Cut each list of an effect after its last significant member.
 
     Parameters
     ----------
     effect : Effect
     knobs : sequence of FitParameter
-        All of its.
+        All of the effect's.
     worth : mapping of (name, index) to float
-        By how much the square of the residual grows without each member, over the noise.
+        Increase of the sum of squares without each member, over the noise variance.
     """
     cut: dict[str, Any] = {}
     for name, fitting in fittings(effect).items():
@@ -43,14 +44,14 @@ def with_order(effect: Effect, knobs: Sequence[FitParameter], worth: Mapping[Any
 
 
 def with_more(effect: Effect, before: Effect, closed: set[str]) -> Effect:
-    """Lengthen each list that needed all of its members, to see whether there are more.
+    """Lengthen each list whose members were all significant, to test further ones.
 
     Parameters
     ----------
     effect, before : Effect
         After and before its lists were cut.
     closed : set of str
-        Lists that were cut once, which stay as they are; it is added to.
+        Lists that were cut once, and stay as they are; updated.
     """
     longer: dict[str, Any] = {}
     for name, fitting in fittings(effect).items():
@@ -67,9 +68,9 @@ def with_more(effect: Effect, before: Effect, closed: set[str]) -> Effect:
 
 
 def held_out_worth(fit: Fit, part: str) -> dict[Any, float]:
-    """By how much held-out rows fare worse without each member of a part's lists.
+    """Increase of the held-out sum of squares, over the noise variance, without each list member.
 
-    By a linear step: what the rows do when it is turned, as far as it is.
+    Approximated by the linear response to the member's amplitude; ``part`` is the effect's name.
     """
     held, out = ~fit.data.training, dict[Any, float]()
     effect = next(e for e in fit.theory.model.effects if e.name == part)

@@ -1,6 +1,6 @@
-"""Where theory and data disagree: the gap taken apart, each part with how sure it is.
+"""Where model and data disagree: the gap split by time, row, level, strip and frequency.
 
-Every part is a mean of products of neighbours, as the gap is, so noise has no share in it.
+Every share is a mean of products of neighbours, as the gap is, so noise doesn't bias it.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from rsenf.discrepancy.noise_axis import LINES, STRIPS
 from rsenf.messages.schema import FloatArray
 
 LEVELS = 4
-PEAKS = 6  # of the spectrum that are named
-NEAR = 2  # bins to either side of a line that are its own
+PEAKS = 6  # largest number of spectral lines
+NEAR = 2  # half width of a spectral line, in bins
 
 
 @dataclass(frozen=True)
@@ -31,11 +31,11 @@ class ResidualShare:
     axis : str
         ``time_s``, ``row``, ``level``, ``strip``, ``step`` or ``alias_hz``.
     low, high : float
-        From where to where.
+        Interval on the axis.
     share : float
-        Of the whole gap; parts of one axis add up to one, but for those of ``step``, ``alias_hz``.
+        Part of the whole gap. The parts of one axis add up to 1, except ``step`` and ``alias_hz``.
     sure : float
-        The part over its standard error, or over the noise beside a line.
+        The part over its standard error; for a spectral line over the noise of the spectrum.
     """
 
     axis: str
@@ -46,7 +46,7 @@ class ResidualShare:
 
 
 def where(fit: Fit) -> list[ResidualShare]:
-    """Take the held-out gap of a fit apart, axis by axis."""
+    """Split the held-out gap of a fit along each axis."""
     data, held = fit.data, ~fit.data.training
     first, second = data.halves(fit.residual[held])
     product = (first * second).astype(np.float64)  # (frames, lines, strips), one axis in pairs
@@ -94,7 +94,7 @@ def _by_level(product: FloatArray, wall: FloatArray) -> Iterator[ResidualShare]:
 
 
 def _by_step(fit: Fit) -> ResidualShare:
-    """Share of what changes from one frame to the next, of which white residuals have all."""
+    """Share of the frame-to-frame changes; 1 for a residual that is white in time."""
     first, second = fit.data.halves(fit.residual)
     steps = (np.diff(first, axis=0) * np.diff(second, axis=0)).sum(axis=(1, 2))
     total = 2.0 * float((first * second).sum(dtype=np.float64))
@@ -102,26 +102,26 @@ def _by_step(fit: Fit) -> ResidualShare:
 
 
 def alias_spectrum(fit: Fit) -> tuple[FloatArray, FloatArray]:
-    """Return the spectrum of the rows, from frame to frame.
+    """Return the cross-spectrum of neighbouring lines over frames, averaged over the lines.
 
     Returns
     -------
     freq_hz : ndarray (bins,)
     power : ndarray (bins,)
-        Systematic power of the residual at each, over the flicker's: the bins add up to the gap
-        of all frames.
+        Systematic power of the residual relative to the flicker's. The bins add up to the gap of
+        all frames.
     """
     frames = fit.data.frames
     first, second = (np.fft.rfft(half, axis=0) for half in fit.data.halves(fit.residual))
     power = (first * second.conj()).real.mean(axis=(1, 2), dtype=np.float64)
-    power[1 : (frames + 1) // 2] *= 2.0  # each stands for its negative too
+    power[1 : (frames + 1) // 2] *= 2.0  # one-sided spectrum
     flicker = float((fit.flicker**2).mean(dtype=np.float64)) or 1e-30
     freq_hz = np.fft.rfftfreq(frames, 1.0 / float(fit.data.frame_rate))
     return np.asarray(freq_hz, np.float64), np.asarray(power / (float(frames) ** 2 * flicker))
 
 
 def _by_alias(fit: Fit) -> Iterator[ResidualShare]:
-    """Lines that stand out of the spectrum of the rows, from frame to frame."""
+    """Spectral lines that stand out of :func:`alias_spectrum`."""
     hz, power = alias_spectrum(fit)
     total, noise = float(power.sum()), 1.4826 * float(np.median(np.abs(power))) + 1e-30
     for _ in range(PEAKS):

@@ -1,11 +1,8 @@
-"""A guess of what kind of thing is left where no effect explains it, and what would tell.
+"""Classifies an unexplained residual by features that separate kinds of causes.
 
-A guess is no finding: it says where to look next, and adds nothing to the model.
-
-What is left of a recording, measured in ways that tell one kind of cause from another.
-
-Everything is a share of the systematic residual, from products of neighbouring rows as the gap is,
-so noise has none of it.
+The class is a guess: it says where to look next and which measurement would tell, and adds nothing
+to the model. Each feature is a share of the systematic residual, from products of neighbouring
+lines as in the gap, so noise doesn't bias it.
 """
 
 from __future__ import annotations
@@ -30,29 +27,29 @@ from rsenf.model.effects.residue import NOTHING_FITS
 from rsenf.model.parameters import Fitting
 
 EACH_FRAME = Fitting(0.0, 1.0, each="frame")
-LEVELS = 32  # steps of the curve by level
-BIN_S = 0.5  # in which events are looked for
-EDGE = 5  # frames at either end, in which a change would be of few frames
-LONGEST_S = 4.0  # period that is looked for
-REPEATS, DIPS = 0.7, 0.5  # correlation a period apart, and what it must have fallen below between
+LEVELS = 32  # steps of the curve over level
+BIN_S = 0.5  # bin width of the event search
+EDGE = 5  # frames at either end where no change point is sought
+LONGEST_S = 4.0  # longest period that is sought
+REPEATS, DIPS = 0.7, 0.5  # autocorrelation: least at the period, and most in between
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """What one number for each frame would explain.
+    """A series with one value a frame, multiplying a given direction, fitted to the residual.
 
     Attributes
     ----------
     share : float
-        Of what is left.
+        Share of the residual that it explains.
     stays : float
-        Correlation of one frame's number with the next one's: 0 is by chance, 1 is slow.
+        Autocorrelation at lag 1: 0 for white, 1 for slow.
     changed : float
-        Share of the numbers' variance that one lasting change explains.
+        Share of the series' variance that one lasting step explains.
     changed_s : float
-        When that would be.
+        Time of that step.
     period_frames : int
-        After how many frames the numbers come again; 0 where they don't.
+        Period; 0 if not periodic.
     """
 
     share: float
@@ -64,18 +61,18 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class ResidualFeatures:
-    """What tells causes apart.
+    """Features of a residual.
 
     Attributes
     ----------
     gain, timing, flicker_size : Series
-        All of a frame brighter; its light later; its flicker larger.
+        Brightness of a frame; phase of its light; amplitude of its flicker.
     level : float
-        Share that is a curve over the level that the theory foretells.
+        Share that is a function of the predicted level.
     common : float
-        Share that all strips have in common; one where there is one strip.
+        Share that all strips have in common; 1 for a single strip.
     burst_s : tuple of float
-        Middles of the half seconds that hold half of what is left, if these are few; else empty.
+        Centres of the half seconds that hold half of the residual, if they are few; else empty.
     """
 
     gain: Series
@@ -87,7 +84,7 @@ class ResidualFeatures:
 
 
 def signs_of(fit: Fit) -> ResidualFeatures:
-    """Measure what a fit leaves."""
+    """Compute the features of a fit's residual."""
     first, second = fit.data.halves(fit.residual)
     total = float((first * second).sum(dtype=np.float64)) or 1e-30
     strips = first.shape[2] * (first.mean(axis=2) * second.mean(axis=2)).sum(dtype=np.float64)
@@ -102,10 +99,10 @@ def signs_of(fit: Fit) -> ResidualFeatures:
 
 
 def _series(fit: Fit, direction: Float32Array, total: float) -> Series:
-    """Weigh a direction with a size of its own in each frame, found on either half of the rows."""
+    """Fit a series along a direction, from either half of the lines."""
     lit, data = fit.slopes.lit, fit.data
     a, b = halves(direction, fit.residual, lit, data, EACH_FRAME)
-    # Half of the power is that of one row in two.
+    # The power is of all lines, the products are of half of them.
     share = float((a * b * power(direction, lit, EACH_FRAME)).sum()) / 2.0 / total
     a, b = a - a.mean(), b - b.mean()
     own = float(a @ b)
@@ -118,7 +115,7 @@ def _series(fit: Fit, direction: Float32Array, total: float) -> Series:
 
 
 def _change(a: FloatArray, b: FloatArray) -> tuple[float, int]:
-    """What one lasting change explains of two centred series at most, and where it is."""
+    """What the best single step explains of the product of two centred series, and its index."""
     before = np.arange(1, a.size)
     told = np.cumsum(a)[:-1] * np.cumsum(b)[:-1] * a.size / (before * (a.size - before))
     at = int(np.argmax(told[EDGE:-EDGE])) + EDGE
@@ -126,13 +123,13 @@ def _change(a: FloatArray, b: FloatArray) -> tuple[float, int]:
 
 
 def _apart(a: FloatArray, b: FloatArray, most: int) -> FloatArray:
-    """Products of two series so many frames apart, as many as there would be if none were lost."""
+    """Unbiased cross-products of two series by lag in frames, up to ``most``."""
     size = a.size
     return np.array([(a[n:] @ b[: size - n]) * size / (size - n) for n in range(min(most, size))])
 
 
 def _period(apart: FloatArray) -> int:
-    """Frames after which a series comes again, having been something else between."""
+    """Lag of the first autocorrelation peak after a dip, in frames; 0 if there is none."""
     fallen = np.flatnonzero(apart < DIPS)
     inner = apart[1:-1]
     peaks = (inner > REPEATS) & (inner >= apart[:-2]) & (inner >= apart[2:])
@@ -142,7 +139,7 @@ def _period(apart: FloatArray) -> int:
 
 
 def _by_level(fit: Fit, first: Float32Array, second: Float32Array) -> float:
-    """Sum of the products that a curve over the foretold level explains."""
+    """Sum of products explained by a function of the predicted level."""
     edges = np.quantile(fit.rows, np.linspace(0.0, 1.0, LEVELS + 1)[1:-1])
     means, counts = [], []
     for rows, left in zip(fit.data.halves(fit.rows), (first, second), strict=True):
@@ -162,37 +159,37 @@ def _bursts(fit: Fit) -> tuple[float, ...]:
     return tuple(float(n + 0.5) * BIN_S for n in np.sort(order[:few]))
 
 
-MOST = 0.5  # of what is left, from which on a sign is what it is about
-CURVE = 0.4  # likewise of a curve by level, of which the wall takes a part
+MOST = 0.5  # share of the residual above which a feature determines the class
+CURVE = 0.4  # the same for a function of level, part of which the fitted wall absorbs
 LASTING = 0.8
-SLOW = 0.5  # correlation from frame to frame from which on a series wanders
-WHITE = (0.8, 1.2)  # share of what changes from frame to frame
-FEW_BANDS = BANDS / 2  # of rows that hold what is left
+SLOW = 0.5  # lag-1 autocorrelation above which a series wanders
+WHITE = (0.8, 1.2)  # ``step`` share of a residual that is white in time
+FEW_BANDS = BANDS / 2  # effective number of bands below which the residual is local
 COMMON = 0.7
-SHAKING_HZ = 60.0  # from which on it is no motion, and no gain of whole frames
+SHAKING_HZ = 60.0  # a faster tone is neither motion nor a gain of whole frames
 
 
 @dataclass(frozen=True)
 class ResidualClass:
-    """A guess of what is left.
+    """Class of an unexplained residual.
 
     Attributes
     ----------
     kind : str
         A key of ``TELLS``.
     also : tuple of str
-        What else holds of it, such keys too.
+        Further classes that apply, also keys.
     would_tell : tuple of str
-        Further measurements that would, the most useful first.
+        Measurements that would identify the cause, the most useful first.
     tone : Tone or None
     at_s : tuple of float
-        Of an event, when.
+        Times of an event.
     rows : tuple of float
-        First and last of those that hold most of it, if few do; else empty.
+        First and last of the rows that hold most of it, if few do; else empty.
     period_frames : int
-        After which it comes again; 0 where it doesn't.
+        Period of a series; 0 if not periodic.
     slow : bool or None
-        Of one number for each frame, whether it wanders, rather than jumps.
+        For a series with one value a frame: whether it wanders (True) or jumps.
     """
 
     kind: str
@@ -206,14 +203,14 @@ class ResidualClass:
 
 
 def hint_of(last: Fit, after: Sequence[ResidualShare]) -> ResidualClass:
-    """Guess what is left of a recording that isn't explained.
+    """Classify the residual of a recording that isn't explained.
 
     Parameters
     ----------
     last : Fit
-        That leaves it.
+        The final fit.
     after : sequence of ResidualShare
-        Where it is left, of :func:`rsenf.discrepancy.residual_breakdown.where`.
+        Its :func:`rsenf.discrepancy.residual_breakdown.where`.
     """
     if abs(last.gap.value) > NOTHING_FITS:
         return _hint(["other_readout"])
@@ -231,7 +228,7 @@ def hint_of(last: Fit, after: Sequence[ResidualShare]) -> ResidualClass:
 
 
 def hint_json(hint: ResidualClass) -> dict[str, Any]:
-    """Return plain values; those of a tone only where there is one."""
+    """Return a class as plain values; those of a tone only if there is one."""
     told = {**vars(hint), **(vars(hint.tone) if hint.tone else {})}
     del told["tone"]
     return {name: list(v) if isinstance(v, tuple) else v for name, v in told.items()}
@@ -244,7 +241,7 @@ def _hint(kinds: Sequence[str]) -> ResidualClass:
 
 
 def _when(last: Fit, after: Sequence[ResidualShare], signs: ResidualFeatures) -> ResidualClass:
-    """Say how what is left goes in time, the most particular first."""
+    """Classify the residual by its course in time, the most specific class first."""
     series = {"gain": signs.gain, "timing": signs.timing, "flicker_size": signs.flicker_size}
     for told in series.values():
         if told.share > MOST and told.changed > LASTING:
@@ -273,7 +270,7 @@ def _when(last: Fit, after: Sequence[ResidualShare], signs: ResidualFeatures) ->
 
 
 def _rows(after: Sequence[ResidualShare]) -> tuple[float, ...]:
-    """Return from where to where the rows are that hold most, if few do."""
+    """Return the first and last of the rows that hold most of the residual, if few do."""
     bands = [share for share in after if share.axis == "row"]
     size = np.abs([band.share for band in bands])
     if size.sum() ** 2 / (size**2).sum() > FEW_BANDS:

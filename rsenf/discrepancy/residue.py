@@ -1,4 +1,4 @@
-"""What is left of the data, summed up for effects to look at."""
+"""Summarises a residual for the effects of the catalogue, which derive initial values from it."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from rsenf.model.effects.residue import Residue
 
 ComplexArray = NDArray[np.complexfloating]
 
-STANDS_OUT = 25.0  # power of a line over the median of the others
-ALIASES = 1  # to either side of the likeliest
-ALIKE_RAMPS = 3  # to either side of it what is left of a harmonic may seem to be
-PEAKS = 24  # that are looked at, until one isn't the mains'
-SKIRT = 4  # bins of half the resolution to either side of a peak that are its own
-BIN_S, ALIKE = 1.0, 0.3  # in which lines' gains are looked at; correlation of their pattern
-ALONE = 0.8  # share of what lines' gains have in common that is of one pattern
-NEAR_BINS = 2.0  # by which a line may be off a multiple, over one in the length of the recording
-ANY_LIGHT = 0.1  # turns down the picture by which a ramp may be off any light's
-STILL = 0.5  # of a line's size, that it has with the grid's wander taken out if it follows that
+STANDS_OUT = 25.0  # power of a spectral line over the median
+ALIASES = 1  # alternatives on either side of the likeliest alias order
+ALIKE_RAMPS = 3  # orders on either side at which a harmonic's residual may appear
+PEAKS = 24  # largest number of peaks examined
+SKIRT = 4  # half width of a peak, in bins of half the resolution
+BIN_S, ALIKE = 1.0, 0.3  # bins of the lines' gains; least correlation of their pattern
+ALONE = 0.8  # least share of the gains' common variance that is one pattern's
+NEAR_BINS = 2.0  # tolerance of a harmonic's frequency, in units of 1 / duration
+ANY_LIGHT = 0.1  # tolerance of the ramp of any light, in turns over the picture
+STILL = 0.5  # least relative size of a mains line after demodulation by the grid's phase
 
 
 def residue_of(fit: Fit) -> Residue:
-    """Sum up what a fit leaves."""
+    """Summarise the residual of a fit."""
     data = fit.data
     turn = fit.slopes.turn
     flicker = fit.flicker
@@ -50,21 +50,28 @@ def residue_of(fit: Fit) -> Residue:
 
 
 def standing_out(fit: Fit) -> tuple[tuple[float, ...], tuple[float, float] | None]:
-    """What would leave the line that stands out most: light's frequencies, and else stripes.
+    """Frequencies of light that explain the strongest spectral line, else the stripes that do.
 
-    Lines are looked for frame by frame and row by row at once: the one transform tells the alias,
-    the other, by how fast the phase runs down the rows, which of its aliases it is. Of one that is
-    too fast for every second row the product of both kinds of rows is below zero. What stands out
-    less is for the next round, and what is the mains' own harmonic is no tone. Light that has the
-    alias can run down the rows in some ways only, a read-out time's turns of the frame rate apart.
+    The statistic is the two-dimensional cross-spectrum, over frames and lines, of both halves of
+    the residual. The first axis gives the alias, the second, the phase ramp down the lines, its
+    order. A ramp too fast for every second line makes the product of the halves negative. Harmonics
+    of the mains are skipped; weaker lines are left for the next round. Light of a given alias can
+    only have ramps that differ by the phase that one frame rate turns in a read-out time.
+
+    Returns
+    -------
+    tones_hz : tuple of float
+        The likeliest first; empty if no line stands out.
+    pattern : tuple of float or None
+        Stripes in the picture's height, and how many pass a place per second.
     """
     data, every = fit.data, fit.data.every(LINES)
     first = fit.residual[data.first].mean(axis=2)
     second = fit.residual[data.second].mean(axis=2)
     size = tuple(fft.next_fast_len(2 * n) for n in first.shape)
-    down = np.fft.rfftfreq(size[1])  # turns from one of these rows to the next
+    down = np.fft.rfftfreq(size[1])  # turns per line of a half
     moved = fft.rfft2(second, s=size)
-    if every > 1:  # the odd rows, moved up by one
+    if every > 1:  # shift the odd lines onto the even ones
         moved *= np.exp(-2j * np.pi * down / every).astype(np.complex64)
     power = (fft.rfft2(first, s=size) * moved.conj()).real
     folded = power < 0.0 if every > 1 else np.zeros(power.shape, bool)
@@ -93,19 +100,20 @@ def standing_out(fit: Fit) -> tuple[tuple[float, ...], tuple[float, float] | Non
 
 
 def _pattern(ramp: float, alias_hz: float, fit: Fit) -> tuple[float, float] | None:
-    """Stripes, and how many pass in a second, at the slowest; None where it may be light."""
+    """Stripes in the picture, and their least rate (1/s); None where the line may be light's."""
     shutter, rate_hz = fit.theory.model.shutter, float(fit.data.frame_rate)
     alias_hz = math.remainder(alias_hz, rate_hz)
-    stripes = ramp - alias_hz * shutter.read_out_time_s  # lines are exposed one after the other
+    stripes = ramp - alias_hz * shutter.read_out_time_s  # lines are exposed in turn
     if abs(math.remainder(stripes, 1.0 - shutter.idle_ratio)) < ANY_LIGHT:
         return None
     return abs(stripes), -math.copysign(alias_hz, alias_hz * stripes)
 
 
 def _follows_mains(fit: Fit, column: ComplexArray, alias_hz: float, away_hz: float) -> bool:
-    """Whether a line, of which a series of frames has the alias, is a harmonic of the mains.
+    """Whether a spectral line, given as a series of frames and its alias, is a mains harmonic.
 
-    One is if it is where a harmonic is, and stands out as much with the grid's wander taken out.
+    It is if it is at the place of a harmonic, and stands out as much once the grid's phase is
+    removed.
     """
     freq_hz = alias_hz + away_hz
     order = harmonic_of(fit, abs(freq_hz))
@@ -120,11 +128,16 @@ def _follows_mains(fit: Fit, column: ComplexArray, alias_hz: float, away_hz: flo
 
 
 def row_course(fit: Fit) -> FloatArray:
-    """Course over time that the gains of the lines have in common, beside that of all of them.
+    """Course over time of a pattern of the lines' gains, beyond what all lines have in common.
 
-    The first principal component of the lines' gains by seconds, if what one frame in two tells of
-    its pattern the others tell, too, and there is little beside it: a pattern that moves is none
-    that grows. One value for each captured frame, of rms 1; or empty.
+    The first principal component of the lines' gains in bins of a second. It must agree between the
+    even and the odd frames, and explain nearly all that they have in common: a moving pattern has
+    more components.
+
+    Returns
+    -------
+    ndarray (captured frames,)
+        Of rms 1; empty if there is none.
     """
     data, lit = fit.data, fit.slopes.lit
     second = (data.time_s // BIN_S).astype(np.intp)
@@ -139,7 +152,7 @@ def row_course(fit: Fit) -> FloatArray:
         binned = np.add.reduceat(gains[frames], starts, axis=0) / count[:, None]
         binned -= binned.mean(axis=1, keepdims=True)
         maps.append(binned - binned.mean(axis=0))
-    found = slice(0, None, data.every(LINES))  # the other lines judge
+    found = slice(0, None, data.every(LINES))  # the other lines are held out
     course = np.linalg.svd((maps[0] + maps[1])[:, found], full_matrices=False)[0][:, 0]
     one, other = (course @ binned for binned in maps)
     shared, size = float(one @ other), float(np.linalg.norm(one) * np.linalg.norm(other))
@@ -151,7 +164,7 @@ def row_course(fit: Fit) -> FloatArray:
 
 
 def harmonic_of(fit: Fit, freq_hz: float) -> float:
-    """Order of the harmonic, whole or half, that light at a frequency may be of the mains; or 0."""
+    """Order of the mains harmonic, integer or half-integer, at a light's frequency; 0 for none."""
     light_hz = 2.0 * fit.theory.course.grid().freq_hz
     mean_hz, width_hz = float(light_hz.mean()), float(np.ptp(light_hz))
     order = max(round(2.0 * freq_hz / mean_hz), 1) / 2.0
@@ -164,7 +177,7 @@ def _dot(a: np.ndarray, b: np.ndarray) -> FloatArray:
 
 
 def _between(power: FloatArray, at: int) -> float:
-    """Place of a peak, to a fraction of a bin."""
+    """Position of a peak by parabolic interpolation, in bins."""
     a, b, c = (float(power[(at + k) % power.size]) for k in (-1, 0, 1))
     bend = a - 2.0 * b + c
     return at + (float(np.clip(0.5 * (a - c) / bend, -0.5, 0.5)) if bend < 0.0 else 0.0)

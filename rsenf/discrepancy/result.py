@@ -1,9 +1,8 @@
-"""What was found, as plain values and as a model file.
+"""Presents a discovery as plain values and as a model file, and names the form of fitted courses.
 
-Of which form a course over time is: even, exponential, periodic, in steps, or a random walk.
-
-The simplest form that leaves little of the course's variance is its form, with its parameters; the
-walk is an Ornstein–Uhlenbeck process, and is what any other course is called.
+The form of a course over time is the first of: even (linear), exponential, periodic, in steps, that
+leaves little of its variance; otherwise it is a random walk, described as an Ornstein-Uhlenbeck
+process.
 """
 
 from __future__ import annotations
@@ -26,9 +25,9 @@ from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel, Effect
 from rsenf.model.sensor import QUANTISATION_VAR, WHITE
 
-LEAVES = 0.1  # of the variance, at most, by a course of a form
+LEAVES = 0.1  # largest share of the variance that a form may leave
 MOST_STEPS = 12
-LAG_S = 0.5  # at which a walk is compared with itself
+LAG_S = 0.5  # lag of a walk's autocovariance
 
 
 def form_of(t_s: FloatArray, values: FloatArray) -> dict[str, Any]:
@@ -37,15 +36,21 @@ def form_of(t_s: FloatArray, values: FloatArray) -> dict[str, Any]:
     Parameters
     ----------
     t_s : ndarray (values,)
-        Rising, about equally far apart.
+        Rising, about equidistant.
     values : ndarray (values,)
 
     Returns
     -------
     dict
-        ``form`` and its parameters, plain values; ``leaves``, the share of the variance that such
-        a form leaves, the values' own noise taken off (as their steps from one to the next show
-        it); of a walk ``rms`` and ``time_constant_s``.
+        ``form`` and its parameters; ``leaves``, the share of the variance that the form leaves,
+        noise (from the differences of successive values) subtracted; for a walk ``rms`` and
+        ``time_constant_s``.
+
+    Examples
+    --------
+    >>> t_s = np.arange(100.0)
+    >>> form_of(t_s, 0.5 * t_s)["form"]
+    'even'
     """
     away = values - values.mean()
     noise = 0.5 * float(np.mean(np.diff(away) ** 2))
@@ -60,7 +65,7 @@ def form_of(t_s: FloatArray, values: FloatArray) -> dict[str, Any]:
 
 
 def _forgets_in_s(t_s: FloatArray, away: FloatArray) -> float:
-    """Time constant of a walk, from its covariance at two lags: noise has none there."""
+    """Time constant of a walk, from its autocovariance at two lags, where white noise has none."""
     step_s = float(np.median(np.diff(t_s)))
     lag = max(round(LAG_S / step_s), 1)
     near, far = (float(away[n:] @ away[:-n]) / (away.size - n) for n in (lag, 2 * lag))
@@ -83,7 +88,7 @@ def _even(t_s: FloatArray, values: FloatArray) -> Fitted:
 
 
 def _exponential(t_s: FloatArray, values: FloatArray) -> Fitted:
-    """Try time constants from a thirtieth of the time to three times as long."""
+    """Try time constants from a thirtieth of the duration to three times the duration."""
     tries = []
     for constant_s in float(t_s[-1]) * np.geomspace(1 / 30, 3.0, 60):
         fitted, weights = _least_squares(values, np.exp(-t_s / constant_s))
@@ -94,11 +99,11 @@ def _exponential(t_s: FloatArray, values: FloatArray) -> Fitted:
 
 
 def _periodic(t_s: FloatArray, values: FloatArray) -> Fitted:
-    """Try a tone and its second harmonic, near the strongest line."""
+    """Fit a tone and its second harmonic at the peak of the periodogram."""
     step_s = float(t_s[-1]) / (t_s.size - 1)
     power = np.abs(np.fft.rfft(values, 8 * values.size)) ** 2
     freq_hz = np.fft.rfftfreq(8 * values.size, step_s)
-    first = 4  # slower than half a turn is no period
+    first = 4  # half a period within the course, at least
     peak = first + int(np.argmax(power[first:]))
     angle = 2.0 * np.pi * freq_hz[peak] * t_s
     shapes = [wave(k * angle) for k in (1, 2) for wave in (np.cos, np.sin)]
@@ -107,7 +112,7 @@ def _periodic(t_s: FloatArray, values: FloatArray) -> Fitted:
 
 
 def _steps(t_s: FloatArray, values: FloatArray) -> Fitted:
-    """Cut where a step explains most, again and again (binary segmentation)."""
+    """Fit steps by binary segmentation."""
     edges = [0, values.size]
     while len(edges) < MOST_STEPS + 2:
         best = max((_best_cut(values[a:b]), a) for a, b in pairwise(edges))
@@ -122,7 +127,7 @@ def _steps(t_s: FloatArray, values: FloatArray) -> Fitted:
 
 
 def _best_cut(values: FloatArray) -> tuple[float, int]:
-    """How much one step explains of a piece at most, and where it is."""
+    """Sum of squares that the best single step explains, and its index."""
     if values.size < 4:
         return 0.0, 0
     away, before = np.cumsum(values - values.mean())[:-1], np.arange(1, values.size)
@@ -131,13 +136,20 @@ def _best_cut(values: FloatArray) -> tuple[float, int]:
     return float(gain[at]), at + 1
 
 
-MOST_EVENTS = 100  # that are listed
+MOST_EVENTS = 100  # longest list in a result
 FEWEST_PIXELS, MOST_PIXELS = 16, 8192  # of a line
-SURE = 3.0  # standard errors with which a place is one
+SURE = 3.0  # standard errors from which on a share is reported
 
 
 def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:
-    """Return the stable keys of what was found, plain values all."""
+    """Return a discovery as plain values with stable keys.
+
+    Parameters
+    ----------
+    found : Discovery
+    model_out : str
+        Path of the extended model file.
+    """
     first, last, floor = found.first.gap, found.last.gap, found.floor
     return {
         "version": 1,
@@ -164,7 +176,14 @@ def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:
 
 
 def model_of(found: Discovery, made_from: str) -> CaptureModel:
-    """Return the extended model, with where it comes from and how sure its parameters are."""
+    """Return the extended model, with its provenance and the standard errors of its parameters.
+
+    Parameters
+    ----------
+    found : Discovery
+    made_from : str
+        Name of the recording, for the provenance.
+    """
     theory, data = found.last.theory, found.last.data
     errors = {
         ".".join([knob.part, knob.name, *([str(knob.index)] if knob.index >= 0 else []),
@@ -185,7 +204,7 @@ def model_of(found: Discovery, made_from: str) -> CaptureModel:
 
 
 def _of_rows(model: CaptureModel, data: Measured) -> CaptureModel:
-    """Return a model whose frames have as many rows as the recording's."""
+    """Expand a model of lines to the recording's rows."""
     if data.group == 1:
         return model
     taken = data.rows / (data.lines * data.group)  # a few rows at the end may be left over
@@ -213,9 +232,9 @@ def _of_rows(model: CaptureModel, data: Measured) -> CaptureModel:
 
 
 def _columns(last: Fit) -> int:
-    """How many pixels a line needs for its means to have as much noise as was measured.
+    """Pixels of a line for which the simulated noise of row means equals the measured one.
 
-    Whole halves of strips of them, as the wall is described.
+    A multiple of two per strip, as the wall is described in half strips.
     """
     wall, unit = last.theory.wall.astype(np.float32), 2 * last.data.strips
     pixel_var = float(last.theory.model.sensor.variance(wall).mean()) + QUANTISATION_VAR
@@ -236,13 +255,13 @@ def _stamps_json(found: Discovery) -> dict[str, Any]:
         "gap_before": found.gap_before,
         "gap_after": stamps.fit.gap.value,
         "gain": stamps.gap,
-        "evidence": None,  # stamps have no noise
+        "evidence": None,  # time stamps have no noise
         "tried": len(stamps.rivals),
     }
 
 
 def _numbers(effect: Effect) -> dict[str, Any]:
-    """Parameters of an effect, without those that have a value for each frame or line."""
+    """Parameters of an effect without values for each frame or line."""
     told = effect.to_dict().items()
     return {k: v for k, v in told if not (isinstance(v, list) and len(v) > MOST_EVENTS)}
 
@@ -268,7 +287,7 @@ def _step_json(step: Step) -> dict[str, Any]:
 
 
 def _course_json(best: Trial) -> dict[str, Any]:
-    """Return the form of an effect's course, where it may take any."""
+    """Return the form of an effect's course, if it may have any."""
     effect, told = best.effect, series_of(best.effect)
     if told is None or not told[1].free:
         return {}

@@ -1,7 +1,8 @@
-"""Effects that have a value of their own for each frame or line, and how the values are found.
+"""Series: effects with one value for each frame or line, estimated by linear least squares.
 
-What a value does to the data is what the model says of it; it is found by least squares from one
-row in two (for frames), so that the others tell whether it is more than noise.
+The capture model gives the rows' response to a unit of all values at once. Values of frames are
+estimated from one half of the lines (strips after a codec), values of lines from the training
+frames, so that the rest of the data shows whether they are more than noise.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ from rsenf.model import Effect
 from rsenf.model.parameters import Fitting
 
 WHITE_STDS, RARE, FAR_OUT = 4.0, 1e-4, 15.0
-SMOOTH = 0.3  # correlation of lines, from which on the rows in them are alike
-BEND = 1e-6  # of a course, over what the data tell of it
+SMOOTH = 0.3  # lag-1 correlation of lines above which the rows averaged in one have equal values
+BEND = 1e-6  # weight of the curvature penalty, relative to the data's mean information
 
 
 def with_series(
     theory: ForwardModel, effect: Effect, name: str, values: FloatArray
 ) -> ForwardModel:
-    """Return a theory in which an effect, there or not, has such a series."""
+    """Return a forward model in which an effect, new or not, has given values of its series."""
     changed = dataclasses.replace(effect, **{name: tuple(values.tolist())})
     others = theory.model.without(effect.name)
     return theory.with_model(others.plus(changed))
@@ -36,7 +37,7 @@ def with_series(
 def held(
     theory: ForwardModel, data: Measured, effect: Effect, name: str, how: Fitting
 ) -> FloatArray:
-    """Return the values that an effect has: nothing yet, or what was found before."""
+    """Return the values of an effect's series; zeros if it has none yet."""
     count = plan(theory.model, data).start_s.size if how.each == "frame" else data.lines
     own = np.array(getattr(effect, name))
     return own if own.size else np.zeros(count)
@@ -50,7 +51,7 @@ def response(
     name: str,
     how: Fitting,
 ) -> Float32Array:
-    """What the rows do, per unit, when every value of a series rises by the same."""
+    """Derivative of the rows when all values of a series rise alike, (frames, lines, strips)."""
     values = held(theory, data, effect, name, how) + how.step
     moved = with_series(theory, effect, name, values).rows(data)
     return np.asarray((moved - rows) / np.float32(how.step))
@@ -59,10 +60,19 @@ def response(
 def halves(
     direction: Float32Array, residual: Float32Array, lit: Float32Array, data: Measured, how: Fitting
 ) -> tuple[FloatArray, FloatArray]:
-    """Values of a series as found on one half of the data and on the other.
+    """Estimate the values of a series from either half of the data, with independent noise.
 
-    Of frames, the halves are those of the data; of lines, the training frames and the
-    others, and what a brighter wall would do as well is taken off.
+    For frames, the halves are those of :meth:`Measured.halves`. For lines they are the training and
+    the held-out frames, and the component that the wall could explain is projected out.
+
+    Parameters
+    ----------
+    direction : ndarray of float32 (frames, lines, strips)
+        Result of :func:`response`.
+    residual, lit : ndarray of float32 (frames, lines, strips)
+        Residual, and derivative by a relative change of the wall.
+    data : Measured
+    how : Fitting
     """
     if how.each == "frame":
         first, second = (
@@ -78,7 +88,7 @@ def halves(
 
 
 def power(direction: Float32Array, lit: Float32Array, how: Fitting) -> FloatArray:
-    """Square of what each value does to the data, per unit, beside what the wall could."""
+    """Sum of squares of the rows' response per unit of each value, wall projected out."""
     if how.each == "frame":
         return _squares(direction, (1, 2))
     return _squares(_beside(direction, lit), (0, 2))
@@ -91,9 +101,10 @@ def improved(
     responses: dict[str, Float32Array],
     data: Measured,
 ) -> tuple[ForwardModel, Float32Array, float]:
-    """Move the series of all effects to where the data have them.
+    """Update the series of all effects by one linear step, given their responses.
 
-    Also what is left then, and how far the farthest value went, in its own steps.
+    Returns the model, the residual after the step to first order, and the largest change of a value
+    in the steps of its parameter.
     """
     farthest = 0.0
     for effect in theory.model.effects:
@@ -103,7 +114,7 @@ def improved(
         name, how = told
         found, left = followed(responses[effect.name], left, lit, data, how)
         values = held(theory, data, effect, name, how)
-        # A frame that came twice has one value: the last of its two, which are as good.
+        # A duplicated frame has one value: of its two estimates the last one is kept.
         taken = plan(theory.model, data).number[data.slot]
         values[taken if how.each == "frame" else slice(None)] += found
         theory = with_series(theory, effect, name, values)
@@ -114,7 +125,7 @@ def improved(
 def followed(
     direction: Float32Array, left: Float32Array, lit: Float32Array, data: Measured, how: Fitting
 ) -> tuple[FloatArray, Float32Array]:
-    """Values that a series takes by one half of what is left, and what is left then."""
+    """Return the values that one half of the residual gives, and the residual without them."""
     found, _ = halves(direction, left, lit, data, how)
     along = (slice(None), None, None) if how.each == "frame" else (None, slice(None), None)
     return found, left - found.astype(np.float32)[along] * direction
@@ -123,17 +134,17 @@ def followed(
 def summed_up(
     effect: Effect, first: FloatArray, second: FloatArray, step_s: float, group: int
 ) -> Effect:
-    """Return an effect with its series' root mean square, and the time over which it forgets.
+    """Return an effect with the rms of its series and its correlation time as parameters.
 
     Parameters
     ----------
     effect : Effect
     first, second : ndarray
-        The series as found on either half of the data: their noise is not in their product.
+        The series from either half of the data; noise doesn't bias their product.
     step_s : float
         Time between its values.
     group : int
-        How many rows are averaged in a line: of what is white from row to row that takes.
+        Rows averaged in a line, which reduces what is white from row to row.
     """
     told = series_of(effect)
     if told is None or not told[1].rms:
@@ -141,7 +152,7 @@ def summed_up(
     first, second = first - first.mean(), second - second.mean()
     square = float(first @ second) / first.size
     stays = float(first[:-1] @ second[1:]) / max(float(first @ second), 1e-30)
-    # Of what is white from row to row a mean of several has less.
+    # Averaging reduces the power of a series that is white from row to row.
     more = group if told[1].each == "line" and stays < SMOOTH else 1
     values = {told[1].rms: within(effect, told[1].rms, math.sqrt(max(square, 0.0) * more))}
     if told[1].memory and square > 0.0:
@@ -152,13 +163,20 @@ def summed_up(
 
 
 def all_as_told(effects: Sequence[Effect], directions: int) -> bool:
-    """Whether every series is of the kind that its effect says: a free one would explain anything.
+    """Whether every series has the statistics that its effect declares.
 
-    Kicks, what each value brings beyond what the one before lets expect, must be white: no tone
-    among them, none far out. One value a line must not go on down the frame, as what a tone curve
-    or a codec makes of the wall does. ``directions`` is how many the course of the phase has, which
-    takes what is slow out of a series of frames: neighbours are less alike than by chance then. One
-    that may take any course is known by what it does to lines and strips alone.
+    Its innovations (for a series that wanders, beyond the prediction from the value before) must be
+    white, without tones and outliers: a series without such limits would fit any residual. Values
+    of lines must be uncorrelated down the frame, unlike the residual of a tone curve or a codec.
+    Series declared free may take any course and aren't tested; their response on lines and strips
+    identifies them.
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+    directions : int
+        Of the phase course, which absorbs the slow part of a series of frames and thereby lowers
+        the correlation of its neighbours.
     """
     for effect in effects:
         told = series_of(effect)
@@ -185,14 +203,14 @@ def all_as_told(effects: Sequence[Effect], directions: int) -> bool:
 def _along_time(
     direction: Float32Array, residual: Float32Array, data: Measured, how: Fitting
 ) -> FloatArray:
-    """Values of frames by least squares: each by itself, or of a course between nodes."""
+    """Least-squares values of frames: independent ones, or a piecewise linear course."""
     if not how.every_s:
         return _least(direction, residual, (1, 2))
     told = (direction * residual).sum(axis=(1, 2), dtype=np.float64)
     square = _squares(direction, (1, 2))
     hats = between_nodes(data.time_s, how.every_s)
     matrix = hats.T @ (square[:, None] * hats)
-    # Where there are no frames, the course goes straight on.
+    # Without frames, the course is continued linearly.
     bends = np.diff(np.eye(hats.shape[1]), 2, axis=0)
     matrix += BEND * np.trace(matrix) / len(matrix) * (bends.T @ bends)
     values = hats @ np.linalg.solve(matrix + 1e-12 * np.eye(len(matrix)), hats.T @ told)
@@ -200,7 +218,11 @@ def _along_time(
 
 
 def between_nodes(t_s: FloatArray, every_s: float) -> FloatArray:
-    """Shares that equidistant nodes have in a course at some times, (times, nodes)."""
+    """Weights of equidistant nodes, at most ``every_s`` apart, in a piecewise linear course.
+
+    >>> between_nodes(np.array([0.0, 1.0, 4.0]), 2.0).tolist()
+    [[1.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.0, 0.0, 1.0]]
+    """
     nodes = max(math.ceil(float(t_s[-1]) / every_s), 2) + 1
     place = t_s / float(t_s[-1]) * (nodes - 1)
     return np.asarray(np.maximum(1.0 - np.abs(place[:, None] - np.arange(nodes)), 0.0))
@@ -216,6 +238,6 @@ def _squares(direction: Float32Array, axes: tuple[int, int]) -> FloatArray:
 
 
 def _beside(direction: Float32Array, lit: Float32Array) -> Float32Array:
-    """Take off a direction, line by line, what a brighter wall does."""
+    """Project out of a direction, line by line, what a change of the wall does."""
     same = (direction * lit).sum(axis=0) / np.maximum((lit * lit).sum(axis=0), 1e-12)
     return np.asarray(direction - same * lit)

@@ -1,4 +1,4 @@
-"""What the watch over a stream may be told."""
+"""Settings of the discrepancy watch on a stream, and lengths and sizes that the workflow needs."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import ClassVar
 
 from rsenf.errors import UsageError
 
-# Long enough for the grid to move within one, short enough for twenty of them in a minute.
+# Blocks are long enough for the grid to move within one, and short enough for twenty in a minute.
 BLOCK_S = 3.0
-FEWEST_BLOCKS = 8  # of a shorter recording the blocks are shorter
+FEWEST_BLOCKS = 8  # a shorter recording has shorter blocks
 SHORTEST_S = 7.0
 SHORTEST_WINDOW_S = FEWEST_BLOCKS * BLOCK_S + 1.0  # its last frame begins before its end
 FEWEST_LINES = 16
@@ -22,18 +22,18 @@ class WatchSettings:
     Parameters
     ----------
     nominal_hz : float, optional
-        50 or 60; found from the data when not given.
+        50 or 60; by default found from the data.
     window_s : float
-        Of the newest rows, how much is looked at.
+        Length of the window, the newest part of the stream.
     every_s : float
         Stream time between verdicts; the first comes when a window is full.
     lines : int
-        To which the rows of a frame are averaged down, if there are more: what a verdict costs is
-        proportional to it. Neighbours that are averaged are as one with a longer exposure; what
-        differs between them, as the two fields of an interlaced picture do, is lost.
+        Largest number of lines that the rows of a frame are averaged to; the cost of a verdict is
+        proportional to it. An averaged row acts as one of longer exposure; differences between its
+        rows, as of interlaced fields, are lost.
     """
 
-    # Read by whoever validates a configuration file: a misspelt key is an error.
+    # For the validation of configuration files: a misspelt key is an error.
     __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     nominal_hz: float | None = None

@@ -1,4 +1,4 @@
-"""Where the first fit begins: course and idle period as the estimators of rsenf see them."""
+"""Initial values of the first fit, from the ENF and idle period that the estimators find."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ from rsenf.match.series import track_of
 from rsenf.model import CaptureModel, Effect, Light
 from rsenf.model.effects import DeliveryEffect
 
-# What to begin with when nothing is known.
+# Initial model when none is given.
 PLAIN = CaptureModel(name="plain", light=Light(lamp="tone"))
 LEAST_USABLE = 0.5  # share of the seconds
-FIRST_SIZE = 0.05  # flicker with which the first simulation is made
+FIRST_SIZE = 0.05  # flicker ratio of the first simulation
 
 
 def first_fit(model: CaptureModel, data: Measured) -> Fit:
-    """Fit what a search begins with.
+    """Make the first fit of a search.
 
-    The tracker knows nothing of frames that aren't delivered as they were taken: where the model
-    does, what it has followed is first taken apart into leaps of time and the light's own course,
-    as the search itself does when it finds such an effect.
+    The tracker assumes that every captured frame is delivered. If the model has effects on
+    delivery, a fit without them comes first, and the phase that it found is then split into jumps
+    of time and the light's own course, as in a search that finds such an effect.
 
     Parameters
     ----------
     model : CaptureModel
-        What to begin with.
+        Initial model.
     data : Measured
 
     Raises
     ------
     InputError
-        When no flicker can be followed.
+        When no flicker can be tracked.
     """
     in_time = tuple(e for e in model.effects if not isinstance(e, DeliveryEffect))
     first = fit(first_theory(dataclasses.replace(model, effects=in_time), data), data)
@@ -53,19 +53,19 @@ def first_fit(model: CaptureModel, data: Measured) -> Fit:
 
 
 def first_theory(model: CaptureModel, data: Measured) -> ForwardModel:
-    """Return a theory near enough to the data for a fit to find its way.
+    """Return a forward model near enough to the data for a fit to converge.
 
     Parameters
     ----------
     model : CaptureModel
-        What to begin with; the size of its flicker and, where it is seen, its idle period are
+        Initial model. Its flicker ratio and, if the estimators found one, its idle ratio are
         replaced.
     data : Measured
 
     Raises
     ------
     InputError
-        When no flicker can be followed.
+        When no flicker can be tracked.
     """
     idle_ratio = data.estimates.idle_ratio
     known = math.isfinite(idle_ratio)
@@ -73,7 +73,7 @@ def first_theory(model: CaptureModel, data: Measured) -> ForwardModel:
         model.shutter,
         frame_rate=data.frame_rate,
         rows=data.lines,
-        # The columns of half a strip are all alike: as few as there may be.
+        # All columns of half a strip are equal, so the fewest possible will do.
         columns=max(16, 8 * data.strips),
         idle_ratio=min(max(idle_ratio, 0.0), 0.98) if known else model.shutter.idle_ratio,
     )
@@ -85,7 +85,7 @@ def first_theory(model: CaptureModel, data: Measured) -> ForwardModel:
 
 
 def _of_lines(effect: Effect, data: Measured) -> Effect:
-    """Average what an effect has for each of the recording's rows, as they are averaged."""
+    """Average an effect's series of rows into lines."""
     told = series_of(effect)
     if told is None or told[1].each != "line" or len(getattr(effect, told[0])) != data.rows:
         return effect
@@ -95,7 +95,7 @@ def _of_lines(effect: Effect, data: Measured) -> Effect:
 
 
 def _course(data: Measured) -> Course:
-    """Follow the phase: as measured each second where it could be, by the frequency elsewhere."""
+    """Return the tracked phase course; where too few seconds have a phase, the integrated ENF."""
     estimates = data.estimates.enf
     if not estimates:
         raise InputError("no ENF estimate: the recording is too short", "give a longer one")
@@ -121,7 +121,7 @@ def _course(data: Measured) -> Course:
 
 
 def sized(theory: ForwardModel, data: Measured) -> ForwardModel:
-    """Give the light its size and its phase by one linear step."""
+    """Estimate amplitude and phase of the flicker by one linear step."""
     rows = theory.rows(data)
     about = slopes_of(theory, rows, data)
     flicker = rows - theory.wall.astype(np.float32)
@@ -138,9 +138,9 @@ def sized(theory: ForwardModel, data: Measured) -> ForwardModel:
 
 
 def begun_anew(theory: ForwardModel, data: Measured) -> ForwardModel:
-    """Size the light of a theory whose lines are read in another order than was thought.
+    """Estimate the flicker anew for a model with another order of read-out.
 
-    Where two fields were taken for one frame, it seemed to be read twice as fast as it was.
+    Interlaced fields taken for one frame seem to be read twice as fast; both idle ratios are tried.
     """
     model, out = theory.model, []
     for times in (1.0, 2.0):
@@ -153,5 +153,5 @@ def begun_anew(theory: ForwardModel, data: Measured) -> ForwardModel:
 
 
 def misfit(theory: ForwardModel, data: Measured) -> float:
-    """Mean square of what a theory leaves (levels²)."""
+    """Mean square of a model's residual (levels²)."""
     return mean_square(data.level - theory.rows(data))

@@ -1,11 +1,12 @@
-"""Centroid of the light in each strip: it decides what a lamp beside the camera makes of a wall.
+"""Centroid of the light within each strip, which matters if the light varies along the lines.
 
-Light that changes along the lines acts on a strip as it is at the strip's centre of brightness,
-which is not its middle. So each half of a strip has a level of its own, found from training frames.
+A lamp to one side gives light that varies along the lines. A strip sees it as at its centroid of
+brightness, not at its middle. So each half of a strip has its own level, fitted to training frames
+with a prior of standard deviation :data:`USUAL`.
 
-How far a strip leans as a whole, as it does towards the middle of a picture that is darker at its
-ends, acts as if the light changed less along the lines. The rows don't tell these two apart: strips
-are taken not to lean as a whole, and that they may belongs to the error of such a light.
+A shift of the centroid that is common to all lines of a strip, as by vignetting, can't be told from
+a weaker gradient of the light. It is fixed at zero, and its uncertainty enters the standard errors
+(:func:`as_walls_may`).
 """
 
 from __future__ import annotations
@@ -17,26 +18,26 @@ import numpy as np
 from rsenf.discrepancy.forward_model import ForwardModel
 from rsenf.discrepancy.measured import Float32Array, Measured
 
-USUAL, MOST = 0.1, 0.5  # lean of a wall
+USUAL, MOST = 0.1, 0.5  # asymmetry of a strip: standard deviation, maximum
 STEP = 0.1
 
 
 def leans(theory: ForwardModel) -> bool:
-    """Whether there is light to which it matters."""
+    """Whether the model has light that varies along the lines."""
     strips = theory.wall.shape[1]
     return strips > 1 and any(effect.along_lines for effect in theory.model.effects)
 
 
 def by_lean(theory: ForwardModel, rows: Float32Array, data: Measured) -> Float32Array:
-    """What the rows do, per unit, when every strip leans more."""
+    """Derivative of the rows by a common asymmetry of all strips, (frames, lines, strips)."""
     moved = dataclasses.replace(theory, lean=theory.lean + STEP).rows(data)
     return np.asarray((moved - rows) / np.float32(STEP))
 
 
 def as_walls_may(direction: Float32Array) -> list[Float32Array]:
-    """What the rows do when the wall's ends are darker, and when it is lit from one side.
+    """Derivatives of the rows by vignetting, and by a brightness gradient along the lines.
 
-    Both lean every strip as a whole, by :data:`USUAL` where most: (frames, lines, strips) each.
+    Both shift the centroids of whole strips: (frames, lines, strips) each, per unit of asymmetry.
     """
     place = np.linspace(-1.0, 1.0, direction.shape[2], dtype=np.float32)
     return [direction * place, direction]
@@ -49,27 +50,25 @@ def leaned(
     data: Measured,
     noise_var: float,
 ) -> tuple[ForwardModel, Float32Array]:
-    """Let each line lean as the training frames have it, and walls usually do, less their mean.
+    """Fit the asymmetry of each line's strips to the training frames; its mean over lines is zero.
 
     Parameters
     ----------
     theory : ForwardModel
-    left : ndarray of float32 (frames, lines, strips)
-        What it leaves of the data.
-    direction : ndarray of float32 (frames, lines, strips)
-        Of :func:`by_lean`.
+    left, direction : ndarray of float32 (frames, lines, strips)
+        Residual, and result of :func:`by_lean`.
     data : Measured
     noise_var : float
-        Variance of a row's noise.
+        Variance of a line's noise.
 
     Returns
     -------
     theory : ForwardModel
     left : ndarray of float32 (frames, lines, strips)
-        What is left then.
+        Residual after the step, to first order.
     """
     own, seen = direction[data.training], left[data.training]
-    own = own - own.mean(axis=0)  # all else the wall itself could do
+    own = own - own.mean(axis=0)  # the mean is explained by the wall
     power = (own * own).sum(axis=0, dtype=np.float64) + noise_var / USUAL**2
     told = (own * seen).sum(axis=0, dtype=np.float64) - theory.lean * noise_var / USUAL**2
     lean = theory.lean + told / power

@@ -1,4 +1,4 @@
-"""A line at a steady frequency among what is left, and of which frequencies it may be an alias."""
+"""Finds a tone of constant frequency in the residual, and the frequencies it may be an alias of."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.residual_breakdown import ResidualShare
 from rsenf.discrepancy.residue import residue_of
 
-HIGHEST_HZ = 3000.0  # that lamps' drivers flicker at, and row means can show
-HARMONICS = 4  # of the flicker that its lines are looked for among
-NEAR_HZ = 0.15  # a line is from another, beside what the grid wanders
-MOST = 0.5  # of what is left, that is a line and its side lines about the flicker's
+HIGHEST_HZ = 3000.0  # of lamp drivers' flicker that row means can show
+HARMONICS = 4  # harmonics of the flicker whose lines are excluded
+NEAR_HZ = 0.15  # tolerance of a line's frequency, beyond the grid's wander
+MOST = 0.5  # least share of the residual of a tone and its sidebands about the flicker
 
 
 @dataclass(frozen=True)
 class Tone:
-    """A line at a steady frequency, of which the frames show an alias.
+    """A tone of constant frequency, of which the frames show an alias.
 
     Attributes
     ----------
     alias_hz : float
     likely_hz : tuple of float
-        Frequencies of light that run down the rows as the line does, the likeliest first.
+        Frequencies of light that agree with the phase ramp down the lines, the likeliest first.
     may_be_hz : tuple of float
-        All that have this alias, rising.
+        All frequencies with this alias, rising.
     """
 
     alias_hz: float
@@ -36,13 +36,13 @@ class Tone:
 
 
 def tone_of(last: Fit, lines: Sequence[ResidualShare]) -> Tone | None:
-    """Find a line that isn't the flicker's, which with its side lines about that is the most.
+    """Find a tone that isn't the flicker's and that, with its sidebands, is most of the residual.
 
     Parameters
     ----------
     last : Fit
     lines : sequence of ResidualShare
-        Those of its alias spectrum that stand out.
+        Spectral lines of its residual.
     """
     rate_hz = float(last.data.frame_rate)
     own = [(0.0, NEAR_HZ), *flicker_hz(last, range(1, HARMONICS + 1))]
@@ -53,7 +53,7 @@ def tone_of(last: Fit, lines: Sequence[ResidualShare]) -> Tone | None:
     alias_hz = (strongest.low + strongest.high) / 2.0
     ((first_hz, width_hz),) = flicker_hz(last, range(1, 2))
     sides = [(_folded(first_hz + s * alias_hz, rate_hz), width_hz) for s in (-1, 1)]
-    # Beside a line are its own skirts.
+    # Includes the skirts of the line itself.
     kin = [(alias_hz, 2.0 * NEAR_HZ), *sides]
     if sum(line.share for line in strange if is_at(line, kin)) < MOST:
         return None
@@ -69,7 +69,7 @@ def tone_of(last: Fit, lines: Sequence[ResidualShare]) -> Tone | None:
 
 
 def flicker_hz(last: Fit, harmonics: range) -> list[tuple[float, float]]:
-    """Aliases of the flicker's harmonics, and how far about them their lines may be."""
+    """Alias of each harmonic of the flicker, and half the width of its line (Hz)."""
     freq_hz = 2.0 * last.theory.course.grid().freq_hz
     mean_hz, width_hz = float(freq_hz.mean()), float(np.ptp(freq_hz))
     rate_hz = float(last.data.frame_rate)
@@ -82,6 +82,6 @@ def _folded(freq_hz: float, rate_hz: float) -> float:
 
 
 def is_at(line: ResidualShare, places: Sequence[tuple[float, float]]) -> bool:
-    """Return whether a line is at one of several places, each with how near is near enough."""
+    """Return whether a spectral line is at one of several places (frequency and tolerance, Hz)."""
     middle_hz = (line.low + line.high) / 2.0
     return any(abs(middle_hz - place_hz) < near_hz for place_hz, near_hz in places)

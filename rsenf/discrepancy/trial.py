@@ -1,4 +1,10 @@
-"""One candidate fitted jointly with all there is, and judged by rows that nothing was fitted to."""
+"""Fits a candidate jointly with the rest of the model, and judges it by held-out rows.
+
+The statistic is the log likelihood ratio of the held-out rows, with and without the effect, for
+white Gaussian noise: the reduction of their sum of squares over twice the noise variance. Parts of
+the data are tested with standard errors that include systematic residuals (cluster-robust, over
+blocks of time).
+"""
 
 from __future__ import annotations
 
@@ -25,34 +31,34 @@ from rsenf.model import Effect
 from rsenf.model.effects import DeliveryEffect
 from rsenf.model.parameters import Fitting
 
-STEPS = 5  # in which a candidate is fitted, at first
-TO_REST = 24  # in which the best is: where a series follows a knob, it goes step by step
+STEPS = 5  # of a candidate's first fit
+TO_REST = 24  # of the best ones' fit: slow where a series depends on a parameter
 
-NOISE_STDS = 3.0  # from which on a part fares worse beyond its noise
-PIECES = 8  # of a block of time
-HOPELESS = 3.0  # of what is left before anything is fitted, that an effect may leave then
-KEEPS = 0.999  # of what it told, that a fit with fewer parameters or nearer to rest must tell
+NOISE_STDS = 3.0  # a loss beyond this counts as one
+PIECES = 8  # of a block of time, for its standard error
+HOPELESS = 3.0  # initial misfit over that without the effect, above which no fit is tried
+KEEPS = 0.999  # share of the log likelihood ratio that a converged fit must keep
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One candidate fitted.
+    """A fitted candidate.
 
     Attributes
     ----------
     effect : Effect
-        As it was fitted.
+        With its fitted parameters.
     fit : Fit
     gain : float
-        By how much less is left of held-out rows, over the power of the flicker.
+        Reduction of the held-out mean square, over the flicker's power.
     nats : float
-        Logarithm of the likelihood ratio of those rows, with it and without.
+        Log likelihood ratio of the held-out rows, with and without the effect.
     worst : float
-        Gain in the block of time, band of rows or strip that fares worst, in standard errors.
+        Least gain of a block of time, band of rows or strip, in standard errors.
     lost : float
-        What all that fare worse lose, beyond the noise, over what the others gain.
+        Sum of significant losses of such parts, over the gains of the others.
     usual : float
-        What a codec alone may have it gain.
+        Gain that a codec alone may cause.
     """
 
     effect: Effect
@@ -65,18 +71,21 @@ class Trial:
 
     @property
     def beyond(self) -> float:
-        """Gain beyond what is usual."""
+        """Gain beyond that of a codec alone."""
         return self.gain - self.usual
 
 
 def tried(before: Fit, candidate: Candidate, usual: CodecBaseline) -> Trial | None:
-    """Fit a candidate jointly with all there is; None where no fit is found."""
+    """Fit a candidate jointly with the rest of the model.
+
+    None if the fit fails, or a series isn't of the kind that its effect declares.
+    """
     try:
         begun = _with_effect(before, candidate.effect)
         if begun is None:
             return None
         after = fit(begun, before.data, most=STEPS, slopes=candidate.slopes)
-    except (UsageError, np.linalg.LinAlgError):  # steps have led to what can't be
+    except (UsageError, np.linalg.LinAlgError):  # steps have led to an invalid model
         return None
     if not all_as_told(after.theory.model.effects, after.theory.course.weights.size):
         return None
@@ -84,7 +93,16 @@ def tried(before: Fit, candidate: Candidate, usual: CodecBaseline) -> Trial | No
 
 
 def judged(before: Fit, after: Fit, name: str, usual: CodecBaseline) -> Trial:
-    """Judge what an effect, by its name, has made better."""
+    """Compare the held-out residuals of two fits, with and without an effect.
+
+    Parameters
+    ----------
+    before, after : Fit
+        Without and with it.
+    name : str
+        Of the effect.
+    usual : CodecBaseline
+    """
     data, others = before.data, ~before.data.training
     less, moved = _less(before, after, data.second)
     paid, by = _less(before, after, data.first)
@@ -94,7 +112,7 @@ def judged(before: Fit, after: Fit, name: str, usual: CodecBaseline) -> Trial:
     worst = min(
         *_by_time(*held_out, after),
         *(_worst(*held_out, axis, after) for axis in (1, 2)),
-        # Nor may those pay for it that the course of the phase was found from.
+        # The half that the phase course was fitted to must not become worse, either.
         _sure(paid[others], by[others], after),
     )
     power = float((before.flicker[others] ** 2).mean(dtype=np.float64))
@@ -111,17 +129,20 @@ def judged(before: Fit, after: Fit, name: str, usual: CodecBaseline) -> Trial:
 
 
 def settled(before: Fit, trial: Trial, usual: CodecBaseline) -> Trial:
-    """Fit a trial on until it rests, unless that makes it worse, and sum its series up."""
+    """Fit a trial to convergence, select the order of its lists, and summarise its series.
+
+    The earlier fit is kept if it has the higher likelihood.
+    """
     best, name = trial, trial.effect.name
     try:
         begun = trial.fit.restored()
         on = fit(begun.theory, begun.data, most=TO_REST, slopes=begun.slopes)
-        del begun  # its arrays are much
+        del begun  # frees its arrays
         on = _with_its_order(on, name)
         again = judged(before, on, name, usual)
         best = again if again.nats >= KEEPS * trial.nats else trial
     except (UsageError, np.linalg.LinAlgError):
-        pass  # as far as it was is as far as it goes
+        pass  # keep the earlier fit
     after, told = best.fit.restored(), []
     for effect in after.theory.model.effects:
         series = series_of(effect)
@@ -133,7 +154,7 @@ def settled(before: Fit, trial: Trial, usual: CodecBaseline) -> Trial:
 
 
 def _with_its_order(on: Fit, name: str) -> Fit:
-    """Fit with as many members of an effect's lists as held-out rows support."""
+    """Fit as many members of an effect's lists as the held-out rows support."""
     closed: set[str] = set()
     while True:
         held = next(e for e in on.theory.model.effects if e.name == name)
@@ -146,31 +167,31 @@ def _with_its_order(on: Fit, name: str) -> Fit:
             return on
         model = on.theory.model.without(name).plus(other)
         theory, data = on.theory.with_model(model), on.data
-        del on  # its arrays are much
+        del on  # frees its arrays
         on = fit(theory, data, most=TO_REST)
         if other == shorter:
             return on
 
 
 def _in_numbers(after: Fit, effect: Effect, name: str, how: Fitting) -> Effect:
-    """Return an effect with the numbers that its series comes to."""
+    """Return an effect with the parameters that summarise its series."""
     direction = after.slopes.series[effect.name]
     moved = halves(direction, after.residual, after.slopes.lit, after.data, how)
     values = np.array(getattr(effect, name))
-    if how.each == "frame":  # as they were delivered
+    if how.each == "frame":  # one for each delivered frame
         values = values[plan(after.theory.model, after.data).number[after.data.slot]]
     step_s = 1.0 / float(after.data.frame_rate)
     return summed_up(effect, values + moved[0], values + moved[1], step_s, after.data.group)
 
 
 def _with_effect(before: Fit, effect: Effect) -> ForwardModel | None:
-    """Return a fit's theory with an effect that does nothing yet; None for one that can't be."""
+    """Return a fit's forward model with an effect at neutral; None where a fit has no prospect."""
     told, model = series_of(effect), before.theory.model.plus(effect)
     if isinstance(effect, DeliveryEffect):
         ahead_rad = residue_of(before).angle_rad
         return before.theory.otherwise_delivered(model, before.data, ahead_rad)
     if told is None and not knobs_of(effect, neutral=True):
-        # Without it nothing has fitted: what steps have made of the course is of no use.
+        # Without the effect nothing has fitted, so begin with the course before the fit.
         begun = begun_anew(before.begun.with_model(model), before.data)
         hopeless = misfit(begun, before.data) > HOPELESS * misfit(before.begun, before.data)
         return None if hopeless else begun
@@ -181,13 +202,13 @@ def _with_effect(before: Fit, effect: Effect) -> ForwardModel | None:
 
 
 def _less(before: Fit, after: Fit, part: Part) -> tuple[Float32Array, Float32Array]:
-    """By how much less is left of some rows, squared, and the square of what has changed."""
+    """Reduction of a part's squared residual, and the square of the residual's change."""
     was, now = before.residual[part], after.residual[part]
     return was**2 - now**2, (was - now) ** 2
 
 
 def _by_time(less: np.ndarray, moved: np.ndarray, after: Fit) -> Iterator[float]:
-    """Gain in each held-out block of time, in standard errors, as :func:`_sure` has them."""
+    """Gain of each held-out block of time in standard errors, as :func:`_sure` defines them."""
     block = after.data.block[~after.data.training]
     gains = less.mean(axis=(1, 2), dtype=np.float64)
     for number in np.unique(block):
@@ -199,18 +220,18 @@ def _by_time(less: np.ndarray, moved: np.ndarray, after: Fit) -> Iterator[float]
 
 
 def _worst(less: np.ndarray, moved: np.ndarray, axis: int, after: Fit) -> float:
-    """Gain in the band of rows, or the strip, that fares worst, in standard errors."""
+    """Least gain of a band of rows, or of a strip, in standard errors."""
     return min(_sure(own, change, after) for own, change in _parts(less, moved, axis))
 
 
 def _parts(less: np.ndarray, moved: np.ndarray, axis: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Split gains and changes into bands of rows, or strips."""
+    """Split gains and changes into bands of rows, or into strips."""
     parts = min(BANDS, less.shape[axis])
     return list(zip(*(np.array_split(a, parts, axis) for a in (less, moved)), strict=True))
 
 
 def _lost(parts: Sequence[tuple[np.ndarray, np.ndarray]], after: Fit) -> float:
-    """What parts that fare worse beyond their noise lose, over what the others gain."""
+    """Sum of the significant losses of parts, over the sum of the others' gains."""
     gains = [float(less.sum(dtype=np.float64)) for less, _ in parts]
     noise = [_noise(float(m.mean(dtype=np.float64)), m.size, after) * m.size for _, m in parts]
     lost = sum(-g for g, n in zip(gains, noise, strict=True) if g < -NOISE_STDS * n)
@@ -218,10 +239,10 @@ def _lost(parts: Sequence[tuple[np.ndarray, np.ndarray]], after: Fit) -> float:
 
 
 def _sure(less: np.ndarray, moved: np.ndarray, after: Fit) -> float:
-    """Mean gain of held-out frames, in standard errors.
+    """Mean gain of held-out frames in standard errors.
 
-    By the noise of rows, or by how much the gains of blocks of time differ, if that is more: what
-    is left unexplained makes them differ, too (a cluster-robust standard error).
+    The standard error is the larger of that of white noise and that between blocks of time, which
+    includes what the model doesn't explain (cluster-robust).
     """
     gains, change = less.mean(axis=(1, 2), dtype=np.float64), moved.mean(dtype=np.float64)
     white = _noise(change, less.size, after)
@@ -230,10 +251,10 @@ def _sure(less: np.ndarray, moved: np.ndarray, after: Fit) -> float:
 
 
 def _stderr_of(means: Sequence[float] | FloatArray) -> float:
-    """Return the standard error of the mean of several means."""
+    """Standard error of the mean of several means."""
     return float(np.std(means, ddof=1) / np.sqrt(len(means))) if len(means) > 1 else 0.0
 
 
 def _noise(change: float, values: int, after: Fit) -> float:
-    """Standard error of a mean gain, by the mean square of what has changed."""
+    """Standard error of a mean gain by white noise, from the residual's mean square change."""
     return float(2.0 * np.sqrt(after.noise_var * change / values) + 1e-30)

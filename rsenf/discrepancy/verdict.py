@@ -1,10 +1,8 @@
-"""The whole workflow on one recording.
+"""The complete workflow on one recording, and the check of its time stamps.
 
-What the frames' stamps say beyond what a model lets expect: frames late, or stamps in error.
-
-Stamps are data as rows are, but have no noise: what a model says of them must be so to the unit
-that they are written in. Whether the frames themselves are late, or only their stamps in error,
-the phase of the flicker tells.
+Time stamps are data as rows are, but without noise: a model must agree with them up to the unit
+they are stored in. If it doesn't, either frames are late or only their stamps are wrong. The phase
+of the flicker decides: only late frames change it.
 """
 
 from __future__ import annotations
@@ -29,28 +27,28 @@ from rsenf.messages.schema import FloatArray
 from rsenf.model import CATALOGUE, CaptureModel, Effect
 from rsenf.model.effects.residue import NOTHING_FITS
 
-# Time bases of files and of protocols: milliseconds of Matroska, MPEG's 90 kHz, µs, ns.
+# Time bases: Matroska's milliseconds, MPEG's 90 kHz, µs; else ns.
 UNITS_S = (1e-3, 1.0 / 90_000.0, 1e-6)
 ROUNDING_S = 2e-9
-# Held-out residual, relative, by which rows must say that frames are or aren't as late.
+# Relative change of the held-out misfit that tells late frames from wrong stamps.
 TELLS = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class TimestampCheck:
-    """An effect that the stamps show.
+    """An effect that the time stamps reveal.
 
     Attributes
     ----------
     effect : Effect
     rivals : tuple of str
-        Effects that would do as well, it among them.
+        Names of all effects that would do as well, including this one.
     fit : Fit
-        Of the model with it.
+        Of the model with the effect.
     gap : float
-        Power of the error that somebody who believes the plain stamps makes, over the flicker's.
+        Power of the flicker error due to the stamps' deviation, over the flicker's power.
     rms_s : float
-        Of what the stamps say beyond the model.
+        Deviation of the stamps from the model without the effect.
     """
 
     effect: Effect
@@ -61,7 +59,10 @@ class TimestampCheck:
 
 
 def off_s(theory: ForwardModel, data: Measured) -> FloatArray:
-    """By how much stamps are later than a theory has them; all zero where it has them right."""
+    """Deviation of the time stamps from a model, (frames,), positive if late.
+
+    Zero if no deviation exceeds the unit of the stamps.
+    """
     expected = plan(theory.model, data).stamp_s()[: data.slot[-1] + 1]
     expected = expected[data.slot] - expected[data.slot[0]]
     late_s = data.stamp_s - expected
@@ -69,18 +70,22 @@ def off_s(theory: ForwardModel, data: Measured) -> FloatArray:
 
 
 def gap_of_stamps(late_s: FloatArray, nominal_hz: float) -> float:
-    """Power of the error in the flicker that such stamps make, over that of the flicker."""
+    """Power of the flicker error due to wrong frame times (frames,), over the flicker's power.
+
+    >>> round(gap_of_stamps(np.array([0.0, 1e-3]), 50.0), 3)
+    0.098
+    """
     turned_rad = 4.0 * math.pi * nominal_hz * (late_s - late_s.mean())
     return float(np.mean(np.abs(np.exp(1j * turned_rad) - 1.0) ** 2))
 
 
 def stamps_of(first: Fit) -> TimestampCheck | None:
-    """Explain stamps that aren't as the model has them; None where they are, or nothing does.
+    """Explain time stamps that deviate from the model; None if they don't, or nothing explains it.
 
     Parameters
     ----------
     first : Fit
-        Of a model whose frames are as regular as it has them.
+        Of the model without an effect on time stamps.
     """
     data = first.data
     late_s = off_s(first.theory, data)
@@ -89,7 +94,7 @@ def stamps_of(first: Fit) -> TimestampCheck | None:
     gap, rms_s = gap_of_stamps(late_s, data.nominal_hz), float(late_s.std())
     every_s = np.interp(np.arange(data.slot[-1] + 1), data.slot, late_s)
     late = _late_frames(first.theory, every_s, data)
-    # Frames that are late turn the light; stamps in error don't.
+    # Late frames change the phase of the light; wrong stamps don't.
     better = 1.0 - late.misfit / first.misfit
     if _white(late_s) and better < TELLS:
         error = CATALOGUE["timestamp_jitter"](error_s=_values(every_s), jitter_s=rms_s)  # type: ignore[call-arg]
@@ -98,12 +103,12 @@ def stamps_of(first: Fit) -> TimestampCheck | None:
         rivals = (error.name,) if better < -TELLS else (error.name, "variable_frame_rate")
         return TimestampCheck(error, rivals, kept, gap, rms_s)
     if better < -TELLS:
-        return None  # stamps that wander while the frames don't: no effect of the catalogue
+        return None  # wandering stamps of regular frames: no effect of the catalogue does that
     return TimestampCheck(late.theory.model.effects[-1], ("variable_frame_rate",), late, gap, rms_s)
 
 
 def _late_frames(theory: ForwardModel, late_s: FloatArray, data: Measured) -> Fit:
-    """Fit a theory whose frames begin as late as their stamps say."""
+    """Fit a model whose frames begin as late as their stamps say."""
     step_s = 1.0 / float(data.frame_rate)
     ratio = float(np.diff(late_s).std() / step_s)
     effect = CATALOGUE["variable_frame_rate"](rate_ratio=min(ratio, 0.2), late_s=_values(late_s))  # type: ignore[call-arg]
@@ -121,7 +126,7 @@ def _white(late_s: FloatArray) -> bool:
 
 
 def _unit_s(stamp_s: FloatArray) -> float:
-    """Unit that stamps are written in, as far as it can be seen."""
+    """Unit of the time stamps, as far as they show it."""
     for unit in UNITS_S:
         if np.abs(stamp_s - unit * np.rint(stamp_s / unit)).max() < ROUNDING_S:
             return unit
@@ -134,24 +139,24 @@ def _values(series: FloatArray) -> tuple[float, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Discovery:
-    """What was found.
+    """Result of the workflow.
 
     Attributes
     ----------
     first, last : Fit
-        Before any effect was added, and after the last.
+        Before any effect was added, and after the last one.
     steps : tuple of Step
-        Those that added one.
-    stamps : Stamps or None
-        What the frames' stamps have shown, before any row was looked at.
+        Rounds that added an effect.
+    stamps : TimestampCheck or None
+        Effect that the time stamps revealed.
     floor : NoiseFloor
-        Of data that the last theory made.
+        Of data simulated from the last fit, with the codec's share.
     usual : CodecBaseline
-        What the recording's codec may do by itself; nothing where there is none, or it is unknown.
+        Zero if there is no codec, or it is unknown.
     before, after : list of ResidualShare
-        Where theory and data disagreed, and where they still do.
+        Where first and last model disagree with the data.
     refused : Step or None
-        The last round, where it tried what it didn't add.
+        The last round, if it tried effects and added none.
     """
 
     first: Fit
@@ -166,12 +171,12 @@ class Discovery:
 
     @property
     def gap_before(self) -> float:
-        """Gap of the model to begin with: of rows and of stamps."""
+        """Gap of the initial model, of rows and time stamps."""
         return self.first.gap.value + stamps_gap(self.first)
 
     @property
     def gap_after(self) -> float:
-        """Gap of the model at last."""
+        """Gap of the final model, of rows and time stamps."""
         return self.last.gap.value + stamps_gap(self.last)
 
     @property
@@ -183,7 +188,7 @@ class Discovery:
 
     @property
     def shrinkage(self) -> float:
-        """Share of the gap above the floor that is gone; NaN where there was none."""
+        """Share of the gap above the floor that was closed; NaN if there was none."""
         above = self.gap_before - self.floor.median
         if abs(above) <= self.floor.limit - self.floor.median:
             return float("nan")
@@ -191,7 +196,7 @@ class Discovery:
 
 
 def stamps_gap(fit: Fit) -> float:
-    """Share of the flicker's power that a fit's stamps get wrong."""
+    """Power of the flicker error due to deviating time stamps, over the flicker's power."""
     return gap_of_stamps(off_s(fit.theory, fit.data), fit.data.nominal_hz)
 
 
@@ -201,17 +206,17 @@ def discover(
     progress: Callable[[str], None] = lambda doing: None,
     recoded: Callable[[Float32Array], Float32Array] | None = None,
 ) -> Discovery:
-    """Find what a model lacks of a recording, and add it.
+    """Find the effects that a model lacks of a recording, and add them.
 
     Parameters
     ----------
     model : CaptureModel
-        To begin with.
+        Initial model.
     data : Measured
     progress : callable, optional
-        Told what is being done.
+        Called with a text on what is being done.
     recoded : callable, optional
-        Returns what the recording's codec leaves of rows, (frames, lines, strips).
+        Encodes and decodes rows (frames, rows, strips) as the recording was.
 
     Raises
     ------
@@ -239,7 +244,7 @@ def discover(
     last, steps = needed(last, steps, usual)
     if steps:
         own = usual_of(last, recoded)
-        if last.gap.most > NOTHING_FITS + own.most:  # then nothing that was added explains it
+        if last.gap.most > NOTHING_FITS + own.most:  # the added effects explain nothing
             last, steps = begun, []
         else:
             usual = own

@@ -1,9 +1,8 @@
-"""The watch: row blocks of a stream in, now and then a verdict on the newest of them.
+"""The watch: runs the workflow on the newest window of a stream, and reports what changed.
 
-The first window tells what the camera is like; every later one begins with the model found so far.
-So what is known stays explained, and what a window adds, loses or leaves is a change of the camera.
-
-What a window shows that the one before didn't: what came, what went, and what moved.
+The first window gives a model of the camera; each later window begins with the model found so far.
+Known effects thus stay explained, and an effect that a window adds, loses or changes, or a residual
+that it leaves, is reported as a change of the camera.
 """
 
 from __future__ import annotations
@@ -30,12 +29,12 @@ from rsenf.model.effects.gop_attenuation import GopAttenuation
 from rsenf.model.parameters import fittings
 from rsenf.timebase import NS_PER_S
 
-# A parameter has moved that is off by so many standard errors, and by so much of itself.
+# A parameter has changed if it did by more than both: standard errors, and relative.
 MOVED_STDS, MOVED_RATIO = 6.0, 0.01
 
 
 def changes(before: WindowSummary, now: WindowSummary) -> tuple[str, ...]:
-    """Say what isn't as it was, one line each."""
+    """Describe the differences between two windows, one line each."""
     return (*_new_and_gone(before, now), *_moved(before, now), *_unexplained(before, now))
 
 
@@ -70,7 +69,7 @@ def _called(effect: FoundEffect) -> str:
 
 
 def _measures(effect: FoundEffect) -> str:
-    """Say what was found of an effect's parameters: those that were fitted, and frames it names."""
+    """Describe the fitted parameters of an effect, and at how many frames it occurs."""
     told = zip(effect.parameter_names, effect.parameters, effect.parameter_std, strict=True)
     said = [f"{name} {value:.6g} ± {std:.2g}" for name, value, std in told if math.isfinite(std)]
     at = sum(name.startswith("at_frames") for name in effect.parameter_names)
@@ -78,8 +77,8 @@ def _measures(effect: FoundEffect) -> str:
     return f" ({', '.join(said)})" if said else ""
 
 
-WORTH_NS = 3 * NS_PER_S  # of new rows, for which the end of a stream is judged once more
-# Effects on certain frames: they count from the first of a window.
+WORTH_NS = 3 * NS_PER_S  # least length of new rows for a verdict at the end of a stream
+# Effects at certain frames, which are numbered from the window's first.
 OF_ONE_WINDOW = (DeliveryEffect, GopAttenuation)
 SHORTEST_NS = round(SHORTEST_WINDOW_S * NS_PER_S)
 
@@ -91,11 +90,12 @@ class WatchStage:
     ----------
     settings : WatchSettings
     given : CaptureModel, optional
-        To begin with.
+        Initial model.
     is_behind : callable, optional
-        Asked when a verdict is due: whether to skip it, for there is no time.
+        Asked when a verdict is due: whether to skip it for lack of time.
     run : callable, optional
-        Does what takes long, and returns what it returns; None for given up, and no verdict comes.
+        Runs a long computation and returns its result, or None if it was given up; then no verdict
+        comes.
     """
 
     def __init__(
@@ -112,8 +112,8 @@ class WatchStage:
         self._rows = WindowBuffer(settings.lines)
         self._model = given
         self._before: WindowSummary | None = None
-        self._newest: RowBlock | None = None  # of use or not
-        self._reason = "no frame can be read"  # why what is of no use is so
+        self._newest: RowBlock | None = None  # usable or not
+        self._reason = "no frame can be read"  # why the last unusable block was so
         self._due_ns, self._judged_ns = 0, 0
         self._published, self._skipped = 0, 0
 
@@ -134,7 +134,7 @@ class WatchStage:
         return out
 
     def flush(self) -> list[DiscoveryVerdict]:
-        """Return the verdict on the newest rows, if there are any that it could do anything for."""
+        """Return the verdict on the newest rows, if they are enough for one."""
         if self._newest is None:
             return []
         end_ns = int(self._newest.frame_pts_ns[-1]) + 1
@@ -145,7 +145,7 @@ class WatchStage:
         return self._judge(end_ns)
 
     def _take(self, block: RowBlock, first: int, end: int) -> None:
-        """Keep some frames of a block."""
+        """Add some frames of a block to the buffer."""
         if first == end:
             return
         self._newest = part_of(block, first, end)
@@ -155,7 +155,7 @@ class WatchStage:
             self._reason = block.reason
 
     def _when_due(self, next_ns: int) -> list[DiscoveryVerdict]:
-        """Judge the window that ends now, unless behind; rows go on at ``next_ns``."""
+        """Judge the window that ends now, unless behind; the next frame is at ``next_ns``."""
         due_ns = self._due_ns
         self._due_ns += self._every_ns * (1 + (next_ns - due_ns) // self._every_ns)
         self._rows.forget_before(due_ns - self._window_ns)
@@ -165,7 +165,7 @@ class WatchStage:
         return self._judge(due_ns)
 
     def _judge(self, end_ns: int) -> list[DiscoveryVerdict]:
-        """Look at the rows there are, up to a moment of the stream."""
+        """Run the workflow on the buffered rows, up to a time of the stream."""
         self._judged_ns = end_ns
         blocks = self._rows.blocks()
         if not blocks:
@@ -178,7 +178,7 @@ class WatchStage:
         return [self._told(seeing, end_ns)] if seeing else []
 
     def _told(self, seeing: Look, end_ns: int) -> DiscoveryVerdict:
-        """Say what is seen, and remember it for the next window."""
+        """Return the verdict as a message, and keep its summary for the next window."""
         found, before, blank = seeing.found, self._before, self._blank()
         now = seen_in(found, self._given, before.effects if before else ())
         model = model_of(found, f"{blank.header.source}, as seen by the watch")
@@ -203,12 +203,12 @@ class WatchStage:
         return told
 
     def _begin_anew(self, end_ns: int) -> None:
-        """Forget all rows: those before and after a change don't mix to anything that can be."""
+        """Drop all rows: no model explains a window with a change of the camera in its midst."""
         self._rows.forget_before(end_ns)
         self._due_ns = max(self._due_ns, end_ns + SHORTEST_NS)
 
     def _blank(self, reason: str = "") -> DiscoveryVerdict:
-        """Begin the next message."""
+        """Return the next message without a result."""
         assert self._newest is not None
         header = self._rows.header or self._newest.header
         told = DiscoveryVerdict(
@@ -222,10 +222,10 @@ class WatchStage:
 
 
 def lasting(model: CaptureModel) -> CaptureModel:
-    """Return what of a model holds in other windows too.
+    """Return the part of a model that holds in other windows, too.
 
-    What happened at certain frames, or has a value for each, is of its window alone. Phases are
-    the window's own as well: an amplitude that has one begins at zero.
+    Effects at certain frames, and series, belong to one window. So do phases: amplitudes with a
+    phase begin at zero.
     """
     kept = [e for e in model.effects if not isinstance(e, OF_ONE_WINDOW) and not series_of(e)]
     return dataclasses.replace(model, effects=tuple(_without_phase(e) for e in kept))

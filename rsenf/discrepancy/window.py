@@ -1,4 +1,4 @@
-"""The workflow on one window alone: measured rows, and which model to begin with."""
+"""The workflow on one window: prepares its rows, and chooses the initial model."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ FEWEST_THERE = 2.0 / 3.0  # of a window's frames
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What one window comes to.
+    """Result of one window.
 
     Attributes
     ----------
     found : Discovery
     gap_before : float
-        With the first of the models to begin with.
+        With the first of the initial models.
     """
 
     found: Discovery
@@ -34,21 +34,21 @@ class Look:
 def look(
     blocks: Sequence[RowBlock], models: Sequence[CaptureModel], nominal_hz: float | None
 ) -> Look:
-    """Find what a window lacks, beginning with each model in turn until nothing is unexplained.
+    """Run the workflow on a window, from each initial model in turn until nothing is unexplained.
 
     Parameters
     ----------
     blocks : sequence of RowBlock
-        On a clock that begins with the window.
+        With time stamps from the window's start.
     models : sequence of CaptureModel
-        The likeliest first.
+        Initial models, the likeliest first.
     nominal_hz : float, optional
-        50 or 60; found from the rows when not given.
+        50 or 60; by default found from the rows.
 
     Raises
     ------
     InputError
-        When there is too little to judge, or no flicker.
+        When there is too little data, or no flicker.
     """
     data = measured_of(blocks, nominal_hz)
     if data.frames < FEWEST_THERE * (missing_in(data) + data.frames):
@@ -58,7 +58,7 @@ def look(
     for model in models:
         try:
             tries.append(discover(model, data))
-        except (UsageError, np.linalg.LinAlgError):  # steps from there have led to what can't be
+        except (UsageError, np.linalg.LinAlgError):  # steps have led to an invalid model
             continue
         if tries[-1].verdict != "unexplained":
             break
@@ -69,5 +69,5 @@ def look(
 
 
 def missing_in(data: Measured) -> int:
-    """How many frames there would be besides, if they came without a hole."""
+    """Number of frames missing between the first and the last."""
     return int(data.slot[-1]) + 1 - data.frames

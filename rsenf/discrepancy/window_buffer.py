@@ -1,4 +1,4 @@
-"""The newest rows of a stream, averaged down, however they were batched on their way."""
+"""Buffer of a stream's newest rows, averaged into lines; the same however they were batched."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ BLOCK_FRAMES = 8
 
 
 class WindowBuffer:
-    """Rows of one shape; others begin it anew.
+    """Rows of one shape; a block of another shape empties it first.
 
     Parameters
     ----------
     lines : int
-        To which the rows of a frame are averaged down, if there are more.
+        Largest number of lines of a frame.
     """
 
     def __init__(self, lines: int) -> None:
@@ -35,7 +35,7 @@ class WindowBuffer:
         self._blocks.append(thin)
 
     def forget_before(self, pts_ns: int) -> None:
-        """Let go of frames that came before a moment of the stream."""
+        """Drop frames before a time of the stream."""
         while self._blocks and self._blocks[0].frame_pts_ns[0] < pts_ns:
             oldest = self._blocks.popleft()
             kept = int(np.searchsorted(oldest.frame_pts_ns, pts_ns))
@@ -44,21 +44,18 @@ class WindowBuffer:
 
     @property
     def header(self) -> Header | None:
-        """Header that tells all of its frames; None while there are none."""
+        """Header that covers all of its frames; None if empty."""
         return joined(self._blocks).header if self._blocks else None
 
     @property
     def span_ns(self) -> int:
-        """From the first frame to the last."""
+        """Time from the first frame to the last."""
         if not self._blocks:
             return 0
         return int(self._blocks[-1].frame_pts_ns[-1] - self._blocks[0].frame_pts_ns[0])
 
     def blocks(self) -> list[RowBlock]:
-        """Return all of it, cut anew: the same however the frames came.
-
-        On a clock that begins with the first of them, as if the stream began there.
-        """
+        """Return all rows in blocks of ``BLOCK_FRAMES``, with time stamps from the first frame."""
         if not self._blocks:
             return []
         whole = joined(self._blocks)
@@ -69,7 +66,7 @@ class WindowBuffer:
 
 
 def thinned(block: RowBlock, lines: int) -> RowBlock:
-    """Average neighbouring rows, so that no more than so many lines are left."""
+    """Average neighbouring rows of a block into at most ``lines`` lines."""
     group = group_of(block.rows, lines)
     if group == 1:
         return block
@@ -84,7 +81,7 @@ def thinned(block: RowBlock, lines: int) -> RowBlock:
 
 
 def part_of(block: RowBlock, first: int, end: int) -> RowBlock:
-    """Return some frames of a block."""
+    """Return the frames ``first`` to ``end − 1`` of a block, by index."""
     part, pts_ns = slice(first, end), int(block.frame_pts_ns[first])
     since_ns = pts_ns - int(block.frame_pts_ns[0])
     header = block.header
@@ -106,7 +103,7 @@ def part_of(block: RowBlock, first: int, end: int) -> RowBlock:
 
 
 def joined(blocks: Sequence[RowBlock]) -> RowBlock:
-    """Join blocks of one shape."""
+    """Join successive blocks of one shape."""
     first, last = blocks[0], blocks[-1]
     return dataclasses.replace(
         first,

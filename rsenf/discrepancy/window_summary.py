@@ -1,4 +1,4 @@
-"""What was found in one window of a stream, summed up to be published and compared."""
+"""Summary of the workflow's result on one window, for publication and for comparison."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from rsenf.messages import FoundEffect
 from rsenf.model import CaptureModel, Effect
 from rsenf.model.parameters import fittings
 
-Value = tuple[float, float]  # and its standard error
+Value = tuple[float, float]  # value, standard error
 MOST_PLACES = 3
-GONE_STDS = 4.0  # from neutral, within which an effect does nothing
+GONE_STDS = 4.0  # distance from neutral within which an effect counts as gone
 
 
 @dataclass(frozen=True, eq=False)
 class WindowSummary:
-    """What was found in one window.
+    """Result of one window.
 
     Attributes
     ----------
     verdict : str
     model : CaptureModel
-        As found, without the effects of earlier windows that do nothing any more.
+        As found, without effects of earlier windows that are gone.
     effects : tuple of FoundEffect
-        Those of the model that weren't in the one given at first.
+        Effects of the model beyond those of the initial one.
     values : dict
-        What was fitted, by part and name.
+        Fitted values by part and name.
     """
 
     verdict: str
@@ -44,15 +44,15 @@ class WindowSummary:
 
 
 def seen_in(found: Discovery, given: CaptureModel, known: Sequence[FoundEffect]) -> WindowSummary:
-    """Sum up a window.
+    """Summarise a window.
 
     Parameters
     ----------
     found : Discovery
     given : CaptureModel
-        With which everything began, before the first window.
+        Initial model of the first window.
     known : sequence of FoundEffect
-        Of the window before: they tell the classes of the effects that came from there.
+        Effects of the window before, whose classes are kept.
     """
     values = _values(found)
     added = {e.members[0] if e.members else e.name: e for e in _added(found)}
@@ -73,12 +73,12 @@ def seen_in(found: Discovery, given: CaptureModel, known: Sequence[FoundEffect])
 
 
 def names_of(effect: FoundEffect) -> tuple[str, ...]:
-    """All names that a found effect may go by."""
+    """All names that a found effect may have."""
     return effect.members or (effect.name,)
 
 
 def rest_of(found: Discovery, gap_before: float) -> dict[str, Any]:
-    """Say what is left unexplained: the fields of the message that are about it."""
+    """Return the message fields on what is unexplained, given the initial model's gap."""
     places = sorted((p for p in found.after if p.sure > SURE), key=lambda p: -p.share)
     lines = [p for p in places if p.axis == "alias_hz"]
     text = "; ".join(
@@ -93,7 +93,7 @@ def rest_of(found: Discovery, gap_before: float) -> dict[str, Any]:
 
 
 def _added(found: Discovery) -> Iterator[FoundEffect]:
-    """What each step added; the member of a class that was taken comes first."""
+    """Effects that the window added; in a class the fitted one comes first."""
     for step in found.steps:
         best = step.chosen
         assert best is not None
@@ -109,7 +109,7 @@ def _added(found: Discovery) -> Iterator[FoundEffect]:
 def _with_values(
     blank: FoundEffect, effect: Effect, values: dict[tuple[str, str], Value]
 ) -> FoundEffect:
-    """Put an effect's parameters in, with the errors of those that were fitted."""
+    """Fill in an effect's parameters, and the standard errors of the fitted ones."""
     told = dict(_parameters(effect))
     errors = [values.get((effect.name, name), (0.0, math.nan))[1] for name in told]
     return dataclasses.replace(
@@ -121,7 +121,7 @@ def _with_values(
 
 
 def _parameters(effect: Effect) -> Iterator[tuple[str, float]]:
-    """What an effect is like, in numbers: of a series the rms, of a list its members."""
+    """Parameters of an effect as numbers: the rms of a series, the members of a list."""
     series = series_of(effect)
     for name, value in effect.to_dict().items():
         if series and name == series[0]:
@@ -133,7 +133,7 @@ def _parameters(effect: Effect) -> Iterator[tuple[str, float]]:
 
 
 def _values(found: Discovery) -> dict[tuple[str, str], Value]:
-    """What was fitted; of an amplitude with a phase the size, with the larger of its errors."""
+    """Fitted values; for a complex amplitude its size, with the larger error of its components."""
     out: dict[tuple[str, str], Value] = {}
     model = found.last.theory.model
     for knob, error in zip(found.last.knobs, found.last.stderr, strict=True):
@@ -144,7 +144,7 @@ def _values(found: Discovery) -> dict[tuple[str, str], Value]:
 
 
 def _does_nothing(effect: Effect, values: dict[tuple[str, str], Value]) -> bool:
-    """Whether all that an effect does is neutral, to what the data can tell."""
+    """Whether all fitted parameters of an effect are neutral within their errors."""
     tells = [(name, f.neutral) for name, f in fittings(effect).items() if f.neutral is not None]
     fitted = [
         (*value, neutral)

@@ -1,4 +1,15 @@
-"""Is this feed live? Does a camera's flicker follow the grid now, or that of another time?"""
+"""Liveness detection: does a camera's flicker follow the grid now, or that of another time?
+
+In: row blocks, ENF estimates with phase, idle estimates, and the reference while it is measured.
+Out: ``Liveness`` verdicts, one a second, and ``Alarm`` messages.
+
+Read ``settings``, ``ticks`` (time base: one tick a second) and ``stage`` (order of processing)
+first. The test itself: ``judge`` (verdict of one epoch), ``cusum`` (CUSUM of log-likelihood ratios,
+filter bank over lags), ``null_model`` (any grid), ``bank`` (Kalman filters), ``noises``,
+``growing`` (the reference). Further evidence: ``past`` (origin of a stale picture), ``jumps`` (of
+the phase), ``light`` (flicker amplitude, idle ratio), ``picture`` (frozen or looped pictures).
+``alarms`` and ``alarm_events`` make the alarm messages.
+"""
 
 from __future__ import annotations
 

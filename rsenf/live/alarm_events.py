@@ -1,4 +1,4 @@
-"""What happened in an instant, as alarms with words for a person."""
+"""Alarm messages of instantaneous events, with a text for a person."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rsenf.messages import Alarm, EnfEstimate
 
 
 def idle_changed(change: Change, tick: Tick) -> Alarm:
-    """The idle period is another one."""
+    """Return the alarm for a changed idle ratio."""
     text = f"idle period {100 * change.before:.1f} % before, {100 * change.value:.1f} % now"
     return Alarm(
         header=tick.header, kind="idle_changed", start_pts_ns=tick.pts_ns, end_pts_ns=tick.pts_ns,
@@ -18,7 +18,7 @@ def idle_changed(change: Change, tick: Tick) -> Alarm:
 
 
 def phase_jump(jump: Jump, tick: Tick) -> Alarm:
-    """The phase jumped."""
+    """Return the alarm for a phase jump."""
     text = f"the phase jumped by {jump.rad:+.2f} rad"
     return Alarm(
         header=tick.header, kind="phase_jump", start_pts_ns=jump.t_ns, end_pts_ns=jump.t_ns,
@@ -28,7 +28,7 @@ def phase_jump(jump: Jump, tick: Tick) -> Alarm:
 
 
 def frames_slipped(estimate: EnfEstimate, tick: Tick) -> Alarm:
-    """Frames were lost or sent twice: the tracker has bridged the jump, and counted them."""
+    """Return the alarm for lost or repeated frames, which the tracker has detected and counted."""
     at_ns, frames = estimate.start_pts_ns, estimate.slip_frames.tolist()
     lost, again = sum(max(n, 0) for n in frames), sum(max(-n, 0) for n in frames)
     told = [f"{n} {what}" for n, what in ((lost, "lost"), (again, "sent twice")) if n]
@@ -43,7 +43,7 @@ def frames_slipped(estimate: EnfEstimate, tick: Tick) -> Alarm:
 
 
 def light_changed(change: Change, estimate: EnfEstimate, tick: Tick) -> Alarm:
-    """The flicker's size is another one."""
+    """Return the alarm for a changed flicker amplitude."""
     at_ns = estimate.start_pts_ns
     text = f"the flicker is {change.value:.2f} times what it was: another lamp, or another view"
     return Alarm(

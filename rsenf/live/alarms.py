@@ -1,4 +1,4 @@
-"""Which alarms of a camera are on, and the messages that say so when that changes."""
+"""The active alarms of a camera, and a message whenever one begins or ends."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import dataclasses
 from rsenf.messages import Alarm, Header
 from rsenf.timebase import NS_PER_S
 
-QUIET_NS = 30 * NS_PER_S  # what happens in an instant is over when it hasn't come again so long
+QUIET_NS = 30 * NS_PER_S  # an instantaneous event ends after this time without repetition
 
 
 class Alarms:
@@ -19,11 +19,11 @@ class Alarms:
         self._sent: Header | None = None
 
     def happened(self, alarm: Alarm, now_ns: int) -> None:
-        """Say that something happened; it is over by itself, a while later."""
+        """Raise an alarm for an instantaneous event; it ends by itself QUIET_NS later."""
         self._raise(alarm, now_ns + QUIET_NS)
 
     def holds(self, alarm: Alarm) -> None:
-        """Say that something is so, until :meth:`over`."""
+        """Raise an alarm that lasts until :meth:`over`."""
         self._raise(alarm, None)
 
     def _raise(self, alarm: Alarm, until_ns: int | None) -> None:
@@ -33,24 +33,24 @@ class Alarms:
         self._on[alarm.kind] = first, until_ns
 
     def over(self, kind: str, header: Header, now_ns: int) -> None:
-        """Say that something is so no longer; nothing if it wasn't."""
+        """End an alarm; does nothing if it isn't active."""
         if kind in self._on:
             alarm, _ = self._on.pop(kind)
             self._send(dataclasses.replace(alarm, header=header, active=False, end_pts_ns=now_ns))
 
     def pass_by(self, header: Header, now_ns: int) -> None:
-        """End what has been quiet for long, by the stream's clock."""
+        """End instantaneous alarms that have expired, by the stream's clock."""
         for kind, (_, until_ns) in list(self._on.items()):
             if until_ns is not None and now_ns >= until_ns:
                 self.over(kind, header, now_ns)
 
     def new_epoch(self, header: Header, now_ns: int) -> None:
-        """End what was of pictures before: the stream's clock begins anew."""
+        """End all alarms: the stream's clock is reset."""
         for kind in list(self._on):
             self.over(kind, header, now_ns)
 
     def taken(self) -> list[Alarm]:
-        """Return what is to be said since last asked."""
+        """Return the messages since the last call."""
         out, self._out = self._out, []
         return out
 
@@ -60,6 +60,6 @@ class Alarms:
 
 
 def numbered_after(last: Header | None, header: Header) -> Header:
-    """Return a header with the number after the last one's, or 0 in a new epoch."""
+    """Return ``header`` with the sequence number after ``last``; 0 in a new run or epoch."""
     is_new = last is None or (last.run_id, last.epoch) != (header.run_id, header.epoch)
     return header.numbered(0 if last is None or is_new else last.seq + 1)

@@ -1,9 +1,14 @@
-"""Kalman filters side by side that follow one phase, each under its own assumptions.
+"""Bank of Kalman filters that track one phase (Bayesian model averaging).
 
-All have the same states, of which the first is the phase; they differ in how much they are kicked,
-in how noisy they take the measurement to be, and in how far they expect the phase to move. A phase
-is known up to whole turns. Now and then one is out of the way altogether (a lost frame, a splice):
-under every assumption alike, so that it tells neither for nor against any.
+All filters have the same states, the first of which is the phase. They differ in process noise, in
+measurement noise, and in the known input to the phase. The likelihood of a phase is a wrapped
+normal density of the innovation, mixed with a uniform density for outliers (a lost frame, a
+splice), which is the same in all filters and therefore doesn't favour any. Approximation: the
+update uses only the innovation wrapped to half a turn. Weights follow the fixed-share rule.
+
+References
+----------
+Herbster, M. and Warmuth, M. K. (1998), Tracking the best expert, Machine Learning 32.
 """
 
 from __future__ import annotations
@@ -15,44 +20,47 @@ import numpy as np
 
 from rsenf.messages.schema import FloatArray
 
-OUT_OF_THE_WAY = 1e-3  # share of seconds whose phase has nothing to do with those before
-UNKNOWN_RAD2 = 1e3  # variance of a phase that isn't known; nothing is learnt from it
-UNIFORM_RAD2 = 10.0  # a wrapped normal wider than this is uniform
+OUT_OF_THE_WAY = 1e-3  # prior probability of an outlier
+UNKNOWN_RAD2 = 1e3  # variance of an unknown phase
+UNIFORM_RAD2 = 10.0  # a wrapped normal of a larger variance is taken as uniform
 TURN_RAD = 2.0 * math.pi
 _TURNS = TURN_RAD * np.arange(-1, 2)
 
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """How noisy each of n filters takes a phase to be: (n,) its own error times ``ratio``, and
-    ``floor_rad`` besides, for what no estimate's own error counts.
+    """Measurement noise of each of n filters: ``ratio`` (n,) times the estimate's standard error,
+    and in addition ``floor_rad`` (n,) for errors that the standard error doesn't include.
     """
 
     ratio: FloatArray
     floor_rad: FloatArray
 
     def var_rad2(self, own_rad2: float) -> FloatArray:
-        """Variance of a measured phase, (n,)."""
+        """Return the variance of a measured phase in each filter, shape (n,)."""
         return np.asarray(self.ratio**2 * own_rad2 + self.floor_rad**2, np.float64)
 
 
 class Bank:
-    """The filters.
+    """A bank of n filters with d states.
 
     Parameters
     ----------
     spread : ndarray, shape (n, d, d)
-        Covariance of the states to begin with; they are all 0. The phase is taken as unknown.
+        Initial covariance of the states, whose means are 0. The phase is set to unknown.
     noise : Noise
     weight : ndarray, shape (n,)
         Prior weights of the filters.
     share : float
-        Of the weight, that goes back to the prior with each phase: the best one may change.
+        Share of the weight that returns to the prior with each phase: the best filter may change.
 
     Attributes
     ----------
+    mean, cov : ndarray, shapes (n, d) and (n, d, d)
+    weight : ndarray, shape (n,)
+        Posterior weights.
     was_out : bool
-        Whether the last phase was out of the way.
+        Whether the last phase was an outlier (posterior probability over 0.5).
     """
 
     def __init__(self, spread: FloatArray, noise: Noise, weight: FloatArray, share: float) -> None:
@@ -65,25 +73,40 @@ class Bank:
         self.lose_phase()
 
     def lose_phase(self) -> None:
-        """Forget the phase, but not the other states."""
+        """Make the phase unknown, but keep the other states."""
         self.cov[:, 0, :] = 0.0
         self.cov[:, :, 0] = 0.0
         self.cov[:, 0, 0] = UNKNOWN_RAD2
 
     def go_on(self, turn: FloatArray, kick: FloatArray, moved_rad: FloatArray | float) -> None:
-        """Go on in time: ``turn`` (d, d) and ``kick`` (n, d, d), and by what the phase moves."""
+        """Predict: transition matrix, process noise, and known change of the phase.
+
+        Parameters
+        ----------
+        turn : ndarray, shape (d, d)
+        kick : ndarray, shape (n, d, d)
+        moved_rad : ndarray, shape (n,), or float
+        """
         self.mean = self.mean @ turn.T
         self.mean[:, 0] += moved_rad
         self.cov = turn @ self.cov @ turn.T + kick
-        # The phase can't be less known than not at all. What it has in common with the other states
-        # shrinks with it: a covariance that doesn't hold together makes the filters run away.
+        # Limit the phase's variance to that of an unknown phase. Its covariances are scaled too, or
+        # the covariance matrix would no longer be positive definite and the filters would diverge.
         if self.cov[:, 0, 0].max() > UNKNOWN_RAD2:
             shrunk = np.sqrt(np.minimum(UNKNOWN_RAD2 / self.cov[:, 0, 0], 1.0))[:, None]
             self.cov[:, 0, :] *= shrunk
             self.cov[:, :, 0] *= shrunk
 
     def take(self, phase_rad: float, own_rad2: float) -> float:
-        """Take a phase in; return its log-likelihood given those before (nats)."""
+        """Update with a measured phase; return its predictive log-likelihood (nats).
+
+        Parameters
+        ----------
+        phase_rad : float
+            Modulo whole turns.
+        own_rad2 : float
+            The estimate's variance.
+        """
         noise = self._noise.var_rad2(own_rad2)
         spread = self.cov[:, 0, 0] + noise
         away = _wrapped(phase_rad - self.mean[:, 0])
@@ -93,7 +116,7 @@ class Bank:
         joint = np.log(self.weight) + told
         total = float(np.logaddexp.reduce(joint))
         lost = outside > inside
-        # A phase that might be any, by what was foretold, tells nothing but itself.
+        # Outlier, or uniform prediction: restart the phase at its measurement, keep other states.
         anew = lost | (spread > UNIFORM_RAD2)
         gain = self.cov[:, :, 0] / spread[:, None]
         learnt = gain[:, :, None] * self.cov[:, None, 0, :]
@@ -110,36 +133,39 @@ class Bank:
         return total
 
     def _restart(self, lost: np.ndarray, phase_rad: float, noise: FloatArray) -> None:
-        """Begin anew, with the phase as it was measured, what is ``lost``."""
+        """Set the phase of the filters ``lost`` (mask) to its measurement."""
         self.mean[lost, 0] = phase_rad
         self.cov[lost, 0, :] = 0.0
         self.cov[lost, :, 0] = 0.0
         self.cov[lost, 0, 0] = noise[lost]
 
     def expected(self, state: int) -> tuple[float, float]:
-        """Mean and variance of a state, over all filters by their weights."""
+        """Return a state's posterior mean and variance, averaged over the filters."""
         own, var = self.mean[:, state], self.cov[:, state, state]
         mean = float(self.weight @ own)
         return mean, float(self.weight @ (var + (own - mean) ** 2))
 
     @property
     def best(self) -> int:
-        """Which filter has most weight."""
+        """Index of the filter with the largest weight."""
         return int(self.weight.argmax())
 
     def phase_after(self, one: int, turn: FloatArray, kick: FloatArray) -> tuple[float, float]:
-        """Phase foretold by one filter, a while on, and its variance."""
+        """Return the phase predicted by filter ``one``, and its variance.
+
+        ``turn`` (d, d) and ``kick`` (d, d) are the transition and process noise until then.
+        """
         ahead = turn @ self.cov[one] @ turn.T + kick
         return float((turn @ self.mean[one])[0]), float(ahead[0, 0])
 
 
 def _wrapped(away_rad: FloatArray) -> FloatArray:
-    """Bring differences of phases to within half a turn."""
+    """Wrap phase differences to within half a turn."""
     return np.asarray(away_rad - TURN_RAD * np.rint(away_rad / TURN_RAD), np.float64)
 
 
 def _wrapped_normal(away_rad: FloatArray, var_rad2: FloatArray) -> FloatArray:
-    """Log density of a normal wound round the circle."""
+    """Log density of a wrapped normal distribution, by three terms."""
     var = np.minimum(var_rad2, UNIFORM_RAD2)
     square = (away_rad[:, None] + _TURNS) ** 2 / var[:, None]
     level = -0.5 * np.log(TURN_RAD * var)

@@ -1,13 +1,17 @@
-"""CUSUM of the evidence that a feed follows the grid now, and the lag filter bank that feeds it.
+"""CUSUM of the evidence that a feed follows the grid now, and the lag filter bank behind it.
 
-Each phase tells how much likelier it is by the reference than by any grid whatever; these
-log-likelihood ratios are added up. The sum stops at both ends, so that a change is seen as fast
-after a day as after a minute: E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954.
+The statistic is the sum of log-likelihood ratios of each phase given those before: the feed follows
+the reference, against any grid (:mod:`rsenf.live.null_model`). It is limited at both ends, so that
+the delay of detection doesn't depend on how long the feed has been live or stale.
 
-The bank has one Kalman filter for each lag that an honest feed may have and each size of the
-errors; it tells the lag and the clock's error as well. What is left of
-the phase when the reference's has been taken away is a walk, for the reference's errors are in its
-frequency, and a steady drift, the clock's error, which changes by little.
+Under the first hypothesis there is one Kalman filter for each possible lag of a live feed and each
+size of errors; the bank also estimates the lag and the clock error. After subtraction of the
+reference's phase, a random walk (frequency errors of the reference) and a drift (the clock error,
+itself a slow random walk) remain.
+
+References
+----------
+Page, E. S. (1954), Continuous inspection schemes, Biometrika 41.
 """
 
 from __future__ import annotations
@@ -26,14 +30,15 @@ from rsenf.match.clip_phase import RAD_PER_CYCLE
 from rsenf.messages.schema import FloatArray
 
 LAG_STEP_S = 0.25
-REFERENCE_HZ = ((0.7, 3e-4), (0.3, 1.5e-3))  # of its mean over a second, by share
-CLOCK_PPM_PER_ROOT_S = 0.03  # warming up, a quartz wanders by some ppm in an hour
-SHARE = 2e-3  # of the lags' weight that is shared out anew each second: a lag may change
+# Prior weights and standard deviations of the reference's error, of its mean over a second.
+REFERENCE_HZ = ((0.7, 3e-4), (0.3, 1.5e-3))
+CLOCK_PPM_PER_ROOT_S = 0.03  # a quartz that warms up drifts by some ppm in an hour
+SHARE = 2e-3  # share of the weight returned to the prior with each phase: a lag may change
 
 
 @dataclass(frozen=True)
 class Course:
-    """Where the best filters stand; NaN before there is anything to go by."""
+    """Estimated lag and clock error with standard errors; NaN before the first phase."""
 
     lag_s: float = math.nan
     lag_std_s: float = math.nan
@@ -42,13 +47,17 @@ class Course:
 
 
 class LagFilterBank:
-    """Follows a phase by the reference.
+    """Filters of a phase that follows the reference; states: phase, frequency offset (Hz).
 
     Parameters
     ----------
     settings : LiveSettings
     nominal_hz : float
-        Of the grid.
+        Nominal frequency of the grid.
+
+    Attributes
+    ----------
+    lag_s : ndarray, shape (lags,)
     """
 
     def __init__(self, settings: LiveSettings, nominal_hz: float) -> None:
@@ -73,15 +82,22 @@ class LagFilterBank:
         return np.repeat(np.array(values), self.lag_s.size)
 
     def lose_phase(self) -> None:
-        """Forget the phase."""
+        """Make the phase unknown."""
         self._bank.lose_phase()
 
     def take(
         self, passed_s: float, phase_rad: float, own_rad2: float, moved_rad: FloatArray
     ) -> float:
-        """Take the phase some seconds after the last; return its log-likelihood.
+        """Update with a phase; return its log-likelihood.
 
-        ``moved_rad`` (lags,) is how far the reference's phase went in between, at each lag.
+        Parameters
+        ----------
+        passed_s : float
+            Time since the last phase.
+        phase_rad, own_rad2 : float
+            The phase and its variance.
+        moved_rad : ndarray, shape (lags,)
+            Change of the reference's phase in between, for each lag.
         """
         turn = np.array([[1.0, RAD_PER_CYCLE * passed_s], [0.0, 1.0]])
         moved = np.tile(moved_rad, len(self._kick_per_s) // self.lag_s.size)
@@ -91,7 +107,7 @@ class LagFilterBank:
 
     @property
     def course(self) -> Course:
-        """Lag and clock, over all filters by their weights."""
+        """Posterior mean and standard deviation of lag and clock error."""
         if not self._taken:
             return Course()
         by_lag = self._bank.weight.reshape(-1, self.lag_s.size).sum(axis=0)
@@ -106,13 +122,13 @@ class LagFilterBank:
         )
 
 
-LONGEST_S = 60.0  # without a phase, after which the next one tells nothing
-WILD, SEEN = 5, 20  # so many of the last phases out of the way are too many
+LONGEST_S = 60.0  # gap after which the phase counts as unknown
+WILD, SEEN = 5, 20  # more than WILD outliers among the last SEEN phases are too many
 
 
 @dataclass(frozen=True)
 class Phase:
-    """A measured phase (rad, and its variance) and its time on the stream's clock."""
+    """A measured phase (rad), its variance, and its time on the stream's clock."""
 
     t_ns: int
     rad: float
@@ -120,7 +136,7 @@ class Phase:
 
 
 class Cusum:
-    """Of one epoch of one camera.
+    """The CUSUM of one epoch of one camera.
 
     Parameters
     ----------
@@ -130,8 +146,9 @@ class Cusum:
     Attributes
     ----------
     nats : float
-        The sum.
+        The sum; positive for a live feed.
     last : Phase or None
+        The last phase taken.
     """
 
     def __init__(self, settings: LiveSettings, nominal_hz: float) -> None:
@@ -143,15 +160,22 @@ class Cusum:
 
     @property
     def course(self) -> Course:
-        """Lag and clock that fit best."""
+        """Estimated lag and clock error."""
         return self.follows.course
 
     def take(self, phase: Phase, moved_rad: FloatArray | None) -> None:
-        """Take a phase in, with how far the reference's went since the last; None for unknown."""
+        """Take a phase.
+
+        Parameters
+        ----------
+        phase : Phase
+        moved_rad : ndarray, shape (lags,), or None
+            Change of the reference's phase since the last one, for each lag; None if unknown.
+        """
         passed_s = (phase.t_ns - self.last.t_ns) / 1e9 if self.last else 0.0
         if passed_s > LONGEST_S:
             self.any_grid.lose_phase()
-            self.nats = 0.0  # what followed the grid then needn't be what is shown now
+            self.nats = 0.0  # the feed may show something else after the gap
         if moved_rad is None or passed_s > LONGEST_S:
             self.follows.lose_phase()
         moved = np.zeros(self.follows.lag_s.size) if moved_rad is None else moved_rad
@@ -162,7 +186,7 @@ class Cusum:
         self.last = phase
 
     def _weigh(self, nats: float) -> None:
-        """Add what a phase tells; one that no grid would have tells of none."""
+        """Add a log-likelihood ratio, unless the phase is an outlier for every grid."""
         self._out.append(self.any_grid.was_out)
         if self.is_wild:
             self.nats = 0.0
@@ -172,5 +196,5 @@ class Cusum:
 
     @property
     def is_wild(self) -> bool:
-        """Whether the phases of late jump about as no grid does: then they are none."""
+        """Whether so many recent phases are outliers that they can't be those of a grid."""
         return sum(self._out) > WILD

@@ -1,4 +1,4 @@
-"""A reference that grows while it is used: blocks in, as they come; one uniform grid out."""
+"""A reference that is still being measured: takes blocks, returns one uniformly sampled series."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from rsenf.messages import ReferenceBlock
 from rsenf.messages.schema import FloatArray
 from rsenf.timebase import nanoseconds, seconds
 
-BESIDE_SAMPLES = 2  # after an instant, which the slope at it is taken from
-GROWTH = 4096  # samples that room is made for at once
+BESIDE_SAMPLES = 2  # samples needed after an instant, for the slope at it
+GROWTH = 4096  # samples by which the array grows
 LEAST_STEP_NS = 10_000_000
-MOST_WAITING = 20_000  # blocks of a time to come
-PLAUSIBLE_HZ = 5.0  # about the nominal; what is beyond is no grid's
+MOST_WAITING = 20_000  # pending blocks of later times
+PLAUSIBLE_HZ = 5.0  # largest deviation from the nominal frequency
 
 
 class GrowingGrid:
-    """The reference so far.
+    """The reference up to now.
 
-    Blocks wait as they came until their time does: a file brings years at once, and a wrong time
-    in one block must not take all memory. What is older than the hours kept is thrown away.
+    Blocks stay pending until their time comes: a file sends years at once, and a wrong time in one
+    block must not exhaust the memory. Samples older than ``keep_hours`` are dropped.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class GrowingGrid:
         self._first = self._end = first  # numbers of the samples held
 
     def add(self, block: ReferenceBlock) -> None:
-        """Take a block in; one that comes again overwrites itself."""
+        """Take a block; a repeated one overwrites itself."""
         if not block.samples or not block.t0_ns or block.step_ns < LEAST_STEP_NS:
             return
         if block.nominal_hz not in (50.0, 60.0):
@@ -56,10 +56,10 @@ class GrowingGrid:
         self._waiting.append(block)
 
     def reach(self, utc_ns: int) -> None:
-        """Have at hand what is told of the hours before a time, and a little beyond."""
+        """Merge the pending blocks of the hours before a time, and slightly beyond it."""
         if self._like is None:
             return
-        # A camera whose time has gone wrong must not have it all thrown away.
+        # A camera with a wrong time must not cause all samples to be dropped.
         now = min(int(self._at_s(utc_ns)), self._told_end)
         oldest = now - int(self._keep_s / self.step_s)
         later = []
@@ -93,17 +93,17 @@ class GrowingGrid:
 
     @property
     def is_there(self) -> bool:
-        """Whether there is any, with a known time."""
+        """Whether there is a reference with known time."""
         return self._like is not None
 
     @property
     def is_whole(self) -> bool:
-        """Whether nothing more will come."""
+        """Whether the reference is complete."""
         return self.is_there and 0 < self._total <= self._told_end
 
     @property
     def nominal_hz(self) -> float:
-        """50 or 60; NaN while there is none."""
+        """50 or 60; NaN before the first block."""
         return self._like.nominal_hz if self._like else math.nan
 
     @property
@@ -114,25 +114,33 @@ class GrowingGrid:
 
     @property
     def name(self) -> str:
-        """Name of the grid; empty while there is none."""
+        """Name of the grid; empty before the first block."""
         return self._like.grid if self._like else ""
 
     def end_ns(self) -> int:
-        """End of the last sample, UTC; 0 while there is none."""
+        """Return the end of the last sample, UTC in ns; 0 before the first block."""
         return self._like.t0_ns + self._told_end * self._like.step_ns if self._like else 0
 
     def covers(self, utc_ns: int) -> bool:
-        """Whether all is here that will ever be told of a time."""
+        """Whether everything that the reference will have about a time has arrived."""
         beside_ns = nanoseconds(BESIDE_SAMPLES * self.step_s) if self._like else 0
         return self.is_there and (self.is_whole or self.end_ns() >= utc_ns + beside_ns)
 
     def moved(self, from_ns: int, passed_s: float, lag_s: FloatArray) -> FloatArray | None:
-        """How far its phase goes within some seconds after a time, less each of some lags.
+        """Return the change of the reference's phase over an interval, for each lag.
+
+        Parameters
+        ----------
+        from_ns : int
+            Start of the interval, UTC, at lag 0.
+        passed_s : float
+            Its length.
+        lag_s : ndarray, shape (lags,)
 
         Returns
         -------
         ndarray, shape (lags,), or None
-            Radians of the illumination less the nominal; None where it has a gap.
+            Phase of the illumination relative to its nominal frequency, rad; None at a gap.
         """
         if self._like is None:
             return None
@@ -141,7 +149,7 @@ class GrowingGrid:
         return phase[1] - phase[0] if known[1].all() else None
 
     def held(self, until_ns: int | None = None) -> Grid:
-        """Return what is held, up to a time, as one grid."""
+        """Return the samples held as one series, up to a time (UTC, ns) if given."""
         assert self._like is not None
         stop = self._end - self._first
         if until_ns is not None:
@@ -151,13 +159,13 @@ class GrowingGrid:
         return Grid(self._like.grid, self._like.nominal_hz, t0_ns, self.step_s, freq_hz)
 
     def _at_s(self, utc_ns: int) -> float:
-        """Place of a time, in samples after the reference's first."""
+        """Convert a time to a number of samples after the reference's first."""
         assert self._like is not None
         return (utc_ns - self._like.t0_ns) / self._like.step_ns
 
 
 def _same(one: ReferenceBlock, other: ReferenceBlock) -> bool:
-    """Whether two blocks lie on one axis: who sends them may have begun anew."""
+    """Whether two blocks have the same time axis; it changes if their sender was restarted."""
 
     def axis(block: ReferenceBlock) -> tuple[object, ...]:
         return block.t0_ns, block.step_ns, block.grid, block.nominal_hz

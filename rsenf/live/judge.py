@@ -1,6 +1,6 @@
-"""The judge of one epoch: estimates in, second by second; what they say of the feed.
+"""The verdict on one epoch of a feed, from its ENF estimates, with hysteresis between two limits.
 
-A stale feed's own story: since when it doesn't follow the grid, and where it was taken from.
+If a feed is stale: since when it hasn't followed the grid, and when its picture was taken.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from rsenf.timebase import NS_PER_S, nanoseconds, seconds
 
 
 class Suspects:
-    """The estimates since a feed last followed the grid, and searches for where they are from.
+    """The estimates since a feed last followed the grid, and searches for their origin.
 
     Attributes
     ----------
     origin : Origin or None
-        How old the picture is, found in the reference.
+        Age of the picture, found in the reference.
     repeats : Origin or None
-        The same, found in the feed's own past.
+        Age of the picture, found in the feed's own past.
     since_ns : int or None
-        Stream clock since when they don't follow the grid.
+        Stream clock since when the estimates haven't followed the grid.
     """
 
     def __init__(self, settings: LiveSettings, own: OwnPast) -> None:
@@ -44,26 +44,26 @@ class Suspects:
         self.clear()
 
     def clear(self) -> None:
-        """Begin anew: they follow the grid after all."""
+        """Discard everything: the feed follows the grid."""
         self.jumped()
         self.repeats: Origin | None = None
         self.since_ns: int | None = None
 
     def jumped(self) -> None:
-        """Begin anew to look for the time: the picture has jumped to another, as loops do."""
+        """Discard the estimates and the origin: the picture has jumped in time, as loops do."""
         self._waiting = []
         self.origin: Origin | None = None
         self._searched_ns = None
 
     def add(self, estimate: EnfEstimate) -> None:
-        """Take an estimate that doesn't follow the grid."""
+        """Add an estimate that doesn't follow the grid."""
         if self.since_ns is None:
             self.since_ns = estimate.start_pts_ns
         self._waiting.append(estimate)
         del self._waiting[: -past.MOST_S]
 
     def search(self, tick: Tick, grid: GrowingGrid) -> None:
-        """Look them up, when there are enough, nothing is known, and the last time is long ago."""
+        """Search for the origin, if unknown, with enough estimates and not too soon again."""
         known = self.origin is not None or tick.offset_ns is None
         if known or sum(e.usable for e in self._waiting) < past.LEAST_S:
             return
@@ -77,13 +77,13 @@ class Suspects:
             self.origin = past.in_reference(self._waiting, tick.offset_ns, held, self._youngest_s)
 
 
-SEEN = 20  # estimates by which is told whether there is a signal
-LEAST_USABLE = 0.3
-FORGET_NS = 30 * NS_PER_S  # without a second that could be compared, nothing is known of now
+SEEN = 20  # last estimates that decide whether there is a signal
+LEAST_USABLE = 0.3  # share of usable ones
+FORGET_NS = 30 * NS_PER_S  # without a comparison for this long, the verdict no longer holds
 
 
 class Judge:
-    """Of one epoch.
+    """The verdict on one epoch.
 
     Parameters
     ----------
@@ -93,8 +93,10 @@ class Judge:
 
     Attributes
     ----------
+    evidence : Cusum or None
+        None before the first usable phase.
     standing : str
-        By the phases so far: 'live', 'stale' or 'undecided'.
+        Decision by the phases: 'live', 'stale' or 'undecided'.
     suspects : Suspects
     """
 
@@ -108,7 +110,7 @@ class Judge:
         self.standing = "undecided"
 
     def take(self, estimate: EnfEstimate, tick: Tick) -> tuple[Jump | None, Change | None]:
-        """Take an estimate in; return what happened to the phase, and to the flicker's size."""
+        """Take an estimate; return a jump of the phase and a change of the amplitude, if any."""
         self._seen.append(estimate)
         phase = _phase_of(estimate)
         if phase is None or not math.isfinite(estimate.enf_hz):
@@ -117,13 +119,13 @@ class Judge:
             self.evidence = Cusum(self._settings, estimate.nominal_hz)
         last = self.evidence.last
         if last is not None and phase.t_ns <= last.t_ns:
-            return None, None  # told already
+            return None, None  # already known
         jump = self._jumps.take(phase, self.evidence)
         self.evidence.take(phase, self._moved(estimate, phase, tick))
         self._stand()
         if self.evidence.nats >= self._settings.limits.most:
             self.suspects.clear()
-        elif jump or estimate.slips:  # a splice may look like frames that slip
+        elif jump or estimate.slips:  # a splice may look like lost or repeated frames
             self.suspects.jumped()
         self.suspects.add(estimate)
         if tick.offset_ns is not None:
@@ -134,7 +136,7 @@ class Judge:
         assert self.evidence is not None
         last, lag_s = self.evidence.last, self.evidence.follows.lag_s
         fits = self._grid.nominal_hz == estimate.nominal_hz
-        is_open = estimate.mirror_hz > 0.0  # the deviation may have the other sign
+        is_open = estimate.mirror_hz > 0.0  # the sign of the deviation is ambiguous
         if last is None or tick.offset_ns is None or not fits or is_open:
             return None
         passed_s = seconds(phase.t_ns - last.t_ns)
@@ -152,11 +154,18 @@ class Judge:
             self.standing = "live"
         elif nats <= limits.stale:
             self.standing = "stale"
-        elif self.evidence.is_wild or nats == 0.0:  # nothing of before counts any more
+        elif self.evidence.is_wild or nats == 0.0:  # the sum was reset
             self.standing = "undecided"
 
     def verdict(self, due_ns: int, tick: Tick) -> tuple[str, str]:
-        """Return the verdict on what was up to a time, and the evidence in words."""
+        """Return the verdict at a time, and the evidence in words.
+
+        Parameters
+        ----------
+        due_ns : int
+            Stream clock up to which estimates are complete.
+        tick : Tick
+        """
         if unusable := self._why_no_signal(due_ns, tick):
             return unusable
         if self.evidence is None:
@@ -194,7 +203,7 @@ class Judge:
         return None
 
     def _why_not_compared(self, due_ns: int, tick: Tick) -> str:
-        """Why phases couldn't be compared with the reference lately; empty where they were."""
+        """Why recent phases couldn't be compared with the reference; empty if they were."""
         if self._compared_ns is not None and due_ns - self._compared_ns <= FORGET_NS:
             return ""
         if not self._grid.is_there:
@@ -215,7 +224,7 @@ class Judge:
 
 
 def _phase_of(estimate: EnfEstimate) -> Phase | None:
-    """Phase of an estimate's own second; None where it has none that may be used."""
+    """Return the phase of an estimate's second; None if it has no usable one."""
     if not estimate.usable or estimate.points != 1 or estimate.nominal_hz not in (50.0, 60.0):
         return None
     if not estimate.start_pts_ns <= int(estimate.amplitude_pts_ns[0]) <= estimate.end_pts_ns:
@@ -227,7 +236,7 @@ def _phase_of(estimate: EnfEstimate) -> Phase | None:
     own = float(estimate.amplitude_var_re[0] + estimate.amplitude_var_im[0]) / 2.0
     if not (0.0 < power < math.inf and 0.0 <= own < math.inf):
         return None
-    # Of the stream's clock, not of where its tracker began: that may be started again.
+    # Phase relative to the stream's clock, not to the tracker's origin: trackers may restart.
     turns = round(estimate.carrier_hz) * estimate.origin_pts_ns % NS_PER_S / NS_PER_S
     rad = math.remainder(math.atan2(im, re) - math.tau * turns, math.tau)
     return Phase(int(estimate.amplitude_pts_ns[0]), rad, own / power)

@@ -1,8 +1,7 @@
-"""Jumps of the phase: frames that were dropped or sent twice without their times telling, splices.
+"""Detects phase jumps: frames dropped or repeated with continuous time stamps, or splices.
 
-A phase that is out of the way of those before it is a jump only when those after it go on from
-there: one second that went wrong is none. So what was to be expected without a jump is kept for
-some seconds, and compared with them.
+A phase that deviates from its prediction is a jump only if the next ones deviate too: a single
+outlier isn't. The predictions from before the jump are kept for some seconds for this comparison.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from rsenf.live.bank import TURN_RAD
 from rsenf.live.cusum import Cusum, Phase
 from rsenf.timebase import seconds
 
-AFTER_S = 3  # seconds after which is looked whether it is still out of the way
+AFTER_S = 3  # seconds of deviation that confirm a jump
 FORETOLD_S = range(1, AFTER_S + 3)
 SURE_STDS = 6.0
 LEAST_RAD = 0.4
@@ -22,7 +21,7 @@ LEAST_RAD = 0.4
 
 @dataclass(frozen=True)
 class Jump:
-    """By how much the phase jumped, the limit for that, and when on the stream's clock."""
+    """A phase jump: time on the stream's clock, size, and the limit it exceeded."""
 
     t_ns: int
     rad: float
@@ -30,15 +29,22 @@ class Jump:
 
 
 class Jumps:
-    """Looks for jumps in one epoch's phases."""
+    """Detects jumps in the phases of one epoch."""
 
     def __init__(self) -> None:
-        self._foretold: dict[int, tuple[float, float]] = {}  # phase and variance, by second
+        self._foretold: dict[int, tuple[float, float]] = {}  # predicted phase, variance; by second
         self._from: Phase | None = None
         self._seen: list[Phase] = []
 
     def take(self, phase: Phase, evidence: Cusum) -> Jump | None:
-        """Look at a phase, before the evidence takes it; return the jump that it makes sure of."""
+        """Take a phase; return the jump that it confirms, if any.
+
+        Parameters
+        ----------
+        phase : Phase
+        evidence : Cusum
+            Predicts phases. It must take this phase after this call, not before.
+        """
         last = evidence.last
         if last is None:
             return None
@@ -65,7 +71,7 @@ def _after_s(last: Phase, phase: Phase) -> int:
 
 
 def _is_out(phase: Phase, foretold: tuple[float, float]) -> tuple[float, float] | None:
-    """How far a phase is out of the way and the limit, where it is beyond that."""
+    """Return a phase's deviation from its prediction and the limit; None if below the limit."""
     mean, var = foretold
     away = phase.rad - mean
     away -= TURN_RAD * round(away / TURN_RAD)

@@ -1,4 +1,4 @@
-"""How far a camera's measured phases may be from the light's, beyond what they claim."""
+"""Prior for errors of measured phases beyond their standard errors."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class PhaseNoise:
-    """One size of the errors of a phase, with its prior weight.
+    """One noise model, with its prior weight: ``ratio`` times the standard error, plus a floor.
 
-    ``ratio`` times what the estimate claims, and ``floor_rad`` besides. Codecs at low bit rates
-    make the phase wander by 0.02 to 0.15 rad, over some seconds.
+    Codecs at low bit rates make the phase wander by 0.02 to 0.15 rad over some seconds.
     """
 
     weight: float
@@ -18,6 +17,6 @@ class PhaseNoise:
     floor_rad: float
 
 
-# No estimate is taken to be better than the first floor: errors of a tracker hang together from
-# second to second, and who believes them to the last digit is sure of what isn't so.
+# No estimate counts as better than the first floor: a tracker's errors are correlated from second
+# to second, and taking them as independent makes the test overconfident.
 NOISES = (PhaseNoise(0.6, 1.0, 0.03), PhaseNoise(0.3, 2.0, 0.06), PhaseNoise(0.1, 2.0, 0.15))

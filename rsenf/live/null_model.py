@@ -1,10 +1,9 @@
-"""Null model of a live feed: any grid, as a Kalman filter; the alternative to the reference.
+"""Null model of a live feed: any grid, as a bank of Kalman filters.
 
-The frequency is that of :mod:`rsenf.flicker.grid_prior` (two Ornstein–Uhlenbeck processes,
-smoothed twice by inertia) about a mean that isn't known, for the clock's error is in
-it. :func:`rsenf.match.ou_likelihood.generic_log_likelihood` says the same of a whole clip at once.
-States: phase, mean, the two walks, and the frequency after one and after two passes through the
-inertia.
+The frequency is as in :mod:`rsenf.flicker.grid_prior` (the sum of two Ornstein-Uhlenbeck processes,
+passed twice through a first-order low-pass for inertia), plus an unknown constant that includes
+the clock error. :func:`rsenf.match.ou_likelihood.generic_log_likelihood` is the same model for a
+whole clip. States: phase, constant, the two processes, and the outputs of the two low-passes.
 """
 
 from __future__ import annotations
@@ -21,13 +20,13 @@ from rsenf.match.ou_likelihood import LIVELINESS, MEAN_STD_HZ
 from rsenf.messages.schema import FloatArray
 
 STATES = 6
-_GRID = slice(2, None)  # the states of the grid itself
+_GRID = slice(2, None)  # the stationary states
 SHARE = 1e-3
 LONG_S = 5.0
 
 
 class NullModel:
-    """Follows a phase by what grids do."""
+    """Filters of a phase under the null model, for several amplitudes of the grid's wander."""
 
     def __init__(self) -> None:
         models = [(lively, n, w * n.weight) for lively, w in LIVELINESS for n in NOISES]
@@ -43,28 +42,31 @@ class NullModel:
         self._bank = Bank(spreads, noise, np.array([w for _, _, w in models]), SHARE)
 
     def lose_phase(self) -> None:
-        """Forget the phase."""
+        """Make the phase unknown."""
         self._bank.lose_phase()
 
     def take(self, passed_s: float, phase_rad: float, own_rad2: float) -> float:
-        """Take the phase some seconds after the last; return its log-likelihood."""
+        """Update with a phase ``passed_s`` after the last; return its log-likelihood.
+
+        ``own_rad2`` is the variance of the phase.
+        """
         turn, kick = _over(passed_s)
         self._bank.go_on(turn, self._lively2[:, None, None] * kick, 0.0)
         return self._bank.take(phase_rad, own_rad2)
 
     @property
     def was_out(self) -> bool:
-        """Whether no grid does what the last phase did."""
+        """Whether the last phase was an outlier for every grid."""
         return self._bank.was_out
 
     def phase_after(self, passed_s: float) -> tuple[float, float]:
-        """Phase foretold for some seconds after the last, by the best filter, and its variance."""
+        """Return the best filter's phase ``passed_s`` after the last one, and its variance."""
         best, (turn, kick) = self._bank.best, _over(passed_s)
         return self._bank.phase_after(best, turn, self._lively2[best] * kick)
 
 
 def _drift() -> FloatArray:
-    """How the states move, per second."""
+    """Return the drift matrix of the continuous-time state-space model, per second."""
     a = np.zeros((STATES, STATES))
     a[0, 1] = a[0, 5] = RAD_PER_CYCLE
     a[2, 2], a[3, 3] = (-1.0 / memory_s for _, memory_s in WALKS)
@@ -75,13 +77,15 @@ def _drift() -> FloatArray:
 
 @lru_cache(maxsize=256)
 def _over(passed_s: float) -> tuple[FloatArray, FloatArray]:
-    """Transition and covariance of the kicks over a time.
+    """Discretise the model: transition matrix and process noise over a time.
 
-    Long ones are made of two halves: the exponential holds what inertia does backwards in time,
-    which after a minute is beyond any number of digits.
+    Long times are composed of two halves: the block matrix contains the inertia backwards in time,
+    whose exponential loses all precision after a minute.
 
-    C. F. Van Loon, "Computing integrals involving the matrix exponential", IEEE Trans. Automatic
-    Control 23, 1978.
+    References
+    ----------
+    Van Loon, C. F. (1978), Computing integrals involving the matrix exponential, IEEE Trans.
+    Automatic Control 23.
     """
     from scipy.linalg import expm
 
@@ -100,7 +104,7 @@ def _over(passed_s: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _stationary() -> FloatArray:
-    """Covariance of the grid's own states in the long run, by doubling the time."""
+    """Return the stationary covariance of the grid's states, by doubling the time step."""
     turn, spread = _over(1.0)
     turn, spread = turn[_GRID, _GRID], spread[_GRID, _GRID].copy()
     for _ in range(16):

@@ -1,8 +1,7 @@
-"""When was a stale picture taken? Looked up in the reference's past, and in the feed's own.
+"""Finds when a stale picture was taken: in the reference's past, and in the feed's own past.
 
-A looped feed follows the grid of some time ago. That time is found as a recording's is: by the
-phase matcher, over all lags. The feed's own ENF of before is a reference like any other: found
-there, the feed repeats itself.
+A looped feed follows the grid of an earlier time, which the phase matcher finds over all lags, as
+for a recording. With the feed's earlier ENF as the reference, a match means that the feed repeats.
 """
 
 from __future__ import annotations
@@ -20,14 +19,14 @@ from rsenf.match.settings import MatchSettings
 from rsenf.messages import EnfEstimate
 from rsenf.timebase import NS_PER_S, nanoseconds
 
-LEAST_S = 40  # usable seconds without a jump, below which no time is sought
+LEAST_S = 40  # least number of usable seconds without a jump for a search
 MOST_S = 240
-APART_S = 10.0  # between what is compared with the feed's own past and that past
+APART_S = 10.0  # gap between the estimates and the part of the feed's past they are compared with
 
 
 @dataclass(frozen=True)
 class Origin:
-    """How old the picture was at the time of the search, and the standard error."""
+    """Age of a picture, and its standard error."""
 
     age_s: float
     std_s: float
@@ -36,18 +35,23 @@ class Origin:
 def in_reference(
     estimates: list[EnfEstimate], offset_ns: int, grid: Grid, youngest_s: float
 ) -> Origin | None:
-    """Look estimates up in a reference's past.
+    """Match estimates with a reference's past.
 
     Parameters
     ----------
     estimates : list of EnfEstimate
-        In a row, without a jump.
+        Consecutive, without a jump.
     offset_ns : int
-        UTC less their stream's clock.
+        UTC minus the stream's clock.
     grid : Grid
-        Up to now.
+        The reference up to now.
     youngest_s : float
-        Ages below this are the present, not the past.
+        Ages up to this count as the present.
+
+    Returns
+    -------
+    Origin or None
+        None without a match, or if it is in the present.
     """
     start_ns = estimates[0].origin_pts_ns + offset_ns
     found = _match(estimates, grid)
@@ -63,26 +67,39 @@ def _match(estimates: list[EnfEstimate], grid: Grid) -> Finding | None:
         return None
     try:
         found = match_phase(track, [grid], MatchSettings())
-    except UsageError:  # the steps of the two don't fit each other: no time can be found
+    except UsageError:  # the sampling steps of the two are incompatible
         return None
     return found if found.decision == "match" else None
 
 
 class OwnPast:
-    """The feed's own ENF, second by second of this host's clock, as a reference."""
+    """The feed's own ENF, one value a second on this host's clock, as a reference."""
 
     def __init__(self, keep_hours: float) -> None:
         self._keep_ns = nanoseconds(3600 * keep_hours)
         self._enf: deque[tuple[int, float]] = deque(maxlen=round(3600 * keep_hours))
 
     def add(self, estimate: EnfEstimate, offset_ns: int) -> None:
-        """Take a usable estimate in."""
+        """Add a usable estimate."""
         self._enf.append((estimate.start_pts_ns + offset_ns, estimate.enf_hz))
 
     def repeated(self, estimates: list[EnfEstimate], offset_ns: int) -> Origin | None:
-        """Look for the newest estimates among those before them; return how long ago they were."""
+        """Match the newest estimates with earlier ones.
+
+        Parameters
+        ----------
+        estimates : list of EnfEstimate
+            Consecutive, without a jump.
+        offset_ns : int
+            UTC minus the stream's clock.
+
+        Returns
+        -------
+        Origin or None
+            Age of the earlier ones; None without a match.
+        """
         until_ns = estimates[0].start_pts_ns + offset_ns - nanoseconds(APART_S)
-        # By a clock that may have been set: by years, where a host began without one.
+        # The host's clock may have been set, even by years after a start without a clock.
         before = [(t, hz) for t, hz in self._enf if 0 < until_ns - t <= self._keep_ns]
         if len(before) < LEAST_S:
             return None

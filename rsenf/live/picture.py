@@ -1,8 +1,9 @@
-"""What the rows themselves show, without any reference: a picture that stands, or comes again.
+"""Detects frozen and looped pictures by identical row means, without any reference.
 
-Light and sensor noise make every frame differ from every other. Rows that are alike to the last
-bit are the same picture. Few of them for seconds are one that stands (frozen): a codec sends it
-anew with each key frame, and better in the frames after. Those of long ago again are a loop.
+Light and sensor noise make all frames differ, so identical row means are the same picture. Few
+different pictures over some seconds mean a frozen feed (not one only: a codec sends a still picture
+again with each key frame, and refines it afterwards). Pictures identical to earlier ones, all after
+the same period, mean a loop.
 """
 
 from __future__ import annotations
@@ -18,28 +19,28 @@ from rsenf.messages.schema import Float32Array
 from rsenf.timebase import nanoseconds, seconds
 
 KEEP_NS = nanoseconds(3600.0)
-REMEMBER_NS = nanoseconds(0.1)  # one frame in so long a time: a loop shows all of them again
+REMEMBER_NS = nanoseconds(0.1)  # one frame is stored per interval: a loop repeats all of them
 LEAST_PERIOD_NS = nanoseconds(1.0)
-FEW_RATIO = 0.1  # so few different ones among the frames are one picture that stands
+FEW_RATIO = 0.1  # share of different pictures up to which the feed is frozen
 ALIKE_LEVELS = 1e-4
-# A loop that was coded anew shows some of its pictures as they were, and others not quite.
+# A loop that was encoded again repeats only some of its pictures exactly.
 HOLD_NS = nanoseconds(30.0)
-STANDS_RATIO = 0.6  # of the time to frozen, after which what stands is no loop, for all its GOPs
-JITTER_NS = nanoseconds(0.1)  # by which the period may differ from frame to frame
+STANDS_RATIO = 0.6  # of the time to frozen: if still for this long, repeats come from GOPs, no loop
+JITTER_NS = nanoseconds(0.1)  # allowed variation of the period
 
 
 @dataclass(frozen=True)
 class PictureFacts:
-    """What was seen of the pictures up to a time.
+    """Findings about the pictures up to a time.
 
     Attributes
     ----------
     frozen_since_ns : int or None
-        Stream clock since when the picture stands.
+        Stream clock since when the picture is frozen.
     loop_since_ns : int or None
-        Stream clock since when pictures come again.
+        Stream clock since when pictures repeat.
     period_s : float
-        After how long they do; NaN while they don't.
+        Period of the loop; NaN for none.
     """
 
     frozen_since_ns: int | None = None
@@ -48,30 +49,30 @@ class PictureFacts:
 
 
 class Picture:
-    """Looks at one epoch's row blocks.
+    """Detects frozen and looped pictures in the row blocks of one epoch.
 
     Parameters
     ----------
     frozen_s, loop_s : float
-        How long either must last to be said.
+        Time that either must last to be reported.
     """
 
     def __init__(self, frozen_s: float, loop_s: float) -> None:
         self._frozen_ns, self._loop_ns = nanoseconds(frozen_s), nanoseconds(loop_s)
         self._before: Float32Array | None = None
-        # Pictures are told apart by Python's hash of their bytes, which no other process knows.
-        self._digest = 0  # of the picture before
-        self._late: deque[tuple[int, int]] = deque()  # frames of the time to frozen
-        self._pictures: dict[int, int] = {}  # how often each is among them
+        # Pictures are identified by Python's hash of their bytes, which is randomised per process.
+        self._digest = 0  # of the previous picture
+        self._late: deque[tuple[int, int]] = deque()  # frames of the last frozen_s
+        self._pictures: dict[int, int] = {}  # number of occurrences among them
         self._seen: dict[int, int] = {}
         self._order: deque[tuple[int, int]] = deque()
         self._again: tuple[int, int, int] | None = None  # since, until, period
-        self._loop: tuple[int, int, int] | None = None  # the same, while it is said to be one
+        self._loop: tuple[int, int, int] | None = None  # the same, while reported as a loop
         self._began_ns: int | None = None
         self.facts = PictureFacts()
 
     def add(self, block: RowBlock) -> None:
-        """Look at a block's frames."""
+        """Take a block of rows."""
         if not block.frames:
             return
         alike = self._alike(block.level)
@@ -88,7 +89,7 @@ class Picture:
         self._conclude(int(block.frame_pts_ns[-1]))
 
     def _keep(self, pts_ns: int, digest: int) -> None:
-        """Keep a frame, and let go of those that are too old."""
+        """Store a frame, and drop those that are too old."""
         self._late.append((pts_ns, digest))
         self._pictures[digest] = self._pictures.get(digest, 0) + 1
         while self._late[0][0] < pts_ns - self._frozen_ns:
@@ -98,11 +99,11 @@ class Picture:
                 del self._pictures[old]
 
     def _alike(self, level: Float32Array) -> list[bool]:
-        """Whether each frame shows the same as the one before it."""
+        """Whether each frame is identical to the one before it."""
         before = self._before
         if before is None or before.shape != level.shape[1:]:
             before = np.full(level.shape[1:], np.inf, np.float32)
-        # Hardly any two pictures are alike in one place, even.
+        # Fast path: different pictures almost always differ at any single place.
         place = level.shape[1] // 2, 0
         here = [float(before[place]), *level[:, *place].tolist()]
         if not any(abs(a - b) < 2.0 * ALIKE_LEVELS for a, b in itertools.pairwise(here)):
@@ -112,7 +113,7 @@ class Picture:
         return [bool(alike) for alike in far < ALIKE_LEVELS]
 
     def _look_up(self, pts_ns: int, digest: int) -> None:
-        """See whether just this frame was there before, and as long ago as those before it."""
+        """Look for an identical earlier frame, and note the period if there is one."""
         then_ns = self._seen.get(digest)
         if then_ns is not None and pts_ns - then_ns >= LEAST_PERIOD_NS:
             self._note_again(pts_ns, pts_ns - then_ns)
@@ -143,7 +144,7 @@ class Picture:
         if self._loop is not None and now_ns - self._loop[1] > HOLD_NS:
             self._loop = None
         full = self._began_ns is not None and now_ns - self._began_ns >= self._frozen_ns
-        seen_ns = now_ns - self._late[0][0]  # little, where none came for a while
+        seen_ns = now_ns - self._late[0][0]  # short after a gap in the frames
         stood_long = _few(len(self._pictures), len(self._late))
         if full and 2 * seen_ns > self._frozen_ns and stood_long:
             stood = self.facts.frozen_since_ns
@@ -155,11 +156,11 @@ class Picture:
             self.facts = PictureFacts(frozen_since, began_ns, seconds(period_ns))
 
     def _stands_since(self, since_ns: int) -> bool:
-        """Whether the frames since a time show few pictures, again and again."""
+        """Whether the frames since a time show few different pictures."""
         pictures = [digest for pts_ns, digest in self._late if pts_ns >= since_ns]
         return _few(len(set(pictures)), len(pictures))
 
 
 def _few(different: int, frames: int) -> bool:
-    """Whether so few different pictures among so many frames are one that stands."""
+    """Whether a number of different pictures is small enough for a frozen feed."""
     return different <= max(1.0, FEW_RATIO * frames)

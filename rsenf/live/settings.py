@@ -1,4 +1,4 @@
-"""What the judge of liveness may be told, with the reason for each default."""
+"""Settings of liveness detection, and the fitted limits of its test."""
 
 from __future__ import annotations
 
@@ -16,21 +16,19 @@ FILE = "limits.json"
 
 @dataclass(frozen=True)
 class Limits:
-    """How much evidence a verdict takes, in nats; a running sum is kept between the two ends.
-
-    Fitted by ``rsenf bench live``; ``limits.json`` says on what.
+    """Limits of the CUSUM, in nats. Fitted by ``rsenf bench live``, on the data in ``limits.json``.
 
     Parameters
     ----------
     live : float
-        At which sum a feed is called live.
+        Sum at which a feed is called live.
     stale : float
-        At which sum, below 0, it is called stale.
+        Sum, below 0, at which it is called stale.
     most : float
-        Where the sum stops. From there down to ``stale`` is what it takes to give up a feed that
-        has been live for long, and what false alarms are rare by.
+        Upper limit of the sum. The distance from here to ``stale`` is the evidence needed to call a
+        feed stale that has been live for long, which keeps false alarms rare.
     least : float
-        Where the sum stops below.
+        Lower limit of the sum.
     """
 
     live: float
@@ -45,7 +43,13 @@ class Limits:
 
 @lru_cache(maxsize=1)
 def fitted_limits() -> Limits:
-    """Return the limits that come with the program."""
+    """Return the limits that are shipped with rsenf.
+
+    Raises
+    ------
+    UsageError
+        When their file is of another version.
+    """
     read = json.loads((files("rsenf.live") / FILE).read_text(encoding="utf-8"))
     if read["version"] != VERSION:
         raise UsageError(f"{FILE} is version {read['version']}, not {VERSION}")
@@ -54,34 +58,36 @@ def fitted_limits() -> Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class LiveSettings:
-    """Settings of the judge of liveness.
+    """Settings of liveness detection.
 
     Parameters
     ----------
     earliest_s : float
-        How old, at least, the picture of an honest feed is when it arrives, by the reference's
-        clock; below 0 where a reference may be late itself.
+        Smallest age of a live feed's picture on arrival, by the reference's clock; negative if the
+        reference itself may be late.
     latest_s : float
-        How old it is at most: what an encoder and a network may take. An older picture is stale.
+        Largest age of a live feed's picture, caused by encoder and network. An older picture is
+        stale.
     clock_scale_ppm : float
-        Standard deviation of cameras' clock errors, before one is known.
+        Prior standard deviation of cameras' clock errors.
     limits : Limits
-        How much evidence a verdict takes.
+        Evidence needed for a verdict.
     lost_s : float
-        Without pictures for so long, a feed counts as lost.
+        Time without pictures after which a feed counts as lost.
     frozen_s : float
-        With the same picture for so long, as frozen.
+        Time with the same picture after which a feed counts as frozen.
     loop_s : float
-        So long a stretch of pictures, alike to the last bit to one before, is a loop.
+        Length of a sequence of pictures that counts as a loop if it repeats an earlier one exactly.
     keep_hours : float
-        Of the reference, and of the feed itself, to look up when a stale picture was taken.
+        Time for which the reference and the feed's own ENF are kept, to find when a stale picture
+        was taken.
     search_every_s : float
-        Between two such searches.
+        Time between two such searches.
     report_every_s : float
-        Between two messages when nothing changes.
+        Time between two messages when nothing changes.
     """
 
-    # Read by whoever validates a configuration file: a misspelt key is an error.
+    # For validation by pydantic: unknown keys are errors.
     __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     earliest_s: float = -2.0

@@ -1,4 +1,8 @@
-"""Is this feed live? Rows, estimates and a reference in; verdicts and alarms out."""
+"""The stage of liveness detection: takes rows, estimates and a reference; sends verdicts, alarms.
+
+Each tick (second of pictures) is processed once its estimates and the reference have arrived, or
+have been waited for long enough. Estimates are used up to 16 s before the tick.
+"""
 
 from __future__ import annotations
 
@@ -29,19 +33,19 @@ from rsenf.messages import (
 )
 from rsenf.timebase import NS_PER_S, nanoseconds
 
-BEHIND_NS = 16 * NS_PER_S  # what a tracker knows of a second, it says at most so much later
-# How long, by the pictures' arrival, is waited for what is late. Estimates are so while a tracker
-# still looks for flicker.
+BEHIND_NS = 16 * NS_PER_S  # largest delay of a tracker's estimate
+# Longest wait for late messages, in arrival time of the pictures. Estimates are late while a
+# tracker is still searching for flicker.
 ESTIMATES_PATIENCE_NS, REFERENCE_PATIENCE_NS = 3 * NS_PER_S, 30 * NS_PER_S
-MOST_WAITING, MOST_RUNS = 3600, 4  # ticks and estimates: those of an hour
+MOST_WAITING, MOST_RUNS = 3600, 4  # pending ticks and estimates (an hour), and runs of these
 LN10 = math.log(10.0)
 
 
 @dataclass(frozen=True)
 class Silence:
-    """No pictures for ``lost_s``, or none yet, by whoever has a clock: nothing else tells of it.
+    """Notice that no picture has arrived for ``lost_s``, or none yet; sent by the stage's caller.
 
-    The header is what a verdict goes by where there has not been a single picture.
+    The header is used for the verdict if there has been no picture at all.
     """
 
     header: Header
@@ -54,7 +58,7 @@ class Live:
     ----------
     settings : LiveSettings, optional
     start_utc_ns : int
-        When the first picture was taken, where arrival doesn't tell: recordings, simulations.
+        Time of the first picture for recordings and simulations; 0 to use arrival times.
     """
 
     def __init__(self, settings: LiveSettings | None = None, *, start_utc_ns: int = 0) -> None:
@@ -77,7 +81,7 @@ class Live:
     def update(
         self, message: RowBlock | EnfEstimate | IdleEstimate | ReferenceBlock | Silence
     ) -> list[Liveness | Alarm]:
-        """Take a message in; return the verdicts and alarms that it completes."""
+        """Take a message; return the verdicts and alarms that it completes."""
         if isinstance(message, ReferenceBlock):
             self._grid.add(message)
         elif isinstance(message, EnfEstimate):
@@ -92,7 +96,7 @@ class Live:
         return self._advance()
 
     def _keep(self, estimate: EnfEstimate) -> None:
-        """Let an estimate wait for its tick; without pictures not all can wait for ever."""
+        """Queue an estimate for its tick; the queue is bounded, as pictures may stay away."""
         run = _run(estimate.header)
         waiting = self._estimates.setdefault(run, [])
         insort(waiting, estimate, key=lambda e: e.end_pts_ns)
@@ -102,7 +106,7 @@ class Live:
         self._known = run, estimate.end_pts_ns
 
     def flush(self) -> list[Liveness | Alarm]:
-        """Return the verdict on what is left."""
+        """Return the verdicts on the rest of the stream."""
         out = self._drained()
         if self._done is not None:
             end = dataclasses.replace(self._done, silent_s=0.0)
@@ -110,7 +114,7 @@ class Live:
         return out
 
     def _drained(self) -> list[Liveness | Alarm]:
-        """Do all ticks that wait."""
+        """Process all pending ticks."""
         out: list[Liveness | Alarm] = []
         while self._ticks:
             tick = self._ticks.popleft()
@@ -125,7 +129,7 @@ class Live:
         return out
 
     def _is_ready(self, tick: Tick) -> bool:
-        """Whether all is here that a tick is judged by, or has been waited for long enough."""
+        """Whether all data for a tick has arrived, or the waiting time is over."""
         due_ns = tick.pts_ns - BEHIND_NS
         if due_ns <= tick.first_pts_ns:
             return True
@@ -142,7 +146,7 @@ class Live:
         return self._ticks[-1].header.arrival_time_ns - tick.header.arrival_time_ns
 
     def _has_reference(self, tick: Tick, due_ns: int) -> bool:
-        """Whether the reference is here, or has been waited for already."""
+        """Whether the reference has arrived, or the waiting time for it is over."""
         if tick.offset_ns is None:
             return True
         ahead_ns = nanoseconds(max(-self.settings.earliest_s, 0.0))
@@ -175,7 +179,7 @@ class Live:
         return [*out, *self._alarms.taken(), *said]
 
     def _begin_epoch(self, tick: Tick) -> None:
-        """Judge anew: nothing of before tells what feed this is."""
+        """Reset the judge: the new epoch may be of another feed."""
         if self._done is not None:
             self._alarms.new_epoch(self._done.header, self._done.pts_ns)
             self._estimates.pop(self._done.run, None)
@@ -236,7 +240,7 @@ class Live:
         since_ns: int | None,
         period_s: float = math.nan,
     ) -> None:
-        """Say that something is so, and since when, or that it is over."""
+        """Raise an alarm with its start, or end it."""
         if not is_so:
             self._alarms.over(kind, tick.header, tick.pts_ns)
             return
@@ -268,7 +272,7 @@ class Live:
         return [message]
 
     def _lag(self, verdict: str, tick: Tick) -> dict[str, Any]:
-        """Return what a verdict tells of the lag, and of the clock."""
+        """Return a verdict's fields about lag and clock error."""
         running, origin = self._judge.evidence, self._judge.suspects.origin
         if verdict == "live" and running:
             return vars(running.course)
@@ -279,11 +283,11 @@ class Live:
 
     def _is_due_to_report(self, tick: Tick, said: Liveness) -> bool:
         since_ns = tick.header.pts_ns - said.header.pts_ns
-        # Half a second less: ticks come with blocks of frames, a little unevenly.
+        # Minus half a second: ticks come with blocks of frames, at slightly irregular times.
         return since_ns >= nanoseconds(self.settings.report_every_s) - NS_PER_S // 2
 
     def _lose(self, header: Header) -> list[Liveness | Alarm]:
-        """Say once that no pictures come; nothing in it tells when that was noticed."""
+        """Report a lost feed once; independent of when the loss was noticed."""
         if self._is_lost:
             return []
         self._is_lost = True
@@ -312,9 +316,9 @@ def _run(header: Header) -> tuple[str, int]:
 
 
 def _is_due(estimate: EnfEstimate, tick: Tick, due_ns: int) -> bool:
-    """Whether an estimate belongs to a tick: by time, and known already when it was made.
+    """Whether an estimate belongs to a tick, by its time and its arrival.
 
-    A tracker that has just found flicker tells of all the seconds before at once.
+    A tracker that has just found flicker sends the estimates of all earlier seconds at once.
     """
     later_ns = estimate.header.arrival_time_ns - tick.header.arrival_time_ns
     return estimate.end_pts_ns <= due_ns and not 0 < later_ns < ESTIMATES_PATIENCE_NS

@@ -1,13 +1,11 @@
-"""The beat of the stage: one tick for each second of pictures, and what was known by then.
+"""Time base of liveness detection: one tick for each second of pictures, and its UTC.
 
-Verdicts are made tick by tick from messages up to a fixed time before it, whatever order they came
-in from different processes: so streams and files, live and played again, give the same.
+Each verdict uses the messages up to a fixed time before its tick, in whatever order different
+processes sent them. Therefore live, replayed and file input give the same verdicts.
 
-When, by this host's clock, a picture was taken: arrival less what the way took at least.
-
-A stream's own clock says how far pictures are apart, not what the time is. Arrivals tell that, but
-jitter: of the last minute the one that took least counts. The flicker tells how old pictures are
-beyond that.
+The UTC of a picture is estimated from its arrival. The stream's clock has an unknown offset, and
+arrivals have jitter, so the smallest offset of the last minute is used (minimum filter). The
+remaining delay is part of the lag that the flicker tells.
 """
 
 from __future__ import annotations
@@ -26,8 +24,8 @@ class HostTime:
     Parameters
     ----------
     start_utc_ns : int
-        When the first picture was taken, for recordings and simulations; 0 to go by arrival, and
-        where that isn't known by the camera's own clock.
+        Time of the first picture for recordings and simulations; 0 to use arrival times, or else
+        the camera's clock.
     """
 
     def __init__(self, start_utc_ns: int = 0) -> None:
@@ -37,7 +35,7 @@ class HostTime:
         self._begun_ns: int | None = None  # arrival of the first picture of all
 
     def begin(self, header: Header) -> None:
-        """Begin an epoch: the stream's clock may have been set anew."""
+        """Begin an epoch, in which the stream's clock may have another offset."""
         self._arrivals = ArrivalClock()
         self._offset_ns = None
         if not self._start_ns:
@@ -48,7 +46,7 @@ class HostTime:
         self._offset_ns = self._start_ns + since_ns - header.pts_ns
 
     def add(self, header: Header) -> None:
-        """Take in when something arrived, or what the camera's clock said."""
+        """Note an arrival time, or else a time of the camera's clock."""
         if self._start_ns:
             return
         self._arrivals.note(header.pts_ns, header.arrival_time_ns or header.camera_time_ns)
@@ -56,7 +54,7 @@ class HostTime:
 
     @property
     def offset_ns(self) -> int | None:
-        """UTC less the stream's clock; None while it isn't known."""
+        """UTC minus the stream's clock; None if unknown."""
         return self._offset_ns
 
 
@@ -65,23 +63,23 @@ STEP_BACK_NS = 5 * NS_PER_S
 
 @dataclass(frozen=True)
 class Tick:
-    """A second of pictures is there.
+    """A completed second of pictures.
 
     Attributes
     ----------
     header : Header
-        Of the block that completed it.
+        Header of the block that completed it.
     pts_ns : int
-        Its last frame.
+        Stream clock of its last frame.
     first_pts_ns : int
-        First frame of the epoch.
+        Stream clock of the epoch's first frame.
     offset_ns : int or None
-        UTC less the stream's clock; None while it isn't known.
+        UTC minus the stream's clock; None if unknown.
     facts : PictureFacts
     part : int
-        Counts the stream's beginnings: a clock may step back within an epoch.
+        Counts the starts of the stream's clock, which may also step back within an epoch.
     silent_s : float
-        Without pictures just before; 0 for nothing worth telling.
+        Time without pictures just before; 0 if below ``lost_s``.
     """
 
     header: Header
@@ -99,12 +97,12 @@ class Tick:
 
     @property
     def utc_ns(self) -> int:
-        """Its last frame by this host's clock; 0 for unknown."""
+        """UTC of its last frame; 0 if unknown."""
         return 0 if self.offset_ns is None else self.pts_ns + self.offset_ns
 
 
 class Ticker:
-    """Makes ticks of row blocks."""
+    """Converts row blocks to ticks."""
 
     def __init__(self, settings: LiveSettings, start_utc_ns: int) -> None:
         self._settings = settings
@@ -117,12 +115,12 @@ class Ticker:
         self._part = 0
 
     def add(self, block: RowBlock) -> Tick | None:
-        """Take a block in; return the tick it completes."""
+        """Take a block; return the tick that it completes, or None."""
         if not block.frames:
             return None
         header, now_ns = block.header, int(block.frame_pts_ns[-1])
         self._note_silence(block)
-        # A stream's clock that steps back begins anew, whether or not its source says so.
+        # A step back of the stream's clock counts as a reset, even within an epoch.
         stepped_back = self._last is not None and now_ns < self._last[0] - STEP_BACK_NS
         if (header.run_id, header.epoch) != self._run or stepped_back:
             self._run = header.run_id, header.epoch

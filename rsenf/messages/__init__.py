@@ -1,8 +1,13 @@
-"""What travels between stages and is recorded: one file per message, one wire format.
+"""The messages between stages, which are also recorded: one file per message, one wire format.
 
-Conventions: a quantity's unit is in its name; NaN is "unknown" for a float, 0 for a wall-clock
+Conventions: a quantity's unit is in its name; NaN means "unknown" for a float, 0 for a wall-clock
 time; every message starts with a :class:`Header`. ``configs/schema/rsenf.proto`` is generated
 from these classes (``rsenf explain schemas``), and a test fails when it is stale.
+
+Read ``header`` first, then the messages in the order of the pipeline: ``frame``, ``row_block``,
+``enf_estimate``, ``idle_estimate`` (with ``rate_hypothesis``), ``reference_block``,
+``match_result``, ``verdicts``, ``health``. ``schema`` derives Protobuf from the classes, ``codec``
+serialises, ``plausible`` checks received messages, ``plain`` and ``proto_text`` show them.
 """
 
 from rsenf.messages.codec import (

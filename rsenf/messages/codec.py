@@ -1,8 +1,7 @@
-"""Messages to bytes and back; versions checked, canonical bytes for comparison.
+"""Serialises messages, checks versions, and makes canonical bytes for comparison.
 
-On the bus the Zenoh encoding names the schema and version:
-``application/protobuf;rsenf.RowBlock/1``. In a recording the MCAP channel does. Either way
-bytes are never guessed at.
+The schema and version are always explicit: on the bus in the Zenoh encoding
+(``application/protobuf;rsenf.RowBlock/1``), in a recording in the MCAP channel.
 """
 
 from __future__ import annotations
@@ -27,18 +26,25 @@ MEDIA_TYPE = "application/protobuf"
 
 
 def schema_name(cls: type[Any]) -> str:
-    """Full schema name, for example ``rsenf.RowBlock``."""
+    """Return the full schema name of a message class, for example ``rsenf.RowBlock``."""
     return f"{PACKAGE}.{cls.__name__}"
 
 
 def encoding_of(cls: type[Any]) -> str:
-    """Zenoh encoding: media type, schema name and version."""
+    """Return the Zenoh encoding of a message class: media type, schema name and version.
+
+    Examples
+    --------
+    >>> from rsenf.messages import RowBlock
+    >>> encoding_of(RowBlock), class_for(encoding_of(RowBlock)) is RowBlock
+    ('application/protobuf;rsenf.RowBlock/1', True)
+    """
     return f"{MEDIA_TYPE};{schema_name(cls)}/{cls.VERSION}"
 
 
-@functools.lru_cache(maxsize=64)  # an error isn't kept
+@functools.lru_cache(maxsize=64)  # doesn't cache errors
 def class_for(encoding: str) -> type[Any]:
-    """Message class that an encoding names.
+    """Return the message class of an encoding.
 
     Raises
     ------
@@ -56,17 +62,17 @@ def class_for(encoding: str) -> type[Any]:
 
 
 def encode(msg: Any) -> bytes:
-    """Serialise a message, the same bytes for the same message every time."""
+    """Serialise a message deterministically."""
     return serialise(to_wire(msg))
 
 
 def serialise(wire: Any) -> bytes:
-    """Serialise a message's Protobuf twin."""
+    """Serialise a message's Protobuf twin deterministically."""
     return bytes(wire.SerializeToString(deterministic=True))
 
 
 def decode(cls: type[Any], payload: bytes) -> Any:
-    """Parse a message; arrays are read-only views of the payload.
+    """Parse a message of class ``cls``; arrays are read-only views of the payload.
 
     Raises
     ------
@@ -77,7 +83,7 @@ def decode(cls: type[Any], payload: bytes) -> Any:
 
 
 def parse(cls: type[Any], payload: bytes) -> Any:
-    """Parse a message as far as its Protobuf twin, which has its fields by the same names.
+    """Parse a message to its Protobuf twin only, which has fields of the same names.
 
     Raises
     ------
@@ -93,13 +99,13 @@ def parse(cls: type[Any], payload: bytes) -> Any:
 
 
 def canonical(msg: Any) -> bytes:
-    """Bytes that are equal for equal content: without the arrival clock and the run's identity."""
+    """Serialise a message without arrival time and run identity: equal content, equal bytes."""
     header = dataclasses.replace(msg.header, run_id="", arrival_time_ns=0)
     return encode(dataclasses.replace(msg, header=header))
 
 
 def digest(messages: Iterable[Any]) -> str:
-    """SHA-256 over the canonical bytes of messages, in their order, as hexadecimal."""
+    """Return the SHA-256 of the canonical bytes of messages, in their order, as hexadecimal."""
     sha = hashlib.sha256()
     for msg in messages:
         payload = canonical(msg)

@@ -1,4 +1,4 @@
-"""One estimate of the electric network frequency, with all that a later stage may need."""
+"""An estimate of the electric network frequency, with everything that later stages need."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ class EnfEstimate:
     """ENF over one interval, by one method, under one hypothesis.
 
     Several hypotheses (lines, harmonics, idle ratios) may be published for the same interval;
-    ``rank`` 0 is the one the tracker stands behind. The complex slow-time amplitude is the
-    flicker's, relative to ``exp(j·2π·carrier_hz·(t − origin))`` on the stream clock: its phase is
-    what phase matching follows, its size what idle estimation compares between lines.
+    ``rank`` 0 is the tracker's choice. The amplitude is the complex baseband of the flicker in slow
+    time, relative to the carrier ``exp(j·2π·carrier_hz·(t − origin))`` on the stream clock. Phase
+    matching uses its phase, idle estimation compares its magnitude between lines.
     """
 
     header: Header = field(1, "", None)
@@ -83,5 +83,5 @@ class EnfEstimate:
 
     @property
     def t_s(self) -> float:
-        """Centre of the interval, in seconds from the first frame."""
+        """Centre of the interval, in s from the epoch's first frame."""
         return ((self.start_pts_ns + self.end_pts_ns) / 2 - self.origin_pts_ns) / 1e9

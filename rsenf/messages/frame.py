@@ -1,4 +1,4 @@
-"""A decoded frame: one luma plane with its exact time. And the compressed packet it came from."""
+"""A decoded frame (a luma plane with its exact time), and a compressed video packet."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from rsenf.messages.schema import field, message
 class Frame:
     """One frame. Its luma plane is in this process, in a shared-memory ring, or in the message.
 
-    ``luma`` (height_px × width_px, uint8) is filled in by whoever receives the frame and never
-    written to: it may be a view of the decoder's or the ring's memory. ``pixels`` is the same
-    plane without padding, only where frames travel over TCP.
+    ``luma`` (height_px × width_px, uint8) is filled in by the receiver and is read-only: it may be
+    a view of the decoder's or the ring's memory. ``pixels`` is the same plane without padding, used
+    only over TCP.
     """
 
     header: Header = field(1, "", None)
@@ -41,7 +41,7 @@ class Frame:
 @message(version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VideoPacket:
-    """One compressed picture as it came from the source, for recording without re-encoding."""
+    """One compressed picture from the source, for recording without re-encoding."""
 
     header: Header = field(1, "", None)
     codec: str = field(2, "h264, hevc, vp8, vp9, av1, mjpeg, png, webp", "")

@@ -1,4 +1,4 @@
-"""The header that every message carries: who, which, when."""
+"""The header of every message: origin, place in the stream, clocks, frame range."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rsenf.messages.schema import field, message
 
 
 class Mark(IntEnum):
-    """What a message marks in its stream. BEGIN and END carry no data of their own."""
+    """Role of a message in its stream. BEGIN and END carry no data."""
 
     DATA = 0
     BEGIN = 1
@@ -18,7 +18,7 @@ class Mark(IntEnum):
 
 
 class RateBasis(StrEnum):
-    """Where a frame rate comes from that frame times do nothing but count."""
+    """Source of the frame rate if frame times only count frames; STAMPED for real time stamps."""
 
     STAMPED = ""
     DECLARED = "declared"
@@ -29,7 +29,7 @@ class RateBasis(StrEnum):
 @message(version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Header:
-    """Who sent it, its place in the stream, the three clocks, and the frames it covers."""
+    """Origin, place in the stream, the three clocks, and the frames covered."""
 
     run_id: str = field(1, "identity of the run that made it; not part of the content", "")
     source: str = field(2, "<site>/<camera>, or reference/<grid>", "")
@@ -49,10 +49,10 @@ class Header:
     )
 
     def numbered(self, seq: int, mark: Mark = Mark.DATA) -> Header:
-        """Return the same header as the ``seq``-th message of another topic."""
+        """Return the header with another sequence number and mark."""
         return dataclasses.replace(self, seq=seq, mark=int(mark))
 
     @property
     def is_end(self) -> bool:
-        """Whether the stream of this topic and epoch has ended with this message."""
+        """Whether the message marks the end of its topic's stream."""
         return self.mark == Mark.END

@@ -1,4 +1,4 @@
-"""How a node is doing."""
+"""State and counters of a node."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The share of each frame in which the sensor reads nothing."""
+"""An estimate of the idle ratio: the share of the frame period in which no row is read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What comparing a video's ENF with a reference says about the time of recording."""
+"""The result of matching a video's ENF with a reference: time of recording, edits, decision."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NAN = float("nan")
 @message(version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Candidate:
-    """One lag worth naming, best first in its list."""
+    """One candidate lag; lists are sorted, best first."""
 
     lag_s: float = field(1, "video's first frame minus the reference's first sample", NAN)
     start_utc_ns: int = field(2, "the same as UTC since 1970; 0 is unknown", 0)
@@ -27,7 +27,7 @@ class Candidate:
 @message(version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Segment:
-    """A stretch of an edited clip that fits by itself."""
+    """A part of an edited clip that matches by itself."""
 
     from_s: float = field(1, "begin, from the clip's first frame", NAN)
     to_s: float = field(2, "end", NAN)
@@ -41,7 +41,7 @@ class Segment:
 @message(version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Edit:
-    """What seems to have been done to a clip, or to the reference, in one place."""
+    """An apparent edit of a clip, or of the reference, at one place."""
 
     kind: str = field(
         1,

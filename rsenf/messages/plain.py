@@ -9,17 +9,17 @@ from rsenf.messages.schema import field_specs
 
 
 def plain(message: Any, longest: int | None = None) -> dict[str, Any]:
-    """Return a message's fields: times in ns as text, what isn't finite as None, bytes as a number.
+    """Return a message's fields as JSON data.
 
-    JSON knows neither NaN nor whole numbers of 64 bits; of a picture only how many bytes it has is
-    of use to a person. Arrays become flat lists.
+    Times in ns become text (JSON has no exact 64-bit integers), NaN and infinity None, bytes their
+    length, and arrays flat lists.
 
     Parameters
     ----------
     message : object
         Any message.
     longest : int, optional
-        Of an array with more values only their number is told, in words.
+        Longer arrays are replaced by their length, in words.
     """
     specs = field_specs(type(message))
     return {spec.name: _plain(spec.name, getattr(message, spec.name), longest) for spec in specs}

@@ -1,7 +1,7 @@
-"""Whether a message that parses can be true: what a stage would stumble over is turned away.
+"""Plausibility checks of received messages: rejects values that stages couldn't handle.
 
-Anybody on the bus may send anything under any key. A message is looked at once, where it is
-received, so that no stage has to.
+Any process on the bus may send anything to any key. Messages are checked once, on receipt, so that
+stages needn't.
 """
 
 from __future__ import annotations
@@ -17,21 +17,28 @@ from rsenf.messages.row_block import RowBlock
 from rsenf.messages.schema import field_specs
 
 _MARKS = tuple(Mark)
-# Numbers are counted and added up, times subtracted: far from where either would overflow.
+# Sums of numbers and differences of times below these limits can't overflow 64 bits.
 MOST_COUNTED = 2**48
 MOST_NS = 2**62  # 146 years
 MOST_ROWS, MOST_STRIPS, MOST_FRAMES = 1 << 15, 1 << 12, 1 << 16
 MOST_HZ = 1e6
 LEAST_STEP_NS = 10**6
-MOST_SAMPLES = 1 << 27  # of a reference, which is held in memory: four years of seconds
+MOST_SAMPLES = 1 << 27  # of a reference, which is kept in memory: four years of seconds
 MOST_LEVEL = 1e6
-# Stages work second by second, and count frames that are missing: what leaps further within one
-# epoch would keep them busy for ever.
+# Stages process each second and count each missing frame: a larger step within an epoch would keep
+# them busy for ever.
 MOST_LEAP_NS, MOST_LEAP_FRAMES = 86_400 * 10**9, 1 << 24
 
 
 def implausible(message: Any) -> str:
-    """Return why a message can't be true, in words; empty when it can."""
+    """Return why a message is implausible, in words; empty if it is plausible.
+
+    Examples
+    --------
+    >>> from rsenf.messages import Health
+    >>> implausible(Health(header=Header(seq=0))), implausible(Health(header=Header(seq=-1)))
+    ('', "a number of a message that can't be")
+    """
     header = getattr(message, "header", None)
     if header is None:
         return "no header"
@@ -42,12 +49,20 @@ def implausible(message: Any) -> str:
 
 
 def out_of_place(header: Header, last: Header | None) -> str:
-    """Return why a message can't follow the last one of its topic; empty when it can."""
+    """Return why a message can't follow the last one of its topic; empty if it can.
+
+    Parameters
+    ----------
+    header : Header
+        Of the message.
+    last : Header or None
+        Of the last message; None for the first one.
+    """
     if last is None or (header.run_id, header.epoch) != (last.run_id, last.epoch):
         return ""
     leap_ns = header.pts_ns - last.pts_ns
     if last.frame_last < 0 <= header.frame_last:
-        leap_ns = 0  # before the first frame, the stream's clock is unknown
+        leap_ns = 0  # the stream's clock is unknown before the first frame
     if abs(leap_ns) > MOST_LEAP_NS:
         return f"the stream's clock leaps by {leap_ns / 3.6e12:.0f} h within an epoch"
     if header.frame_last < last.frame_last:
@@ -70,7 +85,7 @@ def _of_header(header: Header) -> str:
 
 
 def _missing_array(message: Any) -> str:
-    """Return which array is empty though its dimensions say otherwise."""
+    """Return the name of an array that is empty in spite of its dimensions; or ''."""
     for spec in field_specs(type(message)):
         if spec.kind == "array" and spec.shape:
             expected = all(getattr(message, name) > 0 for name in spec.shape)
@@ -145,11 +160,11 @@ def _of_reference(block: ReferenceBlock) -> str:
 
 
 def _rising(values: Any) -> bool:
-    """Whether none is below the one before it."""
+    """Whether the values don't decrease."""
     return bool(np.all(values[1:] >= values[:-1]))
 
 
 def _within(values: Any, most: float) -> bool:
-    """Whether all are numbers, and none larger; of whole ones without taking the size of any."""
-    # Of NaN neither holds.
+    """Whether all absolute values are below a limit; avoids abs, which overflows for integers."""
+    # False for NaN.
     return not values.size or bool(-most < values.min() and values.max() < most)

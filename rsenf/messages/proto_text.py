@@ -1,4 +1,4 @@
-"""The published schema as a ``.proto`` file, with units and meanings as comments."""
+"""The published schema as a ``.proto`` file, with units and descriptions as comments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A frame rate that the flicker in rows without frame times would go with."""
+"""A frame rate that is consistent with the flicker, for rows without frame times."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NAN = float("nan")
 @message(version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RateHypothesis:
-    """A frame rate, and what the camera would be at it."""
+    """A possible frame rate, and the camera's parameters at that rate."""
 
     frame_rate_hz: float = field(1, "with the grid at its nominal frequency", NAN)
     nominal_hz: float = field(2, "50 or 60", NAN)

@@ -1,4 +1,4 @@
-"""A stretch of measured grid frequency on one uniform axis, its gaps kept as gaps."""
+"""A block of measured grid frequency, uniformly sampled; gaps stay NaN."""
 
 from __future__ import annotations
 

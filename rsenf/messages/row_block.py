@@ -1,4 +1,4 @@
-"""Row luminance of a fixed block of frames: the paper's row-luminance series, not concatenated."""
+"""Row luminance of a block of frames: the paper's row-luminance series, not concatenated."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from rsenf.messages.schema import Float32Array, FloatArray, Int64Array, UInt32Ar
 class RowBlock:
     """Mean luma of the steady pixels of each row and strip, for the frames of one block.
 
-    Blocks are cut at fixed frame numbers, so that how frames were batched on their way changes
-    nothing. The steady-pixel mask is constant within a block.
+    Blocks are cut at fixed frame numbers, so that they don't depend on how frames were batched. The
+    steady-pixel mask is constant within a block.
     """
 
     header: Header = field(1, "", None)
@@ -55,9 +55,9 @@ class RowBlock:
     )
 
     def profiles(self) -> FloatArray:
-        """Mean luma of each row of each frame, shape (frames, rows): its strips', averaged.
+        """Return the mean luma over the strips, shape (frames, rows).
 
-        As a product: numpy's sums are slow along so short an axis.
+        Computed as a matrix product: NumPy's sums are slow along so short an axis.
         """
         strips = self.level.shape[2]
         return np.asarray(self.level.astype(np.float64) @ np.ones(strips) / strips)

@@ -1,7 +1,7 @@
-"""How a message class becomes a Protobuf schema, and bytes.
+"""Derives Protobuf schemas from message classes, and converts messages to and from Protobuf.
 
 A message is a frozen dataclass whose fields carry their number, unit and shape. From it this
-module derives, once, two Protobuf descriptors of the *same wire form*:
+module derives, once, two Protobuf descriptors of the *same wire format*:
 
 * the published one, in which an array is ``repeated float x``, embedded in every recording;
 * its private twin, in which the array is ``bytes x``: packed fixed-width numbers and a byte
@@ -33,8 +33,8 @@ Float32Array = NDArray[np.float32]
 Int64Array = NDArray[np.int64]
 UInt32Array = NDArray[np.uint32]
 
-# Wire type of an array -> its element type, little-endian and of fixed width, so that the packed
-# form is the memory of the array.
+# Wire type of an array -> its element type: little-endian and of fixed width, so that the packed
+# form equals the memory of the array.
 _ARRAYS = {"float": "<f4", "double": "<f8", "sfixed64": "<i8", "fixed32": "<u4"}
 _SCALARS = {int: "int64", float: "double", str: "string", bytes: "bytes", bool: "bool"}
 
@@ -49,20 +49,20 @@ _twins: dict[type[Any], Any] = {}
 def field(
     number: int, doc: str, default: Any = None, *, wire: str = "", shape: tuple[str, ...] = ()
 ) -> Any:
-    """Declare a field: its number on the wire, what it means, and its unit in its name.
+    """Declare a field of a message.
 
     Parameters
     ----------
     number : int
         Protobuf field number; never reused once published.
     doc : str
-        What it is, for the published schema.
+        Description for the published schema.
     default : object, optional
-        Value when not given; for an array, an empty one.
+        Default value; arrays are empty by default.
     wire : str, optional
-        Protobuf type, where it isn't the natural one of the annotation.
+        Protobuf type, if it doesn't follow from the annotation.
     shape : tuple of str, optional
-        For an array: the sibling fields that hold its dimensions.
+        For an array: the fields that hold its dimensions.
     """
     meta = {"number": number, "doc": doc, "wire": wire, "shape": shape}
     if wire in _ARRAYS:
@@ -85,13 +85,13 @@ def message(*, version: int) -> Callable[[type[M]], type[M]]:
 
 
 def message_classes() -> dict[str, type[Any]]:
-    """Every message class by its unqualified name, in order of definition."""
+    """Return all message classes by their unqualified names, in order of definition."""
     return dict(_registry)
 
 
 @dataclasses.dataclass(frozen=True)
 class FieldSpec:
-    """One field as the wire sees it."""
+    """Protobuf description of one field."""
 
     name: str
     number: int
@@ -106,7 +106,7 @@ def field_specs(cls: type[Any]) -> tuple[FieldSpec, ...]:
     specs = _specs.get(cls)
     if specs is None:
         hints = typing.get_type_hints(cls)
-        # A field without metadata lives only in this process (a frame's luma plane).
+        # A field without metadata isn't serialised (a frame's luma plane).
         specs = tuple(_spec(f, hints[f.name]) for f in dataclasses.fields(cls) if f.metadata)
         _specs[cls] = specs
     return specs
@@ -133,7 +133,7 @@ def _without_none(hint: Any) -> Any:
 
 
 def file_descriptor(*, twin: bool = False) -> Any:
-    """Describe every message as a ``FileDescriptorProto``: the published form, or its fast twin."""
+    """Describe all messages as a ``FileDescriptorProto``: the published form, or its fast twin."""
     from google.protobuf import descriptor_pb2
 
     out = descriptor_pb2.FileDescriptorProto(
@@ -161,7 +161,7 @@ def file_descriptor(*, twin: bool = False) -> Any:
 
 @functools.cache
 def _twin_classes() -> dict[str, Any]:
-    """Build them all from one pool: classes of two pools don't go together."""
+    """Build all twin classes from one descriptor pool: those of two pools are incompatible."""
     from google.protobuf import descriptor_pool, message_factory
 
     pool = descriptor_pool.DescriptorPool()
@@ -174,16 +174,16 @@ def _twin_classes() -> dict[str, Any]:
 
 
 def twin_class(cls: type[Any]) -> Any:
-    """Protobuf class of the fast twin of a message class."""
+    """Return the Protobuf class of a message class's fast twin."""
     twin = _twins.get(cls)
     if twin is None:
-        with _building:  # a cache alone lets two threads that come first at once build two
+        with _building:  # functools.cache alone lets two threads build two sets
             twin = _twins[cls] = _twin_classes()[cls.__name__]
     return twin
 
 
 class _Plan(typing.NamedTuple):
-    """Fields of a message that go over as they are, and what reads them at once; the others."""
+    """Fields that are copied unchanged, a function that reads all of them, and the other fields."""
 
     names: tuple[str, ...]
     read: Callable[[Any], tuple[Any, ...]]
@@ -201,14 +201,14 @@ def _plan(cls: type[Any]) -> _Plan:
 
 
 def _reader(names: tuple[str, ...]) -> Callable[[Any], tuple[Any, ...]]:
-    """Return what reads these fields in half the time that one after the other takes."""
-    if len(names) < 2:  # of one, it would give no tuple
+    """Return a function that reads fields at once, in half the time of one after the other."""
+    if len(names) < 2:  # attrgetter of one name returns no tuple
         return lambda message: tuple(getattr(message, name) for name in names)
     return attrgetter(*names)
 
 
 def to_wire(msg: Any) -> Any:
-    """Turn a message into its Protobuf twin, ready to serialise."""
+    """Convert a message to its Protobuf twin, ready to serialise."""
     plan = _plan(type(msg))
     values: dict[str, Any] = dict(zip(plan.names, plan.read(msg), strict=True))
     for spec in plan.others:
@@ -231,7 +231,7 @@ def _array_bytes(msg: Any, spec: FieldSpec, value: NDArray[Any]) -> bytes:
 
 
 def from_wire(cls: type[M], wire: Any) -> M:
-    """Turn a parsed Protobuf twin into the message, checking every array against its shape.
+    """Convert a parsed Protobuf twin to the message, checking each array against its shape.
 
     Raises
     ------

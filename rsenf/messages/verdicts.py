@@ -1,4 +1,4 @@
-"""What monitoring and discovery conclude: liveness, alarms, and missing effects by name."""
+"""Results of monitoring and discovery: liveness, alarms, and named missing effects."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Liveness:
 @message(version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Alarm:
-    """Something happened that a person should see."""
+    """An event or state that a person should know of."""
 
     header: Header = field(1, "", None)
     kind: str = field(2, "'phase_jump', 'loop', 'idle_changed', 'light_changed', 'lost', …", "")
@@ -51,7 +51,7 @@ class Alarm:
 
     @property
     def in_short(self) -> str:
-        """What happened, and when by the stream, on one line."""
+        """Event and stream time on one line."""
         if not self.active:
             return f"{self.kind} ended at {seconds(self.end_pts_ns):.1f} s"
         return f"{self.severity} {self.kind} at {seconds(self.start_pts_ns):.1f} s: {self.text}"
@@ -60,7 +60,7 @@ class Alarm:
 @message(version=1)
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class FoundEffect:
-    """An effect that the data supports, or the class of those it can't tell apart."""
+    """An effect that the data supports, or a class of indistinguishable effects."""
 
     name: str = field(1, "effect's name; empty when only the class is known", "")
     members: tuple[str, ...] = field(2, "the class, when the data can't tell them apart", ())
@@ -75,10 +75,10 @@ class FoundEffect:
 @message(version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DiscoveryVerdict:
-    """Where the model and the data of a window disagree, what is missing, and what has changed.
+    """Where model and data of a window disagree, the effects found, and what has changed.
 
-    The header tells the window's frames. The model given is the one found in the windows before;
-    numbers of frames and phases in effects and model count from the window's first frame.
+    The header holds the window's frames. The given model is the one found in the windows before;
+    frame numbers and phases in effects and model refer to the window's first frame.
     """
 
     header: Header = field(1, "", None)

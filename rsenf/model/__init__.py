@@ -1,23 +1,22 @@
-"""The capture model: light × scene × shutter × sensor × codec, simulated with its truth.
+"""The capture model: simulates what a camera records under mains light, with its ground truth.
 
-One idea a file, in the order that light takes::
+In: a :class:`CaptureModel` (light × scene × shutter × sensor × codec, and effects), a
+:class:`GridPath` of the grid's frequency, and a seed. Out: row means (``row_level``) or luma frames
+(``full_video``), both from the same exposures, so that they agree within noise. Read in order::
 
-    grid, synthetic      the grid's frequency path and its phase; a path from a seed
-    lamp, light          waveforms of lamps, and their average over each line's exposure
-    scene, view, strips  the wall, and how its lines and strips look to the shutter
-    shutter, readout     in which order lines are read, and when each is exposed
-    line_light           how bright the light is on each line
-    clip                 which frames arrive, and their stamps
-    sensor, noise        shot and read noise, eight bits
-    codec                what the encoder is told
-    effects              all that a plain capture doesn't do, one file each
-    capture_model        all of it as one description
-    chain, exposures     all of it as numbers, block by block
+    parameters, seeds, frame_rate      declared parameters; random numbers; exact frame rates
+    grid, synthetic                    frequency path and phase of the grid; a path from a seed
+    lamp, light, line_light            waveforms; their mean over exposures; light on each line
+    scene, view, strips, wander        wall and texture; as lines and strips; slow random series
+    shutter, readout, clip             read-out order; line times; frames delivered, time stamps
+    sensor, noise, codec               shot and read noise; noise of pixels; encoder settings
+    effects                            all that a plain capture doesn't do, one file each
+    capture_model, chain, exposures    the description; its effects in a clip; block by block
+    row_level, full_video, video_file  simulated rows; simulated frames; encoded files
+    truth                              the ground truth
 
-From there two depths leave: ``row_level`` (row means, no pixels) and ``full_video`` (luma frames,
-made by ``renderer``, which ``video_file`` encodes). Both read the same exposures, so they agree
-within noise. A parameter that every capture has belongs to its part; whatever else a capture can
-do is an effect, and stands nowhere else.
+``analytic`` and the files of that name are the paper's line model. A parameter that every capture
+has belongs to its part of the model; everything else is an effect.
 """
 
 from rsenf.model.capture_model import CaptureModel

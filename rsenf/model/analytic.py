@@ -1,20 +1,20 @@
-"""The paper's line model: where the flicker's lines are in the row series, and how strong.
+"""The paper's line model: frequencies and amplitudes of the flicker's lines in the row series.
 
-The row series is the rows of all frames one after the other, at ``F_r·L`` rows per second. A light
-at ``f_0`` with harmonics ``k`` appears in it at ``k·f_0 − m·F_r`` for every whole ``m`` (Eqs. 12
-and 19, ``Eq_Case1_f`` and ``Eq_Case2_f``: ``m`` below and above 0), with the amplitude
-``M/L·|F_m|``: the gain of Eq. 7 at that frequency, and ``M/L`` because Eq. 6 squeezes the
-frequency axis, so that what remains of a line stands the higher. With ``c = k·f_0·ρ/F_r`` this is
+The row series is the rows of all frames one after the other, ``F_r·L`` samples a second. Light of
+frequency ``f_0`` and harmonics ``k`` has lines at ``k·f_0 − m·F_r`` for every integer ``m`` (Eqs.
+12 and 19, ``Eq_Case1_f`` and ``Eq_Case2_f``: ``m`` below and above 0). Their amplitude is
+``M/L·|F_m|``: the gain of Eq. 7 at that frequency, times ``M/L`` as Eq. 6 compresses the frequency
+axis, which raises lines. With ``c = k·f_0·ρ/F_r`` this is
 
     |sin(π(c − m)) / (L·sin(π(c − m)/L))|  →  |sinc(c − m)|   for many rows.
 
-Two things the paper leaves out:
+The paper neglects two things:
 
-* A line below 0 Hz is seen at its absolute value. The bound ``m < f_0/F_r`` (Eq. 20, ``Eq_S2``)
-  drops these folded lines; ``folded=False`` does as the paper.
-* Lines that fall on each other add as complex numbers, so their sum depends on the light's phase.
-  Where ``F_r`` divides ``2·f_0`` every line is such a sum. Lines at 0 Hz merge with the steady
-  light and are never listed.
+* A line below 0 Hz appears at its absolute value. The bound ``m < f_0/F_r`` (Eq. 20, ``Eq_S2``)
+  drops these folded lines, as does ``folded=False``.
+* Lines of equal frequency add as complex numbers, so that their sum depends on the light's phase.
+  If ``F_r`` divides ``2·f_0``, every line is such a sum. Lines at 0 Hz merge with the steady light
+  and are never listed.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ from rsenf.model.lamp import rectified_cosine
 ROWS = 720
 COSINE = (1.0,)
 RECTIFIED = (1.0, *rectified_cosine(8).harmonic_ratios)  # |cos|, the paper's: 1, −1/5, 3/35, …
-_SAME_HZ = 1e-6  # lines this close are one line
+_SAME_HZ = 1e-6  # lines nearer to each other are one
 PHASES_RAD: FloatArray = np.linspace(0, 2 * math.pi, 2048, endpoint=False)
 
 
 @dataclass(frozen=True)
 class Part:
-    """One of the lines that fall on a frequency."""
+    """One of the lines that coincide at a frequency."""
 
     harmonic: int  # k, of the light
     m: int  # at k·f_0 − m·F_r
-    turns: int  # how often the light's phase enters: k, or −k when folded
+    turns: int  # multiple of the light's phase in its own: k, or −k if folded
     gain: complex  # complex amplitude when that phase is 0
 
 
@@ -51,9 +51,8 @@ class Part:
 class SpectralLine:
     """A line of the row series, relative to harmonic 1 of the light.
 
-    ``amplitude`` is the root of the mean square over all phases of the light; where nothing else
-    falls on the line, as usual, that is simply its amplitude. ``harmonic`` and ``m`` are those of
-    its strongest part.
+    ``amplitude`` is the rms over all phases of the light, which is simply the amplitude of a line
+    of one part. ``harmonic`` and ``m`` are those of the strongest part.
     """
 
     freq_hz: float
@@ -87,7 +86,7 @@ def lines(
     folded: bool = True,
     top_hz: float = math.inf,
 ) -> tuple[SpectralLine, ...]:
-    """List the lines of the row series, strongest first: Eq. 21 (``Shifted_ENF``), completed.
+    """List the lines of the row series, the strongest first (paper, Eq. 21, with the folded lines).
 
     Parameters
     ----------
@@ -98,12 +97,12 @@ def lines(
     idle_ratio : float
         ``ρ``, from 0 to less than 1.
     rows : int, optional
-        ``L``; lines lie below ``F_r·L/2``.
+        ``L``; lines are below ``F_r·L/2``.
     harmonics : sequence of complex, optional
-        The light's harmonics 1, 2, … at the crest of harmonic 1: ``COSINE``, ``RECTIFIED``, as
-        many of either as matter, or those of :meth:`rsenf.model.Light.series`.
+        Amplitudes of the light's harmonics 1, 2, … with phases at the crest of harmonic 1:
+        ``COSINE``, ``RECTIFIED``, a part of these, or :meth:`rsenf.model.Light.series`.
     exposure_s : float, optional
-        ``T_e``: harmonic ``k`` is multiplied by ``sinc(k·f_0·T_e)`` and delayed by ``T_e/2``.
+        ``T_e``: multiplies harmonic ``k`` by ``sinc(k·f_0·T_e)`` and delays it by ``T_e/2``.
     folded : bool, optional
         False drops the lines below 0 Hz, as Eq. 20 (``Eq_S2``) does.
     top_hz : float, optional
@@ -112,7 +111,12 @@ def lines(
     Raises
     ------
     UsageError
-        When there can't be such a capture.
+        When a value is outside its range.
+
+    Examples
+    --------
+    >>> [(round(line.freq_hz), round(line.amplitude, 3)) for line in lines(30.0, 100.0, 0.45)[:2]]
+    [(70, 0.637), (40, 0.637)]
     """
     if not (frame_rate_hz > 0 and f0_hz > 0 and rows >= 2 and exposure_s >= 0):
         raise UsageError("frame rate, illumination frequency, rows and exposure must be positive")
@@ -153,7 +157,7 @@ def _of_harmonic(
 
 
 def _together(found: Iterable[tuple[float, Part]]) -> Iterator[SpectralLine]:
-    """Put the parts that fall on each other into one line."""
+    """Merge coinciding parts into lines."""
     last_hz, parts = -math.inf, list[Part]()
     for freq_hz, part in [*sorted(found, key=lambda f: f[0]), (math.inf, None)]:
         if parts and freq_hz - last_hz > _SAME_HZ:

@@ -1,8 +1,8 @@
-"""Where the paper's tables and formulas are wrong, why, and which entries that changes.
+"""Errata of the paper's line model and tables, and the table entries that each of them changes.
 
-Which entry is wrong for which reason is not written down but found: each printed entry is set
-beside the model read as the paper did, then with the exact ``M``, then with all lines. Wherever
-two neighbours differ, what changed between them is the reason.
+The reason for a wrong entry is found, not listed: each printed entry is compared with the model as
+the paper reads it, then with the exact ``M``, then with all lines. Where two successive readings
+differ, the change between them is the reason.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rsenf.model.published import PUBLISHED_TABLES, Entry, PublishedTable
 
 @dataclass(frozen=True)
 class Difference:
-    """A printed entry beside what it should be."""
+    """A printed entry and the correct one."""
 
     frame_rate_hz: float
     nominal_hz: float
@@ -28,7 +28,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Erratum:
-    """One thing that is wrong, with the entries of the idle tables that it changes."""
+    """An error of the paper, with the entries of the idle tables that it changes."""
 
     name: str
     where: str  # in the paper
@@ -38,7 +38,7 @@ class Erratum:
 
 
 def errata() -> tuple[Erratum, ...]:
-    """List everything known to be wrong in the paper's line model and tables."""
+    """List the known errors of the paper's line model and tables."""
     found: dict[str, list[Difference]] = {}
     for table in PUBLISHED_TABLES:
         for name, difference in _differences(table):
@@ -50,7 +50,7 @@ def errata() -> tuple[Erratum, ...]:
 
 
 def _differences(table: PublishedTable) -> Iterator[tuple[str, Difference]]:
-    """Name each erratum that an entry of a table shows, with the right entry."""
+    """Yield the errata that a table's entries show, with the correct entry."""
     place = (table.frame_rate_hz, table.nominal_hz)
     all_lines = "coinciding_lines" if _divides(*place) else "folded_lines"
     as_published, exact, full = (
@@ -76,7 +76,7 @@ def _differences(table: PublishedTable) -> Iterator[tuple[str, Difference]]:
 
 
 def _divides(frame_rate_hz: float, nominal_hz: float) -> bool:
-    """Tell whether the light's lines fall on each other: ``2·f_0`` is a multiple of ``F_r``."""
+    """Whether lines of the light coincide: ``2·f_0`` is a multiple of ``F_r``."""
     turns = 4 * nominal_hz / frame_rate_hz
     return abs(turns - round(turns)) < 1e-9
 

@@ -25,8 +25,8 @@ CASES = (
 class Point:
     """The strongest line at one idle period.
 
-    ``model`` is the strongest by its root mean square over the light's phase; ``model_there`` the
-    strongest at the phase that the simulation drew. They differ only where lines coincide.
+    ``model`` is the strongest by rms over the light's phase, ``model_there`` at the phase of the
+    simulation. They differ only where lines coincide.
     """
 
     idle_percent: int
@@ -43,7 +43,7 @@ def strongest_against_idle(
     idle_percents: Iterable[int],
     seed: int = 1,
 ) -> Iterator[Point]:
-    """Find the strongest line at each idle period, in the model and in a simulation of its own.
+    """Find the strongest line at each idle period, in the model and in a simulation.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def strongest_against_idle(
     reading : Reading
         How the model is read.
     idle_percents : iterable of int
-        Idle periods; each is simulated with a phase of the light drawn for it.
+        Idle periods; each is simulated with a random phase of the light.
     seed : int, optional
         Of phases and noise.
     """

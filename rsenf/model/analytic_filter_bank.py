@@ -1,7 +1,7 @@
-"""The paper's filter bank: what leaving out the rows of the idle period does to any signal.
+"""The paper's filter bank: the effect on any signal's spectrum of leaving out the idle rows.
 
-A camera that never paused would read ``M`` rows in a frame period (the *capacity*); it reads ``L``
-of them. Leaving out the others and closing the gaps is an ``L``-branch polyphase structure, whose
+A camera without an idle period would read ``M`` rows in a frame period (the *capacity*); it reads
+``L`` of them. Dropping the others and closing the gaps is an ``L``-branch polyphase structure. Its
 output spectrum is a sum of shifted copies of the input's, each weighted by a gain ``F_m``.
 
 Equations of the paper (Vatansever, Dirik and Memon, IEEE TIFS 2019) are numbered here and in the
@@ -21,22 +21,27 @@ FloatArray = NDArray[np.float64]
 
 
 def branch_gain(omega: ArrayLike, m: ArrayLike, rows: int, capacity: float) -> ComplexArray:
-    """Gain ``F_m(ω)`` of the ``m``-th shifted copy, Eq. 7 (``Fm``), its sum in closed form.
+    """Gain ``F_m(ω)`` of the ``m``-th shifted copy, the sum of Eq. 7 (``Fm``) in closed form.
 
     Parameters
     ----------
     omega : array_like of float
         Angular frequency of the output, radians per row.
     m : array_like of int
-        Which copy; broadcast with ``omega``.
+        Index of the copy; broadcast with ``omega``.
     rows : int
         ``L``, rows of a frame.
     capacity : float
-        ``M``, rows that would fit in a frame period; needn't be whole.
+        ``M``, rows that would fit in a frame period; needn't be an integer.
 
     Returns
     -------
     ndarray of complex128
+
+    Examples
+    --------
+    >>> abs(branch_gain(0.0, 0, 540, 720.0)).item()
+    0.75
     """
     step = np.asarray(
         (np.asarray(omega) * (capacity - rows) + 2 * math.pi * np.asarray(m)) / capacity
@@ -56,12 +61,12 @@ def output_spectrum(
     Parameters
     ----------
     spectrum : callable
-        ``X(ω)``, the discrete-time Fourier transform of the light sampled without a pause, at an
-        array of angular frequencies.
+        ``X(ω)``, the discrete-time Fourier transform of the light sampled without idle periods, at
+        an array of angular frequencies.
     omega : array_like of float (frequencies,)
         Angular frequencies of the output, radians per row.
     rows, capacity : int
-        ``L`` and ``M``; the polyphase derivation needs both whole.
+        ``L`` and ``M``; the polyphase derivation requires integers.
 
     Returns
     -------

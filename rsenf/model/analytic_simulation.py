@@ -1,8 +1,7 @@
-"""The strongest line, measured in simulated row series: the time-domain twin of the line model.
+"""The strongest line measured in a simulated row series, as a check of the line model.
 
-Nothing here knows where lines should be. A wall without texture under ``|cos|`` light on a steady
-grid is captured row by row, the rows are put one after the other, and the highest peak of their
-spectrum is taken.
+No knowledge of the lines enters: a wall without texture under ``|cos|`` light on a steady grid is
+captured row by row, the rows are concatenated, and the highest peak of their spectrum is taken.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ _LAMP = "ideal"
 
 @dataclass(frozen=True)
 class Peak:
-    """A peak of a spectrum, its amplitude relative to harmonic 1 of the light."""
+    """A peak of a spectrum; its amplitude is relative to harmonic 1 of the light."""
 
     freq_hz: float
     amplitude: float
@@ -69,16 +68,16 @@ def simulated_peak(
 
 
 def strongest_peak(series: FloatArray, sample_rate_hz: float) -> Peak:
-    """Find the highest peak of a series' spectrum beyond its mean, amplitude in its own unit.
+    """Find the highest peak of a series' spectrum apart from its mean, amplitude in its own unit.
 
-    A Hann window keeps lines apart; a parabola through the logarithms of the three samples at
-    the peak finds its place and height to about a thousandth.
+    A Hann window separates lines; a parabola through the logarithms of the three highest samples
+    gives frequency and height to about a thousandth.
     """
     window = np.hanning(series.size)
     size = 1 << (_PADDING * series.size - 1).bit_length()
     spectrum = np.abs(np.fft.rfft((series - series.mean()) * window, size))
     bins = size / series.size  # spectrum samples per 1/duration
-    spectrum[: int(3 * bins)] = 0.0  # what the mean leaves, and no line this low is told from it
+    spectrum[: int(3 * bins)] = 0.0  # leakage of the mean, which would hide so low a line
     at = int(np.argmax(spectrum[:-1]))
     left, top, right = np.log(spectrum[at - 1 : at + 2])
     shift = 0.5 * (left - right) / (left - 2 * top + right)

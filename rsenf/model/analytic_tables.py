@@ -1,8 +1,7 @@
-"""The idle tables: the two strongest lines and their ratio, against the idle period.
+"""The idle tables: the two strongest lines and their amplitude ratio, against the idle period.
 
-The two strongest lines and the ratio of their amplitudes, Eq. 22 (``Eq_arg_max``).
-
-The paper calls the ratio one of powers; its numbers are ratios of amplitudes, and so is this.
+The strongest line is that of Eq. 22 (``Eq_arg_max``). The paper calls the ratio one of powers; its
+values are ratios of amplitudes, as they are here.
 """
 
 from __future__ import annotations
@@ -17,35 +16,35 @@ from rsenf.errors import UsageError
 from rsenf.model.analytic import COSINE, PHASES_RAD, ROWS, SpectralLine, lines
 from rsenf.model.published import Entry
 
-PRINTED_TIE = 1.05  # a smaller ratio is 1.0 in the paper's tables
+PRINTED_TIE = 1.05  # smaller ratios are printed as 1.0
 _EQUAL = 1 + 1e-6
-_NOTHING = 1e-9  # of the strongest line: what rounding leaves
+_NOTHING = 1e-9  # rounding error, relative to the strongest line
 
 
 @dataclass(frozen=True)
 class Strongest:
-    """The strongest lines ``H_1``, the next strongest ``H_2``, and the ratio between them.
+    """The strongest lines ``H_1``, the second strongest ``H_2``, and their ratio.
 
-    Lines of equal amplitude share a place, highest frequency first. Those that share the first
-    place are both ``H_1`` and ``H_2``, as in the paper. Where the light makes one line only there
-    is no second: ``second`` is empty and ``amplitude_ratio`` None.
+    Lines of equal amplitude share a rank, the highest frequency first. If several share the first
+    rank, they are both ``H_1`` and ``H_2``, as in the paper. If the light makes a single line,
+    ``second`` is empty and ``amplitude_ratio`` None.
     """
 
     first: tuple[SpectralLine, ...]
     second: tuple[SpectralLine, ...]
     amplitude_ratio: float | None
-    ratio_range: tuple[float, float] | None  # over the light's phase; None where it plays no part
+    ratio_range: tuple[float, float] | None  # over the light's phase; None if independent of it
 
 
 def strongest(found: Iterable[SpectralLine], tie_ratio: float = _EQUAL) -> Strongest:
-    """Pick the two strongest of some lines, by their root mean square over the light's phase.
+    """Select the two strongest lines, by their rms over the light's phase.
 
     Parameters
     ----------
     found : iterable of SpectralLine
         From :func:`rsenf.model.analytic.lines`.
     tie_ratio : float, optional
-        Amplitudes whose ratio is less are equal.
+        Amplitudes with a smaller ratio are equal.
 
     Raises
     ------
@@ -64,7 +63,7 @@ def strongest(found: Iterable[SpectralLine], tie_ratio: float = _EQUAL) -> Stron
 
 
 def _sharing(ordered: Sequence[SpectralLine], tie_ratio: float) -> tuple[SpectralLine, ...]:
-    """Lines that share the place of the first, highest frequency first."""
+    """Lines that share the first one's rank, the highest frequency first."""
     least = ordered[0].amplitude / tie_ratio
     alike = (line for line in ordered if line.amplitude > least)
     return tuple(sorted(alike, key=lambda line: -line.freq_hz))
@@ -83,17 +82,17 @@ IDLE_PERCENTS = range(0, 100, 5)
 
 @dataclass(frozen=True)
 class Reading:
-    """How the line model is read: by default as it is, otherwise as the paper did."""
+    """How the line model is read: by default exactly, otherwise as the paper did."""
 
-    whole_capacity: bool = False  # M = round(L/(1 − ρ)), which changes ρ a little
-    folded: bool = True  # lines below 0 Hz count, at their absolute value
+    whole_capacity: bool = False  # M = round(L/(1 − ρ)), which changes ρ slightly
+    folded: bool = True  # include lines below 0 Hz, at their absolute value
     harmonics: tuple[float, ...] = COSINE
     rows: int = ROWS
 
     def lines(
         self, frame_rate_hz: float, nominal_hz: float, idle_ratio: float
     ) -> tuple[SpectralLine, ...]:
-        """List the lines of a capture, up to a little beyond twice the light's top harmonic."""
+        """List the lines of a capture, up to slightly beyond twice the light's highest harmonic."""
         if self.whole_capacity:
             idle_ratio = 1 - self.rows / round(self.rows / (1 - idle_ratio))
         f0_hz = 2 * nominal_hz
@@ -117,7 +116,15 @@ def idle_table(
     reading: Reading,
     idle_percents: Iterable[int] = IDLE_PERCENTS,
 ) -> tuple[Entry, ...]:
-    """Tabulate the two strongest lines, unrounded; only equal amplitudes tie."""
+    """Tabulate the two strongest lines, unrounded; only equal amplitudes tie.
+
+    Parameters
+    ----------
+    frame_rate_hz, nominal_hz : float
+        Frame rate, and frequency of the grid.
+    reading : Reading
+    idle_percents : iterable of int, optional
+    """
     return tuple(
         _entry(idle, reading.lines(frame_rate_hz, nominal_hz, idle / 100)) for idle in idle_percents
     )
@@ -129,7 +136,21 @@ def printed_table(
     reading: Reading,
     idle_percents: Iterable[int] = IDLE_PERCENTS,
 ) -> tuple[Entry, ...]:
-    """Tabulate as the paper prints: whole hertz, one decimal, ties where that shows 1.0."""
+    """Tabulate as the paper prints: whole hertz, one decimal, a tie where that ratio is 1.0.
+
+    Parameters
+    ----------
+    frame_rate_hz, nominal_hz : float
+        Frame rate, and frequency of the grid.
+    reading : Reading
+    idle_percents : iterable of int, optional
+
+    Examples
+    --------
+    >>> (row,) = printed_table(29.97, 50.0, AS_PUBLISHED, [30])
+    >>> row.h1_hz, row.h2_hz, row.amplitude_ratio
+    ((70,), (100, 40), 505.6)
+    """
     return tuple(
         _as_printed(_entry(idle, reading.lines(frame_rate_hz, nominal_hz, idle / 100), PRINTED_TIE))
         for idle in idle_percents

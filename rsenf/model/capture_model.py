@@ -1,4 +1,4 @@
-"""The whole capture as one description, versioned, as a dictionary or a model file."""
+"""The complete description of a capture, as a versioned dictionary or model file."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ _PARTS = ("light", "scene", "shutter", "sensor", "codec")
 
 @dataclass(frozen=True, kw_only=True)
 class CaptureModel:
-    """Light × scene × shutter × sensor × codec, plain, and the effects that it has beyond them.
+    """Light × scene × shutter × sensor × codec, and the effects beyond a plain capture.
 
-    ``provenance`` is whatever is to be known of where the model comes from, such as the data it
-    was fitted to and the uncertainties of its parameters; the simulation doesn't read it.
+    ``provenance`` holds information on the model's origin, such as the data it was fitted to and
+    the standard errors of its parameters; the simulation ignores it.
     """
 
     name: str = "default"
@@ -48,7 +48,7 @@ class CaptureModel:
         Raises
         ------
         ParameterError
-            Naming the first that isn't plausible.
+            Naming the first one that is out of its range.
         """
         for part in _PARTS:
             parameters.validate(getattr(self, part), (part,))
@@ -65,7 +65,7 @@ class CaptureModel:
             raise ParameterError(("effects",), "put more than one thing in front of the wall")
 
     def with_effect(self, name: str, /, **values: Any) -> CaptureModel:
-        """Return the model with one effect, in place of those of its name.
+        """Return the model with an effect, which replaces those of its name.
 
         Parameters
         ----------
@@ -77,7 +77,12 @@ class CaptureModel:
         Raises
         ------
         ParameterError
-            For an unknown effect or parameter, or a value that isn't plausible.
+            For an unknown effect or parameter, or a value out of range.
+
+        Examples
+        --------
+        >>> CaptureModel().with_effect("gamma", exponent=1.5).effects
+        (Gamma(exponent=1.5),)
         """
         return self.without(name).plus(make_effect(name, values))
 
@@ -91,7 +96,7 @@ class CaptureModel:
         clock_ppm: float | None = None,
         **codec: Any,
     ) -> CaptureModel:
-        """Return the model with what is given over its own; None leaves it.
+        """Return the model with the given values; None keeps the model's own.
 
         Parameters
         ----------
@@ -103,12 +108,12 @@ class CaptureModel:
         clock_ppm : float, optional
             Of an effect ``clock_skew``.
         **codec
-            Parameters of the codec; a bit rate or ``lossless`` replaces what it says of both.
+            Parameters of the codec; a bit rate or ``lossless`` replaces both of the model's.
 
         Raises
         ------
         UsageError
-            For a value that isn't plausible.
+            For a value out of range.
         """
         columns, rows = size or (None, None)
         rate = None if frame_rate is None else parse_frame_rate(frame_rate)
@@ -130,14 +135,14 @@ class CaptureModel:
         return dataclasses.replace(self, effects=kept)
 
     def plus(self, *effects: Effect) -> CaptureModel:
-        """Return the model with more effects, beside those it has."""
+        """Return the model with more effects."""
         return dataclasses.replace(self, effects=self.effects + effects)
 
     def named_effects(self, f0_hz: float) -> list[dict[str, object]]:
-        """Name the effects of this capture, as its truth does.
+        """List the effects of this capture, as its ground truth does.
 
-        A lamp that isn't a pure tone has ``harmonics`` of its own. What a real encoder adds is
-        not known before.
+        A lamp that isn't a pure tone counts as ``harmonics``. What a real encoder adds isn't known
+        in advance.
 
         Parameters
         ----------
@@ -152,7 +157,7 @@ class CaptureModel:
         return found
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the model as plain values, with the version of their layout."""
+        """Return the model as plain values, with the version of their schema."""
         parts = {part: parameters.to_dict(getattr(self, part)) for part in _PARTS}
         told = {"version": VERSION, "name": self.name, **parts}
         told["effects"] = write_effects(self.effects)
@@ -160,12 +165,12 @@ class CaptureModel:
 
     @classmethod
     def from_dict(cls, data: Any) -> CaptureModel:
-        """Read a model from plain values; what isn't given keeps its default.
+        """Read a model from plain values; missing ones keep their default.
 
         Raises
         ------
         ParameterError
-            For another version, an unknown key, or a value that isn't plausible.
+            For another version, an unknown key, or a value out of range.
         """
         if not isinstance(data, dict):
             raise ParameterError((), f"is {data!r}, not a mapping")
@@ -197,5 +202,5 @@ class CaptureModel:
 
 
 def _over(part: Any, given: Mapping[str, object]) -> Any:
-    """Return a part of the model with what was given in its place."""
+    """Return a part of the model with the given values; None keeps the part's own."""
     return dataclasses.replace(part, **{k: v for k, v in given.items() if v is not None})

@@ -1,4 +1,4 @@
-"""The effects of a model in one clip, each with its run, by the place where it acts."""
+"""The effects of a model in one clip, applied stage by stage."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from rsenf.model.view import View
 
 
 class Chain:
-    """A model's effects, ready to act on one clip from its first block to its last.
+    """A model's effects, ready for one clip from its first block to its last; they keep state.
 
     Parameters
     ----------
     model : CaptureModel
         The capture.
     frames : int
-        Frames that are captured.
+        Captured frames.
     seed : int
-        Seed of everything random.
+        Seed of all random numbers.
     """
 
     def __init__(self, model: CaptureModel, frames: int, seed: int) -> None:
@@ -62,7 +62,7 @@ class Chain:
         return clip
 
     def read_out(self, block: int, number: Int64Array, clip: Clip) -> ReadOut:
-        """Time the lines of a block of captured frames."""
+        """Time the lines of a block of captured frames, given their numbers and the clip's plan."""
         read_out = ReadOut.of(self._model.shutter, block, number, clip.start_s[number])
         for effect, run in self._links:
             if isinstance(effect, ReadOutEffect):
@@ -70,7 +70,7 @@ class Chain:
         return read_out
 
     def series(self, f0_hz: float) -> NDArray[np.complex128]:
-        """Shape the lamp's waveform."""
+        """Return the lamp's Fourier series, after effects on the waveform."""
         series = self._model.light.series(f0_hz)
         for effect, _ in self._links:
             if isinstance(effect, WaveformEffect):
@@ -79,7 +79,7 @@ class Chain:
 
     @property
     def exponent(self) -> float:
-        """Exponent of the camera's power law."""
+        """Exponent of the camera's tone curve."""
         exponent = 1.0
         for effect, _ in self._links:
             if isinstance(effect, ToneEffect):
@@ -87,7 +87,7 @@ class Chain:
         return exponent
 
     def light(self, light: LineLight) -> LineLight:
-        """Take light through what acts on it before and in the sensor."""
+        """Apply the effects on light and sensor, and the tone curve."""
         for effect, run in self._links:
             if isinstance(effect, LightEffect):
                 effect.apply(light, run)
@@ -98,7 +98,7 @@ class Chain:
         return light
 
     def coded(self, light: LineLight) -> LineLight:
-        """Take the light of delivered frames through what stands for an encoder."""
+        """Apply the effects that imitate an encoder, to delivered frames."""
         for effect, run in self._links:
             if isinstance(effect, CodecEffect):
                 effect.apply(light, run)

@@ -1,4 +1,4 @@
-"""Every frame of a clip: when it was captured, whether it came, and what its stamp says."""
+"""The plan of a clip's frames: capture time, delivery and time stamp of each."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from rsenf.model.grid import FloatArray
 
 Int64Array = NDArray[np.int64]
 
-# Where stamps aren't whole frame periods: microseconds, which mp4 and mov keep exactly.
+# Time base of irregular stamps: microseconds, which mp4 and mov store exactly.
 FINE = Fraction(1, 1_000_000)
 
 
 @dataclass(eq=False)
 class Clip:
-    """A plan of all frames, which effects on frames and on delivery change.
+    """The plan of all frames, which effects on frames and on delivery change.
 
     Attributes
     ----------
     frame_rate : Fraction
-        Nominal rate of the camera's clock, or the one that its frames were converted to.
+        Nominal rate by the camera's clock, after a rate conversion if any.
     start_s : ndarray of float64 (captured,)
-        Camera's clock when row 0 of each captured frame begins.
+        Start of row 0 of each captured frame, by the camera's clock.
     stamp_offset_s : ndarray of float64 (captured,)
-        What each frame's stamp shows beyond the time of its slot.
+        Time stamp of each frame less the time of its slot.
     number : ndarray of int64 (delivered,)
-        Which captured frame each delivered one is; never falling.
+        Captured frame that each delivered one is; never falling.
     slot : ndarray of int64 (delivered,)
-        Its place on the clip's time axis, in frame periods.
+        Position on the clip's time axis, in frame periods.
     clock_factor : float
-        Camera seconds in a true second.
+        Camera seconds per true second.
     blend : ndarray of float64 (delivered,) or None
-        Share of each delivered frame that the one captured before it has; None is nothing.
+        Share of the previous captured frame in each delivered one; None for no blending.
     """
 
     frame_rate: Fraction
@@ -48,14 +48,18 @@ class Clip:
 
     @classmethod
     def regular(cls, frame_rate: Fraction, frames: int) -> Clip:
-        """Plan frames one period apart, all of which arrive."""
+        """Plan frames one period apart, all of which are delivered.
+
+        >>> Clip.regular(Fraction(25), 3).stamp_s().tolist()
+        [0.0, 0.04, 0.08]
+        """
         number = np.arange(frames)
         start_s = number / float(frame_rate)
         return cls(frame_rate, start_s, np.zeros(frames), number, number.copy())
 
     @property
     def irregular(self) -> bool:
-        """Whether any frame begins off its period."""
+        """Whether any captured frame begins off its nominal time."""
         return not np.array_equal(
             self.start_s, np.arange(self.start_s.size) / float(self.frame_rate)
         )
@@ -76,12 +80,12 @@ class Clip:
         return np.round(self.stamp_s() / float(FINE)).astype(np.int64)
 
     def dropped(self) -> Int64Array:
-        """Numbers of the captured frames that never arrive."""
+        """Numbers of the captured frames that aren't delivered."""
         lost = np.ones(self.start_s.size, bool)
         lost[self.number] = False
         return np.flatnonzero(lost)
 
     def duplicated(self) -> Int64Array:
-        """Numbers of the captured frames that arrive again, once for each time."""
+        """Numbers of the captured frames that are delivered again, once for each repetition."""
         again = np.diff(self.number) == 0
         return np.asarray(self.number[1:][again])

@@ -1,4 +1,4 @@
-"""What the encoder is told: codec, quality or bit rate, and how hard to try."""
+"""Encoder settings: codec, quality or bit rate, preset."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _PRESETS = ("ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "s
 
 @dataclass(frozen=True, kw_only=True)
 class Codec:
-    """One real encoder and its settings."""
+    """An encoder and its settings."""
 
     name: str = parameter("h264", "codec", choices=tuple(ENCODERS))
     bitrate_bps: int | None = parameter(
@@ -33,12 +33,13 @@ class Codec:
     gop_frames: int = parameter(250, "most frames from one key frame to the next", low=1, high=3000)
 
     def validate(self) -> None:
-        """Check what no single range can.
+        """Check combinations of parameters.
 
         Raises
         ------
         ParameterError
-            For a bit rate together with lossless, lossless MJPEG, and weights where there are none.
+            For a bit rate together with lossless, lossless MJPEG, and weighted prediction where the
+            codec has none.
         """
         if self.lossless and self.bitrate_bps is not None:
             raise ParameterError(("codec", "lossless"), "excludes codec.bitrate_bps")
@@ -54,14 +55,14 @@ class Codec:
         return parameters.to_dict(self)
 
     def options(self) -> dict[str, str]:
-        """Private options of the encoder, in FFmpeg's words."""
+        """Private options of the encoder, as FFmpeg names them."""
         preset = self.preset or ("superfast" if self.bitrate_bps else "ultrafast")
         asked = {None: -1, False: 0, True: 1}[self.weighted_prediction]
         if self.name == "h264":
             weights = ({"weightp": "none"}, {"weightp": "smart"}, {})[asked]
             return {"preset": preset, **weights, **self._quality({"qp": "0"})}
         if self.name == "h265":
-            # x265 writes its log to stderr by itself unless told not to.
+            # x265 would write its log to stderr.
             told = "log-level=none" + (":weightp=0", ":weightp=1", "")[asked]
             told += ":lossless=1" if self.lossless else ""
             return {"preset": preset, "x265-params": told, **self._quality({})}

@@ -1,6 +1,7 @@
-"""A capture as numbers: for each block of frames, which arrive, when, and how bright each line is.
+"""The exposures of a capture, block by block: frames delivered, their times, light on each line.
 
-Both depths start here, so they share grid, light, shutter, delivery and effects to the last bit.
+Row means and rendered frames both start here, so that grid, light, shutter, delivery and effects
+are identical to the last bit.
 """
 
 from __future__ import annotations
@@ -23,19 +24,19 @@ BLOCK_FRAMES = 64
 
 @dataclass(frozen=True, eq=False)
 class ExposedBlock:
-    """The delivered frames of one block of captured ones."""
+    """The delivered frames of a block of captured frames."""
 
     block: int
     captured: int  # frames of the block, before delivery
-    index: Int64Array  # (frames,) which of them each delivered frame is
+    index: Int64Array  # (frames,) index of each delivered frame among them
     pts: Int64Array  # (frames,) presentation time in units of the clip's time base
     start_s: FloatArray  # (frames,) true time of line 0
-    shift_px: FloatArray  # (frames, 2) how far the scene stands from its place
+    shift_px: FloatArray  # (frames, 2) displacement of the scene
     light: LineLight  # of the delivered frames
 
 
 class Capture:
-    """A model on a grid path for a time.
+    """A model filming a grid path for some time.
 
     Parameters
     ----------
@@ -44,16 +45,16 @@ class Capture:
     grid : GridPath
         The grid's frequency, and where on it the camera starts.
     duration_s : float or None
-        Length of the clip by the camera's clock; None is until the path ends.
+        Length of the clip by the camera's clock; None films to the end of the path.
     seed : int
-        Seed of everything random.
+        Seed of all random numbers.
     averaged_rows : int, optional
-        Of how many neighbouring rows each line is the mean.
+        Number of neighbouring rows that each line is the mean of.
 
     Raises
     ------
     UsageError
-        When the model isn't plausible, or the clip doesn't fit on the path.
+        When the model isn't valid, or the clip doesn't fit on the path.
     """
 
     def __init__(
@@ -96,11 +97,11 @@ class Capture:
 
     @property
     def delivered(self) -> int:
-        """Frames that arrive."""
+        """Number of frames delivered."""
         return self.clip.number.size
 
     def chain(self) -> Chain:
-        """Return the effects, fresh: they remember how far they are."""
+        """Return the effects in their initial state."""
         return Chain(self.model, self.captured, self.seed)
 
     def exposures(self) -> Iterator[ExposedBlock]:
@@ -143,7 +144,7 @@ class Capture:
             )
 
     def _shake_px(self) -> FloatArray:
-        """How far the camera's movement shifts the scene, in the order of the read-out."""
+        """Displacement of the scene by the camera's movement, in the order of the read-out."""
         shutter = self.model.shutter
         shift_px = self.model.scene.shift_px(
             self.captured, 1 / float(shutter.frame_rate), self.seed

@@ -1,4 +1,4 @@
-"""Frame rates are fractions: 29.97 is 30000/1001, exactly."""
+"""Frame rates as exact fractions: 29.97 is 30000/1001."""
 
 from __future__ import annotations
 
@@ -22,13 +22,18 @@ def parse_frame_rate(value: object) -> Fraction:
     Parameters
     ----------
     value : str, int, float or Fraction
-        ``"30000/1001"``, ``25``, ``"12.5"``; the rounded names 23.976, 29.97, 59.94 and 119.88
+        ``"30000/1001"``, ``25``, ``"12.5"``; the rounded values 23.976, 29.97, 59.94 and 119.88
         mean the broadcast rates over 1001.
 
     Raises
     ------
     UsageError
         When it isn't a positive number.
+
+    Examples
+    --------
+    >>> parse_frame_rate(29.97), parse_frame_rate("25")
+    (Fraction(30000, 1001), Fraction(25, 1))
     """
     text = str(value)
     if text in _NTSC:

@@ -1,6 +1,6 @@
-"""The full depth: luma frames, rendered faster than they are filmed.
+"""Renders luma frames, faster than real time.
 
-Pixels of a frame: levels × light + noise, rounded to bytes, a band of lines at a time.
+A pixel is its level × light + noise, rounded to 8 bits, one band of lines at a time.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rsenf.model.strips import places
 from rsenf.model.truth import truth_of
 from rsenf.model.view import Region, View
 
-# Lines rendered together: their floats stay in the processor's cache.
+# Pixels of a band, so that its floats stay in the processor's cache.
 _BAND_PIXELS = 64_000
 
 Luma = NDArray[np.uint8]
@@ -37,9 +37,9 @@ class Renderer:
     view : View
         The scene.
     sensor : Sensor
-        Whose noise it is.
+        Determines the noise.
     exponent : float
-        Of the camera's power law.
+        Of the camera's tone curve.
     seed : int
         Seed of the noise.
     """
@@ -59,17 +59,26 @@ class Renderer:
         self._luma: Luma = np.empty(view.wall.shape, np.uint8)
 
     def noise_places(self, rng: np.random.Generator, frames: int) -> Int64Array:
-        """Draw which noise each line of some frames has: (frames, lines)."""
+        """Draw the noise of each line of some frames, as positions in the bank: (frames, lines)."""
         return self._bank.places(rng, (frames, self._lines))
 
     def render(self, exposed: ExposedBlock, frame: int, noise_places: Int64Array) -> Luma:
-        """Render one frame of a block: (lines, pixels), valid until the next."""
+        """Render one frame of a block: (lines, pixels), valid until the next call.
+
+        Parameters
+        ----------
+        exposed : ExposedBlock
+        frame : int
+            Index of the frame in the block.
+        noise_places : ndarray of int64 (lines,)
+            From :meth:`noise_places`.
+        """
         import cv2
 
         light = exposed.light
         region = self._view.region(float(exposed.start_s[frame]))
         level = self._level.with_patch(region, self._moved(exposed.shift_px[frame]))
-        # The noise is a wall's that stands still: a shift of a few pixels changes it by little.
+        # Noise of the unshifted wall: a shift of a few pixels changes it little.
         sigma = self._sigma.with_patch(region, None)
         louder = self._louder(light.level[frame])
         for top in range(0, self._lines, self._band_lines):
@@ -80,7 +89,7 @@ class Renderer:
             if light.offset is not None:
                 noise += light.offset[band, None]
             self._lit(level[band], light, frame, band, lit)
-            # Adds, rounds to the nearest level and clips to 0 … 255, in one pass.
+            # Adds, rounds and clips to 0 … 255 in one pass.
             cv2.add(lit, noise, self._luma[band], None, cv2.CV_8U)
         return self._luma
 
@@ -95,7 +104,7 @@ class Renderer:
         out *= level
 
     def _louder(self, gain: Float32Array) -> Float32Array:
-        """Shot noise follows the light; once a line is exact enough for its few per cent."""
+        """Factor of the noise due to the light; one per line is enough for a few per cent."""
         variance = self._sensor.variance(self._line_level * gain, self._exponent)
         return np.asarray(np.sqrt(variance / self._line_variance))
 
@@ -107,7 +116,7 @@ class Renderer:
 
 
 class _Canvas:
-    """A picture with a patch that is laid on it anew for each frame."""
+    """A picture with a patch that is placed anew in each frame."""
 
     def __init__(self, ground: Float32Array, patch: Float32Array | None) -> None:
         self._ground, self._patch = ground, patch
@@ -115,7 +124,7 @@ class _Canvas:
         self._covered: Region = (slice(0), slice(0))
 
     def with_patch(self, region: Region | None, moved: Float32Array | None) -> Float32Array:
-        """Lay the patch on the ground, or on the ground as it has moved for this frame."""
+        """Return the ground, or the moved one, with the patch in a region."""
         if region is None or self._patch is None:
             return self._picture if moved is None else moved
         if moved is not None:
@@ -128,22 +137,22 @@ class _Canvas:
 
 
 class FrameStream:
-    """The frames of a clip, one after the other, in bounded memory.
+    """The frames of a clip one after the other, in bounded memory.
 
-    Iterating yields ``(pts, luma)``: the presentation time in units of ``time_base`` and a uint8
-    array (height_px, width_px), valid until the next one. Each iteration starts anew and yields
+    Iteration yields ``(pts, luma)``: the presentation time in units of ``time_base`` and a uint8
+    array (height_px, width_px), valid until the next one. Each iteration starts again and yields
     the same frames.
 
     Attributes
     ----------
     truth : dict
-        What is true of the clip.
+        The ground truth of the clip.
     time_base : Fraction
         Seconds of the camera's clock per unit of ``pts``.
     frame_rate : Fraction
         Nominal frame rate.
     frames : int
-        How many will be yielded.
+        Number of frames.
     height_px, width_px : int
         Size of a frame.
     """
@@ -182,13 +191,13 @@ def render_frames(
     grid : GridPath
         The grid's frequency, and where on it the camera starts.
     duration_s : float or None
-        Length of the clip by the camera's clock; None films until the path ends.
+        Length of the clip by the camera's clock; None films to the end of the path.
     seed : int
-        Seed of everything random.
+        Seed of all random numbers.
 
     Raises
     ------
     UsageError
-        When the model isn't plausible, or the clip doesn't fit on the grid path.
+        When the model isn't valid, or the clip doesn't fit on the grid path.
     """
     return FrameStream(Capture(model, grid, duration_s, seed))

@@ -1,4 +1,4 @@
-"""The grid's frequency along a path, and its phase by exact integration."""
+"""The grid's frequency path, and its phase by exact integration."""
 
 from __future__ import annotations
 
@@ -11,29 +11,34 @@ FloatArray = NDArray[np.float64]
 
 
 class GridPath:
-    """Grid frequency over time, seen from a camera that starts somewhere on it.
+    """Grid frequency over time, as seen from a camera that starts somewhere on it.
 
-    Sample ``k`` covers ``[k·step, (k+1)·step)`` of the path. Between the centres of the samples
-    the frequency is linear, before the first and after the last it is constant; the phase is the
-    exact integral of that. Samples that are NaN are bridged by the same line, for the light
-    alone, and named in :attr:`gaps`.
+    Sample ``k`` covers ``[k·step, (k+1)·step)`` of the path. The frequency is linear between the
+    centres of samples, and constant before the first and after the last one; the phase is its exact
+    integral. NaN samples are interpolated linearly, for the light only, and listed in :attr:`gaps`.
 
     Parameters
     ----------
     freq_hz : array_like of float (samples,)
-        Grid frequency; NaN where there is none.
+        Grid frequency; NaN where unknown.
     step_s : float
         Time between samples.
     start_s : float, optional
-        Where the camera starts: time from the beginning of sample 0 to the start of row 0 of the
-        first frame. All times given to the methods count from there.
+        Start of the camera: time from the beginning of sample 0 to the start of row 0 of the first
+        frame. All times passed to the methods count from there.
     nominal_hz : float, optional
-        50 or 60; by default whichever is nearer.
+        50 or 60; by default the nearer one.
 
     Raises
     ------
     UsageError
-        When the path has no value, isn't a grid's frequency, or the start isn't on it.
+        When no sample is finite, the frequency isn't a grid's, or the start is outside the path.
+
+    Examples
+    --------
+    >>> grid = GridPath([50.0, 50.0, 50.02, 50.02])
+    >>> grid.mean_hz(np.array([0.0, 2.0]), np.array([1.0, 3.0])).round(4).tolist()
+    [50.0, 50.0175]
     """
 
     def __init__(
@@ -65,7 +70,7 @@ class GridPath:
         if self.gaps:
             path = np.interp(np.arange(path.size), present, path[present])
         self.freq_hz: FloatArray = path
-        # Cycles from the first sample's centre to each centre: the trapezium is exact here.
+        # Cycles from the first sample's centre to each centre; the trapezoidal rule is exact.
         steps = (path[1:] + path[:-1]) * (self.step_s / 2)
         self._cycles = np.concatenate(([0.0], np.cumsum(steps)))
         self._origin_cycles = 0.0
@@ -81,7 +86,7 @@ class GridPath:
         steps = self._steps(t_s)
         if steps.ndim != 2 or not steps.size:
             return self._cycles_at(steps, np.floor(steps))
-        # The lines of a frame are so near to each other that most frames lie in one segment.
+        # Fast path: nearly all frames lie within one segment.
         first, last = np.floor(steps.min(axis=1)), np.floor(steps.max(axis=1))
         out, several = self._cycles_at(steps, first[:, None]), first != last
         out[several] = self._cycles_at(steps[several], np.floor(steps[several]))
@@ -94,11 +99,11 @@ class GridPath:
         return np.asarray(self.freq_hz[k] + slope * beyond_s)
 
     def mean_hz(self, begin_s: FloatArray, end_s: FloatArray) -> FloatArray:
-        """Mean frequency over intervals: their cycles over their length."""
+        """Mean frequency over intervals, their cycles over their length; times since the start."""
         return np.asarray((self.cycles(end_s) - self.cycles(begin_s)) / (end_s - begin_s))
 
     def gaps_within(self, duration_s: float) -> list[tuple[float, float]]:
-        """Bridged gaps that touch the first ``duration_s`` seconds, as times since the start."""
+        """Interpolated gaps within the first ``duration_s`` seconds, as times since the start."""
         spans = [(a * self.step_s - self.start_s, b * self.step_s - self.start_s)
                  for a, b in self.gaps]  # fmt: skip
         return [(a, b) for a, b in spans if b > 0 and a < duration_s]
@@ -108,7 +113,7 @@ class GridPath:
         return np.asarray((np.asarray(t_s) + self.start_s) / self.step_s - 0.5)
 
     def _cycles_at(self, steps: FloatArray, whole: FloatArray) -> FloatArray:
-        """Cycles at times whose centres before them are known."""
+        """Cycles at times, given the index of the centre before each."""
         k, beyond_s, slope = self._segment(steps, whole)
         slope = slope / 2
         return np.asarray(
@@ -119,9 +124,9 @@ class GridPath:
     def _segment(
         self, steps: FloatArray, whole: FloatArray
     ) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
-        """Centre before each time, the time beyond it, and the frequency's slope there.
+        """Centre before each time, the time since then, and the frequency's slope there.
 
-        ``whole`` may have one place for many of ``steps`` (broadcastable).
+        ``whole`` may be broadcast against ``steps``.
         """
         last = self.freq_hz.size - 1
         k = np.clip(whole, 0, last).astype(np.intp)

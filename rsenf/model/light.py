@@ -34,12 +34,12 @@ class Light:
         return float(generator(seed, "light phase").uniform(-math.pi, math.pi))
 
     def series(self, f0_hz: float = 100.0) -> NDArray[np.complex128]:
-        """Complex amplitudes (harmonics,) relative to the mean light, harmonic 1 real.
+        """Complex amplitudes (harmonics,) relative to the mean light; harmonic 1 is real.
 
         Parameters
         ----------
         f0_hz : float, optional
-            Nominal illumination frequency, which thermal lag depends on.
+            Nominal illumination frequency, on which thermal inertia depends.
         """
         own = LAMPS[self.lamp](f0_hz)
         first = own.flicker_ratio if self.flicker_ratio is None else self.flicker_ratio
@@ -50,16 +50,16 @@ class Light:
 
 @dataclass(frozen=True)
 class Aperture:
-    """The time over which a line gathers light: an exposure, or those of rows that are averaged.
+    """The time over which a line collects light: one exposure, or those of the rows it averages.
 
     Parameters
     ----------
     exposure_s : float, optional
         Of a row.
     rows : int, optional
-        How many are averaged.
+        Number of averaged rows.
     row_s : float, optional
-        By how much each begins after the one before.
+        Time from one row to the next.
     """
 
     exposure_s: float = 0.0
@@ -68,11 +68,15 @@ class Aperture:
 
     @property
     def middle_s(self) -> float:
-        """From the first row's beginning."""
+        """Middle of the aperture, from the start of the first row."""
         return (self.exposure_s + (self.rows - 1) * self.row_s) / 2
 
     def transfer(self, freq_hz: FloatArray | float) -> FloatArray:
-        """What is left of tones: a box's ``sinc(f·T_e)`` times the Dirichlet kernel of the rows."""
+        """Gain at a frequency: ``sinc(f·T_e)`` of the exposure times the rows' Dirichlet kernel.
+
+        >>> Aperture(exposure_s=0.005).transfer(200.0).round(6).item()
+        0.0
+        """
         left = np.sinc(np.asarray(freq_hz) * self.exposure_s)
         if self.rows > 1:
             left = left * np.sinc(np.asarray(freq_hz) * (self.rows * self.row_s))
@@ -89,22 +93,22 @@ def relative_level(
 ) -> NDArray[np.float32]:
     """Mean light of each line's exposure, relative to the light's own mean.
 
-    The aperture leaves harmonic ``k`` its phase at its middle, and its transfer at ``k·f_0`` of
-    its size; ``f_0`` is taken once a frame, at its middle line.
+    Harmonic ``k`` has its phase at the middle of the aperture and is multiplied by the aperture's
+    transfer at ``k·f_0``, with ``f_0`` taken once a frame, at the middle line.
 
     Parameters
     ----------
     series : ndarray of complex128 (harmonics,) or (2, harmonics)
-        From :meth:`Light.series`; of a lamp whose half-waves differ, in a second row, the lines
-        at 1/2, 3/2, 5/2 … of the first harmonic's frequency.
+        From :meth:`Light.series`. A lamp with unequal half-waves has a second row, of the lines at
+        1/2, 3/2, 5/2 … of the first harmonic's frequency.
     phase_rad : float
         Phase of harmonic 1 at time zero.
     grid : GridPath
         The grid's frequency.
     line_start_s : ndarray of float64 (frames, lines)
-        When each line's exposure begins, true time.
+        Start of each line's exposure, true time.
     aperture : Aperture
-        Over which each line gathers light, in true seconds.
+        Of a line, in true seconds.
 
     Returns
     -------
@@ -124,11 +128,11 @@ def relative_level(
         tone.real, tone.imag = real, imaginary
     if whole.size > 1:
         first = first + _above(sizes[:, 1:], tone)
-    for half in halves:  # every second turn the light of a half-wave comes back
+    for half in halves:  # half orders repeat after two periods of the light
         sizes = (half * aperture.transfer(f0_hz[:, None] * (order - 0.5))).astype(np.complex64)
         turn = ((turns / 2 - np.floor(turns / 2)) * (2 * math.pi)).astype(np.float32)
         first = first + _above(sizes, tone) * np.exp(-1j * (angle + turn)).astype(np.complex64)
-    # Of harmonic 1 only the real part is needed.
+    # Only the real part of the sum is needed.
     real *= first.real
     imaginary *= first.imag
     real -= imaginary
@@ -137,7 +141,7 @@ def relative_level(
 
 
 def _above(sizes: NDArray[np.complex64], tone: NDArray[np.complex64]) -> NDArray[np.complex64]:
-    """Sum of the higher harmonics over harmonic 1: Horner's rule, from the highest down."""
+    """Sum of the higher harmonics over harmonic 1, by Horner's rule."""
     total = sizes[:, -1:] * tone
     for k in range(sizes.shape[1] - 2, -1, -1):
         total += sizes[:, k, None]

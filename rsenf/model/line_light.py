@@ -1,4 +1,4 @@
-"""How bright the light is on each line of a block of frames."""
+"""The light on each line of a block of frames."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ Float32Array = NDArray[np.float32]
 
 @dataclass(eq=False)
 class LineLight:
-    """Light of a block of frames, relative to its own mean; times are true seconds.
+    """Light of a block of frames relative to its own mean, with times in true seconds.
 
     Attributes
     ----------
     block : int
         Number of the block.
     number : ndarray of int64 (frames,)
-        Number of each frame as it was captured.
+        Number of each captured frame.
     start_s : ndarray of float64 (frames, lines)
-        When each line's exposure begins.
+        Start of each line's exposure.
     aperture : Aperture
-        Over which it gathers light.
+        Of a line.
     grid : GridPath
         The grid's frequency.
     series : ndarray of complex128 (harmonics,)
@@ -37,9 +37,9 @@ class LineLight:
     level : ndarray of float32 (frames, lines)
         The light at the middle of each line.
     slope : ndarray of float32 (frames, lines) or None
-        What is added from the first to the last pixel of a line, in equal steps; None is nothing.
+        Linear change from the first to the last pixel of a line; None for no change.
     offset : ndarray of float32 (lines,) or None
-        8-bit levels that the read-out adds to each line; None is nothing.
+        8-bit levels that the read-out adds to each line; None for nothing.
     """
 
     block: int
@@ -56,28 +56,41 @@ class LineLight:
     def lamp(
         self, phase_rad: float = 0.0, series: NDArray[np.complex128] | None = None
     ) -> Float32Array:
-        """Light of one such lamp, or of one with another waveform, ``phase_rad`` ahead of this."""
+        """Light of a lamp on the same grid, (frames, lines).
+
+        Parameters
+        ----------
+        phase_rad : float, optional
+            By which it leads the block's own lamp.
+        series : ndarray of complex128, optional
+            Its waveform; by default the own lamp's.
+        """
         return relative_level(
             self.series if series is None else series,
             self.phase_rad + phase_rad, self.grid, self.start_s, self.aperture,
         )  # fmt: skip
 
     def tone(self, freq_hz: float, phase_rad: float) -> Float32Array:
-        """Cosine of unit size and fixed frequency, as the exposure leaves it."""
+        """Cosine of unit amplitude and constant frequency after the exposure, (frames, lines).
+
+        Parameters
+        ----------
+        freq_hz : float
+        phase_rad : float
+            At time zero.
+        """
         turns = freq_hz * (self.start_s + self.aperture.middle_s) + phase_rad / (2 * np.pi)
         angle = ((turns - np.floor(turns)) * (2 * np.pi)).astype(np.float32)
         return np.asarray(np.float32(self.aperture.transfer(freq_hz)) * np.cos(angle))
 
     def scale(self, gain: FloatArray | Float32Array) -> None:
-        """Multiply all light by a gain that each line or frame shares (broadcastable)."""
+        """Multiply all light by a gain, broadcast over frames and lines."""
         self.level = np.asarray(self.level * gain, np.float32)
         if self.slope is not None:
             self.slope = np.asarray(self.slope * gain, np.float32)
 
     def bend(self, exponent: float) -> None:
-        """Pass the light through a power law; the slope to first order, which it is small enough
-        for.
-        """
+        """Apply a power law to the light; to the slope, which is small, to first order."""
         if exponent == 1:
             return
         self.level = np.maximum(self.level, np.float32(1e-6))
@@ -86,12 +99,12 @@ class LineLight:
         self.level = np.asarray(self.level**exponent)
 
     def frame_before(self, block: LineLight | None) -> LineLight:
-        """Return, for each frame, the light of the one before it; the first of all has its own.
+        """Return, for each frame, the light of the previous one; the very first keeps its own.
 
         Parameters
         ----------
         block : LineLight or None
-            Of the frames before these.
+            Block before this one.
         """
         first = self if block is None else block.take(np.array([-1]))
         earlier = self.take(np.maximum(np.arange(len(self.level)) - 1, 0))
@@ -101,14 +114,14 @@ class LineLight:
         return earlier
 
     def blend(self, other: LineLight, share: FloatArray) -> None:
-        """Give another light a share of each frame."""
+        """Mix in another light of the same frames, with a share for each frame."""
         its = np.asarray(share, np.float32)[:, None]
         self.level = (1 - its) * self.level + its * other.level
         if self.slope is not None and other.slope is not None:
             self.slope = (1 - its) * self.slope + its * other.slope
 
     def take(self, index: Int64Array) -> LineLight:
-        """Return the same light for some of the frames, perhaps some of them twice."""
+        """Return the light of selected frames, which may repeat."""
         return LineLight(
             self.block, self.number[index], self.start_s[index], self.aperture, self.grid,
             self.series, self.phase_rad, self.level[index],

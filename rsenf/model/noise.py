@@ -1,9 +1,9 @@
-"""Pixel noise at video rate: a bank of normal numbers, read from a new place for every row.
+"""Pixel noise at video rate, from a bank of normal random numbers.
 
-Drawing a million normal numbers a frame takes ten times longer than all the rest. A row of the
-frame is therefore a stretch of a long bank that begins at a random place, drawn anew for every
-row of every frame. Given the bank, row means are independent draws from one distribution, in
-time and down the frame; only single pixels repeat, every few thousand rows.
+Drawing a million normal numbers a frame would take ten times longer than everything else. So the
+noise of a row is a section of a long bank at a random position, drawn anew for every row of every
+frame. Given the bank, row means are independent and identically distributed in time and down the
+frame; only single pixels repeat, every few thousand rows.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Int64Array = NDArray[np.int64]
 
 
 class NoiseBank:
-    """Unit normal noise for rows of a fixed length.
+    """Standard normal noise for rows of a fixed length.
 
     Parameters
     ----------
@@ -38,9 +38,9 @@ class NoiseBank:
         self._rows = np.lib.stride_tricks.sliding_window_view(ring, columns)
 
     def places(self, rng: np.random.Generator, shape: tuple[int, ...]) -> Int64Array:
-        """Draw where in the bank rows begin."""
+        """Draw random positions in the bank, where rows begin."""
         return rng.integers(0, BANK, shape)
 
     def rows(self, places: Int64Array) -> Float32Array:
-        """Noise of the rows that begin at the places, shape ``(len(places), columns)``, a copy."""
+        """Noise of rows that begin at given positions, (len(places), columns), as a copy."""
         return self._rows[places]

@@ -1,4 +1,4 @@
-"""Parameters: their plausible range beside their default; to a dictionary and back, checked.
+"""Declared parameters with ranges, their validation, and conversion to and from dictionaries.
 
 A part of the model is a frozen dataclass whose fields are made by :func:`parameter`.
 """
@@ -22,46 +22,47 @@ KeyPath = tuple[str | int, ...]
 
 
 class ParameterError(UsageError):
-    """A parameter that can't be so; ``path`` names it, from the model's top down."""
+    """An invalid parameter; ``path`` is its place in the model."""
 
     def __init__(self, path: KeyPath, problem: str, hint: str = "") -> None:
         super().__init__(f"model: {'.'.join(map(str, path)) or 'the top level'} {problem}", hint)
         self.path, self.problem = path, problem
 
     def below(self, path: KeyPath) -> ParameterError:
-        """Return the same error seen from further up."""
+        """Return the error with the path of the enclosing part prepended."""
         return ParameterError((*path, *self.path), self.problem, self.hint)
 
 
 @dataclass(frozen=True)
 class Fitting:
-    """How a parameter is found from data, where it is.
+    """How a parameter is estimated from data.
 
     Attributes
     ----------
     neutral : float or None
-        Value with which the effect does nothing: where a search for it begins. None for one that
-        tells nothing while the others are neutral, such as the frequency of a tone.
+        Value at which the effect does nothing, where a search begins. None for a parameter that has
+        no influence while the others are neutral, such as the frequency of a tone.
     step : float
-        A change small enough for its consequences to be proportional to it.
+        Change within which the response is linear.
     turn : str
-        Parameter of the same part that is this one's phase: the two are fitted as one complex
-        amplitude, which has no singular point at zero. Empty for none.
+        Parameter of the same part that is this one's phase: both are fitted as one complex
+        amplitude, which has no singularity at zero. Empty for none.
     each : str
-        ``frame`` or ``line`` for a tuple with one value for each of them, drawn at random while it
-        is empty; empty for a single value.
+        ``frame`` or ``line`` for a tuple with one value for each, which is random while empty;
+        empty for a single value.
     wanders : bool
-        Of a series: each value goes on from the one before; else they are white.
+        For a series: whether it is autoregressive; else it is white.
     free : bool
-        Of a series: it may take any course, being known by what it does to lines and strips.
+        For a series: whether it may take any course, and is identified by its effect on lines and
+        strips.
     every_s : float
-        Of a series of frames: its course is straight between nodes so far apart; 0 for a value of
-        its own for each frame.
+        For a series of frames: distance of the nodes between which it is linear; 0 for independent
+        values.
     most : int
-        Of a list of amplitudes: how many there may be.
+        For a list of amplitudes: largest number of members.
     rms, memory : str
-        Of a series: parameters of the same part that are its root mean square, and the time over
-        which it forgets; empty for none.
+        For a series: parameters of the same part that are its rms and its correlation time; empty
+        for none.
     """
 
     neutral: float | None
@@ -85,20 +86,20 @@ def parameter(
     choices: tuple[str, ...] = (),
     fitting: Fitting | None = None,
 ) -> Any:
-    """Declare a parameter of a part of the model; its unit is in its name.
+    """Declare a parameter of a part of the model; its name includes the unit.
 
     Parameters
     ----------
     default : object
-        Value when not given.
+        Default value.
     doc : str
-        What it is.
+        Description.
     low, high : float, optional
-        Plausible range, both ends included; for a tuple, of each of its elements.
+        Valid range, inclusive; for a tuple, of each element.
     choices : tuple of str, optional
-        For a string: what it may be.
+        Valid strings.
     fitting : Fitting, optional
-        How it is found from data; a parameter without is never fitted.
+        How it is estimated from data; without, it is never fitted.
     """
     return dataclasses.field(
         default=default,
@@ -107,9 +108,9 @@ def parameter(
 
 
 def fittings(part: Any) -> dict[str, Fitting]:
-    """Return the parameters of a part that can be found from data, and how.
+    """Return the parameters of a part that can be fitted, and how.
 
-    Those that a part itself leaves out, by its ``not_fitted``, are none of them.
+    Parameters that the part lists in ``not_fitted`` are left out.
     """
     left_out = () if isinstance(part, type) else getattr(part, "not_fitted", ())
     told = {f.name: f.metadata.get("fitting") for f in dataclasses.fields(part)}
@@ -122,6 +123,12 @@ def fittings(part: Any) -> dict[str, Fitting]:
 
 def validate(part: Any, path: KeyPath = ()) -> None:
     """Check every parameter of a part, and of the parts in it.
+
+    Parameters
+    ----------
+    part : dataclass
+    path : tuple, optional
+        Place of the part in the model, for the error.
 
     Raises
     ------
@@ -143,13 +150,21 @@ def to_dict(part: Any) -> dict[str, Any]:
 
 
 def from_dict(cls: type[P], data: Any, path: KeyPath = ()) -> P:
-    """Build a part from a dictionary; what isn't in it keeps its default.
+    """Build a part from a dictionary; missing values keep their default.
+
+    Parameters
+    ----------
+    cls : type
+        The part's class.
+    data : dict
+    path : tuple, optional
+        Place of the part in the model, for the error.
 
     Raises
     ------
     ParameterError
-        For an unknown key (with the nearest known one), a value of the wrong kind, or one out
-        of range.
+        For an unknown key (with the nearest known one), a value of the wrong type, or one out of
+        range.
     """
     if not isinstance(data, dict):
         raise ParameterError(path, f"is {data!r}, not a mapping")

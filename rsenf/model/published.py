@@ -1,4 +1,4 @@
-"""The paper's printed idle tables, as data: what was printed, right or wrong."""
+"""The paper's printed idle tables as data, errors included."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 class Entry:
     """A row of an idle table: the two strongest lines and the ratio of their amplitudes.
 
-    Frequencies are tuples, of more than one where lines tie. ``amplitude_ratio`` is None where
+    Frequencies are tuples, with several values where lines tie. ``amplitude_ratio`` is None where
     it is infinite.
     """
 
@@ -17,10 +17,10 @@ class Entry:
     h1_hz: tuple[float, ...]
     h2_hz: tuple[float, ...]
     amplitude_ratio: float | None
-    ratio_range: tuple[float, float] | None = None  # over the light's phase, where it plays a part
+    ratio_range: tuple[float, float] | None = None  # over the light's phase, if it depends on it
 
     def agrees(self, other: Entry) -> bool:
-        """Tell whether both say the same lines, in any order, and a ratio equal to 0.05."""
+        """Whether both have the same lines, in any order, and ratios equal within 0.05."""
         mine, yours = self.amplitude_ratio, other.amplitude_ratio
         same = mine == yours if mine is None or yours is None else abs(mine - yours) < 0.05
         lines = (set(e.h1_hz) for e in (self, other)), (set(e.h2_hz) for e in (self, other))

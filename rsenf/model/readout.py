@@ -1,4 +1,4 @@
-"""When the lines of a block of frames are exposed, and how far the picture stands off its place."""
+"""Timing of a block of frames: when lines are exposed, and how far the picture is displaced."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rsenf.model.shutter import Shutter
 
 @dataclass(eq=False)
 class ReadOut:
-    """A block of frames as the shutter takes them, all times in the camera's clock.
+    """A block of frames as the shutter takes them, with times by the camera's clock.
 
     Attributes
     ----------
@@ -22,15 +22,15 @@ class ReadOut:
     number : ndarray of int64 (frames,)
         Number of each captured frame.
     start_s : ndarray of float64 (frames,)
-        When each frame's first line begins.
+        Start of each frame's first line.
     line_s : ndarray of float64 (frames, lines)
-        When each line's exposure begins, after its frame's start.
+        Start of each line's exposure after its frame's start.
     read_out_s : float
-        Time from the first line to one past the last: what an idle estimator should find.
+        Time from the first line to one past the last, which an idle estimator should find.
     exposure_s : float
         Exposure of a line.
     shift_px : ndarray of float64 (frames, 2)
-        How far the scene stands from its place, along the lines' order and across it.
+        Displacement of the scene, along the lines' order and across it.
     """
 
     block: int
@@ -43,7 +43,7 @@ class ReadOut:
 
     @classmethod
     def of(cls, shutter: Shutter, block: int, number: Int64Array, start_s: FloatArray) -> ReadOut:
-        """Return the read-out of a plain shutter: ``l · T_ro / L``, no exposure, no shift."""
+        """Return the read-out of a plain shutter: ``l · T_ro / L``, instantaneous exposure."""
         frames, lines = number.size, shutter.lines
         line_s = np.arange(lines) * (shutter.read_out_time_s / lines)
         return cls(

@@ -1,4 +1,4 @@
-"""The fast depth: row means without pixels, minutes in seconds."""
+"""Simulates row means without pixels: minutes of video in seconds."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from rsenf.model.truth import truth_of
 
 @dataclass(frozen=True, eq=False)
 class RowData:
-    """Row means of a clip and what is true of it.
+    """Row means of a clip and their ground truth.
 
-    Where the read-out runs along the columns, 'rows' are columns, from left to right.
+    If the read-out runs along the columns, 'rows' are columns, from left to right.
     """
 
     frame_time_s: FloatArray  # (frames,) presentation time, camera's clock
@@ -35,7 +35,7 @@ class RowData:
 
     @cached_property
     def truth(self) -> dict[str, Any]:
-        """All that is true of it, when it is asked for: fits simulate hundreds of times."""
+        """The ground truth, computed on demand: fits simulate hundreds of times."""
         return truth_of(self.capture)
 
 
@@ -52,9 +52,9 @@ def simulate_rows(
 ) -> RowData:
     """Simulate the row means of a clip, before any codec.
 
-    The noise of a mean is the pixels' own over the square root of their number; quantisation to
-    eight bits counts as noise of a twelfth of a level squared, which is right where the sensor's
-    noise is at least half a level. Single pixels that are brighter than white are not seen to be.
+    The noise of a mean is that of a pixel over the square root of their number. Quantisation to 8
+    bits counts as noise of variance 1/12 level², which holds if the sensor's noise is at least half
+    a level. Clipping is applied to the means; that of single pixels above white is neglected.
 
     Parameters
     ----------
@@ -65,20 +65,27 @@ def simulate_rows(
     duration_s : float
         Length of the clip by the camera's clock.
     seed : int
-        Seed of everything random.
+        Seed of all random numbers.
     strips : int, optional
-        Into how many strips each row is divided, left to right.
+        Number of strips that each row is divided into, left to right.
     noise : bool, optional
-        Whether the sensor adds its own; without, rows are what they are on average.
+        Whether to add the sensor's noise; without, rows are expected values.
     averaged_rows : int, optional
-        Of how many neighbouring rows each line is the mean; a shutter's ``rows`` are then lines.
+        Number of neighbouring rows that each line is the mean of; the shutter's ``rows`` are lines.
     progress : callable, optional
-        Called with the number of frames done so far, after each block.
+        Called with the number of frames done, after each block.
 
     Raises
     ------
     UsageError
-        When the model isn't plausible, or the clip doesn't fit on the grid path.
+        When the model isn't valid, or the clip doesn't fit on the grid path.
+
+    Examples
+    --------
+    >>> import rsenf.model as m
+    >>> model = m.CaptureModel(shutter=m.Shutter(rows=16, columns=32))
+    >>> simulate_rows(model, GridPath([50.0, 50.0]), 1.0, seed=1).level.shape
+    (30, 16, 1)
     """
     capture = Capture(model, grid, duration_s, seed, averaged_rows)
     lines, across_px = model.shutter.lines, model.shutter.across_px
@@ -107,14 +114,14 @@ def simulate_rows(
 
 
 def _strip_light(light: LineLight, places: Float32Array) -> Float32Array:
-    """Light on the strips: (frames, lines, strips), or (frames, lines, 1) where all is one."""
+    """Light on the strips: (frames, lines, strips), or (frames, lines, 1) if all are equal."""
     if light.slope is None:
         return light.level[:, :, None]
     return light.level[:, :, None] + light.slope[:, :, None] * places
 
 
 def _unit_noise(seed: int, exposed: ExposedBlock, shape: tuple[int, ...]) -> Float32Array:
-    """Draw noise for every captured frame, so that a frame that comes twice comes with its own."""
+    """Draw noise for every captured frame, so that a duplicated frame repeats its noise."""
     rng = generator(seed, "row noise", exposed.block)
     drawn = rng.standard_normal((exposed.captured, *shape[1:]), dtype=np.float32)
     return np.asarray(drawn[exposed.index])

@@ -1,4 +1,4 @@
-"""What the camera looks at: a textured wall, held more or less still."""
+"""The scene: a textured wall, filmed by a camera that may shake."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from rsenf.model.wander import wander
 
 Float32Array = NDArray[np.float32]
 
-_DARKEST, _BRIGHTEST = 4.0, 240.0  # room for noise and flicker before the eight bits end
+_DARKEST, _BRIGHTEST = 4.0, 240.0  # headroom for noise and flicker within 8 bits
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shake:
-    """A camera that isn't held still: the picture moves, the read-out doesn't know of it."""
+    """A camera that shakes: the picture moves, the read-out times don't."""
 
     shake_px: float = parameter(0.5, "rms of the movement, in each direction", low=0, high=20)
     time_constant_s: float = parameter(0.1, "of a tremor; 0.1 s is a hand's", low=0, high=60)
@@ -49,12 +49,12 @@ class Scene:
         return self.mean_level if self.profile is None else float(np.mean(self.profile))
 
     def check(self, shutter: Shutter) -> None:
-        """Check what no single range can.
+        """Check the profile against the shutter.
 
         Raises
         ------
         ParameterError
-            For a profile that isn't one of the shutter's lines, or has levels that none has.
+            For a profile of another number of lines, or with invalid levels.
         """
         if self.profile is None:
             return
@@ -66,7 +66,7 @@ class Scene:
             raise ParameterError(at, f"has levels that aren't between 0 and {WHITE:g}")
 
     def wall(self, shutter: Shutter, seed: int) -> Float32Array:
-        """Draw the wall under the mean light: levels (rows, columns)."""
+        """Draw the wall under the mean light: 8-bit levels (rows, columns)."""
         if self.profile is not None:
             widths = np.diff(strip_edges(shutter.across_px, len(self.profile[0])))
             lines = np.repeat(np.array(self.profile, np.float32), widths, axis=1)
@@ -79,7 +79,7 @@ class Scene:
         return levels(relative, self.mean_level)
 
     def shift_px(self, frames: int, step_s: float, seed: int) -> NDArray[np.float64]:
-        """Draw how far the picture stands from its place, down and to the right: (frames, 2)."""
+        """Draw the displacement of the picture, down and to the right: (frames, 2)."""
         if self.shake is None:
             return np.zeros((frames, 2))
         held = self.shake
@@ -90,13 +90,21 @@ class Scene:
 
 
 def levels(relative: NDArray[np.floating], mean_level: float) -> Float32Array:
-    """Scale a picture to a mean level, and keep it off both ends of the eight bits."""
+    """Scale a picture to a mean level, and clip it to leave headroom within 8 bits."""
     scaled = relative * (mean_level / relative.mean())
     return np.asarray(np.clip(scaled, _DARKEST, _BRIGHTEST), np.float32)
 
 
 def texture(rows: int, columns: int, seed: int, name: str) -> Float32Array:
-    """Octaves of smooth noise, coarse ones strongest; mean 0, standard deviation 1."""
+    """Sum of octaves of smooth noise, coarse ones strongest; mean 0, standard deviation 1.
+
+    Parameters
+    ----------
+    rows, columns : int
+    seed : int
+    name : str
+        Of the object, which gets its own random numbers.
+    """
     import cv2
 
     rng = generator(seed, f"texture of the {name}")

@@ -1,7 +1,7 @@
 """Random numbers: one generator for each purpose and each block of frames.
 
-A block's numbers depend on the seed, the purpose and the block alone, so that a clip is the
-beginning of a longer one, and the noise of one part doesn't move when another part changes.
+The numbers of a block depend on seed, purpose and block only. So a clip is the beginning of a
+longer one, and changing one part doesn't change the noise of another.
 """
 
 from __future__ import annotations

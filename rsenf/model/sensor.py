@@ -1,4 +1,4 @@
-"""The sensor: shot noise, read noise, and eight bits."""
+"""The sensor: shot noise, read noise, and quantisation to 8 bits."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ WHITE = 255.0
 QUANTISATION_VAR = 1 / 12  # of a uniform error of one level
 
 Float32Array = NDArray[np.float32]
-_DARK = 1.0  # below this level a power law's slope means nothing
+_DARK = 1.0  # least level at which the tone curve's slope is evaluated
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
-    """A linear sensor whose white is a number of electrons."""
+    """A linear sensor with a given number of electrons at white."""
 
     white_e: float = parameter(12000.0, "electrons of a pixel at level 255", low=100, high=1e6)
     read_noise_e: float = parameter(15.0, "read noise, electrons rms", low=0, high=1000)
 
     def variance(self, level: Float32Array, exponent: float = 1.0) -> Float32Array:
-        """Noise variance of a pixel, levels², at a level; quantisation not included.
+        """Noise variance of a pixel (levels²) at a level, without quantisation.
 
         Parameters
         ----------
         level : ndarray of float32
             8-bit level as it leaves the camera.
         exponent : float, optional
-            Of the power law by which it left the sensor: the noise is the sensor's own, at the
-            light that gave this level, times the law's slope there.
+            Of the camera's tone curve: the noise is the sensor's at the light that gives this
+            level, times the curve's slope there.
         """
         if exponent == 1:
             return self._linear(level)

@@ -1,4 +1,4 @@
-"""The shutter: in which order, and how fast, the lines of a frame are read."""
+"""The shutter: order and speed of the read-out of a frame's lines."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ NTSC_30 = Fraction(30000, 1001)
 
 @dataclass(frozen=True, kw_only=True)
 class Shutter:
-    """A shutter that rolls over the frame, or takes all of it at once.
+    """A rolling or global shutter.
 
-    Its times are in the camera's own clock. A line is what is exposed together: a row, or a
-    column where the read-out runs along the columns, as in a phone held upright.
+    Times are by the camera's own clock. A line is what is exposed together: a row, or a column if
+    the read-out runs along the columns, as in a phone held upright.
     """
 
     frame_rate: Fraction = parameter(

@@ -1,11 +1,11 @@
-"""A grid path from a seed: a random walk drawn back to the nominal frequency.
+"""Synthetic grid frequency: Ornstein-Uhlenbeck processes about the nominal frequency.
 
-Two such walks are added, the slow balance of generation and load and the fast one of primary
-control. At each quarter of an hour power plants change their schedules, and the slow balance takes
-a step, within some seconds. All of it passes the inertia of the rotating machines twice, which
-makes the path smooth at one second. With the constants below the spread of the path's change over
-1, 10, 60 and 300 s is 1.3, 7.6, 14 and 23 mHz, and over 40 s it is 16 mHz about the quarter and 12
-otherwise; one day of the Continental Europe grid shows 1.4, 7.8, 14 and 22, and 16 and 12 mHz.
+Two are added: the slow balance of generation and load, and the fast one of primary control. Each
+quarter of an hour power plants change their schedules, and the slow balance takes a step, within
+some seconds. The sum passes the inertia of the rotating machines as two first-order low-passes,
+which make it smooth at one second. With the constants below, the standard deviation of changes over
+1, 10, 60 and 300 s is 1.3, 7.6, 14 and 23 mHz; over 40 s it is 16 mHz about the quarter and 12
+otherwise. One day of the Continental Europe grid has 1.4, 7.8, 14 and 22, and 16 and 12 mHz.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from rsenf.model.seeds import generator
 SLOW_S = 280.0
 FAST_S = 12.0
 INERTIA_S = 1.3
-FAST_SHARE = 0.33  # of the standard deviation
+FAST_SHARE = 0.33  # standard deviation over that of the path
 SCHEDULE_S = 900.0
-RAMP_S = 15.0  # that a step takes
+RAMP_S = 15.0  # duration of a step
 STEP_SHARE = 0.7  # standard deviation of a step over that of the path
 
 
@@ -42,7 +42,7 @@ def synthetic_grid(
     seed : int
         The same seed gives the same path; a longer one begins with the shorter.
     duration_s : float
-        Time that the path covers from ``start_s`` on.
+        Length of the path after ``start_s``.
     nominal_hz : float, optional
         50 or 60.
     std_hz : float, optional
@@ -50,11 +50,11 @@ def synthetic_grid(
     step_s : float, optional
         Time between samples.
     start_s : float, optional
-        Where the camera starts on the path.
+        Start of the camera on the path.
     """
     count = math.ceil((start_s + duration_s) / step_s) + 2
     rng = generator(seed, "grid path")
-    # What the steps add to the slow walk, they take from its own unrest.
+    # The variance of the steps is taken from that of the slow process.
     slow_share = 1 - FAST_SHARE**2 - STEP_SHARE**2 * SLOW_S / (2 * SCHEDULE_S)
     slow_std, fast_std = std_hz * math.sqrt(slow_share), std_hz * FAST_SHARE
     stay_slow, stay_fast, lag = (math.exp(-step_s / t) for t in (SLOW_S, FAST_S, INERTIA_S))
@@ -76,7 +76,10 @@ def synthetic_grid(
 
 
 def _schedule_steps(seed: int, count: int, step_s: float) -> FloatArray:
-    """Share of a step of unit size that each sample takes; the path begins within a quarter."""
+    """Change of the path at each sample by schedule steps, per unit of their standard deviation.
+
+    The first step is at a random time within a quarter of an hour.
+    """
     rng = generator(seed, "grid schedule")
     steps = np.zeros(count)
     t_s, ramp = rng.uniform(0, SCHEDULE_S), max(round(RAMP_S / step_s), 1)

@@ -1,4 +1,4 @@
-"""What is true of a simulated clip: enough to judge any estimator by."""
+"""The ground truth of a simulated clip, enough to judge any estimator."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _CLOCK = (
 
 
 def truth_of(capture: Capture) -> dict[str, Any]:
-    """Return the truth of a capture as plain values, ready for JSON.
+    """Return the ground truth of a capture as plain values, ready for JSON.
 
-    ``reference_start_s`` is the start of the first frame less the beginning of the grid path's
-    first sample, so it is the lag that a time-of-recording search should find. ``idle_ratio`` and
+    ``reference_start_s`` is the start of the first frame minus the beginning of the grid path's
+    first sample: the lag that a time-of-recording search should find. ``idle_ratio`` and
     ``read_out_time_s`` are those of the picture, after any crop. ``frame_start_s`` holds the true
-    start of each delivered frame, or null where captured frame ``n`` begins at
-    ``n / frame_rate_hz`` camera seconds.
+    start of each delivered frame, or null if captured frame ``n`` begins at ``n / frame_rate_hz``
+    camera seconds.
     """
     model, grid, clip = capture.model, capture.grid, capture.clip
     rate_hz = float(model.shutter.frame_rate)

@@ -1,4 +1,4 @@
-"""Frames to a real video file, through FFmpeg's encoders and containers."""
+"""Encodes frames into a video file, by FFmpeg's encoders and containers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import av
     from av.video.stream import VideoStream
 
-# AVI has no presentation times: only a codec without reordering comes back as it went in.
+# AVI has no presentation times, so it needs a codec without frame reordering.
 CONTAINERS = {
     ".mp4": tuple(ENCODERS),
     ".mov": tuple(ENCODERS),
@@ -27,7 +27,7 @@ CONTAINERS = {
     ".avi": ("mjpeg",),
     ".webm": ("vp9",),
 }
-# The encoder's result depends on its number of threads, so that isn't left to the machine.
+# Fixed, since the encoder's result depends on the number of threads.
 THREADS = 3
 _GREY = 128
 
@@ -65,8 +65,8 @@ def write_video(
 ) -> int:
     """Encode a clip into a file, which appears only when it is complete.
 
-    Presentation times are exact in mp4 and mov, and in avi as long as they are whole frame
-    periods; otherwise avi, as Matroska and WebM always, is right within a millisecond.
+    Presentation times are exact in mp4 and mov, and in avi if they are whole frame periods;
+    otherwise avi, as Matroska and WebM always, is accurate to a millisecond.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def write_video(
     codec : Codec
         Encoder and its settings.
     progress : callable, optional
-        Called with the number of frames encoded so far, after each.
+        Called with the number of frames encoded, after each.
 
     Returns
     -------
@@ -87,7 +87,7 @@ def write_video(
     Raises
     ------
     UsageError
-        For another kind of file, a codec that it can't hold, or an odd frame size.
+        For an unknown kind of file, a codec that it can't hold, or an odd frame size.
     RecordingError
         When the file can't be written.
     """
@@ -99,9 +99,18 @@ def write_videos(
     frames: Frames,
     progress: Callable[[int], None] | None = None,
 ) -> int:
-    """Encode a clip into several files at once, each by its codec; it is rendered once.
+    """Encode a clip into several files in one pass.
 
-    Otherwise as :func:`write_video`; the files appear when all are complete.
+    The files appear when all are complete; otherwise as :func:`write_video`.
+
+    Parameters
+    ----------
+    codecs : mapping of Path to Codec
+        Encoder settings of each file.
+    frames : Frames
+        The clip, rendered once.
+    progress : callable, optional
+        Called with the number of frames encoded, after each.
     """
     for path, codec in codecs.items():
         _check(path, frames, codec)
@@ -124,7 +133,7 @@ def write_videos(
 def _encoder(
     path: Path, frames: Frames, codec: Codec
 ) -> Iterator[Callable[[int, NDArray[np.uint8]], None]]:
-    """Yield what takes one frame after the other; the file is complete at the end."""
+    """Yield a function that encodes a frame; the file is complete on exit."""
     import av
 
     with whole_file(path) as part, av.open(str(part), "w") as container:
@@ -166,13 +175,13 @@ def _open_stream(
     stream.codec_context.time_base = frames.time_base
     stream.codec_context.gop_size = codec.gop_frames
     stream.codec_context.thread_count = THREADS
-    # 0 means "as the quality says"; FFmpeg's own default would be 200 kbit/s.
+    # 0 leaves the rate to the quality; FFmpeg's default would be 200 kbit/s.
     stream.bit_rate = codec.bitrate_bps or 0
     return stream  # type: ignore[no-any-return] # PyAV types it by the encoder's name
 
 
 def _picture(luma: NDArray[np.uint8], pix_fmt: str) -> Any:
-    """Return a grey picture for the encoder, which may keep it: a new one for each frame."""
+    """Return a grey picture; a new one for each frame, as the encoder may keep it."""
     import av
 
     height, width = luma.shape

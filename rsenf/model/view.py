@@ -1,4 +1,4 @@
-"""The scene as the shutter meets it: lines of pixels, whole or as means of strips."""
+"""The scene in the order of the read-out: lines of pixels, whole or as means of strips."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rsenf.model.strips import places, strip_edges
 
 Region = tuple[slice, slice]
 
-MARGIN_PX = 64  # what the wall goes on beyond the frame, as its edge
+MARGIN_PX = 64  # edge padding of the wall
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,10 +24,10 @@ class Patch:
     Parameters
     ----------
     level : ndarray of float32 (rows, columns)
-        Its levels under the mean light.
+        8-bit levels under the mean light.
     place : callable
-        From a true time in seconds to the row and column of its upper left corner. It has to be
-        within the frame.
+        From true time (s) to row and column of the upper left corner. The patch must be within the
+        frame.
     """
 
     level: Float32Array
@@ -35,18 +35,18 @@ class Patch:
 
 
 class View:
-    """A wall, and perhaps a patch in front of it, in the order of the read-out.
+    """A wall, and optionally a patch in front of it, in the order of the read-out.
 
     Parameters
     ----------
     wall : ndarray of float32 (rows, columns)
-        Levels under the mean light.
+        8-bit levels under the mean light.
     patch : Patch or None
-        What moves in front of it.
+        Object that moves in front of it.
     exponent : float
-        Of the camera's power law, which all levels here have passed.
+        Of the camera's tone curve, which is applied to all levels.
     along_columns : bool
-        Whether lines are columns; then all pictures are turned over their diagonal.
+        Whether lines are columns; all pictures are then transposed.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class View:
         return slice(top, top + lines), slice(left, left + pixels)
 
     def shifted(self, shift_px: NDArray[np.float64]) -> Float32Array:
-        """Return the wall, moved on by a shift; between pixels it is linear."""
+        """Return the wall displaced, with linear interpolation between pixels."""
         import cv2
 
         (top, down), (left, right) = map(_whole_and_rest, shift_px)
@@ -88,11 +88,19 @@ class View:
     def strip_means(
         self, t_s: NDArray[np.float64], shift_px: NDArray[np.float64], strips: int
     ) -> Float32Array:
-        """Mean level of each line's strips, in frames that begin at the times.
+        """Mean level of each line's strips.
+
+        Parameters
+        ----------
+        t_s : ndarray (frames,)
+            True start of each frame.
+        shift_px : ndarray (frames, 2)
+            Displacement of the scene.
+        strips : int
 
         Returns
         -------
-        ndarray of float32 (frames, lines, strips), or (1, lines, strips) when nothing moves
+        ndarray of float32 (frames, lines, strips), or (1, lines, strips) if nothing moves
         """
         edges = strip_edges(self.wall.shape[1], strips)
         if self.patch is None and not shift_px.any():
@@ -110,7 +118,7 @@ class View:
         return means
 
     def strip_places(self, strips: int) -> Float32Array:
-        """Where each strip's light comes from, −½ to ½ along the line: (lines, strips)."""
+        """Centroid of each strip's light, −½ to ½ along the line: (lines, strips)."""
         pixels = self.wall.shape[1]
         begins = strip_edges(pixels, strips)[:-1]
         moments = np.add.reduceat(self.wall * places(pixels), begins, axis=1)
@@ -119,7 +127,7 @@ class View:
     def _wall_sums(
         self, shift_px: NDArray[np.float64], edges: NDArray[np.int64]
     ) -> NDArray[np.float64]:
-        """Sums of the shifted wall between edges: (lines, edges − 1)."""
+        """Sums of the displaced wall between edges: (lines, edges − 1)."""
         (top, down), (left, right) = map(_whole_and_rest, shift_px)
         held = self._before[top : top + len(self.wall) + 1]
         across = (1 - right) * held[:, left + edges] + right * held[:, left + 1 + edges]
@@ -131,12 +139,12 @@ class View:
 
 
 def _running(levels: Float32Array) -> NDArray[np.float64]:
-    """Sum of each line up to, not including, a pixel."""
+    """Cumulative sum along each line, up to but not including each pixel."""
     return np.cumsum(np.pad(levels, ((0, 0), (1, 0))), axis=1, dtype=np.float64)
 
 
 def _whole_and_rest(shift_px: float) -> tuple[int, float]:
-    """First pixel of the wall with its margin that a shift brings to the frame's edge."""
+    """Displacement as the first pixel of the padded wall and a fraction."""
     place = MARGIN_PX - min(max(float(shift_px), 1.0 - MARGIN_PX), MARGIN_PX - 1.0)
     whole = int(place)
     return whole, place - whole

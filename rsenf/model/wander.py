@@ -1,4 +1,4 @@
-"""A slow random series: what drifts, hunts or trembles from frame to frame."""
+"""A slow random series, for drift and fluctuation from frame to frame."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rsenf.model.grid import FloatArray
 def wander(
     rng: np.random.Generator, count: int, step_s: float, time_constant_s: float
 ) -> FloatArray:
-    """Draw a first-order random series of unit variance.
+    """Draw a sampled, stationary Ornstein-Uhlenbeck process (AR(1)) of unit variance.
 
     Its correlation falls to 1/e in a time constant; its power is halved at
     ``1 / (2π · time_constant_s)``. A longer series begins with the shorter.
@@ -20,13 +20,12 @@ def wander(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Where its numbers come from.
     count : int
-        How many values.
+        Number of values.
     step_s : float
         Time between them.
     time_constant_s : float
-        0 is white noise.
+        0 for white noise.
     """
     kicks = rng.standard_normal(count)
     if not time_constant_s:

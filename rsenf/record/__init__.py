@@ -1,12 +1,14 @@
-"""Recordings: everything that travelled, in one MCAP file, and back out of it.
+"""Recordings: messages to MCAP files and back, with examination and recovery of damaged files.
 
-The parts, from the bytes up: ``container`` (records), ``chunk``, ``index`` (the end of a file),
-``sound`` (what of it is undamaged), ``scan`` and ``summary`` (what is in a file), ``output`` (the
-file being written), ``held`` (that it is), ``finish`` (an end for a file that broke off),
-``growing`` (all these, in the making); then ``timeline``, ``tally``, ``continuity``, ``foxglove``,
-``channels`` and ``topics`` (how messages become records), ``writer``, ``disk``, ``decoder`` and
-``reader``. ``gaps`` and ``examine`` tell what is wrong with a file, ``recover`` saves what isn't.
-``archive`` has many files, by site, camera and day; ``export`` makes tables and sounds of one.
+In: messages by key. Out: an MCAP file (https://mcap.dev/spec), and its messages in order.
+
+Read ``writer`` and ``reader`` first. Files, from the bytes up: ``container`` (records), ``chunk``,
+``index`` (summary section), ``intact_records`` (skips damage), ``scan`` and ``summary`` (contents),
+``output`` (the file being written), ``write_lock``, ``finish`` (closes a truncated file) and
+``growing`` (a file with all of these). Messages to records: ``topics``, ``channels``, ``foxglove``,
+``timeline``, ``tally``, ``continuity``, ``decoder``. ``disk`` watches the free space. ``gaps`` and
+``examine`` diagnose a file, ``recover`` copies what is intact. ``archive`` holds many files by
+site, camera and day; ``export`` writes tables and sound.
 """
 
 from rsenf.record.finish import Finished, close_truncated

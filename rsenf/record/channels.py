@@ -1,4 +1,4 @@
-"""One channel for each topic, with its schema embedded so that any program can read it."""
+"""MCAP channels: one for each topic, with its schema embedded so that any program can read it."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from rsenf.record.index import Index
 
 PROTOBUF = "protobuf"
 VERSION = "schema_version"
-# Beside the pictures of a video topic, which go by Foxglove's schema, a companion topic carries
-# the packets without their pictures: numbers, clocks, key frames, marks.
+# The pictures of a video topic use Foxglove's schema. A companion topic holds the packets without
+# the pictures: sequence numbers, clocks, key frames, marks.
 COMPANION = "/index"
 
 
 class Channels:
-    """Gives out channels, and writes each and its schema before its first message.
+    """Creates channels, and writes each with its schema before its first message.
 
     Parameters
     ----------
     index : Index
         Index of the file.
     chunk : ChunkBuilder
-        Where the records go.
+        Takes the records.
     """
 
     def __init__(self, index: Index, chunk: ChunkBuilder) -> None:
@@ -39,31 +39,31 @@ class Channels:
         self._channel_ids: dict[tuple[str, str], int] = {}
 
     def check(self, topic: str, cls: type[Any]) -> None:
-        """Hold a topic to the class of its first message.
+        """Check that a topic keeps the class of its first message.
 
         Raises
         ------
         SchemaMismatch
-            When it had messages of another class before.
+            When the topic had messages of another class before.
         """
         first = self._classes.setdefault(topic, cls)
         if first is not cls:
             raise SchemaMismatch(f"{topic} carries {first.__name__}, not {cls.__name__}")
 
     def of_messages(self, topic: str, cls: type[Any]) -> int:
-        """Channel for messages of a class."""
+        """Return the channel for messages of a class."""
         known = self._channel_ids.get((topic, cls.__name__))
         return known or self._new(
             topic, cls.__name__, schema_name(cls), {VERSION: str(cls.VERSION)}
         )
 
     def of_pictures(self, topic: str, schema: str) -> int:
-        """Channel for the pictures of a video topic."""
+        """Return the channel for the pictures of a video topic."""
         known = self._channel_ids.get((topic, schema))
         return known or self._new(topic, schema, schema, {"packets": topic + COMPANION})
 
     def of_packets(self, topic: str) -> int:
-        """Channel for the packets of a video topic, without their pictures."""
+        """Return the channel for the packets of a video topic, without their pictures."""
         return self.of_messages(topic + COMPANION, VideoPacket)
 
     def _new(self, topic: str, key: str, schema: str, metadata: dict[str, str]) -> int:

@@ -1,4 +1,4 @@
-"""A chunk in the making: records joined, compressed, and followed by their message index."""
+"""Builds MCAP chunks: concatenated, compressed records, followed by their message indexes."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from mcap.records import Chunk, ChunkIndex, MessageIndex
 
 from rsenf.record.container import StoredMessage, chunk_head, pack, pack_message
 
-ZSTD_LEVEL = 1  # higher levels shrink noise no further, and cost several times as much
+ZSTD_LEVEL = 1  # higher levels don't compress noise any better, and take several times as long
 
-# Log time, and offset within the unpacked chunk, of each message of each channel.
+# Log time (ns) and offset in the uncompressed chunk of each message, by channel.
 Times = dict[int, list[tuple[int, int]]]
 
 
 class Extent(NamedTuple):
-    """How many messages a channel has, between which log times, and how far these go back."""
+    """Number of messages of a channel, range of their log times, and largest step back of these."""
 
     messages: int
     first_ns: int
@@ -28,7 +28,7 @@ class Extent(NamedTuple):
     back_ns: int = 0
 
     def joined(self, earlier: Extent | None) -> Extent:
-        """Return the extent of both together, of which this was written later."""
+        """Return the extent of an earlier part and this one together."""
         if earlier is None:
             return self
         return Extent(
@@ -48,13 +48,13 @@ def _extent(entries: list[tuple[int, int]]) -> Extent:
     written = [time_ns for time_ns, _ in sorted(entries, key=itemgetter(1))]
     ordered = sorted(written)
     back_ns = 0
-    if ordered != written:  # how far a time lies before the highest of those written earlier
+    if ordered != written:  # largest distance to the maximum of the earlier times
         back_ns = max(top - t for top, t in zip(accumulate(written, max), written, strict=True))
     return Extent(len(written), ordered[0], ordered[-1], back_ns)
 
 
 def timed(chunk: Any, times: Times) -> Any:
-    """Return a chunk record that says the log times of its messages, which no checksum covers."""
+    """Return a chunk record with the range of its log times set, which no checksum covers."""
     extents = extents_of(times).values()
     return dataclasses.replace(
         chunk,
@@ -64,15 +64,23 @@ def timed(chunk: Any, times: Times) -> Any:
 
 
 def index_chunk(chunk: Any, start: int, length: int, times: Times) -> tuple[Any, bytes]:
-    """Index a chunk record that lies at ``start`` of the file and is ``length`` bytes long.
+    """Index a chunk record.
+
+    Parameters
+    ----------
+    chunk : mcap.records.Chunk
+    start, length : int
+        Its offset in the file, and its size in bytes.
+    times : dict
+        Times and offsets of its messages.
 
     Returns
     -------
     entry : mcap.records.ChunkIndex
-        For the end of the file.
+        For the summary section.
     message_indexes : bytes
-        Records to follow the chunk: exactly one for each channel that has messages in it, since
-        readers take an incomplete set for the whole.
+        Records to follow the chunk: exactly one for each channel with messages in it, since
+        readers take an incomplete set as complete.
     """
     blocks, offsets, at = [], {}, start + length
     for channel, entries in times.items():
@@ -94,7 +102,7 @@ def index_chunk(chunk: Any, start: int, length: int, times: Times) -> tuple[Any,
 
 
 class PackedChunk(NamedTuple):
-    """A chunk as it goes into the file, and what the file's end has to know about it."""
+    """A serialised chunk with its message indexes, and its data for the summary section."""
 
     block: bytes
     entry: Any
@@ -102,7 +110,7 @@ class PackedChunk(NamedTuple):
 
 
 class ChunkBuilder:
-    """Collects records until they are packed.
+    """Collects records for a chunk.
 
     Parameters
     ----------
@@ -115,14 +123,14 @@ class ChunkBuilder:
         self.clear()
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Remove all records."""
         self._parts: list[bytes] = []
         self._times: Times = {}
         self.size = 0
 
     @property
     def has_messages(self) -> bool:
-        """Whether there is anything worth packing."""
+        """Whether there are messages, without which no chunk is written."""
         return bool(self._times)
 
     def add(self, record: bytes) -> None:
@@ -137,7 +145,7 @@ class ChunkBuilder:
         self.add(pack_message(message))
 
     def packed(self) -> tuple[Any, Times]:
-        """Return what was collected as a chunk record, and the times and places in it."""
+        """Return the collected records as a chunk record, and the times and offsets in it."""
         data, times = b"".join(self._parts), self._times
         chunk = Chunk(
             compression="zstd" if self._compressor else "",
@@ -150,7 +158,7 @@ class ChunkBuilder:
         return timed(chunk, times), times
 
     def pack(self, start: int) -> PackedChunk:
-        """Pack what was collected, which has messages, into the chunk at a file offset."""
+        """Return the chunk of the collected records for a file offset; requires messages."""
         chunk, times = self.packed()
         head = chunk_head(chunk)
         length = len(head) + len(chunk.data)

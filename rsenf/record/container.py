@@ -1,8 +1,7 @@
-"""The MCAP container: records one after another, some of them packed into chunks.
+"""The MCAP container: a sequence of records, some of them in chunks (https://mcap.dev/spec).
 
-The ``mcap`` library's record classes say what a record looks like; this module finds where each
-one begins and ends, and never trusts a length that it hasn't compared with what is there. Format:
-https://mcap.dev/spec.
+The record classes of the ``mcap`` library define the content of records. This module finds their
+boundaries, and checks every length against the data before using it.
 """
 
 from __future__ import annotations
@@ -26,18 +25,18 @@ HEAD = struct.Struct("<BQ")
 MESSAGE = struct.Struct("<HIQQ")
 CHUNK, SIZE, SHORT_SIZE = struct.Struct("<QQQI"), struct.Struct("<Q"), struct.Struct("<I")
 _TIMES, _TIME = struct.Struct("<HI"), struct.Struct("<QQ")
-LARGEST_CHUNK_BYTES = 1 << 28  # unpacked; writers make them of a few MB
-LARGEST_RECORD_BYTES = 1 << 29  # of those that are read into memory
+LARGEST_CHUNK_BYTES = 1 << 28  # uncompressed; usual chunks have a few MB
+LARGEST_RECORD_BYTES = 1 << 29  # of records that are read into memory
 
 _READ = {int(code) for code in Opcode} - {int(Opcode.ATTACHMENT)}
 
 
 class DamagedError(Exception):
-    """A record whose content isn't what its kind says."""
+    """A record whose content is invalid for its kind."""
 
 
 class Record(NamedTuple):
-    """One record: its kind, where it begins and ends, and its content."""
+    """One record: kind, start and end in the file, content."""
 
     opcode: int
     start: int
@@ -46,7 +45,7 @@ class Record(NamedTuple):
 
 
 class StoredMessage(NamedTuple):
-    """A message as the container knows it."""
+    """A message record of the container."""
 
     channel_id: int
     sequence: int
@@ -56,7 +55,20 @@ class StoredMessage(NamedTuple):
 
 
 def check_magic(path: Path, stream: BinaryIO) -> None:
-    """Raise InputError unless the file begins as an MCAP file does."""
+    """Check that a file begins with the magic bytes of MCAP.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    stream : binary file
+        At its beginning.
+
+    Raises
+    ------
+    InputError
+        When it doesn't.
+    """
     begin = stream.read(len(MAGIC))
     if not begin:
         raise InputError(f"{path}: the file is empty")
@@ -65,9 +77,15 @@ def check_magic(path: Path, stream: BinaryIO) -> None:
 
 
 def walk(stream: BinaryIO, start: int, end: int) -> Iterator[Record]:
-    """Yield every complete record from ``start``, until one doesn't fit before ``end``.
+    """Yield all complete records from ``start``, until one exceeds ``end``.
 
-    Kinds that nothing here reads (attachments, private ones) come without their content.
+    Unused kinds (attachments, private ones) are returned without their content.
+
+    Parameters
+    ----------
+    stream : binary file
+    start, end : int
+        Offsets in the file.
     """
     stream.seek(start)
     while start + HEAD.size <= end:
@@ -76,7 +94,7 @@ def walk(stream: BinaryIO, start: int, end: int) -> Iterator[Record]:
             return
         opcode, length = HEAD.unpack(head)
         stop = start + HEAD.size + length
-        if opcode == 0 or stop > end:  # 0 is no kind: zeros that a power cut left behind
+        if opcode == 0 or stop > end:  # 0 is no valid kind, but may be left by a power failure
             return
         if opcode in _READ:
             if length > LARGEST_RECORD_BYTES:
@@ -110,7 +128,7 @@ def pack_message(message: StoredMessage) -> bytes:
 
 
 def chunk_head(chunk: Any) -> bytes:
-    """Serialise what of a chunk record comes before its data, a megabyte not to be copied often."""
+    """Serialise a chunk record up to its data; avoids copying the data, about a megabyte."""
     compression = chunk.compression.encode()
     fields = b"".join(
         (
@@ -134,7 +152,7 @@ def unpack(kind: Any, body: bytes) -> Any:
     Raises
     ------
     DamagedError
-        When it can't be parsed, or a wrong length makes it swallow what follows.
+        When it can't be parsed, or its length is wrong.
     """
     stream = ReadDataStream(BytesIO(body))
     try:
@@ -160,9 +178,9 @@ def unpack_message(body: bytes) -> StoredMessage:
 
 
 def unpack_times(body: bytes) -> tuple[int, list[tuple[int, int]]]:
-    """Parse a message index record's content: a channel, and time and place of each message.
+    """Parse a message index record's content: a channel, and time and offset of each message.
 
-    The ``mcap`` library takes several times as long, and there is an entry for each message.
+    Several times as fast as the ``mcap`` library, which matters with an entry for each message.
 
     Raises
     ------
@@ -179,19 +197,18 @@ def unpack_times(body: bytes) -> tuple[int, list[tuple[int, int]]]:
 
 
 def unpack_chunk(chunk: Any, *, checked: bool = True) -> bytes:
-    """Return the records inside a chunk, decompressed and checked against their checksum.
+    """Return the records inside a chunk, after decompression and a check of their checksum.
 
     Parameters
     ----------
     chunk : mcap.records.Chunk
-        The chunk.
     checked : bool
-        Whether one without a checksum, which the format allows, is damaged.
+        Whether a missing checksum, which the format allows, counts as damage.
 
     Raises
     ------
     DamagedError
-        When the chunk isn't what was written, or says it is implausibly large.
+        When the chunk fails its checksum, can't be decompressed, or claims an implausible size.
     """
     size = chunk.uncompressed_size
     if size > LARGEST_CHUNK_BYTES:
@@ -208,7 +225,7 @@ def unpack_chunk(chunk: Any, *, checked: bool = True) -> bytes:
 
 
 def _decompressed(compression: str, data: bytes, size: int) -> bytes:
-    """Decompress, allocating no more than was claimed."""
+    """Decompress without allocating more than the claimed size."""
     if compression == "":
         return data
     if compression == "zstd":

@@ -1,4 +1,4 @@
-"""What goes on from one file to the next, when a recording is spread over several."""
+"""State carried over from one file to the next when a recording is split."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from rsenf.record.timeline import Timeline
 
 @dataclass
 class Continuity:
-    """One time line for all files, and which numbers have come.
+    """A common time line of all files, and the sequence numbers received.
 
     Parameters
     ----------
     timeline : Timeline
-        Log times go on without a jump.
+        Continues log times without a jump.
     tallies : dict of str to TopicTally
-        Of each topic, for the file in the making.
+        By topic, for the current file.
     """
 
     timeline: Timeline
@@ -26,14 +26,14 @@ class Continuity:
 
     @classmethod
     def beginning(cls, clock_ns: Callable[[], int]) -> Continuity:
-        """Nothing has been recorded yet."""
+        """Return the state before the first file."""
         return cls(Timeline(clock_ns))
 
     def tally(self, topic: str) -> TopicTally:
-        """Tally of a topic."""
+        """Return the tally of a topic."""
         return self.tallies.setdefault(topic, TopicTally())
 
     def next_file(self) -> Continuity:
-        """Return what a file that follows begins with."""
+        """Return the state for the next file."""
         following = {topic: tally.next_file() for topic, tally in self.tallies.items()}
         return Continuity(self.timeline, following)

@@ -1,4 +1,4 @@
-"""From the records of a file to messages."""
+"""Decodes the records of a file to messages."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from rsenf.record.topics import Route, route_of
 
 
 class Decoder:
-    """Takes a file's records in their order, and gives its messages.
+    """Takes a file's records in order, and returns its messages.
 
     Parameters
     ----------
     topics : frozenset of str, optional
-        Those wanted; all when not given.
+        Topics to decode; all by default.
     known : Index, optional
-        Schemas and channels known beforehand: the chunk that defined them may be damaged.
+        Schemas and channels known in advance, as the chunk that defines them may be damaged.
     """
 
     def __init__(self, topics: frozenset[str] | None, known: Index | None = None) -> None:
@@ -47,7 +47,7 @@ class Decoder:
         SchemaMismatch
             When a message doesn't parse, or is of another version than this program's.
         DamagedError
-            When the record isn't what it should be.
+            When the record is invalid.
         """
         if record.opcode == Opcode.MESSAGE:
             return self._message(record.body)
@@ -87,6 +87,6 @@ class Decoder:
     def _with_picture(self, topic: str, stored: StoredMessage, packet: VideoPacket) -> VideoPacket:
         schema, picture = self._pictures.pop(topic, ("", None))
         if picture is None or packet.data or picture[1:3] != stored[1:3]:
-            return packet  # a mark, or a codec without a form of its own
+            return packet  # a mark, or a codec without a Foxglove format
         data = foxglove.picture_data(schema, picture.data)
         return dataclasses.replace(packet, data=data)

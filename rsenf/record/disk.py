@@ -1,4 +1,4 @@
-"""Looks at the disk while something is recorded on it: a warning in time, an end in order."""
+"""Watches the free disk space while recording: warns early, and stops before the disk is full."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ MB = 1_000_000
 
 
 class Usage(NamedTuple):
-    """How large a disk is, and how much of it is free, in bytes."""
+    """Size of a disk, and its free space, in bytes."""
 
     total: int
     free: int
 
 
 def disk_usage(folder: Path) -> Usage:
-    """Look at the disk that a folder lies on."""
+    """Return the usage of the disk that holds a folder."""
     found = shutil.disk_usage(folder)
     return Usage(found.total, found.free)
 
 
 def low_bytes(limits: DiskLimits, total_bytes: int) -> float:
-    """Below so much free space there is a warning."""
+    """Return the free space, in bytes, below which there is a warning."""
     return min(limits.warn_mb * MB, WARN_SHARE * total_bytes)
 
 
@@ -40,15 +40,14 @@ class DiskGuard:
     Parameters
     ----------
     folder : Path
-        Where is recorded.
+        Folder of the recording.
     limits : DiskLimits
-        How little may be left.
     warn : callable
-        Told in words, once each time that the space falls below the first limit.
+        Called with a text each time that the free space falls below the warning limit.
     usage : callable
-        Tells how large the disk is and what is free.
+        Returns size and free space of the disk.
     clock_s : callable
-        Any clock that only goes on.
+        A monotonic clock.
     """
 
     def __init__(
@@ -67,12 +66,12 @@ class DiskGuard:
         self._warned = False
 
     def check(self) -> None:
-        """Look, when a second has passed since the last time. To be called often.
+        """Check the free space at most once a second. To be called often.
 
         Raises
         ------
         RecordingError
-            When less is left than the second limit.
+            When the free space is below the stop limit.
         """
         now_s = self._clock_s()
         if now_s - self._checked_s < CHECK_EVERY_S:

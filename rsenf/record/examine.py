@@ -1,4 +1,4 @@
-"""What is in a recording, what is missing of it, and what is wrong with the file."""
+"""Examines a recording: its contents, missing messages, and damage of the file."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ class TopicState(NamedTuple):
     ----------
     topic : Topic
     version : str
-        Of its schema; empty for those of others.
+        Version of its schema; empty for foreign schemas.
     gaps : list of Gap
     duplicates : int
-        Messages that are there more than once.
+        Number of repeated messages.
     last_seq : int or None
-        Number of its latest message; None where the messages aren't rsenf's, or none can be read.
+        Sequence number of its last message; None for foreign or unreadable messages.
     lost_at_end : int or None
-        Messages lost after that one; None where the file doesn't tell.
+        Messages lost after that one; None if unknown.
     cut : bool
-        Whether the file breaks off after it, or is damaged there and doesn't tell.
+        Whether an unknown number of messages may be lost after it, by truncation or damage.
     """
 
     topic: Topic
@@ -56,7 +56,7 @@ class TopicState(NamedTuple):
 
 @dataclass
 class Examination:
-    """What was found in a file that was read from end to end.
+    """Findings about a file that was read completely.
 
     Attributes
     ----------
@@ -65,9 +65,9 @@ class Examination:
     contents : Contents
     topics : list of TopicState
     unreadable : dict of str to int
-        Messages that can't be read, though the file is sound there, by the reason.
+        Number of unreadable messages in intact records, by the reason.
     in_the_making : bool
-        Whether it is being recorded: then its end isn't missing.
+        Whether the file is being written, so that a missing end is no fault.
     """
 
     path: Path
@@ -79,17 +79,17 @@ class Examination:
 
     @property
     def messages(self) -> int:
-        """Messages of all topics; a picture and its packet are one."""
+        """Number of messages of all topics; a picture and its packet count as one."""
         return sum(state.topic.messages for state in self.topics)
 
     @property
     def cut_bytes(self) -> int:
-        """Bytes after the last sound record of a file without an end."""
+        """Bytes after the last intact record of a truncated file; 0 for other files."""
         return 0 if self.contents.complete else self.size_bytes - self.contents.end
 
     @property
     def whole(self) -> bool:
-        """Whether the file is what was written, to its end, or as far as it is written now."""
+        """Whether the file has no fault: complete or still being written, and undamaged."""
         doubled = any(state.duplicates for state in self.topics)
         return (self.contents.complete or self.in_the_making) and not (
             self.contents.damages or self.unreadable or doubled or self.short
@@ -97,12 +97,12 @@ class Examination:
 
     @property
     def short(self) -> bool:
-        """Whether the file says that it had more messages than it has."""
+        """Whether the file has fewer messages than its summary section counts."""
         return any(state.lost_at_end for state in self.topics)
 
 
 def examine(path: str | Path) -> Examination:
-    """Read a recording from end to end, and find what is in it and what is wrong with it.
+    """Read a recording completely, and report its contents and faults.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def examine(path: str | Path) -> Examination:
 
 
 class _Reading:
-    """Takes what a file holds piece by piece, and counts messages."""
+    """Takes the records of a file, and counts messages."""
 
     def __init__(self, contents: Contents) -> None:
         self._decoder = Decoder(None, contents.index)
@@ -151,7 +151,7 @@ class _Reading:
 
 
 def _topics(contents: Contents) -> list[Topic]:
-    """Topics that there are messages of, and those that the file's end says there were."""
+    """Return the topics with messages, and those that only the summary section mentions."""
     found = topics_of(contents.index)
     for name, count in (contents.messages_said or {}).items():
         if count:
@@ -187,6 +187,6 @@ def _version(contents: Contents, topic: Topic) -> str:
 
 
 def made_by(contents: Contents) -> str:
-    """Program that made the file."""
+    """Return the program that made the file."""
     about = contents.metadata.get(ABOUT, {}).get("rsenf")
     return f"rsenf {about}" if about else contents.library or "unknown"

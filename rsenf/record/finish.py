@@ -1,4 +1,4 @@
-"""Gives a file that broke off its end: what is whole is kept, the rest is cut off."""
+"""Closes a truncated file: keeps all complete records, cuts off the rest, writes the end."""
 
 from __future__ import annotations
 
@@ -20,27 +20,26 @@ Notes = Callable[[Index], Mapping[str, str]]
 
 
 class Finished(NamedTuple):
-    """What is in a file that was finished."""
+    """Contents of a file that was closed."""
 
     messages: int
     size_bytes: int
-    cut_bytes: int  # what of the broken file wasn't whole
+    cut_bytes: int  # size of the incomplete part that was cut off
 
 
 def close_truncated(path: str | Path, name: str = "", notes: Notes | None = None) -> Finished:
-    """Finish a file that has no end, in its place: cut off what isn't whole, write index and end.
+    """Close a truncated file in place: cut off incomplete records, write index and footer.
 
-    A file that has its end is left alone. Where the index doesn't fit on the disk, the file ends
-    without one, which is valid; where not even that fits, the last chunk gives way.
+    A complete file stays unchanged. If the index doesn't fit on the disk, the file ends without
+    one, which is valid; if not even that fits, the last chunk is removed.
 
     Parameters
     ----------
     path : path
-        The file.
     name : str, optional
         Name of a metadata record to add.
     notes : callable, optional
-        Makes the content of that record from the index of what is in the file.
+        Returns the content of that record; takes the index of the file.
 
     Raises
     ------
@@ -67,7 +66,17 @@ def _messages(contents: Contents) -> int:
 
 
 def end_of_file(index: Index, offset: int, name: str, notes: Mapping[str, str]) -> bytes:
-    """Return a last metadata record, the summary and the footer, to be written at ``offset``."""
+    """Return the end of a file: a last metadata record, the summary section and the footer.
+
+    Parameters
+    ----------
+    index : Index
+        Index of the file, to which the metadata record is added.
+    offset : int
+        Offset in the file at which the end will be written.
+    name, notes
+        Name and content of the metadata record.
+    """
     record = pack(Metadata(name=name, metadata=dict(notes)))
     index.add_metadata(name, offset, len(record))
     return record + index.tail(offset + len(record))

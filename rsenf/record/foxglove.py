@@ -1,9 +1,9 @@
-"""Video as Foxglove knows it: well-known schemas, so that players show the recorded pictures.
+"""Video in Foxglove's schemas, so that common players show the recorded pictures.
 
 The messages are ``foxglove.CompressedVideo`` and ``foxglove.CompressedImage`` as published in
 https://github.com/foxglove/foxglove-sdk, folder ``schemas/proto``, in their first four fields.
-Foxglove plays no video with B frames; such a stream is recorded all the same, packet by packet in
-the order of decoding.
+Foxglove can't play video with B frames; such a stream is recorded nevertheless, packet by packet in
+decoding order.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rsenf.errors import SchemaMismatch
 
 VIDEO = "foxglove.CompressedVideo"
 IMAGE = "foxglove.CompressedImage"
-# Number of each field; they differ between the two.
+# Field numbers, which differ between the two.
 _FIELDS = {
     VIDEO: {"timestamp": 1, "frame_id": 2, "data": 3, "format": 4},
     IMAGE: {"timestamp": 1, "frame_id": 4, "data": 2, "format": 3},
@@ -32,7 +32,7 @@ _FORMATS = {
 
 
 class Picture(NamedTuple):
-    """A packet in Foxglove's form."""
+    """A packet in one of Foxglove's schemas."""
 
     schema: str
     payload: bytes
@@ -44,19 +44,19 @@ def knows(schema: str) -> bool:
 
 
 def to_foxglove(packet: Any, time_ns: int) -> Picture | None:
-    """Put a packet in Foxglove's form.
+    """Convert a packet to one of Foxglove's schemas.
 
     Parameters
     ----------
     packet : VideoPacket
         The packet, or its Protobuf twin.
     time_ns : int
-        Its place on the recording's time line, UTC since 1970.
+        Its log time, UTC since 1970.
 
     Returns
     -------
     Picture or None
-        None for a codec that Foxglove has no form for.
+        None for a codec that Foxglove doesn't support.
     """
     schema, name = _FORMATS.get(packet.codec, ("", ""))
     if not schema:
@@ -68,6 +68,13 @@ def to_foxglove(packet: Any, time_ns: int) -> Picture | None:
 
 def picture_data(schema: str, payload: bytes) -> bytes:
     """Return the compressed picture in a message of one of the two schemas.
+
+    Parameters
+    ----------
+    schema : str
+        VIDEO or IMAGE.
+    payload : bytes
+        The serialised message.
 
     Raises
     ------

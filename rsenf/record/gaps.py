@@ -1,4 +1,4 @@
-"""What a topic lacks, by the numbers that its messages carry."""
+"""Missing messages of a topic, by sequence numbers."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from rsenf.record.tally import Numbers
 
 
 class Gap(NamedTuple):
-    """Numbers that a stream lacks, the last included.
+    """A range of missing sequence numbers.
 
     Attributes
     ----------
     run_id : str
     epoch : int
     first, last : int
+        Both inclusive.
     damaged : bool
-        Whether the file is damaged there. Else the messages never came to be recorded.
+        Whether the file is damaged there. Otherwise the messages were never recorded.
     """
 
     run_id: str
@@ -29,7 +30,7 @@ class Gap(NamedTuple):
 
     @property
     def messages(self) -> int:
-        """How many numbers."""
+        """Number of missing messages."""
         return self.last - self.first + 1
 
 
@@ -37,7 +38,7 @@ class Gap(NamedTuple):
 class _Stream:
     numbers: Numbers = field(default_factory=Numbers)
     last: int = -1  # highest number so far
-    damages: int = 0  # of the file, before it
+    damages: int = 0  # damaged places of the file before its last message
     hit: list[tuple[int, int]] = field(default_factory=list)  # numbers around damage
 
     @property
@@ -47,15 +48,15 @@ class _Stream:
 
 @dataclass
 class TopicNumbers:
-    """Takes a topic's messages in the order of the file.
+    """Counts a topic's messages, taken in the order of the file.
 
     Attributes
     ----------
     messages, duplicates : int
     last : Header or None
-        Of the latest message.
+        Header of the last message.
     damages : int
-        Damaged places of the file before that one.
+        Number of damaged places of the file before that one.
     """
 
     messages: int = 0
@@ -65,7 +66,7 @@ class TopicNumbers:
     _streams: dict[tuple[str, int], _Stream] = field(default_factory=dict)
 
     def take(self, header: Header, damages: int) -> None:
-        """Take a message that comes after so many damaged places of the file."""
+        """Take a message; ``damages`` is the number of damaged places of the file before it."""
         stream = self._streams.setdefault((header.run_id, header.epoch), _Stream())
         self.messages += 1
         self.duplicates += not stream.numbers.add(header.seq)
@@ -80,9 +81,9 @@ class TopicNumbers:
 
         Parameters
         ----------
-        joined_at : int, optional
-            First number that the recording had of its first stream; what came before it isn't
-            missing. Where it isn't known, it is the first that is left, but 0 after damage.
+        joined_at : int or None
+            First number recorded of the first stream; earlier ones don't count as missing. None if
+            unknown: then it is the first number found, or 0 after damage.
         """
         found = []
         for place, ((run_id, epoch), stream) in enumerate(self._streams.items()):

@@ -1,4 +1,4 @@
-"""An MCAP file in the making, which is a valid one whenever and however the making ends."""
+"""Writes an MCAP file that stays readable however and whenever writing ends."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rsenf.record.output import Output
 ABOUT = "rsenf"
 CLOSING = "rsenf.closing"
 CHUNK_BYTES = 1 << 20
-END_BYTES = 1 << 19  # held back for the end of the file, besides the index of its chunks
+END_BYTES = 1 << 19  # disk space reserved for the end of the file, besides its chunk index
 
 _HINTS = {
     errno.ENOSPC: "free some space on that disk, then record to another file",
@@ -30,16 +30,15 @@ _HINTS = {
 
 
 class GrowingFile:
-    """Records go in; whole chunks come to lie in the file.
+    """Collects records and writes them to the file in complete chunks.
 
     Parameters
     ----------
     path : Path
-        The file.
     about : mapping
         Content of the first metadata record.
     closing_notes : callable
-        Content of the last metadata record, from the index of what is in the file and the reason
+        Returns the content of the last metadata record; takes the index of the file and the reason
         why the recording ends.
     compress, fsync, overwrite : bool
         As for :class:`rsenf.record.Recorder`.
@@ -47,9 +46,16 @@ class GrowingFile:
     Attributes
     ----------
     index : Index
-        What is in the file.
+        Index of what has been written.
     chunk : ChunkBuilder
-        What isn't yet.
+        Records not written yet.
+
+    Raises
+    ------
+    UsageError
+        When the file exists, or its folder doesn't.
+    RecordingError
+        When the file can't be written.
     """
 
     def __init__(
@@ -67,7 +73,7 @@ class GrowingFile:
         self._path = path
         self._closing_notes = closing_notes
         self._fsync = fsync
-        self._defined = 0  # channels, and how many chunks ago there was a new one
+        self._defined = 0  # number of channels; _chunks_since: chunks since the last new one
         self._chunks_since = 0
         self._closed = False
         self._failure: RecordingError | None = None
@@ -78,11 +84,11 @@ class GrowingFile:
 
     @property
     def size_bytes(self) -> int:
-        """Size of the file, with the chunk in the making before it is compressed."""
+        """Size of the file, plus the pending chunk before compression."""
         return self._output.size + self.chunk.size
 
     def check_open(self) -> None:
-        """Raise RecordingError when nothing more can be written."""
+        """Raise RecordingError if the file is closed or writing has failed."""
         if self._failure is not None:
             raise self._failure
         if self._closed:
@@ -96,12 +102,12 @@ class GrowingFile:
         self.index.add_metadata(name, start, len(record))
 
     def cut_when_full(self) -> None:
-        """Write the chunk in the making when it has grown large enough."""
+        """Write the pending chunk if it is large enough."""
         if self.chunk.size >= CHUNK_BYTES:
             self._cut()
 
     def flush(self) -> None:
-        """Write the chunk in the making, and wait for the disk."""
+        """Write the pending chunk, and wait for the disk."""
         self._cut()
         self._sync()
         try:
@@ -110,7 +116,7 @@ class GrowingFile:
             raise self._fail(exc) from exc
 
     def close(self) -> None:
-        """Write the end of the file. Closing again, or after a failure, does nothing."""
+        """Write the end of the file. Does nothing if already closed, or after a failure."""
         if self._closed:
             return
         self._cut()
@@ -131,10 +137,10 @@ class GrowingFile:
             self._define_again()
 
     def _define_again(self) -> None:
-        """Begin the next chunk with all schemas and channels, lest they be lost with their chunk.
+        """Repeat all schemas and channels in the next chunk, in case their first chunk is damaged.
 
-        After 1, 2, 4, 8 … chunks without a new one: however many are lost at the beginning of a
-        file that has no end, no more than as many again can't be read without them.
+        This is done after 1, 2, 4, 8 … chunks without a new channel. So if the first chunks of a
+        truncated file are lost, at most as many further ones are unreadable without definitions.
         """
         known = len(self.index.channels)
         self._chunks_since = self._chunks_since + 1 if known == self._defined else 1
@@ -157,7 +163,7 @@ class GrowingFile:
             raise self._fail(exc) from exc
 
     def _fail(self, exc: OSError) -> RecordingError:
-        """Give up writing; leave behind a closed file with what is whole of it."""
+        """Stop writing, and leave a closed file with all complete chunks."""
         reason = (exc.strerror or str(exc)).lower()
         try:
             self._output.close()

@@ -1,20 +1,26 @@
-"""The header of an encoded message, without decoding the rest of it."""
+"""Decodes only the header of a serialised message."""
 
 from __future__ import annotations
 
 from rsenf.errors import SchemaMismatch
 from rsenf.messages import Header, decode
 
-_HEADER_TAG = 0x0A  # field 1, length-delimited; the encoder writes fields in order
+_HEADER_TAG = 0x0A  # field 1, length-delimited; it comes first, as the encoder writes in order
 
 
 def header_of(payload: bytes) -> Header:
-    """Return the header that an encoded message begins with.
+    """Return the header at the beginning of a serialised message.
 
     Raises
     ------
     SchemaMismatch
-        When it begins with anything else.
+        When the message doesn't begin with a header.
+
+    Examples
+    --------
+    >>> from rsenf.messages import Health, encode
+    >>> header_of(encode(Health(header=Header(source="lab/cam1", seq=7)))).seq
+    7
     """
     length, at = 0, 1
     if payload[:1] == bytes([_HEADER_TAG]):

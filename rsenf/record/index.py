@@ -1,4 +1,4 @@
-"""What the end of a file says about the rest of it, so that a reader needn't read it all."""
+"""The index of a file and its MCAP summary section, which spares readers a scan of the file."""
 
 from __future__ import annotations
 
@@ -15,47 +15,47 @@ from rsenf.record.container import MAGIC, pack
 from rsenf.record.stretches import Stretch, Stretches
 
 DATA_END = pack(DataEnd(0))
-# A valid end without a summary, for when there is room for nothing else.
+# A valid end without a summary section, for a full disk.
 BARE_TAIL = DATA_END + pack(Footer(0, 0, 0)) + MAGIC
 
 
 @dataclass
 class Index:
-    """Schemas, channels, chunks and metadata of a file, in the order of their writing."""
+    """Schemas, channels, chunks and metadata of a file, in the order of writing."""
 
     schemas: dict[int, Any] = field(default_factory=dict)
     channels: dict[int, Any] = field(default_factory=dict)
     extents: dict[int, Extent] = field(default_factory=dict)
-    # When each channel had messages, as finely as it was cut into chunks.
+    # Times with messages for each channel, with the resolution of chunks.
     stretches: dict[int, Stretches] = field(default_factory=dict)
-    # Chunk index records, serialised to save memory: a day has 170,000 of them.
+    # Chunk index records, serialised to save memory: 170,000 for a day.
     chunks: list[bytes] = field(default_factory=list)
     chunks_bytes: int = 0
     metadata: list[Any] = field(default_factory=list)
 
     @property
     def messages(self) -> int:
-        """Messages in the file."""
+        """Number of messages in the file."""
         return sum(extent.messages for extent in self.extents.values())
 
     def add_extents(self, extents: dict[int, Extent]) -> None:
-        """Count the messages of a chunk, or one that is in none."""
+        """Count the messages of a chunk, or a message outside of chunks."""
         for channel, extent in extents.items():
             self.extents[channel] = extent.joined(self.extents.get(channel))
             stretches = self.stretches.setdefault(channel, Stretches())
             stretches.add(Stretch(extent.first_ns, extent.last_ns))
 
     def add_chunk(self, entry: Any) -> None:
-        """Note a chunk that is in the file."""
+        """Add the index of a chunk in the file."""
         self.chunks.append(pack(entry))
         self.chunks_bytes += len(self.chunks[-1])
 
     def add_metadata(self, name: str, start: int, length: int) -> None:
-        """Note a metadata record that is in the file."""
+        """Add a metadata record in the file."""
         self.metadata.append(MetadataIndex(offset=start, length=length, name=name))
 
     def tail(self, offset: int) -> bytes:
-        """All that follows a data section that ends at ``offset``."""
+        """Return everything after a data section that ends at ``offset``."""
         start = offset + len(DATA_END)
         summary, offsets = bytearray(), bytearray()
         for opcode, group in self._groups():
@@ -64,7 +64,7 @@ class Index:
                 summary += group
         at = start + len(summary)
         summary += offsets
-        # The checksum covers the footer too, up to the checksum.
+        # The checksum includes the footer up to the checksum itself.
         footer = pack(Footer(start, at, 0))[:-4]
         checksum = zlib.crc32(footer, zlib.crc32(summary))
         return DATA_END + bytes(summary) + footer + checksum.to_bytes(4, "little") + MAGIC

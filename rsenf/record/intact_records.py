@@ -1,8 +1,8 @@
-"""The sound records of a file, one after another; what is damaged is stepped over, and said.
+"""Iterates over the intact records of a file, and reports and skips damage.
 
-A recording consists of chunks with checksums, and of little else: their indexes, and metadata.
-After damage, reading goes on at the next chunk that passes its checksum, or the next metadata of
-ours, wherever it lies: the length that a damaged record claims is not to be trusted.
+A recording consists mainly of chunks with checksums, besides their indexes and metadata. After
+damage, reading resumes at the next chunk that passes its checksum, or the next metadata record of
+rsenf, at any offset: the length in a damaged record can't be trusted.
 """
 
 from __future__ import annotations
@@ -38,26 +38,27 @@ _KINDS: dict[int, Any] = {
     Opcode.DATA_END: DataEnd,
 }
 _IN_CHUNKS = {int(Opcode.SCHEMA), int(Opcode.CHANNEL), int(Opcode.MESSAGE)}
-# Heads to go on at: a chunk, by its length below 2^32 and its compression; metadata of ours.
+# Record heads at which to resume: a chunk (length below 2^32, known compression), or metadata whose
+# name begins with 'rsenf'.
 _HEADS = re.compile(
     rb"\x06.{4}\0{4}.{28}(?:\x04\0{3}zstd|\x03\0{3}lz4|\0{4})|\x0c.{4}\0{4}.\0{3}rsenf", re.DOTALL
 )
 _WINDOW = 1 << 20
 _LONGEST_HEAD = 64
-# A file may be made so that something looks like a chunk at every byte. Once this many times its
-# size was checked in vain, the rest is given up.
+# In a malicious file, every byte may look like a chunk. After checking this multiple of the file's
+# size in vain, the rest is skipped.
 _PATIENCE = 8
 
 
 class IntactRecords(NamedTuple):
-    """A record that is what it says it is.
+    """An intact record.
 
     Attributes
     ----------
     record : Record
-        Where it lies, and its bytes.
+        Its position and bytes.
     content : a record class of the ``mcap`` library, StoredMessage or None
-        What it says; None for kinds that nothing here reads.
+        Its parsed content; None for unused kinds.
     parts : list of Record
         Records inside a chunk.
     """
@@ -68,16 +69,16 @@ class IntactRecords(NamedTuple):
 
 
 class Damage(NamedTuple):
-    """Bytes that are no sound records.
+    """Bytes that aren't intact records.
 
     Attributes
     ----------
     start, end : int
-        Where they lie.
+        Their position.
     why : str
         What is wrong with them.
     breaks_off : bool
-        Whether they are merely the beginning of a record that the file's end cuts off.
+        Whether they are only a record truncated by the end of the file.
     """
 
     start: int
@@ -89,7 +90,7 @@ class Damage(NamedTuple):
 def sound_records(
     stream: BinaryIO, end: int, start: int = len(MAGIC)
 ) -> Iterator[IntactRecords | Damage]:
-    """Yield all sound records up to ``end`` or the end of the data section, and all damage."""
+    """Yield all intact records up to ``end`` or the end of the data section, and all damage."""
     check, spent, size = _Check(), 0, end - start
     while start < end:
         why = ""
@@ -112,7 +113,7 @@ def sound_records(
 
 
 class _Check:
-    """Tells sound records. What other programs record may lack checksums, and hold other kinds."""
+    """Checks records. Files of other programs may lack checksums and contain other kinds."""
 
     def __init__(self) -> None:
         self._foreign = False
@@ -123,7 +124,7 @@ class _Check:
         Raises
         ------
         DamagedError
-            When it isn't sound.
+            When it is damaged.
         """
         kind = _KINDS.get(record.opcode)
         if kind is None:
@@ -154,12 +155,12 @@ class _Check:
             raise DamagedError("a chunk with records that have no place in one")
         for part in parts:
             if part.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                unpack(_KINDS[part.opcode], part.body)  # without a checksum it may be anything
+                unpack(_KINDS[part.opcode], part.body)  # may be invalid if there is no checksum
         return parts
 
 
 def _go_on(stream: BinaryIO, start: int, end: int, check: _Check, patience: int) -> tuple[int, int]:
-    """Find the next sound record, else the end; return it, and how many bytes were checked."""
+    """Return the offset of the next intact record, or the end, and the number of bytes checked."""
     spent = 0
     while (found := _next_head(stream, start, end)) is not None and spent <= patience:
         stream.seek(found)

@@ -1,4 +1,4 @@
-"""The file being written: whole blocks only, and room kept back for its end."""
+"""A file that is written in whole blocks, with disk space reserved for its end."""
 
 from __future__ import annotations
 
@@ -13,45 +13,44 @@ RESERVE_STEP_BYTES = 1 << 20
 
 
 def open_new(path: Path, overwrite: bool) -> Any:
-    """Open a file for writing, unbuffered, so that a failure shows where it happens."""
+    """Open a file for writing, unbuffered, so that a failure is raised where it happens."""
     return open(path, "wb" if overwrite else "xb", buffering=0)
 
 
 def open_existing(path: Path) -> Any:
-    """Open a file for changing its end, unbuffered."""
+    """Open an existing file for reading and writing, unbuffered."""
     return open(path, "r+b", buffering=0)
 
 
 def open_nameless(folder: Path) -> Any:
-    """Open a file without a name: nothing is left of it, however the process dies."""
+    """Open an unnamed file, which disappears however the process ends."""
     return tempfile.TemporaryFile(dir=folder, buffering=0)
 
 
 def write_all(file: Any, data: bytes) -> None:
-    """Write every byte; a raw file may take fewer at a time."""
+    """Write all bytes; a single write to an unbuffered file may take fewer."""
     rest = memoryview(data)
     while rest:
         rest = rest[file.write(rest) :]
 
 
 class Output:
-    """A new file that grows by whole blocks, and is known to be in use until it is closed.
+    """A new file that grows by whole blocks, and is locked until it is closed.
 
-    Beside it lies a nameless one that holds disk space back for the end of this one.
+    An unnamed file beside it reserves disk space for its end.
 
     Parameters
     ----------
     path : Path
-        The file.
     begin : bytes
-        Its first block. Where this can't be written, no file is left behind.
+        Its first block. If this can't be written, no file is left behind.
     overwrite : bool
         Whether an existing file may be replaced.
     """
 
     def __init__(self, path: Path, begin: bytes, *, overwrite: bool) -> None:
         self._file = open_new(path, overwrite)
-        self.size = 0  # of all whole blocks
+        self.size = 0  # of all complete blocks
         self._synced = 0
         self._reserved = 0
         self._reserve: Any = None
@@ -67,20 +66,20 @@ class Output:
             raise
 
     def keep_back(self, size_bytes: int) -> None:
-        """Hold at least so much disk space back."""
+        """Reserve at least this much disk space."""
         while self._reserved < size_bytes:
-            # Random, because file systems may store zeros for nothing.
+            # Random bytes, because file systems may store zeros without using space.
             write_all(self._reserve, os.urandom(RESERVE_STEP_BYTES))
             self._reserved += RESERVE_STEP_BYTES
 
     def append(self, block: bytes) -> None:
-        """Add a block at the end. An interruption leaves no half of it behind."""
+        """Append a block; if interrupted, its partial bytes are overwritten or cut off later."""
         self._file.seek(self.size)
         write_all(self._file, block)
         self.size += len(block)
 
     def sync(self) -> None:
-        """Wait until all blocks are on the disk. Where that fails, those since the last time go."""
+        """Wait until all blocks are on the disk. On failure, blocks since the last sync are cut."""
         if self._synced == self.size:
             return
         try:
@@ -91,12 +90,12 @@ class Output:
         self._synced = self.size
 
     def release(self) -> None:
-        """Give the space held back free for what is written next."""
+        """Release the reserved disk space."""
         if self._reserve is not None:
             self._reserve.close()
 
     def close(self) -> None:
-        """Close the file, cut back to its last whole block."""
+        """Truncate the file to its last complete block and close it."""
         self.release()
         try:
             self._file.truncate(self.size)

@@ -1,4 +1,4 @@
-"""What a recording says of its own making: program, libraries, host and input."""
+"""Provenance of a recording: program, libraries, host and input."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rsenf import __version__
 from rsenf.errors import InputError
 from rsenf.messages.schema import message_classes
 
-ADDED = "package "  # that adds to rsenf
+ADDED = "package "  # prefix for packages that extend rsenf
 LIBRARIES = (
     "av",
     "eclipse-zenoh",
@@ -27,9 +27,9 @@ LIBRARIES = (
 
 
 def program_facts() -> dict[str, str]:
-    """Versions of the program, its schemas and its libraries, and the host it runs on.
+    """Return versions of the program, its schemas and libraries, and the host.
 
-    Where all but the host and its platform are the same, so is every bit that comes out.
+    If all but host and platform are equal, results are bit-identical.
     """
     versions = program_versions(LIBRARIES)
     return {
@@ -45,7 +45,7 @@ def program_facts() -> dict[str, str]:
 
 
 def _added() -> dict[str, str]:
-    """Versions of the packages that add to rsenf by entry points."""
+    """Return versions of the packages that extend rsenf by entry points."""
     from importlib.metadata import distributions
 
     return {
@@ -56,16 +56,16 @@ def _added() -> dict[str, str]:
 
 
 def _arithmetic() -> str:
-    """What rounds: the processor, as NumPy and its OpenBLAS make use of it now, and the C library.
+    """Return what determines rounding: CPU features used by NumPy and OpenBLAS, and the C library.
 
-    Both heed the environment: ``NPY_DISABLE_CPU_FEATURES`` and ``OPENBLAS_CORETYPE``.
+    The environment can change them: ``NPY_DISABLE_CPU_FEATURES`` and ``OPENBLAS_CORETYPE``.
     """
     import numpy as np
     from threadpoolctl import threadpool_info
 
     used = np.show_config(mode="dicts")["SIMD Extensions"]
-    # NumPy's alone: a process may have loaded SciPy's and OpenCV's too, in any order, and an older
-    # OpenBLAS calls the same processor by another name.
+    # Only NumPy's OpenBLAS: SciPy's and OpenCV's may be loaded too, in any order, and an older
+    # version has another name for the same processor.
     cores = {
         lib["architecture"]
         for lib in threadpool_info()
@@ -76,8 +76,8 @@ def _arithmetic() -> str:
 
 
 def program_versions(libraries: Sequence[str]) -> dict[str, str]:
-    """Versions of the program, of Python and of libraries by name: nothing of the host."""
-    from importlib import metadata  # 20 ms
+    """Return versions of the program, of Python and of libraries, without facts of the host."""
+    from importlib import metadata  # takes 20 ms
 
     versions = {"rsenf": __version__, "python": sys.version.split()[0]}
     for name in libraries:
@@ -89,7 +89,7 @@ def program_versions(libraries: Sequence[str]) -> dict[str, str]:
 
 
 def machine_facts() -> dict[str, str]:
-    """Operating system and processor, by the names that their makers give them."""
+    """Return the names of operating system and processor."""
     try:
         told = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
         names = [line.partition(":")[2].strip() for line in told.splitlines() if "name\t" in line]
@@ -102,7 +102,7 @@ def machine_facts() -> dict[str, str]:
 
 
 def input_facts(path: str | Path) -> dict[str, str]:
-    """Name, size and SHA-256 of an input file. Takes its time; let another thread call it.
+    """Return name, size and SHA-256 of an input file. Slow for large files: use another thread.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Reads a recording back as the messages that were recorded; one that broke off, too."""
+"""Reads the messages of a recording, also of a truncated or damaged one."""
 
 from __future__ import annotations
 
@@ -22,30 +22,30 @@ Given = TypeVar("Given", covariant=True)
 
 
 class Finder(Protocol[Given]):
-    """Takes a file's records in their order."""
+    """Interface of a consumer of records, which takes them in the order of the file."""
 
     def take(self, record: Record) -> Given | None:
         """Take a record; return what it completes, if anything.
 
-        Raises SchemaMismatch or DamagedError when the record isn't what it should be.
+        Raises SchemaMismatch or DamagedError for an invalid record.
         """
         ...
 
 
 @dataclass
 class Loss:
-    """What of a recording can't be read.
+    """The unreadable part of a recording.
 
     Attributes
     ----------
     cut_bytes : int
-        Bytes after the last whole record of a file without an end.
+        Bytes after the last complete record of a truncated file.
     damaged : int
-        Chunks and other records that aren't what was written, as far as was read.
+        Damaged chunks and other records, as far as has been read.
     rejected : int
         Messages that didn't parse, in the latest tolerant reading.
     why : str
-        Why the first of them didn't.
+        Reason for the first of them.
     """
 
     cut_bytes: int = 0
@@ -58,20 +58,19 @@ class Loss:
 
 
 class Recording:
-    """A recording that exists.
+    """An existing recording. Made by :func:`open_recording`.
 
     Attributes
     ----------
     path : Path
-        The file.
     complete : bool
-        Whether the file has its end. Where it hasn't, all whole chunks are read.
+        Whether the file has its end. Of a truncated file, all complete chunks are read.
     metadata : dict of str to dict of str to str
-        Metadata records by name; later ones of a name add to the earlier.
+        Metadata records by name; records of the same name are merged.
     topics : dict of str to Topic
-        What is in it. A video's pictures and packets count as one topic.
+        Pictures and packets of a video count as one topic.
     loss : Loss
-        What of it can't be read.
+        What can't be read.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -93,7 +92,7 @@ class Recording:
 
     @property
     def lost(self) -> str:
-        """What of it can't be read, in one line; empty when all can, as far as was read."""
+        """The loss in one line; empty if everything can be read, as far as has been read."""
         loss, lost = self.loss, []
         if not self.complete:
             lost.append(f"the recording is cut short: its last {loss.cut_bytes} bytes are no use")
@@ -106,18 +105,18 @@ class Recording:
     def messages(
         self, topics: Collection[str] | None = None, *, tolerant: bool = False
     ) -> Iterator[tuple[str, Any, int]]:
-        """Read messages in the order of their recording.
+        """Read messages in the order in which they were recorded.
 
-        That order keeps a video's packets in the order of decoding, needs one chunk of memory,
-        and is the same for a file that broke off. Within a topic log times rise (but for B
-        frames); between topics they needn't.
+        This order keeps video packets in decoding order, needs memory for one chunk only, and is
+        the same for a truncated file. Log times increase within a topic (except for B frames), but
+        not necessarily between topics.
 
         Parameters
         ----------
         topics : collection of str, optional
-            Topics to read; all messages of rsenf when not given.
+            Topics to read; by default all with messages of rsenf.
         tolerant : bool
-            Whether to count what can't be read in ``loss`` and go on, rather than raise.
+            Whether to count unreadable messages in ``loss`` and continue, instead of raising.
 
         Yields
         ------
@@ -138,14 +137,14 @@ class Recording:
         return self.found_by(Decoder(wanted, self._definitions), tolerant=tolerant)
 
     def found_by(self, finder: Finder[T], *, tolerant: bool = False) -> Iterator[T]:
-        """Read whatever somebody makes of the records, in the order of the file.
+        """Read the results of a consumer of records, in the order of the file.
 
         Parameters
         ----------
         finder : Finder
-            Takes each record, those in chunks too, and gives what it completes.
+            Takes each record, also those in chunks, and returns what it completes.
         tolerant : bool
-            As for :meth:`messages`, which raises the same.
+            As for :meth:`messages`, which raises the same errors.
         """
         return self._read(finder, tolerant)
 

@@ -1,4 +1,4 @@
-"""A new file of all that is sound in a damaged one, with a note of what was lost."""
+"""Recovers a damaged recording: copies all intact data to a new file, and notes what was lost."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from rsenf.record.write_lock import is_held
 from rsenf.whole_file import whole_file
 
 BACKUP = ".damaged"
-_NAMED_GAPS = 100  # of each topic; the rest is only counted
+_NAMED_GAPS = 100  # gaps listed for each topic; further ones are only counted
 
 
 def recover(path: str | Path, out: str | Path, *, overwrite: bool = False) -> Examination:
-    """Write all that is sound in a recording to a new file, which appears whole or not at all.
+    """Copy all intact data of a recording to a new file, which appears complete or not at all.
 
-    Chunks that the file's end says were elsewhere go back to where they were, ones that are there
-    twice come once, and all indexes are made anew. The new file is read back from end to end.
+    Chunks are put in the order of the summary section, duplicate chunks are removed, and all
+    indexes are rebuilt. Finally the new file is read completely as a check.
 
     Parameters
     ----------
@@ -45,14 +45,14 @@ def recover(path: str | Path, out: str | Path, *, overwrite: bool = False) -> Ex
     Returns
     -------
     Examination
-        Of the damaged file.
+        Findings about the damaged file.
 
     Raises
     ------
     UsageError
         When there is no such file, or the new one exists.
     InputError
-        When nothing in it can be saved, or another program made it.
+        When nothing can be recovered, or another program made the file.
     RecordingError
         When the new file can't be written.
     """
@@ -66,19 +66,19 @@ def recover(path: str | Path, out: str | Path, *, overwrite: bool = False) -> Ex
 
 
 def recover_in_place(path: str | Path) -> tuple[Examination, Path]:
-    """Put the recovered file in the place of the damaged one, which is kept under another name.
+    """Replace a damaged file by the recovered one; the damaged file is renamed.
 
     Returns
     -------
     found : Examination
-        Of the damaged file.
+        Findings about the damaged file.
     backup : Path
-        Where it is now.
+        New name of the damaged file.
 
     Raises
     ------
     UsageError, InputError, RecordingError
-        As :func:`recover`; also when there is a backup already, or it is being recorded.
+        As :func:`recover`; also if a backup exists already, or the file is being recorded.
     """
     path = Path(path)
     backup = path.with_name(path.name + BACKUP)
@@ -94,7 +94,7 @@ def recover_in_place(path: str | Path) -> tuple[Examination, Path]:
 
 
 def _give_name(path: Path, backup: Path) -> None:
-    """Keep both names until the new file takes the first, where the file system knows how."""
+    """Give the file a second name, which leaves no moment without the first; else rename it."""
     try:
         os.link(path, backup)
     except FileExistsError:
@@ -106,7 +106,7 @@ def _give_name(path: Path, backup: Path) -> None:
 def _examined(path: Path) -> Examination:
     found = examine(path)
     library = found.contents.library
-    # No checksum covers the name: what carries our messages is ours, whatever has become of it.
+    # No checksum covers the library's name: a file with rsenf's messages counts as rsenf's.
     ours = library.startswith(OURS) or any(state.topic.is_ours for state in found.topics)
     if library and not ours:
         raise InputError(f"{path}: made by {library}", "'mcap recover' is for files of others")
@@ -128,11 +128,11 @@ def _write(found: Examination, out: Path) -> None:
 
 
 def _blocks(stream: BinaryIO, found: Examination, index: Index) -> Iterator[bytes]:
-    """Yield what the new file begins with, up to its end, and note it in the index."""
+    """Yield the blocks of the new file except its end, and add them to the index."""
     contents = found.contents
     begin = [MAGIC, pack(FileHeader(profile="", library=f"{OURS}{__version__}"))]
     index.schemas, index.channels = contents.index.schemas, contents.index.channels
-    # Before all chunks, since the one that defined them may be lost.
+    # Definitions come before all chunks, since the chunk that contained them may be lost.
     begin += map(pack, (*index.schemas.values(), *index.channels.values()))
     yield b"".join(begin)
     at = sum(map(len, begin))
@@ -163,7 +163,7 @@ def _sound_at(stream: BinaryIO, start: int, length: int) -> IntactRecords:
 
 
 def _chunk_places(contents: Contents) -> list[tuple[int, int]]:
-    """Where the chunks lie, in the order that the file's end says they had."""
+    """Return the positions of the chunks, in the summary section's order if it has them all."""
     chunks = [unpack(ChunkIndex, packed[HEAD.size :]) for packed in contents.index.chunks]
     said = [_likeness(unpack(ChunkIndex, body)) for body in contents.chunks_said]
     ranks = {likeness: rank for rank, likeness in enumerate(said)}
@@ -178,7 +178,7 @@ def _likeness(chunk: Any) -> tuple[int, ...]:
 
 
 def _chunk(sound: IntactRecords, index: Index) -> tuple[Any, Times]:
-    """Return the chunk, without messages whose channel nothing defines any more."""
+    """Return the chunk without messages of undefined channels."""
     times = times_of(sound.parts)
     if index.channels.keys() >= times.keys():
         return timed(sound.content, times), times

@@ -1,4 +1,4 @@
-"""What is in a file, found by reading all of it; damage costs what it hit."""
+"""Determines the contents of a file by reading all of it; only damaged records are lost."""
 
 from __future__ import annotations
 
@@ -19,37 +19,37 @@ Watch = Callable[[IntactRecords | Damage], None]
 
 @dataclass
 class Contents:
-    """What a file holds, and where it stops making sense."""
+    """Contents of a file, and the position up to which it is readable."""
 
     index: Index = field(default_factory=Index)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     complete: bool = False  # whether the file has its end
-    end: int = len(MAGIC)  # end of the last sound record of the data section
-    limit: int = len(MAGIC)  # where the data section ends at the latest
+    end: int = len(MAGIC)  # end of the last intact record of the data section
+    limit: int = len(MAGIC)  # upper bound for the end of the data section
     damages: list[Damage] = field(default_factory=list)
-    library: str = ""  # that made the file
-    chunks_said: list[bytes] = field(default_factory=list)  # by the summary, in their order
-    messages_said: dict[str, int] | None = None  # by the summary, of each topic; None: unknown
-    missing_indexes: bytes = b""  # message indexes to write at `end`, the last chunk's own
+    library: str = ""  # library that made the file
+    chunks_said: list[bytes] = field(default_factory=list)  # chunk indexes in the summary section
+    messages_said: dict[str, int] | None = None  # counts in it, by topic; None if unknown
+    missing_indexes: bytes = b""  # message indexes of the last chunk, to be written at `end`
     last_chunk_start: int = len(MAGIC)
 
     def add_metadata(self, found: Any, start: int, end: int) -> None:
-        """Take a metadata record; a later one of the same name adds to the earlier."""
+        """Add a metadata record; records of the same name are merged."""
         self.metadata.setdefault(found.name, {}).update(found.metadata)
         self.index.add_metadata(found.name, start, end - start)
 
     def add_definitions(self, defined: Index) -> None:
-        """Take schemas and channels that the chunks left don't define."""
+        """Add schemas and channels that the remaining chunks don't define."""
         self.index.schemas = {**defined.schemas, **self.index.schemas}
         self.index.channels = {**defined.channels, **self.index.channels}
 
     def add_damage(self, start: int, end: int, why: str) -> None:
-        """Note what is wrong with some of the bytes."""
+        """Add a damaged range of bytes."""
         self.damages.append(Damage(start, end, why, breaks_off=False))
 
 
 def define(index: Index, record: Record) -> None:
-    """Note a schema or a channel; any other record is none of the index's business."""
+    """Add a schema or a channel to the index; other records are ignored."""
     if record.opcode == Opcode.SCHEMA:
         schema = unpack(Schema, record.body)
         index.schemas[schema.id] = schema
@@ -59,7 +59,7 @@ def define(index: Index, record: Record) -> None:
 
 
 def times_of(parts: list[Record]) -> Times:
-    """Log time and place of each message in a chunk's records, by channel."""
+    """Return log time and offset of each message in a chunk's records, by channel."""
     times: Times = {}
     for part in parts:
         if part.opcode == Opcode.MESSAGE:
@@ -69,7 +69,7 @@ def times_of(parts: list[Record]) -> Times:
 
 
 def scan(stream: BinaryIO, size: int, watch: Watch | None = None) -> Contents:
-    """Read all records of a file's first ``size`` bytes; ``watch`` is shown each, and damage."""
+    """Read all records of a file's first ``size`` bytes; ``watch`` gets each, and all damage."""
     scanner = _Scanner(size)
     for found in sound_records(stream, size):
         if watch is not None:
@@ -83,7 +83,7 @@ def scan(stream: BinaryIO, size: int, watch: Watch | None = None) -> Contents:
 
 
 class _Scanner:
-    """Takes the records of a data section one by one."""
+    """Collects the contents from the records of a data section."""
 
     def __init__(self, size: int) -> None:
         self.contents = Contents(limit=size)
@@ -133,7 +133,7 @@ class _Scanner:
         self.contents.last_chunk_start = record.start
 
     def settle(self, last: bool = False) -> None:
-        """Note the chunk whose message indexes end here."""
+        """Add the last chunk to the index, after its message indexes."""
         if self._chunk is None:
             return
         chunk, start, end, times = self._chunk

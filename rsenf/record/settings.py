@@ -1,4 +1,4 @@
-"""What a recording may be told: when a new file begins, what is kept, how full a disk may be."""
+"""Settings of recordings: file rotation, retention, alarms, and limits of free disk space."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ def _check_positive(**values: float | None) -> None:
 
 @dataclass(frozen=True)
 class Rotation:
-    """When the next file of an archive begins; at midnight, UTC, in any case.
+    """When the next file of an archive begins. Also at midnight, UTC.
 
     Parameters
     ----------
     every_s : float
-        Longest time in one file, by this host's clock.
+        Longest duration of a file, by this host's clock.
     size_mb : float
-        Largest file.
+        Largest size of a file.
     """
 
-    # Read by whoever validates a configuration file: a misspelt key is an error.
+    # For validation by pydantic: unknown keys are errors.
     __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     every_s: float = 3600.0
@@ -40,14 +40,14 @@ class Rotation:
 
 @dataclass(frozen=True)
 class Retention:
-    """What of an archive is deleted; everything is kept by default.
+    """Which files of an archive are deleted; none by default.
 
     Parameters
     ----------
     days : float, optional
-        Age at which a file goes.
+        Age at which a file is deleted.
     disk_share : float, optional
-        Of the whole disk, that the archive may take; less where others leave too little free.
+        Share of the whole disk that the archive may use; less if too little space is free.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid"}
@@ -63,20 +63,20 @@ class Retention:
 
 @dataclass(frozen=True)
 class AlarmSettings:
-    """What an alarm is, and how much about it is kept whatever its age.
+    """What triggers an alarm, and which time around it is exempt from retention.
 
     Parameters
     ----------
     trigger : str
-        Key expression below the site; a message there is an alarm, unless it says that one ended.
+        Key expression below the site; a message there is an alarm, unless it ends one.
     before_s : float
-        How much before an alarm belongs to it.
+        Time before an alarm that belongs to it.
     after_s : float
-        How much after an alarm belongs to it.
+        Time after an alarm that belongs to it.
     only : bool
-        Write nothing else: what comes waits in memory until an alarm, or is forgotten.
+        Record nothing but alarms: other messages stay in memory for a while, then are dropped.
     memory_mb : float
-        Most that may wait for each camera.
+        Memory for such messages of each camera.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid"}
@@ -93,14 +93,14 @@ class AlarmSettings:
 
 @dataclass(frozen=True)
 class DiskLimits:
-    """How little of the disk may be left.
+    """Limits of free disk space.
 
     Parameters
     ----------
     warn_mb : float
-        Below it there is a warning; no more than 10 % of the disk.
+        Free space below which there is a warning; at most 10 % of the disk.
     stop_mb : float
-        Below it the recording ends; no more than 1 % of the disk.
+        Free space below which the recording ends; at most 1 % of the disk.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid"}

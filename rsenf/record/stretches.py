@@ -1,4 +1,4 @@
-"""When there was something, as stretches of time without a hole; in bounded memory."""
+"""Times with messages, as intervals ('stretches') without a hole, in bounded memory."""
 
 from __future__ import annotations
 
@@ -9,18 +9,24 @@ from typing import NamedTuple
 
 KEPT = 4096
 SHORTEST_HOLE_NS = 500_000_000
-DENSE = 4  # messages for each stretch, from which on the time between them is that within stretches
+DENSE = 4  # messages per stretch from which the usual interval is taken within stretches
 
 
 class Stretch(NamedTuple):
-    """A stretch of time, both ends included."""
+    """A time interval, both ends included."""
 
     first_ns: int
     last_ns: int
 
 
 def joined(stretches: Iterable[Stretch], hole_ns: int) -> list[Stretch]:
-    """Return stretches in order, those with no more than ``hole_ns`` between them as one."""
+    """Sort stretches, and merge those at most ``hole_ns`` apart.
+
+    Examples
+    --------
+    >>> joined([Stretch(7, 9), Stretch(0, 4), Stretch(5, 6)], 1)
+    [Stretch(first_ns=0, last_ns=9)]
+    """
     out: list[Stretch] = []
     for stretch in sorted(stretches):
         if out and stretch.first_ns - out[-1].last_ns <= hole_ns:
@@ -31,13 +37,21 @@ def joined(stretches: Iterable[Stretch], hole_ns: int) -> list[Stretch]:
 
 
 def at_most(stretches: Iterable[Stretch], hole_ns: int, most: int) -> tuple[list[Stretch], int]:
-    """Join stretches over ever longer holes, from ``hole_ns`` on, until there are few enough.
+    """Merge stretches over ever longer holes, until few enough are left.
+
+    Parameters
+    ----------
+    stretches : iterable of Stretch
+    hole_ns : int
+        Longest hole merged at first; it is doubled as often as necessary.
+    most : int
+        Number of stretches to be left at most.
 
     Returns
     -------
     stretches : list of Stretch
     hole_ns : int
-        The longest hole that doesn't show.
+        The longest hole that was merged.
     """
     out = joined(stretches, hole_ns)
     while len(out) > most:
@@ -47,14 +61,14 @@ def at_most(stretches: Iterable[Stretch], hole_ns: int, most: int) -> tuple[list
 
 
 def usual_interval_ns(stretches: Iterable[Stretch], messages: int) -> int:
-    """Time that usually lies between two messages of a topic.
+    """Return the usual interval between two messages of a topic.
 
     Parameters
     ----------
     stretches : iterable of Stretch
-        When there were messages; a seldom one makes a stretch of its own.
+        Times with messages; rare messages have a stretch each.
     messages : int
-        How many there were in all of them.
+        Number of messages in all of them.
     """
     there = sorted(stretches)
     if len(there) > 1 and messages < DENSE * len(there):
@@ -63,12 +77,12 @@ def usual_interval_ns(stretches: Iterable[Stretch], messages: int) -> int:
 
 
 class Stretches:
-    """Collects stretches of time.
+    """Collects stretches.
 
     Attributes
     ----------
     hole_ns : int
-        Shortest hole that shows; it grows when there are too many to remember.
+        Holes up to this length are merged; it grows when there are too many stretches.
     """
 
     def __init__(self) -> None:
@@ -76,11 +90,11 @@ class Stretches:
         self._found: list[Stretch] = []
 
     def add(self, stretch: Stretch) -> None:
-        """Add one, as a rule later than those before."""
+        """Add a stretch, usually later than those before."""
         self._found[-1:] = joined([*self._found[-1:], stretch], self.hole_ns)
         if len(self._found) > KEPT:
             self._found, self.hole_ns = at_most(self._found, self.hole_ns, KEPT)
 
     def all(self) -> list[Stretch]:
-        """Return them in order."""
+        """Return the stretches in order."""
         return joined(self._found, self.hole_ns)

@@ -1,4 +1,4 @@
-"""What is in a file, found from its summary where that is sound, and by reading it otherwise."""
+"""Determines the contents of a file from its summary section if valid, or else by a scan."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FOOTER_BYTES = HEAD.size + 20
 
 @dataclass
 class Summary:
-    """What a summary says that passes its checksum; one without a checksum says nothing."""
+    """Contents of a summary section; empty if it has no checksum."""
 
     defined: Index = field(default_factory=Index)  # schemas and channels
     chunks: list[bytes] = field(default_factory=list)  # contents of chunk index records
@@ -32,12 +32,12 @@ class Summary:
 
     @property
     def messages(self) -> int:
-        """Messages of all channels; -1 where it doesn't say."""
+        """Number of messages of all channels; -1 if unknown."""
         return -1 if self.counts is None else sum(self.counts.values())
 
     @property
     def topics(self) -> dict[str, int] | None:
-        """Messages of each topic that it defines the channels of; None where it doesn't say."""
+        """Number of messages of each topic with a defined channel; None if unknown."""
         if self.counts is None:
             return None
         said = Index(schemas=self.defined.schemas, channels=self.defined.channels)
@@ -46,15 +46,21 @@ class Summary:
 
 
 def read_contents(stream: BinaryIO, size: int, watch: Watch | None = None) -> Contents:
-    """Find out what a file of ``size`` bytes holds.
+    """Determine the contents of a file.
 
-    With ``watch``, all of the file is read, whatever its summary says, and ``watch`` is shown each
-    sound record and all damage of its data section.
+    Parameters
+    ----------
+    stream : binary file
+    size : int
+        Its size in bytes.
+    watch : callable, optional
+        Gets each intact record and all damage of the data section. If given, the file is read
+        completely, even with a valid summary section.
     """
     footer = _footer(stream, size)
     if footer is None:
         contents = scan(stream, size, watch)
-        # That it isn't complete says as much.
+        # A truncated record is already implied by `complete`.
         contents.damages = [damage for damage in contents.damages if not damage.breaks_off]
         return contents
     summary, why = Summary(), ""
@@ -68,7 +74,7 @@ def read_contents(stream: BinaryIO, size: int, watch: Watch | None = None) -> Co
     contents = scan(stream, size - len(MAGIC) - FOOTER_BYTES, watch)
     contents.complete = True
     why = why or _fault(footer, summary, contents)
-    # Where chunks are damaged it is no wonder that the summary says otherwise.
+    # If chunks are damaged, a summary that differs from them is no further fault.
     if why and not contents.damages:
         contents.add_damage(contents.end, size, why)
     contents.add_definitions(summary.defined)
@@ -77,8 +83,8 @@ def read_contents(stream: BinaryIO, size: int, watch: Watch | None = None) -> Co
 
 
 def _fault(footer: Any, summary: Summary, contents: Contents) -> str:
-    """What is wrong with a summary that can be followed, or isn't there."""
-    if not footer.summary_start:  # it needn't be there
+    """Return what is wrong with a readable or absent summary section; empty for nothing."""
+    if not footer.summary_start:  # it is optional
         at_once = contents.limit - contents.end == len(DATA_END)
         return "" if at_once else "a footer that points to no summary"
     if not footer.summary_crc:
@@ -130,9 +136,9 @@ def _summary(stream: BinaryIO, size: int, footer: Any) -> Summary:
 
 
 def _followed(stream: BinaryIO, limit: int, summary: Summary) -> Contents | None:
-    """Return the contents that a summary, which begins at ``limit``, points to.
+    """Return the contents that a summary section at ``limit`` points to.
 
-    None when it doesn't point to all messages, as it needn't.
+    None if it doesn't point to all messages, which the format allows.
     """
     contents = Contents(complete=True, end=limit, limit=limit)
     contents.add_definitions(summary.defined)

@@ -1,4 +1,4 @@
-"""Which sequence numbers of each topic came, came twice, or never came."""
+"""Counts received, duplicate and missed messages of each topic by sequence numbers."""
 
 from __future__ import annotations
 
@@ -15,9 +15,15 @@ _COUNT = re.compile(r"-?[0-9]{1,19}")
 
 
 class Numbers:
-    """A set of integers, as the ranges ``[start, stop)`` that it fills.
+    """A set of integers, stored as ranges ``[start, stop)``.
 
-    Of many gaps the oldest are forgotten: counted, and taken as filled.
+    If there are too many gaps, the oldest are counted and then treated as filled.
+
+    Examples
+    --------
+    >>> numbers = Numbers()
+    >>> [numbers.add(n) for n in (3, 4, 7, 3)], numbers.missing(2), numbers.holes(2)
+    ([True, True, True, False], 3, [range(2, 3), range(5, 7)])
     """
 
     def __init__(self) -> None:
@@ -61,21 +67,18 @@ class Numbers:
         return self._stops[-1] - min(start, self.first) - held + self._forgotten
 
     def holes(self, start: int) -> list[range]:
-        """Numbers from ``start`` to the largest that aren't in the set, as far as remembered."""
+        """Return the ranges from ``start`` to the largest number that aren't in the set."""
         ends = [min(start, self.first), *self._stops[:-1]]
         return [range(*hole) for hole in zip(ends, self._starts, strict=True) if hole[0] < hole[1]]
 
 
 def count_of(text: str | None) -> int | None:
-    """Read a count from metadata; None where it is none, or has become something else.
-
-    No checksum covers metadata: what is there need not be what was written.
-    """
+    """Parse a count from metadata; None if absent or invalid, as metadata has no checksum."""
     return int(text) if text is not None and _COUNT.fullmatch(text) else None
 
 
 class Place(NamedTuple):
-    """A message's place among all of its topic."""
+    """A message's place in its topic."""
 
     run_id: str
     epoch: int
@@ -83,17 +86,17 @@ class Place(NamedTuple):
 
     @classmethod
     def of(cls, header: Header) -> Place:
-        """Place of the message with this header."""
+        """Return the place of the message with this header."""
         return cls(header.run_id, header.epoch, header.seq)
 
     @classmethod
     def read(cls, text: str) -> Place:
-        """Read what ``str`` has made.
+        """Parse the result of ``str``.
 
         Raises
         ------
         ValueError
-            When the text is none.
+            When the text is no place.
         """
         seq_text, epoch_text, run_id = text.split(" ", 2)
         seq, epoch = count_of(seq_text), count_of(epoch_text)
@@ -107,21 +110,19 @@ class Place(NamedTuple):
 
 @dataclass
 class TopicTally:
-    """What came of one topic, for one file.
+    """Counts of one topic in one file.
 
     Attributes
     ----------
     messages : int
         Messages taken.
     duplicates : int
-        Messages that had come before.
+        Messages that had arrived before.
     joined_at : int
-        First number of the stream that was running when the recording began. What came before it
-        isn't missed: nobody was listening. In a file that goes on where another ended, the number
-        that follows.
+        First number received of the stream that was running when the recording began; earlier
+        numbers don't count as missed. In a file that continues another, the next number.
     first, last : Place or None
-        Where the file begins and ends: the lowest number of the stream that came first, and the
-        highest of the one that came last.
+        Range of the file: the lowest number of the first stream, and the highest of the last one.
     """
 
     messages: int = 0
@@ -129,16 +130,16 @@ class TopicTally:
     joined_at: int = 0
     first: Place | None = None
     last: Place | None = None
-    _settled: int = 0  # missed in streams that are no longer kept
+    _settled: int = 0  # missed messages of streams that are no longer stored
     _streams: dict[tuple[str, int], Numbers] = field(default_factory=dict)
     _joined: tuple[str, int] | None = None
     _goes_on: bool = False
 
     def next_file(self) -> TopicTally:
-        """Return the tally of a file that goes on from here.
+        """Return the tally of a file that continues this one.
 
-        It knows which numbers have come. One that was missed here and comes there after all lowers
-        ``missed`` there, so that the sum over all files is right.
+        It knows the numbers received so far. If one that was missed here arrives there, ``missed``
+        decreases there, so that the sum over all files is correct.
         """
         return TopicTally(
             joined_at=self.last.seq + 1 if self.last else self.joined_at,
@@ -174,7 +175,7 @@ class TopicTally:
 
     @property
     def missed(self) -> int:
-        """Messages that never came, by the numbers of those that did."""
+        """Number of messages that never arrived."""
         return self._settled + sum(self._missed_in(*item) for item in self._streams.items())
 
     def _missed_in(self, stream: tuple[str, int], numbers: Numbers) -> int:

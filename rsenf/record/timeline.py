@@ -1,9 +1,9 @@
-"""The time line of a recording: stream time, laid onto the clock of the day.
+"""The time line of a recording: maps stream time to wall-clock log times.
 
-A file may be processed ten times faster than it was filmed. So that video, rows and estimates
-nevertheless lie beside each other at the stream's own speed, a message is logged at the arrival
-of its stream's first data plus the stream time since then. A stream that keeps pace with the clock,
-as a camera's does, follows it when the two part: the clock was set, or one of them runs fast.
+A file may be processed ten times faster than real time. To keep video, rows and estimates aligned
+at the stream's own speed, a message's log time is the arrival of its stream's first data plus the
+stream time since then. A stream that runs in real time, as a camera's, is realigned to the wall
+clock when the two differ, because the clock was set or one of them runs fast.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from rsenf.messages import (
 
 LATEST_NS = (1 << 64) - 1
 REFERENCE = "reference/"
-KEPT_STREAMS = 32  # of a source; it begins another whenever it is started or connected anew
-# These arrive when what they are of does; others are of a stretch of time, and arrive at its end.
+KEPT_STREAMS = 32  # for each source; each start or reconnection begins a new stream
+# These arrive together with their data; others cover an interval, and arrive at its end.
 MOMENTS = (Frame, VideoPacket, RowBlock)
-# These are of all of their stream so far: their stream time is always that of its first frame.
+# These refer to their whole stream so far: their stream time is always that of its first frame.
 OF_ALL_SO_FAR = (IdleEstimate, MatchResult)
-# A clock this far from the time line is followed once it has kept pace with the stream for so long;
-# a file that happens to be processed at nearly the speed of its filming doesn't.
+# A stream is realigned to a clock that differs by more than FAR_NS, after running in step with it
+# for PACE_NS. A file that happens to be processed at nearly real time doesn't run in step.
 FAR_NS, PACE_NS = 1_000_000_000, 30_000_000_000
 
 
 class Timeline:
-    """Finds the log time of messages.
+    """Assigns log times to messages.
 
     Parameters
     ----------
@@ -49,14 +49,14 @@ class Timeline:
         self._sources: dict[str, dict[tuple[str, int], _Stream]] = {}
 
     def log_time_ns(self, cls: type[Any], header: Header) -> int:
-        """Log time of a message, from 0 to 2⁶⁴ − 1."""
+        """Return the log time of a message, from 0 to 2⁶⁴ − 1."""
         if cls in (Health, ReferenceBlock) or header.source.startswith(REFERENCE):
             return _bounded(self._clock_ns())
         streams = self._sources.setdefault(header.source, {})
         stream = streams.get((header.run_id, header.epoch))
         arrival_ns = self.arrival_ns(header)
         if header.mark != Mark.DATA:
-            # A mark has no stream time of its own: it goes where its stream has got to.
+            # A mark has no stream time: it gets the latest log time of its stream.
             return stream.latest_ns if stream else arrival_ns
         if stream is None:
             if cls in OF_ALL_SO_FAR:
@@ -69,12 +69,12 @@ class Timeline:
         return stream.log_time_ns(header.pts_ns)
 
     def arrival_ns(self, header: Header) -> int:
-        """When the message's data arrived, or now where that isn't known."""
+        """Return the arrival time of the message's data; now if unknown."""
         return _bounded(header.arrival_time_ns or self._clock_ns())
 
 
 class _Stream:
-    """What to add to the time of a stream, and the latest log time so far."""
+    """Offset from stream time to log time, and the latest log time so far."""
 
     def __init__(self, pts_ns: int, arrival_ns: int) -> None:
         self.latest_ns = 0
@@ -87,7 +87,7 @@ class _Stream:
         return time_ns
 
     def follow(self, pts_ns: int, arrival_ns: int) -> None:
-        """Go by the clock from here on, if that has kept pace at a distance."""
+        """Realign to the clock, if it has run in step with the stream at a different offset."""
         offset_ns = arrival_ns - pts_ns
         if abs(offset_ns - self._tried_ns) > FAR_NS:
             self._tried_ns, self._tried_since_ns = offset_ns, pts_ns

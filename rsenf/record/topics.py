@@ -1,4 +1,4 @@
-"""The topics of a file, in which a video's pictures and packets are one."""
+"""The topics of a file; a video's pictures and packets count as one topic."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PACKETS = schema_name(VideoPacket)
 
 
 class Route(NamedTuple):
-    """Where the messages of a channel belong."""
+    """Topic, schema and schema version of a channel's messages."""
 
     topic: str
     schema: str
@@ -35,7 +35,7 @@ class Route(NamedTuple):
 
 
 def route_of(channel: Any, schema: str) -> Route:
-    """Route of a channel; pictures and packets of a video topic come under its one name."""
+    """Return the route of a channel; pictures and packets of a video have the same topic."""
     topic = channel.topic.removesuffix(COMPANION) if schema == PACKETS else channel.topic
     return Route(topic, schema, channel.metadata.get(VERSION, ""))
 
@@ -47,9 +47,9 @@ class Topic:
     Attributes
     ----------
     stretches : tuple of Stretch
-        When there were messages; between them is a hole, longer than half a second.
+        Times with messages, separated by more than half a second.
     back_ns : int
-        How far its times go back at most: 0 where they only rise.
+        Largest step back of its log times; 0 if they only increase.
     """
 
     name: str
@@ -67,7 +67,7 @@ class Topic:
 
 
 def topics_of(index: Index) -> dict[str, Topic]:
-    """Topics in the order of their channels."""
+    """Return the topics of a file, in the order of their channels."""
     names = {number: schema.name for number, schema in index.schemas.items()}
     routes = {n: route_of(c, names.get(c.schema_id, "")) for n, c in index.channels.items()}
     videos = {route.topic for route in routes.values() if route.schema == PACKETS}

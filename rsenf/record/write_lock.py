@@ -1,4 +1,4 @@
-"""A file that is being written says so, for as long as its writer lives."""
+"""Advisory lock on a file that is being written, released at the latest when its writer ends."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import os
 import time
 from pathlib import Path
 
-_ATTEMPTS, _APART_S = 100, 0.002  # whoever asks whether it is held holds it for that moment
+_ATTEMPTS, _APART_S = 100, 0.002  # is_held itself holds a lock for a moment
 
 
 def hold(descriptor: int) -> None:
-    """Mark an open file as being written, until it is closed or the process is gone.
+    """Lock an open file until it is closed or the process ends.
 
-    File systems without locks know no such mark; there nothing is held.
+    On file systems without locks this does nothing.
     """
     for _ in range(_ATTEMPTS):
         try:
@@ -27,7 +27,7 @@ def hold(descriptor: int) -> None:
 
 
 def is_held(path: Path) -> bool:
-    """Whether a file is being written now, by this process or another.
+    """Whether a file is being written, by this process or another.
 
     Raises
     ------

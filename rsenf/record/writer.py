@@ -1,4 +1,4 @@
-"""Writes messages to an MCAP file that is readable up to its last moment, whatever happens."""
+"""Writes messages to an MCAP file that stays readable after a crash, up to the last flush."""
 
 from __future__ import annotations
 
@@ -23,45 +23,45 @@ from rsenf.record.provenance import program_facts
 from rsenf.record.topics import topics_of
 from rsenf.timebase import NS_PER_S, nanoseconds
 
-# What is recorded in another form than it is sent in: a frame without its pixels, and a packet's
-# picture as others know it.
+# Classes that are recorded in another form than they are sent: frames without pixels, and packets
+# with their picture in Foxglove's schema.
 REFORMED = (Frame, VideoPacket)
 PIXELS = ("ring", "ring_slot", "ring_ticket", "pixels")
 
 
 class Recorder:
-    """A recording in the making. To be used from one thread.
+    """A new recording. Not thread-safe.
 
-    What was written is in the file, and on the disk, at most ``flush_every_s`` later, provided
-    that :meth:`tick` is called while nothing comes. The file carries its final name from the
-    start; when the process is killed, all but the last moment can still be read.
+    Messages are in the file, and on the disk, at most ``flush_every_s`` later, provided that
+    :meth:`tick` is called while no messages arrive. The file has its final name from the start; if
+    the process is killed, everything up to the last flush is readable.
 
-    Video packets are recorded in Foxglove's form, with a companion topic ``<topic>/index`` that
-    carries everything but the pictures; frames are recorded without their pixels.
+    Video packets are recorded in Foxglove's schema, with a companion topic ``<topic>/index`` that
+    has everything but the pictures. Frames are recorded without their pixels.
 
     Parameters
     ----------
     path : path
         The file to write.
     run_info : mapping
-        What is to be known about the run: its id, configuration, input. Without secrets.
+        Facts about the run: its id, configuration, input. Without secrets.
     clock_ns : callable
         Wall clock, UTC since 1970, in ns.
     flush_every_s : float
         Longest time between two flushes.
     fsync : bool
-        Whether a flush waits for the disk, so that a power cut costs no more than a kill.
+        Whether a flush waits for the disk, so that a power failure loses no more than a kill.
     compress : bool
         Whether to compress with Zstandard.
     overwrite : bool
         Whether an existing file may be replaced.
     continuity : Continuity, optional
-        What goes on from the file before.
+        State of the previous file, if this one continues it.
 
     Attributes
     ----------
     tallies : dict of str to TopicTally
-        Messages, duplicates and misses of each topic so far.
+        Messages, duplicates and misses by topic.
 
     Raises
     ------
@@ -113,11 +113,17 @@ class Recorder:
 
     @property
     def size_bytes(self) -> int:
-        """Size of the file so far, with what isn't flushed yet before it is compressed."""
+        """Size of the file, plus the pending chunk before compression."""
         return self._file.size_bytes
 
     def write(self, topic: str, message: Any) -> bool:
-        """Record a message, unless its number says that it came before.
+        """Record a message, unless it is a duplicate by its sequence number.
+
+        Parameters
+        ----------
+        topic : str
+            Key on the bus.
+        message : a class of :mod:`rsenf.messages`
 
         Returns
         -------
@@ -127,9 +133,9 @@ class Recorder:
         Raises
         ------
         SchemaMismatch
-            When the topic carries another kind of message, or the message has no header.
+            When the topic has messages of another class, or the message has no header.
         RecordingError
-            When the file can't take it; what was flushed before is safe, in a closed file.
+            When writing fails; messages flushed before are safe in a closed file.
         """
         cls, header = type(message), message.header
         if not self._takes(topic, cls, header):
@@ -143,10 +149,19 @@ class Recorder:
     def write_encoded(
         self, topic: str, cls: type[Any], payload: bytes, header: Header | None = None
     ) -> bool:
-        """Record a message as it came from the bus, reading no more of it than its header.
+        """Record a serialised message, of which only the header is decoded; see :meth:`write`.
 
         Frames and video packets, which are recorded in another form, are parsed.
-        Otherwise as :meth:`write`.
+
+        Parameters
+        ----------
+        topic : str
+            Key on the bus.
+        cls : type
+            Class of the message.
+        payload : bytes
+        header : Header, optional
+            Its header, if decoded already.
         """
         wire = parse(cls, payload) if cls in REFORMED else None
         header = header or header_of(payload)
@@ -164,19 +179,19 @@ class Recorder:
         self._file.add_metadata(name, _strings(values))
 
     def tick(self) -> None:
-        """Flush if it is time to. To be called often while no messages come."""
+        """Flush if due. To be called often while no messages arrive."""
         since_ns = self._clock_ns() - self._flushed_ns
-        if not 0 <= since_ns < self._flush_every_ns:  # a clock set back counts as time to
+        if not 0 <= since_ns < self._flush_every_ns:  # also if the clock was set back
             self.flush()
 
     def flush(self) -> None:
-        """Bring all that was written into the file, and onto the disk."""
+        """Write all pending messages to the file, and wait for the disk."""
         self._file.check_open()
         self._file.flush()
         self._flushed_ns = self._clock_ns()
 
     def close(self) -> None:
-        """Write the end of the file. Closing again, or after a failure, does nothing."""
+        """Write the end of the file. Does nothing if already closed, or after a failure."""
         self._file.close()
 
     def _takes(self, topic: str, cls: type[Any], header: Header | None) -> bool:
@@ -192,7 +207,7 @@ class Recorder:
         self._after_message()
 
     def _put_reformed(self, topic: str, cls: type[Any], wire: Any, header: Header) -> None:
-        """Record a frame or a video packet, given as its Protobuf twin, which is used up."""
+        """Record a frame or a video packet, given as its Protobuf twin, which is modified."""
         if cls is VideoPacket:
             self._put_video(topic, wire, header)
             return
@@ -207,14 +222,14 @@ class Recorder:
             channel_id = self._channels.of_pictures(topic, picture.schema)
             self._put(channel_id, picture.payload, header, log_time_ns)
             packet.ClearField("data")
-        # The companion follows its picture within the same chunk: neither is there without the
-        # other, and a reader puts the two together again.
+        # The companion follows its picture in the same chunk: neither can be lost alone, and the
+        # reader joins them again.
         self._put(self._channels.of_packets(topic), serialise(packet), header, log_time_ns)
         self._after_message()
 
     def _put(self, channel_id: int, payload: bytes, header: Header, log_time_ns: int) -> None:
         arrival_ns = self._timeline.arrival_ns(header)
-        sequence = header.seq & 0xFFFFFFFF  # MCAP has room for 32 bits
+        sequence = header.seq & 0xFFFFFFFF  # MCAP has 32-bit sequence numbers
         self._file.chunk.add_message(
             StoredMessage(channel_id, sequence, log_time_ns, arrival_ns, payload)
         )

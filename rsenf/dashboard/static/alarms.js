@@ -1,4 +1,4 @@
-// Alarms, each with its recordings to download and to play again.
+// Alarms, each with its recordings for download and replay.
 
 import { camera, clock, known, lasting, list, make, moment, number, say, sign } from "./words.js";
 

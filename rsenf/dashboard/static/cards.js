@@ -1,4 +1,4 @@
-// All feeds at a glance.
+// Summary cards of all feeds.
 
 import { camera, known, lasting, list, make, number, say, showVerdict, verdictOf } from "./words.js";
 

@@ -1,4 +1,4 @@
-// The ENF over the reference: uPlot, with the error as a band and gaps as gaps.
+// Chart of ENF and reference (uPlot), with the standard error as a band, and gaps.
 
 import { clock, known, number } from "./words.js";
 
@@ -115,7 +115,7 @@ export class Chart {
     }, [[], [], [], [], []], this.parent);
   }
 
-  // Where a stream of the camera began: it was started again, or came back.
+  // Start of a stream: the camera was restarted or reconnected.
   drawBegan(chart) {
     const { ctx, bbox } = chart;
     ctx.save();
@@ -133,7 +133,7 @@ export class Chart {
   }
 }
 
-// At least 4 mHz, so that noise isn't blown up to look like a storm.
+// Range of at least 4 mHz, so that noise isn't magnified.
 function widened(low, high) {
   if (!known(low) || !known(high)) return [49.95, 50.05];
   const more = Math.max(0.08 * (high - low), (0.004 - (high - low)) / 2);

@@ -1,4 +1,4 @@
-// A picture that grows by columns: spectrogram and row strip.
+// An image that grows by columns: spectrogram and row strip.
 
 const DARK = [[13, 20, 26], [20, 62, 82], [40, 140, 150], [180, 205, 120], [255, 244, 190]];
 const LIGHT = [[246, 249, 250], [190, 220, 226], [70, 150, 165], [20, 80, 110], [10, 30, 50]];
@@ -40,7 +40,7 @@ export class Picture {
     this.canvas.getContext("2d").clearRect(0, 0, this.canvas.width, this.canvas.height);
   }
 
-  // Shows the newest columns, as many as asked for, moved to the left by so many.
+  // Adds columns, and shows the newest ones: `shown` of them, shifted left by `shift`.
   add(news, shift = 0, shown = news.keep) {
     if (news.reset || news.height !== this.height) this.columns = [];
     const data = Uint8Array.from(atob(news.data), (c) => c.charCodeAt(0));

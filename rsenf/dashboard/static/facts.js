@@ -1,4 +1,4 @@
-// What is known of the feed that is shown in full, in words and numbers.
+// Facts about the feed that is shown in full, in words and numbers.
 
 import { clock, known, lasting, list, make, moment, number, say, showVerdict, verdictOf } from "./words.js";
 import { healthOf } from "./cards.js";

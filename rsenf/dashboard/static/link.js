@@ -1,8 +1,8 @@
-// The connection to the dashboard: opened again and again until it stands.
+// The WebSocket to the dashboard, with reconnection by exponential backoff.
 
 const FIRST_MS = 500;
 const LONGEST_MS = 4000;
-// The server says something every five seconds at least.
+// The server sends a message every five seconds at least.
 const SILENCE_MS = 12000;
 
 export function connect({ onNews, onState, question }) {

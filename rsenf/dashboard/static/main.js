@@ -1,4 +1,4 @@
-// The page: takes news, keeps what it shows, draws it when it can be seen.
+// The page: takes updates, keeps the state, and draws it while the page is visible.
 
 import { showAlarms } from "./alarms.js";
 import { showCards, showPicture } from "./cards.js";
@@ -75,7 +75,7 @@ function takeStrip(news) {
   say(page["strip-words"], `${seconds}less each row's mean; ${number(news.rms_level, 2)} levels rms`);
 }
 
-// Another feed is to be shown in full.
+// Selects the feed that is shown in full.
 function turn() {
   for (const part of [chart, spectrogram, strip]) part.clear();
   say(page["spectrogram-words"], "");

@@ -1,4 +1,4 @@
-// Every node by its last word.
+// All nodes with their last health message.
 
 import { lasting, list, make, number, say } from "./words.js";
 

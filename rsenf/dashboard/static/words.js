@@ -20,7 +20,7 @@ export function lasting(ms) {
 
 export const camera = (feed, alone) => (alone ? feed.split("/").slice(1).join("/") : feed);
 
-// Sets a text without touching the page where it is the same.
+// Sets a text only if it differs, to avoid a layout.
 export function say(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
@@ -32,7 +32,7 @@ export function make(tag, className = "", ...children) {
   return element;
 }
 
-// One element for each item, made once, kept in the order of the items.
+// Keeps one element for each item, created once, in the order of the items.
 export function list(parent, items, key, create, update) {
   const there = new Map([...parent.children].map((child) => [child.dataset.key, child]));
   items.forEach((item, place) => {
@@ -59,7 +59,7 @@ const SIGNS = {
   alarm: "M12 4L2.5 20h19zM12 10v5M12 17.5v.1",
 };
 
-// A sign to go with a word, so that colour is not the only one.
+// A symbol for a word, so that it isn't told by colour only.
 export function sign(name) {
   const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
   svg.setAttribute("viewBox", "0 0 24 24");
@@ -86,7 +86,7 @@ export function verdictOf(card) {
   return { name: "unjudged", word: card.is_judged ? "no verdict yet" : "not judged" };
 }
 
-// Puts a verdict's sign and words into an element.
+// Shows a verdict's symbol and text in an element.
 export function showVerdict(element, card, text) {
   const { name } = verdictOf(card);
   if (element.dataset.verdict !== name) {

@@ -1,15 +1,17 @@
-"""What a reference of the grid's frequency tells beyond the rows: the camera's clock.
+"""Compares a clip's ENF with a reference of the grid's frequency, which reveals the camera's clock.
 
-On the ENF of a clip, of rows or of one mean a frame; one idea a file, in the order of the work::
+In: ENF estimates of a clip (of rows, or of frame means), a capture model, and a reference. Out: a
+:class:`ClockOffsetDiscovery`: the lag, the clock error if supported, and what remains. The steps
+are those for rows: fit to training blocks, judge on held-out blocks, add, repeat. Read in order::
 
-    clip               its estimates, and how what a model says is filmed and tracked alike
-    start              where in the reference it is, and how the reference is to be read
-    aligned_reference  what was measured beside what a model filmed on the reference says
-    noise              what the two would differ by, were the model true
-    hypotheses         what may set them apart, weighed on held-out blocks
-    fit                the lag and the clock, fitted by films
-    verdict            all of it on one recording
-    result             as plain values, and joined to what the rows told
+    clip               the clip's estimates, and how a prediction is simulated and tracked
+    start              where in the reference the clip is; whether the reference is an average
+    aligned_reference  measured and predicted ENF on one time axis, in blocks
+    noise              distribution of their difference if the model is true
+    hypotheses         possible causes of a difference, tested on held-out blocks
+    fit                least-squares lag and clock error
+    verdict            the workflow
+    result             as plain values, and joined with the result on rows
 """
 
 from rsenf.discrepancy.clock_offset.aligned_reference import AlignedReference

@@ -1,8 +1,8 @@
-"""A clip's ENF beside a reference: what was measured, and what a model says of it.
+"""A clip's ENF on the time axis of a reference: the measurement, and a model's prediction of it.
 
-What a model says is made as the data was: the capture model films a lamp on the reference's grid,
-and the very tracker reads the film. Where a reference is itself an average over a window, what
-was measured is averaged alike, so that both have passed the same two averages.
+The prediction passes the same chain as the data: the capture model simulates a lamp on the
+reference's grid, and the same tracker estimates its ENF. If the reference is itself an average over
+a window, the measurement is averaged alike, so that both have passed the same two averages.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from rsenf.messages import EnfEstimate
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel, GridPath
 
-MARGIN_S = 120.0  # by which a reference is lengthened with nothing, so that all of a clip is on it
-INSIDE = 0.99  # of the weights of an average, that must lie within a block of time
+MARGIN_S = 120.0  # NaN padding of a reference on both sides, so that it covers all of a clip
+INSIDE = 0.99  # share of an average's weights that must lie within a block of time
 BLOCK_REACHES, LEAST_BLOCK_S = 5.0, 5.0
 FEWEST_BLOCKS = 6
 
 
 @dataclass(frozen=True, eq=False)
 class AlignedReference:
-    """Estimates of a clip's ENF, and a reference that covers it.
+    """A clip's ENF estimates, and a reference that covers them.
 
     Attributes
     ----------
@@ -39,15 +39,15 @@ class AlignedReference:
     track : Track
         Its estimates.
     snr_db : float
-        Of most of them.
+        Median over the usable estimates.
     grid : Grid
-        The reference, as far as it is about the clip.
+        Part of the reference about the clip.
     lag_s : float
-        Of the clip's first frame behind the first sample of that, roughly.
+        Approximate time of the clip's first frame after the first sample of ``grid``.
     begins_s : float
-        Where in all of the reference that is.
+        Start of ``grid`` in the whole reference.
     certain : bool
-        Whether the clip is known to be there; else what is left must show it.
+        Whether the place in the reference is certain; if not, the residual must confirm it.
     averaged : bool
         Whether the reference is taken for an average over ``AVERAGED_S``.
     """
@@ -68,24 +68,24 @@ class AlignedReference:
 
     @property
     def overlap(self) -> bool:
-        """Whether the tracker's windows overlap, so that neighbours share their errors."""
+        """Whether the tracker's windows overlap, which correlates the errors of neighbours."""
         return self.track.window_s > LONGEST_WINDOW_RATIO * self.track.hop_s
 
     @cached_property
     def enf_hz(self) -> FloatArray:
-        """What was measured, read as the reference is, (n,); NaN where there is nothing."""
+        """Measured ENF, averaged as the reference is, (n,); NaN where there is none."""
         return self.read(self.track.enf_hz)
 
     def read(self, enf_hz: FloatArray) -> FloatArray:
-        """Average estimates as the reference was."""
+        """Average estimates over ``AVERAGED_S``, if the reference is taken for such an average."""
         if not self.averaged:
             return enf_hz
-        # An average needs most of its seconds, not all: noisy clips lack a few.
+        # A few values may be missing, as in noisy clips.
         return average(enf_hz, window_kernel(AVERAGED_S, self.track.hop_s), least_ratio=0.9)
 
     @cached_property
     def path_hz(self) -> FloatArray:
-        """The reference, lengthened on both sides."""
+        """The reference, padded with NaN on both sides."""
         nothing = np.full(self._margin, np.nan)
         return np.concatenate([nothing, np.asarray(self.grid.freq_hz, np.float64), nothing])
 
@@ -94,43 +94,40 @@ class AlignedReference:
         return math.ceil(MARGIN_S / self.grid.step_s)
 
     def start_s(self, lag_s: float) -> float:
-        """Where the clip starts on the lengthened reference."""
+        """Start of the clip on the padded reference, given its lag."""
         return lag_s + self._margin * self.grid.step_s
 
     def path(self, lag_s: float, path_hz: FloatArray | None = None) -> GridPath:
-        """Return the reference, or another such, as the light's grid from the first frame on."""
+        """Return the reference, or another padded one, as the light's grid from the first frame."""
         freq_hz, start_s = self.path_hz if path_hz is None else path_hz, self.start_s(lag_s)
         return GridPath(freq_hz, self.grid.step_s, start_s, self.grid.nominal_hz)
 
     def on_axis(self, estimates: Sequence[EnfEstimate]) -> FloatArray:
-        """Return a film's ENF at the clip's times, (n,); NaN where there is none."""
+        """Interpolate a simulation's ENF to the clip's times, (n,); NaN where there is none."""
         told = track_of(estimates)
         told_s = told.first_s + np.arange(told.enf_hz.size) * told.hop_s
         known = np.isfinite(told.enf_hz)
         if not known.any():
             return np.full(self.t_s.size, np.nan)
-        # Neither beyond a film's ends nor over its holes.
+        # No interpolation over gaps, and none beyond the ends.
         lost = np.interp(self.t_s, told_s, (~known).astype(np.float64), 1.0, 1.0) > 0.01
         return np.where(lost, np.nan, np.interp(self.t_s, told_s[known], told.enf_hz[known]))
 
     def said(self, model: CaptureModel, lag_s: float) -> FloatArray:
-        """ENF that the tracker would find, were the model and the reference true, (n,).
-
-        NaN where the reference has a gap, or the tracker would find nothing.
-        """
+        """Predict the tracker's estimates, (n,); NaN in gaps of the reference or of the track."""
         missing = self.passed(np.isnan(self.path_hz).astype(np.float64), lag_s) > 1e-6
         said_hz = self.on_axis(self.clip.film(model, self.path(lag_s)))
         return np.where(missing, np.nan, said_hz)
 
     def passed(self, samples: FloatArray, lag_s: float) -> FloatArray:
-        """What the tracker's windows make of values on the lengthened reference, to first order."""
+        """Average a series on the padded reference as the tracker does, to first order, (n,)."""
         step_s = self.grid.step_s
         if self.overlap:
             smooth = average(samples, window_kernel(self.track.window_s, step_s))
             centre_s = (np.arange(samples.size) + 0.5) * step_s
             known = np.isfinite(smooth)
             return np.interp(self.t_s + self.start_s(lag_s), centre_s[known], smooth[known])
-        # A path is integrated as the light's is; small beside its frequency, this is linear.
+        # Averages by the phase integral, which is linear for small deviations.
         path = GridPath(self.grid.nominal_hz + samples * 1e-3, step_s, self.start_s(lag_s))
         half_s = self.track.window_s / 2.0
         told = path.mean_hz(self.t_s - half_s, self.t_s + half_s)
@@ -138,7 +135,7 @@ class AlignedReference:
 
     @cached_property
     def reach_s(self) -> float:
-        """Time to either side of its centre that a value rests on."""
+        """Time on either side of its centre that a value depends on."""
         if not self.overlap and not self.averaged:
             return self.track.window_s / 2.0
         hop_s, weights = self.track.hop_s, np.ones(1)
@@ -151,12 +148,12 @@ class AlignedReference:
 
     @cached_property
     def block_s(self) -> float:
-        """Length of the blocks of time that are fitted to and scored on in turn."""
+        """Length of the alternating training and held-out blocks."""
         return max(LEAST_BLOCK_S, BLOCK_REACHES * self.reach_s)
 
     @cached_property
     def block(self) -> FloatArray:
-        """Number of each value's block, (n,); NaN for one that rests on two blocks."""
+        """Block number of each value, (n,); NaN for a value that depends on two blocks."""
         first, last = (
             (self.t_s + side * (self.reach_s - 1e-3)) // self.block_s for side in (-1.0, 1.0)
         )
@@ -164,27 +161,27 @@ class AlignedReference:
 
     @cached_property
     def training(self) -> Mask:
-        """Values that are fitted to."""
+        """Values of the even blocks, which models are fitted to."""
         return np.asarray(np.isfinite(self.enf_hz) & (self.block % 2 == 0))
 
     @cached_property
     def held_out(self) -> Mask:
-        """Values that are scored on."""
+        """Values of the odd blocks, which judge them."""
         return np.asarray(np.isfinite(self.enf_hz) & (self.block % 2 == 1))
 
     @property
     def blocks(self) -> int:
-        """How many blocks have values."""
+        """Number of blocks with values."""
         return int(np.unique(self.block[np.isfinite(self.enf_hz + self.block)]).size)
 
     @cached_property
     def power_hz2(self) -> float:
-        """Variance of the reference while the clip lasts."""
+        """Variance of the reference during the clip."""
         first = max(int(self.lag_s / self.grid.step_s), 0)
         last = int((self.lag_s + self.clip.duration_s) / self.grid.step_s) + 1
         return float(np.nanvar(np.asarray(self.grid.freq_hz[first:last])))
 
 
 def slope_of(values: FloatArray, hop_s: float) -> FloatArray:
-    """Change per second, (n,); 0 where it isn't known."""
+    """Derivative (1/s) of values ``hop_s`` apart, (n,); 0 where it isn't known."""
     return np.nan_to_num(np.gradient(values, hop_s))

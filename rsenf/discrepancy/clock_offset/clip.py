@@ -1,4 +1,4 @@
-"""A clip to be laid beside a reference: its estimates, and how theories are filmed alike."""
+"""A clip to be compared with a reference: its ENF estimates, and the simulation of a model's."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel, GridPath, simulate_rows
 from rsenf.track import TrackSettings
 
-# From the stamps and row means (frames, lines, strips) of a film to estimates.
+# From time stamps (frames,) and row means (frames, lines, strips) to estimates.
 Tracker = Callable[[FloatArray, Float32Array], Sequence[EnfEstimate]]
 
 SEED = 0
-FEW_LINES = 16  # do for a film of which only each frame's mean is looked at
-DITHER_LEVEL = 0.01  # of a row: without any noise a tracker takes what it can't model for noise
-FRAME_MEANS = "frame"  # for an axis of the read-out
+FEW_LINES = 16  # enough for a simulation of frame means
+DITHER_LEVEL = 0.01  # noise of a row (levels): without any, the tracker takes misfit for noise
+FRAME_MEANS = "frame"  # in place of the read-out axis
 
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """What is known of a clip's ENF, and how to film what a model says of it.
+    """A clip's ENF estimates, and what the simulation of a model needs.
 
     Attributes
     ----------
@@ -37,9 +37,9 @@ class Clip:
         The tracker that made them.
     frame_rate : Fraction
     duration_s : float
-        By the camera's clock, to the end of the last frame.
+        To the end of the last frame, by the camera's clock.
     frame_means : bool
-        Whether there was one mean for each frame.
+        Whether the data are frame means.
     """
 
     estimates: Sequence[EnfEstimate]
@@ -51,7 +51,15 @@ class Clip:
     def film(
         self, model: CaptureModel, grid: GridPath, noise_ratio: float = 0.0
     ) -> list[EnfEstimate]:
-        """Film and track, with hardly any noise; frame means with so much of the flicker's size."""
+        """Simulate a model and track its ENF, with hardly any noise.
+
+        Parameters
+        ----------
+        model : CaptureModel
+        grid : GridPath
+        noise_ratio : float, optional
+            For frame means, the noise over the rms of the flicker.
+        """
         shutter = dataclasses.replace(model.shutter, frame_rate=self.frame_rate)
         if self.frame_means:
             shutter = dataclasses.replace(shutter, rows=FEW_LINES, columns=FEW_LINES)
@@ -67,11 +75,11 @@ class Clip:
 
 
 def clip_of(data: Measured) -> Clip:
-    """Return what rows tell of their ENF."""
+    """Return the clip of measured rows."""
     rate = float(data.frame_rate)
 
     def track(stamp_s: FloatArray, level: Float32Array) -> Sequence[EnfEstimate]:
-        # As of the data: frames count, their stamps may jitter.
+        # As for the data: by frame number, since time stamps may jitter.
         slot = np.rint((stamp_s - stamp_s[0]) * rate)
         return enf_of(level, slot / rate, data.axis, TrackSettings(nominal_hz=data.nominal_hz))
 
@@ -80,7 +88,7 @@ def clip_of(data: Measured) -> Clip:
 
 
 def clip_of_frame_means(blocks: Sequence[RowBlock], nominal_hz: float) -> Clip:
-    """Return what one mean a frame tells of the ENF.
+    """Return the clip of frame means.
 
     Parameters
     ----------
@@ -92,7 +100,7 @@ def clip_of_frame_means(blocks: Sequence[RowBlock], nominal_hz: float) -> Clip:
     Raises
     ------
     InputError
-        When there are too few, or they hold nothing that changes.
+        When there are fewer than two frames, or a level isn't finite.
     """
     level, stamp_s = joined_rows(blocks)
     if stamp_s.size < 2:
@@ -108,5 +116,5 @@ def clip_of_frame_means(blocks: Sequence[RowBlock], nominal_hz: float) -> Clip:
 
 
 def holds_frame_means(blocks: Sequence[RowBlock]) -> bool:
-    """Whether there is one mean for each frame, and no rows."""
+    """Whether blocks hold frame means instead of rows."""
     return bool(blocks) and blocks[0].read_out_axis == FRAME_MEANS

@@ -1,4 +1,4 @@
-"""A model fitted to a clip beside a reference: the lag and, where wanted, the clock."""
+"""Fits the lag and, optionally, the clock error of a clip to a reference, by Gauss-Newton steps."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from rsenf.model import CaptureModel
 from rsenf.model.effects.clock_skew import ClockSkew
 
 MOST = 5
-REST = np.array([0.1, 1.0])  # s and ppm: so small a step needn't be filmed, it is linear
-FARTHEST_S = 5.0  # that one step may move the lag
+REST = np.array([0.1, 1.0])  # s and ppm: smaller steps are linear and need no new simulation
+FARTHEST_S = 5.0  # largest change of the lag in one step
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class LagFit:
     model : CaptureModel
     lag_s : float
     said_hz, left_hz : ndarray (n,)
-        What it says, and what was measured less that.
+        Predicted ENF, and measured minus predicted.
     """
 
     model: CaptureModel
@@ -46,21 +46,23 @@ def settled(
     *,
     skewed: bool,
 ) -> LagFit:
-    """Fit the lag, and the clock where wanted, to training values.
+    """Fit the lag and, optionally, the clock error to the training values.
 
     Parameters
     ----------
     beside : AlignedReference
     model : CaptureModel
     lag_s : float
+        Initial lag.
     said_hz : ndarray (n,)
-        What the model says there; after a long step it is filmed anew.
+        Prediction at that lag; simulated again after large steps.
     skewed : bool
+        Whether to fit the clock error.
 
     Raises
     ------
     InputError
-        When nothing can be compared.
+        When measurement and prediction have no values in common.
     """
     for _ in range(MOST):
         left_hz = beside.enf_hz - said_hz
@@ -82,9 +84,10 @@ def settled(
 def by_all_values(
     beside: AlignedReference, fit: LagFit, chance: Chance, *, skewed: bool
 ) -> tuple[CaptureModel, float, FloatArray]:
-    """Fit lag and clock to all values, once held-out ones have been scored on.
+    """Fit lag and clock error to all values, after the held-out ones have served as a test.
 
-    Returns the model, the lag and the standard error of both: by chance, or more by what is left.
+    Returns the model, the lag (s), and the standard errors of both: from the simulated sets,
+    increased if the residual is larger than theirs.
     """
     known = np.isfinite(fit.left_hz)
     columns = columns_of(beside, fit.said_hz, skewed=skewed)
@@ -99,7 +102,7 @@ def by_all_values(
 
 
 def columns_of(beside: AlignedReference, said_hz: FloatArray, *, skewed: bool) -> FloatArray:
-    """What a second of lag does and, where wanted, a ppm of clock: (n, parameters)."""
+    """Jacobian of the predicted ENF by the lag (Hz/s) and, if ``skewed``, the clock (Hz/ppm)."""
     columns = [slope_of(said_hz, beside.track.hop_s)]
     if skewed:
         columns.append(-1e-6 * np.nan_to_num(said_hz))
@@ -107,10 +110,10 @@ def columns_of(beside: AlignedReference, said_hz: FloatArray, *, skewed: bool) -
 
 
 def clock_ppm(model: CaptureModel) -> float:
-    """Clock error that a model has."""
+    """Clock error of a model (ppm)."""
     return sum(e.clock_ppm for e in model.effects if isinstance(e, ClockSkew))
 
 
 def skewed_by(model: CaptureModel, ppm: float) -> CaptureModel:
-    """Return a model whose clock is faster by so much."""
+    """Return a model with ``ppm`` added to its clock error."""
     return model.with_effect(ClockSkew.name, clock_ppm=clock_ppm(model) + ppm)

@@ -1,8 +1,12 @@
-"""What may set a clip's ENF apart from the reference's, and whether held-out data support it.
+"""Hypotheses on why a clip's ENF differs from a reference's, tested on held-out blocks.
 
-Only a constant share is an effect of the camera that this data can name: ``clock_skew``. What
-moves with time as well, a drift, a leap of the lag, a wandering rate, might as well be the
-reference's; it says of what kind the rest is, and explains nothing.
+The statistic is the log likelihood ratio of the held-out values with and without the hypothesis,
+for Gaussian errors. Their correlation is approximated by one factor, the integrated autocorrelation
+time (:func:`memory`). The limit is Bonferroni's for the number of hypotheses.
+
+These data can attribute only a constant relative deviation to the camera: ``clock_skew``. A
+deviation that varies in time (drift, step of the lag, wander) might as well be the reference's; it
+classifies the residual, and isn't added to the model.
 """
 
 from __future__ import annotations
@@ -18,23 +22,23 @@ from rsenf.discrepancy.clock_offset.noise import Chance
 from rsenf.discrepancy.forward_selection import FALSE_ALARMS, WORST
 from rsenf.messages.schema import FloatArray
 
-PLACES = 12  # of a leap, that are tried
-SURE_STDS = 4.0  # of chance's own gains
+PLACES = 12  # times at which a step of the lag is tried
+SURE_STDS = 4.0  # standard deviations of the gains by chance
 LEAPT, DRIFTS, WANDERS, SKEWED = "lag_step", "clock_drift", "wander", "clock_skew"
 
 
 @dataclass(frozen=True, eq=False)
 class Kind:
-    """A way in which the two may differ.
+    """A hypothesis: how the clip's ENF may deviate.
 
     Attributes
     ----------
     name : str
         ``clock_skew``, ``clock_drift``, ``lag_step`` or ``wander``.
     columns : ndarray (n, parameters)
-        What a unit of each parameter does, Hz.
+        Jacobian of the ENF (Hz per unit).
     at_s : float
-        When, of a leap; else NaN.
+        Time of a step; otherwise NaN.
     """
 
     name: str
@@ -44,21 +48,21 @@ class Kind:
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """A way weighed on held-out values.
+    """A hypothesis tested on held-out values.
 
     Attributes
     ----------
     kind : Kind
     gain_hz2 : float
-        By how much less is left of the mean square of held-out values.
+        Reduction of the held-out mean square.
     nats : float
-        Logarithm of their likelihood ratio.
+        Log likelihood ratio of the held-out values.
     worst : float
-        Gain in the block that fares worst, in standard errors.
+        Least gain of a block, in standard errors.
     least_hz2 : float
-        Gain that chance hardly makes.
+        Gain that chance rarely exceeds.
     tried : int
-        How many ways were.
+        Number of hypotheses.
     """
 
     kind: Kind
@@ -70,13 +74,13 @@ class Hypothesis:
 
     @property
     def supported(self) -> bool:
-        """Whether held-out values support it, all that were tried counted."""
+        """Whether the held-out values support it, given the number of hypotheses."""
         enough = self.nats > math.log(self.tried / FALSE_ALARMS)
         return enough and self.gain_hz2 > self.least_hz2 and self.worst > WORST
 
 
 def kinds(beside: AlignedReference, said_hz: FloatArray) -> Iterator[Kind]:
-    """Yield the ways, given what the model says."""
+    """Yield the hypotheses, given the predicted ENF (n,)."""
     share = -1e-6 * np.nan_to_num(said_hz)
     yield Kind(SKEWED, share[:, None])
     middle_s = float(beside.t_s.mean())
@@ -97,20 +101,20 @@ def weighed(
     tried: int,
     filmed_hz: FloatArray | None = None,
 ) -> Hypothesis:
-    """Fit a way, and the lag with it, to training values; weigh it on the others.
+    """Fit a hypothesis and the lag to the training values, and test it on the held-out ones.
 
     Parameters
     ----------
     beside : AlignedReference
     kind : Kind
     said_hz, left_hz : ndarray (n,)
-        What the model without it says, and what that leaves.
+        Prediction and residual of the model without it.
     chance : Chance
     tried : int
-        How many ways are.
+        Number of hypotheses.
     filmed_hz : ndarray (n,), optional
-        What a model with it leaves, where one has been fitted by films: a lag that has taken the
-        place of a clock's error may be too far off for one linear step.
+        Residual of a simulated model with it. Needed if the lag has absorbed a clock error and is
+        too far off for a linear step.
     """
     slope = slope_of(said_hz, beside.track.hop_s)[:, None]
     known = np.isfinite(left_hz) & (True if filmed_hz is None else np.isfinite(filmed_hz))
@@ -119,7 +123,7 @@ def weighed(
     solve, solve_lag = np.linalg.pinv(both[training]), np.linalg.pinv(slope[training])
 
     def left_of(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """What is left without and with it."""
+        """Residual without it (held-out) and with it (all)."""
         before = values - slope @ (solve_lag @ values[training])
         return before[held], values - both @ (solve @ values[training])
 
@@ -129,7 +133,7 @@ def weighed(
     sets = [left_of(values) for values in chance.sets_hz]
     gains = np.array([(b**2).mean() - (a[held] ** 2).mean() for b, a in sets])
     after = whole[held]
-    # What chance doesn't know of counts too: nothing is surer than what is left allows.
+    # The residual may be larger or more correlated than the simulated noise: take the larger.
     var = max(chance.var_hz2, float((after**2).mean()))
     together = max(memory(chance.sets_hz), memory(whole[None]))
     gain = before**2 - after**2
@@ -144,7 +148,10 @@ def weighed(
 
 
 def memory(sets_hz: FloatArray) -> float:
-    """How many neighbours' worth one value is: the sum of the correlations, up to none."""
+    """Integrated autocorrelation time of series (sets, n), in samples, up to the first zero.
+
+    It is the factor by which correlation increases the variance of a mean.
+    """
     values = np.nan_to_num(sets_hz - np.nanmean(sets_hz))
     spectrum = np.abs(np.fft.rfft(values, 2 * values.shape[1], axis=1)) ** 2
     there = np.abs(np.fft.rfft(np.isfinite(sets_hz) * 1.0, 2 * values.shape[1], axis=1)) ** 2
@@ -156,14 +163,14 @@ def memory(sets_hz: FloatArray) -> float:
 
 
 def _between(beside: AlignedReference) -> FloatArray:
-    """Lines from the middle of each training block to the next, (n, training blocks)."""
+    """Piecewise linear functions with nodes at the centres of the training blocks, (n, blocks)."""
     numbers = np.unique(beside.block[beside.training])
     middle_s = (numbers + 0.5) * beside.block_s
     return np.stack([np.interp(beside.t_s, middle_s, unit) for unit in np.eye(numbers.size)], 1)
 
 
 def _worst(gain: FloatArray, change: FloatArray, block: FloatArray, var: float) -> float:
-    """Gain of the block that fares worst, in standard errors of its noise."""
+    """Least gain of a block, in standard errors."""
     out = []
     for number in np.unique(block):
         own = block == number

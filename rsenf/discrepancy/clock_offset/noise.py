@@ -1,9 +1,10 @@
-"""Chance: what estimates and reference would differ by, were the model true.
+"""Null distribution of estimates minus reference, for a true model, by simulation.
 
-The estimates' noise is what white noise of the measured size becomes in the tracker; of estimates
-that stand for themselves it is what they claim. The reference's is white too, of the size that
-the differences from one sample to the next two show, and becomes what the tracker makes of a film
-of it: trackers know the habits of grids, and follow noise less than they follow a grid.
+Errors of estimates with overlapping windows are what the tracker makes of white noise of the
+measured size; errors of independent estimates have the variance that the tracker states. The
+reference's noise is taken as white, of the variance that its second differences show, and passed
+through a simulated clip and the tracker: trackers have a prior of grids, and follow noise less than
+they follow a grid.
 """
 
 from __future__ import annotations
@@ -19,24 +20,24 @@ from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel
 
 SETS = 60
-TRIED_RATIO, TRIED_HZ = 0.3, 1e-3  # noise over flicker, and of a reference, for the tracker to try
-TRIED_S = 100.0  # of film that shows what a tracker makes of a reference's noise
-SMOOTH = 6  # bins of a spectrum to either side
-OUTLIER = 6.0  # times the usual size
+TRIED_RATIO, TRIED_HZ = 0.3, 1e-3  # simulated noise: over the flicker, and of the reference
+TRIED_S = 100.0  # least duration simulated with a noisy reference
+SMOOTH = 6  # bins on either side in a smoothed spectrum
+OUTLIER = 6.0  # times the robust standard deviation
 
 
 @dataclass(frozen=True, eq=False)
 class Chance:
-    """Data sets without a discrepancy.
+    """Simulated data sets without a discrepancy.
 
     Attributes
     ----------
     sets_hz : ndarray (sets, n)
-        What estimates less reference would be, NaN where there is no estimate.
+        Estimates minus reference, NaN where there is no estimate.
     told_hz2 : ndarray (sets,)
-        Variance of a difference that each set by itself would make one believe in.
+        Variance of a difference as estimated from each set alone.
     estimate_std_hz, reference_std_hz : float
-        Standard deviation of an estimate, as it is read, and of a sample of the reference.
+        Standard deviations of an estimate, averaged as the reference is, and of a reference sample.
     """
 
     sets_hz: FloatArray
@@ -46,20 +47,20 @@ class Chance:
 
     @property
     def var_hz2(self) -> float:
-        """Variance of a difference."""
+        """Variance of a difference (Hz²)."""
         return float(np.nanmean(self.sets_hz**2))
 
 
 @dataclass(frozen=True, eq=False)
 class Tracked:
-    """What the tracker makes of noise.
+    """Response of the tracker to noise.
 
     Attributes
     ----------
     estimate_hz : ndarray
-        Errors by the frames' noise; empty where each estimate tells its own.
+        Errors due to the frames' noise; empty if each estimate states its own variance.
     reference_ratio : ndarray
-        Errors by a reference of unit white noise.
+        Errors due to white noise of unit variance in the reference.
     """
 
     estimate_hz: FloatArray
@@ -69,7 +70,7 @@ class Tracked:
 def tracked_noise(
     beside: AlignedReference, model: CaptureModel, lag_s: float, said_hz: FloatArray
 ) -> Tracked:
-    """Film noise.
+    """Simulate the tracker's response to noise of frames and reference.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ def tracked_noise(
     model : CaptureModel
     lag_s : float
     said_hz : ndarray (n,)
-        What the tracker finds there without noise.
+        The tracker's estimates without noise.
     """
     rng, path_hz = np.random.default_rng(SEED), beside.path_hz
     ratios = []
@@ -103,12 +104,12 @@ def chance_of(beside: AlignedReference, tracked: Tracked, residual_hz: FloatArra
     beside : AlignedReference
     tracked : Tracked
     residual_hz : ndarray (n,)
-        What the model leaves.
+        Of the model.
     """
     rng, size = np.random.default_rng(SEED), residual_hz.size
     estimates = np.array([beside.read(e) for e in _estimate_errors(beside, tracked, rng)])
     unit = _alike(tracked.reference_ratio, size, rng)
-    if beside.overlap:  # nothing as fast as noise has passed the windows
+    if beside.overlap:  # the windows have removed noise from the residual: use the reference
         reference_var = roughness(_while_clip(beside))
         told_var = np.full(SETS, reference_var)
     else:
@@ -126,7 +127,7 @@ def chance_of(beside: AlignedReference, tracked: Tracked, residual_hz: FloatArra
 def _estimate_errors(
     beside: AlignedReference, tracked: Tracked, rng: np.random.Generator
 ) -> FloatArray:
-    """Errors of the tracker's estimates in each set, (sets, n)."""
+    """Draw errors of the tracker's estimates, (sets, n)."""
     size = beside.track.enf_hz.size
     if not beside.overlap:
         std_hz = np.sqrt(beside.track.var_hz2)
@@ -138,9 +139,9 @@ def _estimate_errors(
 
 
 def _alike(errors: FloatArray, size: int, rng: np.random.Generator) -> FloatArray:
-    """Draw errors of the same spectrum, (sets, size)."""
+    """Draw series of the same spectrum, with random phases, (sets, size)."""
     power = np.abs(np.fft.rfft(errors, 2 * errors.size)) ** 2
-    # One film is one draw: the spectrum that it is drawn from is smooth.
+    # The periodogram of one simulation is noisy; smoothing estimates the spectrum.
     around = np.concatenate([power[SMOOTH:0:-1], power, power[-2 : -2 - SMOOTH : -1]])
     smooth = np.convolve(around, np.ones(2 * SMOOTH + 1) / (2 * SMOOTH + 1), "valid")
     turns = rng.uniform(0.0, 2.0 * np.pi, (SETS, smooth.size))
@@ -150,17 +151,23 @@ def _alike(errors: FloatArray, size: int, rng: np.random.Generator) -> FloatArra
 
 
 def _while_clip(beside: AlignedReference) -> FloatArray:
-    """Samples of the reference while the clip lasts."""
+    """Samples of the reference during the clip."""
     first = int(beside.start_s(beside.lag_s) / beside.grid.step_s)
     return beside.path_hz[first : first + int(beside.clip.duration_s / beside.grid.step_s)]
 
 
 def roughness(values: FloatArray) -> float:
-    """Variance of white noise that has as large second differences; 0 with hardly any."""
+    """Variance of white noise with the same mean square second difference; 0 if too few are known.
+
+    Examples
+    --------
+    >>> round(roughness(np.array([1.0, -1.0] * 10)), 3)
+    2.667
+    """
     bend = np.diff(values, 2)
     bend = bend[np.isfinite(bend)]
     if bend.size < 3:
         return 0.0
-    # A few leaps aren't noise.
+    # Outliers, such as steps, aren't noise.
     usual = 1.4826 * float(np.median(np.abs(bend)))
     return float((bend[np.abs(bend) <= OUTLIER * usual] ** 2).mean() / 6.0)

@@ -1,4 +1,4 @@
-"""What a reference told, as plain values, as a model file, and joined to what the rows told."""
+"""Presents a comparison with a reference as plain values and as a model; joins it with rows."""
 
 from __future__ import annotations
 
@@ -17,15 +17,22 @@ from rsenf.discrepancy.residual_breakdown import ResidualShare
 from rsenf.discrepancy.residual_classifier import ResidualClass, hint_json
 from rsenf.model import CATALOGUE, CaptureModel
 
-# Further off is no crystal: more likely the frames come at another rate than is assumed.
+# A crystal's error is smaller; beyond, the assumed frame rate is more likely wrong.
 CRYSTAL_PPM = 200.0
-SURE = 3.0  # standard errors with which a place is one
+SURE = 3.0  # standard errors from which on a share is reported
 BANDS_HZ = (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)
-OTHER = "other_course"  # a kind of what is left that is none of those that are weighed
+OTHER = "other_course"  # class of a residual that no hypothesis explains
 
 
 def beside_json(found: ClockOffsetDiscovery, model_out: str) -> dict[str, Any]:
-    """Return the keys of a discovery, plain values all."""
+    """Return a comparison as plain values with stable keys.
+
+    Parameters
+    ----------
+    found : ClockOffsetDiscovery
+    model_out : str
+        Path of the extended model file.
+    """
     before, after, floor = found.gap(found.first), found.gap(found.last), found.floor
     return {
         "version": 1,
@@ -38,7 +45,7 @@ def beside_json(found: ClockOffsetDiscovery, model_out: str) -> dict[str, Any]:
             "stderr": after.stderr,
             "floor": floor.median,
             "limit": floor.limit,
-            "codec": 0.0,  # it has no part in when the light flickers
+            "codec": 0.0,  # a codec doesn't change the times of the flicker
             "shrinkage": None if math.isnan(found.shrinkage) else found.shrinkage,
         },
         "where_before": [dataclasses.asdict(share) for share in where_beside(found, found.first)],
@@ -49,7 +56,7 @@ def beside_json(found: ClockOffsetDiscovery, model_out: str) -> dict[str, Any]:
 
 
 def reference_json(found: ClockOffsetDiscovery) -> dict[str, Any]:
-    """Return how clip and reference were compared."""
+    """Return how clip and reference were aligned, as plain values."""
     beside, (_, lag_s, stderr) = found.beside, found.final
     return {
         "name": beside.grid.name,
@@ -64,7 +71,7 @@ def reference_json(found: ClockOffsetDiscovery) -> dict[str, Any]:
 
 
 def joined(rows: dict[str, Any], beside: dict[str, Any]) -> dict[str, Any]:
-    """Join what the rows and a reference told of one recording: the gap stays that of the rows."""
+    """Join the JSON results of rows and reference on a recording; the gap is that of the rows."""
     verdicts = {rows["verdict"], beside["verdict"]}
     worst = ("unexplained", "explained", "no_discrepancy")
     own = {name: beside[name] for name in ("verdict", "gap", "where_before", "unexplained")}
@@ -77,7 +84,14 @@ def joined(rows: dict[str, Any], beside: dict[str, Any]) -> dict[str, Any]:
 
 
 def beside_model(found: ClockOffsetDiscovery, made_from: str) -> CaptureModel:
-    """Return the extended model, with where it comes from and how sure its clock is."""
+    """Return the extended model, with its provenance and the standard error of its clock.
+
+    Parameters
+    ----------
+    found : ClockOffsetDiscovery
+    made_from : str
+        Name of the recording, for the provenance.
+    """
     model, _, stderr = found.final
     known = dict(model.provenance)
     known.setdefault("made_by", "rsenf discover")
@@ -130,12 +144,12 @@ def _left(found: ClockOffsetDiscovery) -> dict[str, Any] | None:
 
 
 def where_beside(found: ClockOffsetDiscovery, fit: LagFit) -> list[ResidualShare]:
-    """Take what a fit leaves apart, by time and by how fast it wanders."""
+    """Split a fit's residual by time and by frequency of the wander."""
     return [*_by_time(found, fit), *_by_frequency(found, fit)]
 
 
 def _by_time(found: ClockOffsetDiscovery, fit: LagFit) -> list[ResidualShare]:
-    """Share of each held-out block in what is left of them beyond chance."""
+    """Share of each held-out block in their residual beyond chance."""
     beside, chance = found.beside, found.chance
     own = beside.held_out & np.isfinite(fit.left_hz)
     total = float((fit.left_hz[own] ** 2 - chance.var_hz2).sum())
@@ -150,7 +164,7 @@ def _by_time(found: ClockOffsetDiscovery, fit: LagFit) -> list[ResidualShare]:
 
 
 def _by_frequency(found: ClockOffsetDiscovery, fit: LagFit) -> list[ResidualShare]:
-    """Share of each band of frequencies of the wander, all values together."""
+    """Share of each frequency band of the wander, over all values."""
     known = np.isfinite(fit.left_hz)
     every = np.vstack([fit.left_hz[known], found.chance.sets_hz[:, known]])
     power = np.abs(np.fft.rfft(every, axis=1)) ** 2

@@ -1,4 +1,4 @@
-"""Where in a reference a clip is, and how the reference is to be read."""
+"""Locates a clip in a reference, and finds whether the reference is an average over a window."""
 
 from __future__ import annotations
 
@@ -21,22 +21,28 @@ from rsenf.match.series import Grid, track_of
 from rsenf.messages import EnfEstimate, MatchResult
 from rsenf.messages.schema import FloatArray
 
-# Of clock errors that are no camera's: 29.97 frames per second taken for 30 are 1000 ppm.
+# Prior scale of a wrong frame rate: 29.97 frames per second taken for 30 are 1000 ppm.
 ANY_SPEED_PPM = 1000.0
-LEAST_LOG10_LR = 2.0  # against any other lag, for one to be tried
-LEAST_COVERED = 0.5  # of the estimates, by a reference
-AROUND_S = 600.0  # of a reference that is kept on either side of a clip
-PIECE = 1 << 20  # samples looked at together
-MOST_BEYOND_S = MARGIN_S / 2.0  # of a clip: a lag may still move
+LEAST_LOG10_LR = 2.0  # against other lags, for a lag to be tried
+LEAST_COVERED = 0.5  # share of the estimates that a reference must cover
+AROUND_S = 600.0  # part of a reference kept on either side of a clip
+PIECE = 1 << 20  # samples examined at once
+MOST_BEYOND_S = MARGIN_S / 2.0  # uncovered part of a clip, less than the margin as the lag may move
 
 
 def beside_of(clip: Clip, grid: Grid) -> AlignedReference:
-    """Find a clip in a reference, and lay it there.
+    """Locate a clip in a reference and align both.
+
+    Parameters
+    ----------
+    clip : Clip
+    grid : Grid
+        The reference.
 
     Raises
     ------
     InputError
-        When there is no ENF to compare, the clip is nowhere in the reference, or is too short.
+        When the clip has no usable ENF, isn't found in the reference, or is too short.
     """
     usable = [e for e in clip.estimates if e.usable]
     if not usable:
@@ -60,7 +66,7 @@ def beside_of(clip: Clip, grid: Grid) -> AlignedReference:
 
 
 def _check_grid(usable: Sequence[EnfEstimate], grid: Grid) -> None:
-    """Refuse what is no reference of the light's grid."""
+    """Refuse a reference that is constant or of another nominal frequency."""
     starts = range(0, len(grid.freq_hz), PIECE)
     if not any(_moves(np.asarray(grid.freq_hz[start : start + PIECE])) for start in starts):
         raise InputError(f"the reference {grid.name} doesn't move", "give one that was measured")
@@ -77,7 +83,7 @@ def _moves(freq_hz: FloatArray) -> bool:
 
 
 def _about(clip: Clip, grid: Grid, lag_s: float) -> tuple[Grid, float]:
-    """Return what of a reference, which may be years long, is about a clip, and where it begins."""
+    """Return the part of a reference about a clip, and its start: references may be years long."""
     first = max(int((lag_s - AROUND_S) / grid.step_s), 0)
     last = int((lag_s + clip.duration_s + AROUND_S) / grid.step_s)
     begins_s = first * grid.step_s
@@ -86,7 +92,7 @@ def _about(clip: Clip, grid: Grid, lag_s: float) -> tuple[Grid, float]:
 
 
 def _check_covered(clip: Clip, grid: Grid, lag_s: float) -> None:
-    """Refuse a reference that begins or ends in the midst of a clip."""
+    """Refuse a reference that covers too little of a clip."""
     end_s = lag_s + clip.duration_s
     covered_s = min(end_s, len(grid.freq_hz) * grid.step_s) - max(lag_s, 0.0)
     if clip.duration_s - covered_s > min(MOST_BEYOND_S, LEAST_COVERED * clip.duration_s):
@@ -98,10 +104,11 @@ def _check_covered(clip: Clip, grid: Grid, lag_s: float) -> None:
 
 
 def _place(estimates: Sequence[EnfEstimate], grid: Grid) -> tuple[float, bool]:
-    """Find the clip in the reference: the lag, and whether it is certain before anything is fitted.
+    """Return the lag of a clip, and whether it is certain before anything is fitted.
 
-    By phase with a camera's clock, or one of any speed; failing that by the frequency, which fares
-    better with a rough reference, but doesn't tell this time from one outside the reference.
+    First by phase, with the clock errors of cameras, then with those of wrong frame rates; at last
+    by correlation of the frequency, which tolerates a rougher reference, but can't tell whether the
+    true time is in the reference at all.
     """
     for settings in (MatchSettings(), MatchSettings(clock_scale_ppm=ANY_SPEED_PPM)):
         by_phase = _found(estimates, grid, "phase", settings)
@@ -114,7 +121,7 @@ def _place(estimates: Sequence[EnfEstimate], grid: Grid) -> tuple[float, bool]:
 
 
 def no_match(grid: Grid, reason: str) -> InputError:
-    """Return the error that says that a clip is nowhere in a reference."""
+    """Return the error for a clip that isn't found in a reference."""
     return InputError(
         f"no match in the reference {grid.name}: {reason}",
         "give the grid's log of the time of the recording; rsenf verify tells more",
@@ -132,13 +139,15 @@ def _found(
 
 
 def read_aright(beside: AlignedReference, said_hz: FloatArray) -> AlignedReference:
-    """Take the reference for an average where that leaves less, all else being averaged alike.
+    """Choose whether to take the reference for an average, by the smaller residual.
+
+    Both alternatives are averaged alike, so that they can be compared.
 
     Parameters
     ----------
     beside : AlignedReference
     said_hz : ndarray (n,)
-        What a model says there.
+        Predicted ENF.
 
     Raises
     ------

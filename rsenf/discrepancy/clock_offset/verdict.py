@@ -1,7 +1,7 @@
-"""What the grid's own frequency, measured elsewhere, tells beyond the rows: the camera's clock.
+"""The workflow beside a reference of the grid's frequency: finds the camera's clock error.
 
-The same steps as for rows: fit to blocks of time, here the lag alone; see on the other blocks what
-is left; add what these support; see how far the gap goes down, and whether it is chance's by then.
+The steps are those for rows: fit the lag to training blocks, judge on held-out blocks, add what
+they support, and test whether the remaining gap is consistent with noise.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from rsenf.model import CaptureModel
 
 @dataclass(frozen=True, eq=False)
 class ClockOffsetDiscovery:
-    """What was found.
+    """Result of the workflow.
 
     Attributes
     ----------
     beside : AlignedReference
     first, last : LagFit
-        Before anything was added, and at last.
-    skew : Weighed or None
-        The clock's error, if it is supported.
+        Before anything was added, and after.
+    skew : Hypothesis or None
+        The clock error, if it is supported.
     rest : list of Hypothesis
-        Of what kind held-out values say that what is left is, the surest first.
+        Supported hypotheses on the residual, the likeliest first.
     chance : Chance
         Data that the last model explains.
     tried : int
-        How many ways were weighed.
+        Number of hypotheses tested.
     """
 
     beside: AlignedReference
@@ -53,7 +53,7 @@ class ClockOffsetDiscovery:
     tried: int
 
     def gap(self, fit: LagFit) -> Gap:
-        """Return what a fit leaves of held-out values beyond chance, over the reference's power."""
+        """Return the held-out residual's power beyond chance, over the reference's variance."""
         own = self.beside.held_out & np.isfinite(fit.left_hz)
         over = (fit.left_hz[own] ** 2 - self.chance.var_hz2) / self.beside.power_hz2
         block = self.beside.block[own]
@@ -62,7 +62,7 @@ class ClockOffsetDiscovery:
 
     @cached_property
     def floor(self) -> NoiseFloor:
-        """Gaps of data that the last model explains, lag and clock fitted to each."""
+        """Gaps of data that the last model explains, after fitting lag and clock error to each."""
         known = np.isfinite(self.last.left_hz)
         training, held = self.beside.training & known, self.beside.held_out & known
         columns = columns_of(self.beside, self.last.said_hz, skewed=self.skew is not None)
@@ -71,7 +71,7 @@ class ClockOffsetDiscovery:
         left = sets[:, held] - (sets[:, training] @ solve.T) @ columns[held].T
         squares = (left**2).mean(axis=1)
         over = squares - self.chance.told_hz2
-        # Squares of few values: their mean is a gamma variable, and goes farther up than down.
+        # A mean of few squares is skewed: approximated by a gamma distribution.
         mean, var = float(squares.mean()), float(over.var(ddof=1))
         most = var / mean * float(gammaincinv(mean**2 / var, ndtr(BEYOND_STDS)))
         median, power = float(np.median(over)), self.beside.power_hz2
@@ -80,12 +80,12 @@ class ClockOffsetDiscovery:
 
     @cached_property
     def final(self) -> tuple[CaptureModel, float, FloatArray]:
-        """Model, lag (s), and the standard errors of lag and clock, by all values."""
+        """Model, lag (s), and the standard errors of lag and clock error, from all values."""
         return by_all_values(self.beside, self.last, self.chance, skewed=self.skew is not None)
 
     @property
     def clock(self) -> tuple[float, float]:
-        """Error of the clock (ppm), where it was added, and its standard error."""
+        """Clock error of the model (ppm), and its standard error if it was fitted."""
         model, _, stderr = self.final
         return clock_ppm(model), float(stderr[-1])
 
@@ -98,7 +98,7 @@ class ClockOffsetDiscovery:
 
     @property
     def shrinkage(self) -> float:
-        """Share of the gap above the floor that is gone; NaN where there was none."""
+        """Share of the gap above the floor that was closed; NaN if there was none."""
         above = self.gap(self.first).value - self.floor.median
         if above <= self.floor.limit - self.floor.median:
             return math.nan
@@ -110,21 +110,21 @@ def discover_beside(
     beside: AlignedReference,
     progress: Callable[[str], None] = lambda doing: None,
 ) -> ClockOffsetDiscovery:
-    """Find what a model lacks of a clip beside a reference.
+    """Find what a model lacks of a clip, given a reference.
 
     Parameters
     ----------
     model : CaptureModel
-        To begin with.
+        Initial model.
     beside : AlignedReference
     progress : callable, optional
-        Told what is being done.
+        Called with a text on what is being done.
 
     Raises
     ------
     InputError
-        When what the model films can't be tracked, the reference covers too little of the clip, or
-        the clip turns out not to be there.
+        When the simulated model can't be tracked, the reference covers too little of the clip, or
+        the clip turns out not to be in it.
     """
     progress("filming the reference")
     said_hz = beside.said(model, beside.lag_s)
@@ -133,7 +133,7 @@ def discover_beside(
         beside, settled(beside, model, beside.lag_s, said_hz, skewed=False), progress
     )
     if not beside.certain and found.verdict == "unexplained":
-        # A rough likeness of the wrong time must not pass for a clock.
+        # A wrong lag with a similar course must not be reported as a clock error.
         raise no_match(beside.grid, "what seems to fit leaves more than noise")
     return found
 
@@ -147,10 +147,10 @@ def _discovered(
     last = settled(beside, first.model, first.lag_s, first.said_hz, skewed=True)
     ways, tried = _others(beside, first, chance)
     clock = next(way for way in kinds(beside, last.said_hz) if way.name == SKEWED)
-    # Noise is what the better fit leaves: a lag that is off makes more of it.
+    # Estimate noise from the better fit: a wrong lag would increase it.
     after = chance_of(beside, noise, last.left_hz)
     skew = weighed(beside, clock, last.said_hz, first.left_hz, after, tried, last.left_hz)
-    # A leap of the lag looks like a clock error of the one half and not of the other.
+    # A step of the lag resembles a clock error, but fits the halves of the clip differently.
     leapt = max((way.nats for way in ways if way.kind.name == LEAPT), default=0.0)
     if not skew.supported or leapt > skew.nats:
         return ClockOffsetDiscovery(beside, first, first, None, _supported(ways), chance, tried)
@@ -160,7 +160,7 @@ def _discovered(
 
 
 def _others(beside: AlignedReference, fit: LagFit, chance: Chance) -> tuple[list[Hypothesis], int]:
-    """Weigh all ways but the clock; how many there are with it."""
+    """Test all hypotheses but the clock error; also return their number including it."""
     ways = list(kinds(beside, fit.said_hz))
     return [
         weighed(beside, way, fit.said_hz, fit.left_hz, chance, len(ways))
@@ -170,7 +170,7 @@ def _others(beside: AlignedReference, fit: LagFit, chance: Chance) -> tuple[list
 
 
 def _supported(ways: list[Hypothesis]) -> list[Hypothesis]:
-    """Those that held-out values support, of each kind the surest."""
+    """The supported hypotheses, the likeliest of each kind."""
     best: dict[str, Hypothesis] = {}
     for way in sorted(ways, key=lambda w: -w.nats):
         if way.supported:

@@ -1,4 +1,11 @@
-"""The catalogue of effects: one file each, with what it does, its source and its look-alikes."""
+"""The catalogue of effects: one file each, with what it does, its source, and similar effects.
+
+In: a place of the capture, such as the light on each line, and a :class:`Run`. Out: the same,
+changed by the effect. Read ``base`` (kinds of effects, in the order of the capture) and
+``catalogue`` (by name) first, then any effect. ``residue`` is what an effect derives initial values
+from, ``hiding`` how a blind test draws its parameters; ``events`` is common to effects at certain
+frames.
+"""
 
 from rsenf.model.effects.base import (
     CodecEffect,

@@ -1,4 +1,4 @@
-"""A gain that hunts."""
+"""Automatic exposure."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from rsenf.model.wander import wander
 
 @dataclass(frozen=True, kw_only=True)
 class AutoExposure(SensorEffect):
-    """The camera's gain changes for whole frames, by any course: drift, steps, hunting.
+    """The camera's gain changes from frame to frame, by any course: drift, steps, oscillation.
 
-    Every row of a frame is brighter or darker by the same share, texture and flicker alike, so the
-    frame mean wanders at frequencies well below a hertz.
+    Every row of a frame is brighter or darker by the same factor, texture and flicker alike, so the
+    frame mean fluctuates at frequencies well below a hertz.
     """
 
     name = "auto_exposure"

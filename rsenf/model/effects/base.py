@@ -1,22 +1,22 @@
-"""What an effect is: parameters, and an ``apply`` at one place of the capture.
+"""Interface of effects: parameters, and an ``apply`` at one place of the capture.
 
-The places, in the order that light and frames pass them. What an effect is given there, it changes
-in place, or returns anew where a type to return is written::
+The places, in the order that light and frames pass them. An effect changes its argument in place,
+or returns a new one if the table has a type to return::
 
     FrameEffect      Clip       when each frame begins, and how fast the camera's clock is
-    ReadOutEffect    ReadOut    when each line of a block of frames is exposed, how long, and where
-                                the picture stands
+    ReadOutEffect    ReadOut    when each line of a block of frames is exposed, how long, and how
+                                far the picture is displaced
     WaveformEffect   series     the lamp's Fourier series                        -> series
     LightEffect      LineLight  the light on each line of a block of frames
     SceneEffect      wall       the picture under the mean light                 -> Patch
-    SensorEffect     LineLight  what the sensor makes of the light
+    SensorEffect     LineLight  the sensor's response to the light
     ToneEffect       exponent   the power law by which levels leave the camera   -> exponent
-    DeliveryEffect   Clip       which frames arrive, and what their stamps say
-    CodecEffect      LineLight  what an encoder leaves of the light, in delivered frames
+    DeliveryEffect   Clip       which frames are delivered, and their time stamps
+    CodecEffect      LineLight  the light after an encoder, in delivered frames
 
 An effect is a frozen dataclass whose fields are made by :func:`rsenf.model.parameters.parameter`:
-default, one line of text, plausible range, and the unit in the name. Its docstring says in one
-paragraph what it does to the data. ``configs/model/my_effect.py`` is a template for one's own.
+default, one line of text, range, and the unit in the name. One paragraph of its docstring describes
+its effect on the data. ``configs/model/my_effect.py`` is a template.
 """
 
 from __future__ import annotations
@@ -45,22 +45,22 @@ from rsenf.model.view import Patch
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One effect in one simulated clip: what it may know, its random numbers and its memory.
+    """One effect in one simulated clip: its inputs, random numbers and state.
 
     Attributes
     ----------
     label : str
-        Name of the effect, and which of its kind it is.
+        Name of the effect, and its number among those of that name.
     shutter : Shutter
         The plain shutter, before any effect.
     frames : int
-        Frames that are captured.
+        Captured frames.
     mean_level : float
         8-bit level of the scene under the mean light.
     seed : int
         Seed of the simulation.
     memory : dict
-        Whatever the effect keeps from one block to the next.
+        State of the effect from block to block.
     """
 
     label: str
@@ -76,22 +76,28 @@ class Run:
         return 1 / float(self.shutter.frame_rate)
 
     def rng(self, block: int = 0) -> np.random.Generator:
-        """Return the effect's own random numbers, for a block or for the whole clip."""
+        """Return the effect's own random numbers for a block, or for the whole clip."""
         return generator(self.seed, f"effect {self.label}", block)
 
     def kept(self, make: Callable[[np.random.Generator], FloatArray]) -> FloatArray:
-        """Draw a series for the whole clip once, and return it from then on."""
+        """Return a series for the whole clip, which ``make`` draws at the first call."""
         if "series" not in self.memory:
             self.memory["series"] = make(self.rng())
         return np.asarray(self.memory["series"])
 
     def given(self, series: tuple[float, ...], count: int | None = None) -> FloatArray:
-        """Return a series that a model gives, one value a frame unless there is another count.
+        """Return a series that a model gives.
+
+        Parameters
+        ----------
+        series : tuple of float
+        count : int, optional
+            Number of values needed; by default one for each frame.
 
         Raises
         ------
         ParameterError
-            When there aren't as many.
+            When there are fewer.
         """
         wanted = self.frames if count is None else count
         if len(series) < wanted:
@@ -107,23 +113,23 @@ class Effect(ABC):
     Attributes
     ----------
     name : str
-        By which model files and results call it.
+        Name in model files and results.
     source : str
-        Where it is described, or what it is known from.
+        Where it is described or known from.
     confused_with : tuple of str
         Effects (or fitted parameters) whose data can look the same.
     told_apart_by : str
-        Which data or further measurement decides between them.
+        Data or further measurement that separates them.
     along_lines : bool
-        Whether its light changes from one end of a line to the other.
+        Whether its light varies along a line.
     weakest : Weakest or None
-        The weakest of it that is to be named; None for one that a blind test can't hide.
+        Least strength that a search must find; None if a blind test can't hide it.
     not_hidden : str
         Why it can't.
     never_with : tuple of str
-        Effects that can't be had at the same time, or that the data can't tell from it.
+        Effects that exclude it, or that the data can't separate from it.
     masks : tuple of str
-        Effects that aren't looked for beside it: where it is known but nearly, it looks like them.
+        Effects that aren't searched for beside it, since an error of its parameters resembles them.
     """
 
     name: ClassVar[str]
@@ -138,16 +144,16 @@ class Effect(ABC):
 
     @property
     def same_as(self) -> tuple[str, ...]:
-        """Names of effects that, with parameters such as these, do the same to all data."""
+        """Names of effects that, with the present parameters, are identical in all data."""
         return ()
 
     def check(self, shutter: Shutter) -> None:  # noqa: B027 # most effects fit every shutter
-        """Check what no single range can.
+        """Check its parameters against the shutter.
 
         Raises
         ------
         ParameterError
-            With a path from the effect down.
+            With the path within the effect.
         """
 
     def to_dict(self) -> dict[str, Any]:
@@ -156,26 +162,26 @@ class Effect(ABC):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Guess values from which a search for it may begin; none where there is no sign of it.
+        """Initial values for a search; none if there is no sign of the effect.
 
         Parameters
         ----------
         residue : Residue
-            What a model without it leaves.
+            Residual of a model without it.
 
         Returns
         -------
         list of dict
-            Parameters each, of those that aren't fitted from neutral. By default one guess, the
-            defaults, if there is a parameter to be fitted at all.
+            Parameters, for each guess, that aren't fitted from neutral. By default one guess, the
+            defaults, if any parameter can be fitted.
         """
         return [{}] if parameters.fittings(cls) else []
 
     @classmethod
     def hidden(cls, hiding: Hiding) -> dict[str, Any]:
-        """Draw parameters with which it is hidden in a clip.
+        """Draw parameters for a blind test.
 
-        By default its size alone, so many times as far from neutral as the weakest.
+        By default only the size, at ``hiding.times`` the weakest one's distance from neutral.
         """
         weakest = cls.weakest
         if weakest is None or not weakest.size:
@@ -184,7 +190,7 @@ class Effect(ABC):
 
 
 class FrameEffect(Effect):
-    """Acts on when frames begin, or on the camera's clock."""
+    """Acts on the start of frames, or on the camera's clock."""
 
     @abstractmethod
     def apply(self, clip: Clip, run: Run) -> None:
@@ -216,15 +222,15 @@ class LightEffect(Effect):
 
 
 class SceneEffect(Effect):
-    """Puts something in front of the wall; a capture has room for one of these."""
+    """Puts something in front of the wall; a capture can have one of these."""
 
     @abstractmethod
     def apply(self, wall: Float32Array, run: Run) -> Patch:
-        """Return what to put in front of it, as levels under the mean light."""
+        """Return what to put in front of it, in levels under the mean light."""
 
 
 class SensorEffect(Effect):
-    """Acts on what the sensor makes of the light."""
+    """Acts on the sensor's response to the light."""
 
     @abstractmethod
     def apply(self, light: LineLight, run: Run) -> None:
@@ -240,15 +246,15 @@ class ToneEffect(Effect):
 
 
 class DeliveryEffect(Effect):
-    """Acts on which frames arrive, and when their stamps say."""
+    """Acts on which frames are delivered, and on their time stamps."""
 
     @abstractmethod
     def apply(self, clip: Clip, run: Run) -> None:
-        """Change which frames ``clip`` delivers, their slots, stamps, or their rate."""
+        """Change the frames that ``clip`` delivers, their slots, time stamps or rate."""
 
 
 class CodecEffect(Effect):
-    """Acts as an encoder would on the flicker of the delivered frames, without one."""
+    """Imitates the effect of an encoder on the flicker of the delivered frames."""
 
     @abstractmethod
     def apply(self, light: LineLight, run: Run) -> None:

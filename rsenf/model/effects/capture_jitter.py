@@ -1,4 +1,4 @@
-"""Frames that begin a little early or late."""
+"""Jitter of the capture time of frames."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from rsenf.model.parameters import Fitting, parameter
 
 @dataclass(frozen=True, kw_only=True)
 class CaptureJitter(FrameEffect):
-    """Each frame begins early or late at random, and its stamp doesn't say so.
+    """Each frame begins early or late at random, unknown to its time stamp.
 
-    All rows of a frame shift together: the phase of every harmonic jitters from frame to frame,
-    white, ``k`` times as much for harmonic ``k``.
+    All rows of a frame shift together: the phase of harmonic ``k`` has white jitter from frame to
+    frame, ``k`` times that of the first.
     """
 
     name = "capture_jitter"
@@ -34,6 +34,6 @@ class CaptureJitter(FrameEffect):
     )  # fmt: skip
 
     def apply(self, clip: Clip, run: Run) -> None:
-        """Move the starts, white."""
+        """Shift the starts, by white noise or as given."""
         late_s = self.jitter_s * run.rng().standard_normal(run.frames)
         clip.start_s = clip.start_s + (run.given(self.late_s) if self.late_s else late_s)

@@ -1,4 +1,4 @@
-"""Effects by name: those of this package, and an expert's own."""
+"""The catalogue of effects by name: those of this package, and user-defined ones."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rsenf.model.parameters import KeyPath, ParameterError
 from rsenf.registry import Registry
 
 _TOLD = ("__doc__", "name", "source", "confused_with", "told_apart_by")
-# In the order in which light and frames meet them; one file and one class each, called alike.
+# In the order in which light and frames pass them; file and class have the effect's name.
 _OWN = (
     "clock_skew", "variable_frame_rate", "capture_jitter",
     "exposure", "rows_cropped", "readout_drift", "reverse_readout", "interlace", "image_wobble",
@@ -27,7 +27,7 @@ _OWN = (
 
 
 def _check(name: str, effect: type[Effect]) -> None:
-    """Check that it says what every effect says of itself."""
+    """Check that an effect declares what every effect must."""
     if not (inspect.isclass(effect) and issubclass(effect, Effect)):
         raise UsageError(f"{name} is no rsenf.model.effects.Effect")
     missing = [what for what in _TOLD if not getattr(effect, what, None)]
@@ -50,7 +50,7 @@ CATALOGUE: Registry[type[Effect]] = Registry(
 
 
 def make_effect(name: str, values: Any, path: KeyPath = ()) -> Effect:
-    """Build an effect of the catalogue from plain values; what isn't given keeps its default.
+    """Build an effect of the catalogue from plain values; missing ones keep their default.
 
     Parameters
     ----------
@@ -59,13 +59,17 @@ def make_effect(name: str, values: Any, path: KeyPath = ()) -> Effect:
     values : dict
         Its parameters.
     path : tuple, optional
-        Where they stand in a model file; ``effects.<name>`` unless given.
+        Its place in a model file; by default ``effects.<name>``.
 
     Raises
     ------
     ParameterError
-        For an unknown effect or parameter, with the nearest there is, or a value that isn't
-        plausible.
+        For an unknown effect or parameter, with the nearest known one, or a value out of range.
+
+    Examples
+    --------
+    >>> make_effect("exposure", {"exposure_s": 0.01})
+    Exposure(exposure_s=0.01)
     """
     path = path or ("effects", name)
     if name not in CATALOGUE:
@@ -79,7 +83,7 @@ def read_effects(data: Any) -> tuple[Effect, ...]:
     Raises
     ------
     ParameterError
-        For an unknown effect or parameter, or a value that isn't plausible.
+        For an unknown effect or parameter, or a value out of range.
     """
     if not isinstance(data, list | tuple):
         raise ParameterError(("effects",), f"is {data!r}, not a list", "- exposure: {…}")
@@ -87,23 +91,23 @@ def read_effects(data: Any) -> tuple[Effect, ...]:
 
 
 def write_effects(effects: tuple[Effect, ...]) -> list[dict[str, Any]]:
-    """Return effects as a model file holds them."""
+    """Return effects as plain values for a model file."""
     return [{effect.name: effect.to_dict()} for effect in effects]
 
 
 def register(effect: type[Effect]) -> None:
-    """Add an effect to the catalogue; the same name again replaces it.
+    """Add an effect to the catalogue, in place of one of the same name.
 
     Raises
     ------
     UsageError
-        When it doesn't say what every effect says of itself.
+        When it lacks something that every effect must declare.
     """
     CATALOGUE.register(getattr(effect, "name", effect.__name__), effect)
 
 
 def load_effects(path: Path) -> list[type[Effect]]:
-    """Run a Python file and add the effects that it defines.
+    """Run a Python file and register the effects that it defines.
 
     Raises
     ------
@@ -114,10 +118,10 @@ def load_effects(path: Path) -> list[type[Effect]]:
     if spec is None or spec.loader is None or not path.is_file():
         raise UsageError(f"{path}: not a Python file", "name one that ends in .py")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look their module up
+    sys.modules[spec.name] = module  # dataclasses look up their module
     try:
         spec.loader.exec_module(module)
-    except (Exception, SystemExit) as exc:  # whatever a stranger's file does
+    except (Exception, SystemExit) as exc:  # a user's file may raise anything
         raise UsageError(f"{path}: can't be run: {type(exc).__name__}: {exc}") from exc
     found = [
         held

@@ -1,4 +1,4 @@
-"""The error of the camera's clock."""
+"""Clock error of the camera."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from rsenf.model.parameters import parameter
 
 @dataclass(frozen=True, kw_only=True)
 class ClockSkew(FrameEffect):
-    """The camera's clock is fast (> 0) or slow by a constant share.
+    """The camera's clock is fast (> 0) or slow by a constant relative error.
 
-    A camera second is ``1 / (1 + clock_ppm·1e-6)`` true seconds: frames, lines and exposures all
-    are that much shorter than their stamps say, and the ENF reads low by the same share.
+    A camera second is ``1 / (1 + clock_ppm·1e-6)`` true seconds: the true periods of frames, lines
+    and exposures are shorter than their nominal ones by that factor, and the ENF reads low by it.
     """
 
     name = "clock_skew"
@@ -26,5 +26,5 @@ class ClockSkew(FrameEffect):
     clock_ppm: float = parameter(30.0, "error of the clock, fast > 0", low=-1e4, high=1e4)
 
     def apply(self, clip: Clip, run: Run) -> None:
-        """Run the clock faster."""
+        """Change the rate of the clock."""
         clip.clock_factor *= 1 + self.clock_ppm * 1e-6

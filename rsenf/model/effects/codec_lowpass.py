@@ -1,4 +1,4 @@
-"""Flicker that an encoder follows too slowly."""
+"""Temporal low-pass of an encoder."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
 from rsenf.model.scene import Float32Array
 
-STANDS_OUT = 8.0  # of the spread from frame to frame
+STANDS_OUT = 8.0  # robust standard deviations of the frames' flicker
 
 
 @dataclass(frozen=True, kw_only=True)
 class CodecLowpass(CodecEffect):
-    """Predicted frames take over only a share of what changed: ``y += gain · (x − y)``.
+    """Predicted frames take over only a share of each change: ``y += gain · (x − y)``.
 
-    The flicker passes a first-order low-pass at its alias frequency: with ``z = exp(2πj·f/F_r)``
-    it keeps ``gain / (1 − (1 − gain)/z)``. An alias at 0 Hz passes whole, one near half the frame
-    rate hardly.
+    The flicker passes a first-order low-pass at its alias frequency ``f``: with
+    ``z = exp(2πj·f/F_r)`` the transfer function is ``gain / (1 − (1 − gain)/z)``. An alias at 0 Hz
+    passes unchanged, one near half the frame rate hardly passes.
     """
 
     name = "codec_lowpass"
@@ -40,7 +40,7 @@ class CodecLowpass(CodecEffect):
     )  # fmt: skip
 
     def apply(self, light: LineLight, run: Run) -> None:
-        """Run the recursion down the delivered frames, line by line."""
+        """Apply the recursion to successive delivered frames, line by line."""
         light.level = self._follow(light.level, "level", run)
         if light.slope is not None:
             light.slope = self._follow(light.slope, "slope", run)
@@ -54,9 +54,9 @@ class CodecLowpass(CodecEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try the gain by which the flicker is smaller than in the first frame, a key frame.
+        """Gain from the amplitude of the flicker relative to that in the first frame, a key frame.
 
-        Where the clip doesn't begin with one, a pure tone that has lost a share is a weaker tone.
+        If the clip doesn't begin with a key frame, an attenuated pure tone is just a weaker tone.
         """
         size = residue.size_ratio
         usual = float(np.median(size))

@@ -1,4 +1,4 @@
-"""Frames at which something happens now and then; shared by effects on delivery."""
+"""Events at certain frames, for effects on delivery: drawing them, and finding phase jumps."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from rsenf.model.clip import Int64Array
 from rsenf.model.effects.base import Run
 from rsenf.model.effects.residue import Residue
 
-LEAST_LEAP_RAD = 0.2  # smaller ones aren't told from noise
-MOST_RATIO = 0.05  # of the frames: where there are more, nothing fits at all
+LEAST_LEAP_RAD = 0.2  # smaller jumps can't be told from noise
+MOST_RATIO = 0.05  # of the frames; more jumps mean that the model doesn't fit at all
 
 
 def event_frames(per_min: float, at_frames: tuple[int, ...], run: Run) -> Int64Array:
-    """Numbers of the captured frames at which it happens, in order; never frame 0.
+    """Captured frames at which events occur, rising; never frame 0.
 
     Parameters
     ----------
     per_min : float
-        Events a minute, on average, each frame alike.
+        Mean rate of events, which are equally likely in all frames.
     at_frames : tuple of int
-        If any, exactly these, as far as the clip reaches.
+        If any, exactly these frames, as far as the clip reaches.
     run : Run
         Of the effect.
     """
@@ -38,13 +38,13 @@ def event_frames(per_min: float, at_frames: tuple[int, ...], run: Run) -> Int64A
 
 
 def leaps(residue: Residue, turns: float) -> NDArray[np.int64]:
-    """Frames from which on the flicker is ahead of where it was by so many turns, for good.
+    """Frames at which the flicker's phase jumps ahead by a given amount, for good.
 
     Parameters
     ----------
     residue : Residue
     turns : float
-        Whole turns don't count.
+        Size of the jump in periods, modulo 1.
     """
     step = 2.0 * np.pi * (turns - np.rint(turns))
     if abs(step) < LEAST_LEAP_RAD:

@@ -1,4 +1,4 @@
-"""The exposure time."""
+"""Exposure time."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from rsenf.model.shutter import Shutter
 
 @dataclass(frozen=True, kw_only=True)
 class Exposure(ReadOutEffect):
-    """Each line gathers light for a time, not in an instant.
+    """Each line integrates light over a time, not in an instant.
 
-    Harmonic ``k`` is multiplied by ``sinc(k·f_0·T_e)`` and reads the light half an exposure later.
-    One 200th of a second removes the second harmonic of 100 Hz, one 100th removes everything.
+    Harmonic ``k`` is multiplied by ``sinc(k·f_0·T_e)`` and delayed by half an exposure. An exposure
+    of 1/200 s removes the second harmonic of 100 Hz light, 1/100 s removes everything.
     """
 
     name = "exposure"
@@ -30,7 +30,7 @@ class Exposure(ReadOutEffect):
     exposure_s: float = parameter(0.002, "exposure of a line, camera's clock", low=0, high=1)
 
     def check(self, shutter: Shutter) -> None:
-        """Refuse an exposure that isn't over when the line's next frame begins."""
+        """Refuse an exposure longer than the frame period."""
         if self.exposure_s > 1 / shutter.frame_rate:
             raise ParameterError(
                 ("exposure_s",),
@@ -39,5 +39,5 @@ class Exposure(ReadOutEffect):
             )
 
     def apply(self, read_out: ReadOut, run: Run) -> None:
-        """Set it."""
+        """Set the exposure."""
         read_out.exposure_s = self.exposure_s

@@ -1,4 +1,4 @@
-"""Frames lost on their way."""
+"""Dropped frames."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ MOST_AT_ONCE = 3
 
 @dataclass(frozen=True, kw_only=True)
 class FrameDrop(DeliveryEffect):
-    """Now and then a captured frame never arrives.
+    """Now and then a captured frame is not delivered.
 
-    Where stamps run on as if nothing was lost, the phase of the flicker's alias steps forward by
-    the light's turns in a frame period, ``2π·f_0/F_r``, at each loss, and the clip ends early.
-    Where they don't, a hole stays in the stamps and nothing else shows.
+    If the time stamps don't show the loss, the phase of the flicker's alias jumps ahead at each
+    loss by the light's phase in a frame period, ``2π·f_0/F_r``, and the clip ends early. Otherwise
+    the stamps have a gap, and nothing else shows.
     """
 
     name = "frame_drop"
@@ -43,7 +43,7 @@ class FrameDrop(DeliveryEffect):
     retimed: bool = parameter(True, "stamps run on as if nothing was lost; else they leave a hole")
 
     def apply(self, clip: Clip, run: Run) -> None:
-        """Take the frames out of what is delivered."""
+        """Remove the frames from those delivered."""
         lost = event_frames(self.drops_per_min, self.at_frames, run)
         kept = ~np.isin(clip.number, lost)
         before = np.cumsum(~kept)[kept]
@@ -53,13 +53,13 @@ class FrameDrop(DeliveryEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try the frames before which the flicker leaps ahead by one or a few periods' turns."""
+        """Frames at which the phase of the flicker jumps ahead by one or a few frame periods."""
         lost: dict[int, int] = {}
-        for many in range(MOST_AT_ONCE, 0, -1):  # where several do, the fewest
+        for many in range(MOST_AT_ONCE, 0, -1):  # of several that match, the fewest
             lost |= dict.fromkeys(leaps(residue, many * residue.turns_per_frame).tolist(), many)
         numbers: list[int] = []
         for frame in sorted(lost):
-            # Each one lost before shifts the numbers of those that were captured.
+            # Each frame lost before shifts the numbers of captured frames by one.
             numbers += [frame + len(numbers) + k for k in range(lost[frame])]
         return [{"at_frames": tuple(numbers)}] if numbers else []
 

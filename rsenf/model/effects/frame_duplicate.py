@@ -1,4 +1,4 @@
-"""Frames that are delivered twice."""
+"""Duplicated frames."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from rsenf.model.parameters import parameter
 
 @dataclass(frozen=True, kw_only=True)
 class FrameDuplicate(DeliveryEffect):
-    """Now and then a frame arrives a second time, in the place of one that should have followed.
+    """Now and then a frame is delivered twice, the second time in the place of a later one.
 
-    The two are the same to the last bit (before an encoder). Where all later frames move on by a
-    slot to make room, the phase of the flicker's alias steps back by ``2π·f_0/F_r``; where the
-    copy stands for a frame that was lost, the flicker stands still for one frame and goes on.
+    Both are identical to the last bit (before an encoder). If all later frames move on by a slot to
+    make room, the phase of the flicker's alias jumps back by ``2π·f_0/F_r``; if the copy replaces
+    the next frame, the phase stands still for one frame and then goes on.
     """
 
     name = "frame_duplicate"
@@ -55,9 +55,9 @@ class FrameDuplicate(DeliveryEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try the frames before which the flicker falls back by a frame period's turns.
+        """Frames at which the phase of the flicker falls back by one frame period.
 
-        Where it has made up for that one frame later, the copy has hidden a frame.
+        If the phase makes up for it one frame later, the copy has replaced a frame.
         """
         back = leaps(residue, -residue.turns_per_frame)
         hides = np.isin(back + 1, leaps(residue, residue.turns_per_frame))

@@ -1,4 +1,4 @@
-"""The camera's tone curve."""
+"""Tone curve of the camera."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from rsenf.model.parameters import Fitting, parameter
 class Gamma(ToneEffect):
     """Levels leave the camera by a power law, ``255 · (light / 255)^exponent``.
 
-    The relative flicker grows by the exponent, and a pure tone gets a second harmonic of
-    ``(exponent − 1)/4`` times its relative size. The same curve bends noise: its size against the
-    level is no longer the sensor's.
+    The relative flicker is multiplied by the exponent, and a pure tone gets a second harmonic of
+    ``(exponent − 1)/4`` times its relative size. Noise passes the same curve, so that its
+    dependence on the level is no longer the sensor's.
     """
 
     name = "gamma"
@@ -29,5 +29,5 @@ class Gamma(ToneEffect):
     )
 
     def apply(self, exponent: float) -> float:
-        """Multiply: one power law after another is a power law."""
+        """Multiply by its exponent: successive power laws are one."""
         return exponent * self.exponent

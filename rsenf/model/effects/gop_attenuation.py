@@ -1,4 +1,4 @@
-"""Flicker that fades from one key frame to the next."""
+"""Loss of flicker within a group of pictures (GOP)."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
 
-EVEN = 0.97  # correlation with a sawtooth, from which on a course is one
-LONGEST, FOLDS = 300, 4  # frames of a group, and how many groups there must be
-STANDS_OUT, LONGER = 8.0, 1.1  # standard errors; and over those of a period that divides it
+EVEN = 0.97  # least correlation of a course with a sawtooth to count as one
+LONGEST, FOLDS = 300, 4  # longest period in frames; least number of periods
+STANDS_OUT, LONGER = 8.0, 1.1  # standard errors; factor by which a longer period must do better
 
 
 @dataclass(frozen=True, kw_only=True)
 class GopAttenuation(CodecEffect):
-    """After each key frame a little more of the flicker is lost, until the next brings it back.
+    """After each key frame the encoder loses more of the flicker, until the next one restores it.
 
-    The flicker's size is a sawtooth in time: side lines at multiples of the key frames' rate about
-    every line of the flicker, none at the direct current.
+    The amplitude of the flicker is a sawtooth in time: every line of the flicker has sidebands at
+    multiples of the key frames' rate, and the mean level has none.
     """
 
     name = "gop_attenuation"
@@ -45,7 +45,7 @@ class GopAttenuation(CodecEffect):
     )
 
     def apply(self, light: LineLight, run: Run) -> None:
-        """Draw the light towards its mean, more with each frame since the last key frame."""
+        """Attenuate the flicker, more with each frame since the last key frame."""
         first = run.memory.get("delivered", self.first_age)
         run.memory["delivered"] = first + len(light.level)
         age = (first + np.arange(len(light.level))) % self.period_frames
@@ -58,10 +58,10 @@ class GopAttenuation(CodecEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try the period with which the flicker's size repeats best, and what divides it.
+        """The period at which the flicker's amplitude repeats best, and its divisors.
 
-        Of each, with key frames where the sawtooth fits the size best, and with the course that
-        the size itself has.
+        For each, the key frames at which a sawtooth fits the amplitude best; and the amplitude's
+        own course.
         """
         size = residue.size_ratio - residue.size_ratio.mean()
         spectrum = np.abs(np.fft.rfft(size, 2 * size.size)) ** 2
@@ -79,27 +79,27 @@ class GopAttenuation(CodecEffect):
 
 
 def _first_age(size: FloatArray, period: int) -> int:
-    """Age of the first frame with which a size that falls from key frame to key frame fits best."""
+    """Age of the first frame at which an amplitude that falls between key frames fits best."""
     folded = size[: size.size // period * period].reshape(-1, period).mean(axis=0)
     ages = (np.arange(period)[:, None] + np.arange(period)) % period
     return int(np.argmin(ages @ folded))
 
 
 def _is_even(course: FloatArray) -> bool:
-    """Whether a size falls evenly from some frame to the next such frame, as a sawtooth does."""
+    """Whether an amplitude falls linearly within the period, as a sawtooth does."""
     saw = np.arange(course.size) - (course.size - 1) / 2.0
     along = max(-float(np.roll(course, n) @ saw) for n in range(course.size))
     return along > EVEN * float(np.linalg.norm(course) * np.linalg.norm(saw))
 
 
 def _own_course(size: FloatArray) -> list[dict[str, Any]]:
-    """Guess the period and the course of a size by folding it: that which stands out most."""
+    """Period and course of an amplitude, by folding it; the most significant period."""
     best, sure, chosen = 0.0, STANDS_OUT, np.empty(0)
     for period in range(2, min(LONGEST, size.size // FOLDS) + 1):
         folds = size[: size.size // period * period].reshape(-1, period)
         course = folds.mean(axis=0)
         within = (folds - course).var(axis=0, ddof=1).mean() / len(folds)
-        # Its mean square, less what chance makes of it, over the error of that (F statistic).
+        # F statistic of the folded course, less its expectation, over its standard deviation.
         above = (float((course**2).mean() / within) - 1.0) * math.sqrt(period / 2.0)
         if above > max(best * LONGER, sure):
             best, chosen = above, course

@@ -14,7 +14,7 @@ from rsenf.model.effects.hiding import Hiding, Weakest
 from rsenf.model.effects.residue import Residue
 from rsenf.model.parameters import Fitting, parameter
 
-HIGHEST = 8  # harmonic that a search looks for at first
+HIGHEST = 8  # highest harmonic of a search's first fit
 HALVES = 3  # ½, 1½ and 2½ times the illumination frequency
 MOST = 40
 
@@ -23,10 +23,10 @@ MOST = 40
 class Harmonics(WaveformEffect):
     """The light isn't a pure tone: it has lines at multiples of the illumination frequency.
 
-    Each line ``k·f_0`` repeats at ``k·f_0 ± m·F_r`` in the concatenated rows, with its own
-    ``sinc(k·c − m)``, and ramps ``k`` times as fast down the frame. All of them move with the
-    grid. A lamp whose half-waves differ has lines at odd multiples of ``f_0/2`` as well. It
-    replaces what the lamp has of its own above the first harmonic.
+    Each line ``k·f_0`` appears at ``k·f_0 ± m·F_r`` in the concatenated rows, with amplitudes
+    ``sinc(k·c − m)``, and its phase ramp down the frame is ``k`` times as steep. All lines follow
+    the grid. A lamp with unequal half-waves also has lines at odd multiples of ``f_0/2``. The
+    effect replaces the lamp's own harmonics above the first.
     """
 
     name = "harmonics"
@@ -69,7 +69,7 @@ class Harmonics(WaveformEffect):
     )
 
     def apply(self, series: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Keep the first harmonic; the others are these."""
+        """Keep the first harmonic and replace the others."""
         ratios = [self.second_ratio, self.third_ratio, *self.higher_ratios]
         phases = [self.second_phase_rad, self.third_phase_rad, *self.higher_phases_rad]
         whole = np.concatenate([[1.0], _complex(ratios, phases)])
@@ -82,7 +82,7 @@ class Harmonics(WaveformEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try all that a search looks for, with and without those of unlike half-waves."""
+        """Harmonics up to ``HIGHEST``, without and with half orders."""
         higher = (0.0,) * (HIGHEST - 3)
         whole = {"higher_ratios": higher, "higher_phases_rad": higher}
         halves = (0.0,) * HALVES
@@ -95,7 +95,7 @@ class Harmonics(WaveformEffect):
 
 
 def _complex(ratios: Sequence[float], phases_rad: Sequence[float]) -> NDArray[np.complex128]:
-    """Return amplitudes; a phase that isn't given is 0."""
+    """Return complex amplitudes; missing phases are 0."""
     phases = np.zeros(len(ratios))
     phases[: len(phases_rad)] = phases_rad[: len(ratios)]
     return np.asarray(np.asarray(ratios) * np.exp(1j * phases), np.complex128)

@@ -1,4 +1,4 @@
-"""How an effect is hidden in a recording, for a blind test of whether it is found."""
+"""How a blind test hides an effect in a recording: strength and random parameters."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from fractions import Fraction
 
 import numpy as np
 
-APART_HZ = 0.7  # a tone nearer to a multiple of the frame rate stands still in the picture
-SEEN = 0.3  # of a tone, that the exposure must leave
+APART_HZ = 0.7  # nearer to a multiple of the frame rate a tone stands still in the picture
+SEEN = 0.3  # least gain of the exposure at a tone
 FRAMES_APART = 40
-NO_LIGHT = 0.25  # turns down the picture, from the ramp of any light
+NO_LIGHT = 0.25  # distance from the ramp of any light, in turns over the picture
 
 
 @dataclass(frozen=True)
 class Weakest:
-    """The weakest of an effect that is to be named, of rows of 60 s.
+    """Least strength of an effect that must be found in 60 s of rows.
 
     Attributes
     ----------
     change : float
-        Of ``size``, from neutral; events a minute; nothing for an effect that is there or isn't.
+        Of ``size`` from neutral, or events per minute; 0 for an effect that is only on or off.
     size : str
-        Parameter by which it is strong, to compare with what was found; empty for none.
+        Parameter that is its strength, for comparison with the result; empty for none.
     neutral : float
-        Value of ``size`` with which it does nothing.
+        Value of ``size`` at which it does nothing.
     """
 
     change: float = 0.0
@@ -41,7 +41,7 @@ class Hiding:
     ----------
     rng : Generator
     times : float
-        Strength, over the weakest that is to be named.
+        Strength over the weakest that must be found.
     frames : int
     frame_rate : Fraction
     exposure_s : float
@@ -56,7 +56,7 @@ class Hiding:
     idle_ratio: float
 
     def sign(self) -> float:
-        """Draw a direction: 1 or −1."""
+        """Draw a sign: 1 or −1."""
         return float(self.rng.choice([-1, 1]))
 
     def phase_rad(self) -> float:
@@ -64,7 +64,7 @@ class Hiding:
         return float(self.rng.uniform(-math.pi, math.pi))
 
     def tone_hz(self, low_hz: float, high_hz: float) -> float:
-        """Draw a tone that can be seen: by this shutter, at this frame rate."""
+        """Draw a frequency within a range that this shutter and frame rate can show."""
         while True:
             tone_hz = float(self.rng.uniform(low_hz, high_hz))
             from_multiple_hz = abs(math.remainder(tone_hz, float(self.frame_rate)))
@@ -72,15 +72,15 @@ class Hiding:
                 return tone_hz
 
     def stripes(self, fewest: float, most: float) -> float:
-        """Draw stripes in the picture's height, of a ramp that no light of their alias has."""
-        apart = 1.0 - self.idle_ratio  # the turns in a read-out of one frame rate
+        """Draw a number of stripes in the picture's height whose ramp no light can have."""
+        apart = 1.0 - self.idle_ratio  # periods of the frame rate in a read-out
         while True:
             stripes = float(self.rng.uniform(fewest, most))
             if abs(math.remainder(stripes, apart)) > min(NO_LIGHT, 0.4 * apart):
                 return stripes
 
     def events(self, per_min: float) -> list[int]:
-        """Draw frames, one at least, not at the ends and not close to each other."""
+        """Draw at least one frame, none near the ends or near each other."""
         count = max(round(per_min * self.frames / float(self.frame_rate) / 60.0), 1)
         places = np.arange(FRAMES_APART, self.frames - FRAMES_APART, FRAMES_APART)
         chosen = self.rng.choice(places, count, replace=False)

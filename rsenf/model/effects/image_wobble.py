@@ -1,4 +1,4 @@
-"""A picture that stands on other lines of the sensor from frame to frame."""
+"""Displacement of the picture on the sensor, as by image stabilisation."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from rsenf.model.wander import wander
 
 @dataclass(frozen=True, kw_only=True)
 class ImageWobble(ReadOutEffect):
-    """The window that is cut out of the sensor moves up and down.
+    """The window that is cropped from the sensor moves up and down.
 
-    Each line of the picture then comes from a line of the sensor that was read earlier or later,
-    so the flicker's phase moves by ``2π·f_0`` times the shift's line times. What the stabilisation
-    didn't compensate moves the texture too.
+    A line of the picture then comes from a line of the sensor that was read earlier or later, so
+    the flicker's phase shifts by ``2π·f_0`` times the displacement in line times. Movement that the
+    stabilisation doesn't compensate moves the texture, too.
     """
 
     name = "image_wobble"
@@ -41,7 +41,7 @@ class ImageWobble(ReadOutEffect):
     )
 
     def apply(self, read_out: ReadOut, run: Run) -> None:
-        """Read each line when its place on the sensor is read, and move the scene against it."""
+        """Shift the time of each line, and displace the scene."""
         rows = run.kept(lambda rng: self._shifts(rng, run))[read_out.number]
         read_out.line_s = read_out.line_s + rows[:, None] * (
             read_out.read_out_s / run.shutter.lines

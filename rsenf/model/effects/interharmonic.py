@@ -1,4 +1,4 @@
-"""A flicker that isn't a multiple of the mains."""
+"""Modulation of the light at a frequency that isn't a multiple of the mains."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Interharmonic(LightEffect):
     """The supply's voltage swings at a frequency between its harmonics, and the light with it.
 
     All light, flicker included, is multiplied by a slow cosine: a line at its own frequency with
-    its aliases at whole frame rates, and weak side lines about the flicker's.
+    aliases at multiples of the frame rate, and weak sidebands about the flicker's lines.
     """
 
     name = "interharmonic"
@@ -48,11 +48,11 @@ class Interharmonic(LightEffect):
 
     @property
     def same_as(self) -> tuple[str, ...]:
-        """A dimmer that switches all of the light, its flicker included."""
+        """At high frequencies, a dimmer that switches all of the light, its flicker included."""
         return ("pwm_tone",) if self.flicker_hz >= SLOWEST_DIMMER_HZ else ()
 
     def apply(self, light: LineLight, run: Run) -> None:
-        """Multiply by the swing; its phase at the start is drawn."""
+        """Multiply by the modulation, with a random phase unless one is given."""
         phase_rad = self.phase_rad
         if phase_rad is None:
             phase_rad = float(run.rng().uniform(-math.pi, math.pi))
@@ -60,13 +60,13 @@ class Interharmonic(LightEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try what stands out, and its aliases."""
+        """The tone that stands out, at its possible aliases."""
         meta = cls.__dataclass_fields__["flicker_hz"].metadata
         return [{"flicker_hz": f} for f in residue.tones_hz if meta["low"] <= f <= meta["high"]]
 
     @classmethod
     def hidden(cls, hiding: Hiding) -> dict[str, Any]:
-        """Draw the tone, too."""
+        """Draw the frequency and the phase, too."""
         flicker_hz = hiding.tone_hz(1.5, 25.0)
         values = {"flicker_hz": flicker_hz, **super().hidden(hiding)}
         return values | {"phase_rad": hiding.phase_rad()}

@@ -1,4 +1,4 @@
-"""Two half pictures woven into one."""
+"""Interlaced fields."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from rsenf.model.effects.residue import GROSS, Residue
 from rsenf.model.parameters import Fitting, parameter
 from rsenf.model.readout import ReadOut
 
-COMB = 1e-5  # by which the gap of rows two apart is above that of neighbours: wrong by turns
+COMB = 1e-5  # excess of the gap of rows two apart over that of neighbours: alternating error
 
 
 @dataclass(frozen=True, kw_only=True)
 class Interlace(ReadOutEffect):
     """Even and odd lines come from two fields, half a frame period apart.
 
-    Each field is read like a frame of half the lines, at the same time for a line; the second
-    may begin a little later or earlier than half a period after the first. Neighbouring lines
-    then differ in phase by ``π·f_0/F_r`` less what the other field's place makes up for, a
-    comb at the finest pattern that lines can show.
+    Each field is read like a frame of half the lines, with the same time per line; the second one
+    may begin slightly later or earlier than half a period after the first. Neighbouring lines then
+    differ in phase by about ``π·f_0/F_r``, with alternating sign: a comb at the finest pattern that
+    lines can show.
     """
 
     name = "interlace"
     source = "PAL, NTSC and 1080i cameras; FFmpeg's interlace filter"
     confused_with = ("row_banding", "readout_drift")
     told_apart_by = "lines taken apart by parity; the comb turns with the flicker"
-    masks = ("readout_drift",)  # fields a little later or further apart than they are taken for
+    masks = ("readout_drift",)  # resembles a small error of the fields' times
     weakest = Weakest()
     never_with = ("reverse_readout",)
 
@@ -49,7 +49,7 @@ class Interlace(ReadOutEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try either field as the first, where hardly anything fits or rows are wrong by turns."""
+        """Either field first, if hardly anything fits or rows have an alternating error."""
         seen = residue.gap > GROSS or residue.comb - residue.gap > COMB
         return [{"bottom_first": b} for b in (False, True)] if seen else []
 

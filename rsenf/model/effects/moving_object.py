@@ -1,4 +1,4 @@
-"""Something that moves: a textured box that sweeps from side to side."""
+"""A moving object: a textured box that sweeps from side to side."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from rsenf.model.view import Patch
 
 @dataclass(frozen=True, kw_only=True)
 class MovingObject(SceneEffect):
-    """A box in the lamp's light passes in front of the wall, there and back.
+    """A box in the lamp's light moves in front of the wall, there and back.
 
-    The rows that it covers change their level with its position, which is a periodic series in
-    those rows alone, with steps of whole pixels; its flicker is the light's.
+    The level of the rows that it covers changes with its position, which is a periodic series in
+    those rows alone, with steps of whole pixels; its flicker is that of the light.
     """
 
     name = "moving_object"
@@ -34,7 +34,7 @@ class MovingObject(SceneEffect):
     texture_ratio: float = parameter(0.25, "standard deviation of its texture", low=0, high=0.5)
 
     def apply(self, wall: Float32Array, run: Run) -> Patch:
-        """Make the box; what hangs out at the bottom is cut off."""
+        """Make the box, cut off at the bottom of the picture."""
         rows, columns = wall.shape
         top = min(round(self.top_ratio * rows), rows - 1)
         height = min(max(round(self.height_ratio * rows), 1), rows - top)

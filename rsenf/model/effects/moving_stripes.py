@@ -19,9 +19,10 @@ from rsenf.model.parameters import Fitting, parameter
 class MovingStripes(LightEffect):
     """Even stripes along the lines pass by at a steady speed, and the light with them.
 
-    All light, flicker included, is multiplied by a cosine of the place and the time, ``1 +
-    d·cos(2π(c·y − r·t) + φ)`` at the height ``y`` from 0 to 1: a line at ``r`` with all its aliases
-    at whole frame rates, whose ramp down the rows is ``c`` less what ``r`` turns in a read-out.
+    All light, flicker included, is multiplied by a cosine of place and time,
+    ``1 + d·cos(2π(c·y − r·t) + φ)`` at the height ``y`` from 0 to 1: a line at the frequency ``r``
+    with aliases at multiples of the frame rate, whose phase ramp down the rows is ``c`` turns, less
+    the turns of ``r`` in a read-out time.
     """
 
     name = "moving_stripes"
@@ -46,7 +47,7 @@ class MovingStripes(LightEffect):
     phase_rad: float = parameter(0.0, "at the top when the clip begins", low=-7, high=7)
 
     def apply(self, light: LineLight, run: Run) -> None:
-        """Shade the lines as they pass by during each one's exposure, and of averaged rows each."""
+        """Modulate the lines, averaged over the exposure of each and over averaged rows."""
         over, lines = light.aperture, light.start_s.shape[1]
         from_row = self.stripes / (lines * over.rows) - self.rate_hz * over.row_s  # turns
         row = np.arange(lines) * over.rows + (over.rows - 1) / 2
@@ -59,7 +60,7 @@ class MovingStripes(LightEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try them where no light would leave what stands out of a flicker that is explained."""
+        """The pattern that explains the strongest line, if no light does and the flicker fits."""
         if residue.pattern is None or residue.gap > NOTHING_FITS:
             return []
         stripes, rate_hz = residue.pattern
@@ -67,7 +68,7 @@ class MovingStripes(LightEffect):
 
     @classmethod
     def hidden(cls, hiding: Hiding) -> dict[str, Any]:
-        """Draw stripes that no light looks like."""
+        """Draw stripes that can't be taken for light."""
         stripes, rate_hz = hiding.stripes(3.0, 20.0), hiding.sign() * hiding.tone_hz(1.5, 10.0)
         values = {"stripes": stripes, "rate_hz": rate_hz, **super().hidden(hiding)}
         return values | {"phase_rad": hiding.phase_rad()}

@@ -1,4 +1,4 @@
-"""The ripple of a dimmer, a driver or a monitor, which doesn't follow the mains."""
+"""Ripple of a dimmer, driver or monitor, independent of the mains."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from rsenf.model.effects.residue import Residue
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
 
-LINES = range(1, 41)  # of pulses
-LEAST_SOUGHT_HZ = 48.0  # of monitors; slower tones are an interharmonic's
+LINES = range(1, 41)  # harmonics of pulses
+LEAST_SOUGHT_HZ = 48.0  # of monitors; slower tones count as an interharmonic
 
 
 @dataclass(frozen=True, kw_only=True)
 class PwmTone(LightEffect):
-    """The light carries a tone, or pulses, of a fixed frequency.
+    """The light contains a tone, or pulses, of a constant frequency.
 
-    It is a line at its own frequency and at all its distances of whole frame rates, which stays
-    where it is when the grid's frequency moves. It can't be seen where the exposure holds a whole
-    number of its periods, and is taken for texture where it is a multiple of the frame rate. Pulses
-    have lines at its multiples as well; those that switch all light off have ``2·sinc(duty)`` at
-    the first.
+    It has a line at its own frequency, with aliases at all distances of whole frame rates, which
+    doesn't move when the grid's frequency does. It is invisible if the exposure is a whole number
+    of its periods, and is taken for texture if it is a multiple of the frame rate. Pulses have
+    lines at its multiples as well; if they switch all light off, the first has the amplitude
+    ``2·sinc(duty)``.
     """
 
     name = "pwm_tone"
@@ -54,7 +54,7 @@ class PwmTone(LightEffect):
     )  # fmt: skip
 
     def apply(self, light: LineLight, run: Run) -> None:
-        """Add the tone; its phase at the start is drawn."""
+        """Add the tone, with a random phase unless one is given."""
         phase_rad = self.phase_rad
         if phase_rad is None:
             phase_rad = float(run.rng().uniform(-math.pi, math.pi))
@@ -63,7 +63,7 @@ class PwmTone(LightEffect):
             light.level = light.level + np.float32(self.depth_ratio * ratio) * tone
 
     def _lines(self) -> list[float]:
-        """Amplitudes of the lines over the first one's: a rectangle's go as ``sin(π·k·d)/k``."""
+        """Amplitudes of the lines over the first one's: for a rectangle as ``sin(π·k·d)/k``."""
         duty = self.duty_ratio
         if duty is None:
             return [1.0]
@@ -71,12 +71,12 @@ class PwmTone(LightEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try what stands out, and its aliases."""
+        """The tone that stands out, at its possible aliases."""
         most_hz = cls.__dataclass_fields__["tone_hz"].metadata["high"]
         return [{"tone_hz": f} for f in residue.tones_hz if LEAST_SOUGHT_HZ <= f <= most_hz]
 
     @classmethod
     def hidden(cls, hiding: Hiding) -> dict[str, Any]:
-        """Draw the tone, too."""
+        """Draw the frequency and the phase, too."""
         tone_hz = hiding.tone_hz(250.0, 2500.0)
         return {"tone_hz": tone_hz, **super().hidden(hiding), "phase_rad": hiding.phase_rad()}

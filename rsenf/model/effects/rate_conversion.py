@@ -1,4 +1,4 @@
-"""Frames converted to another frame rate."""
+"""Conversion of the frame rate."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from rsenf.model.parameters import parameter
 
 @dataclass(frozen=True, kw_only=True)
 class RateConversion(DeliveryEffect):
-    """Frames are dropped, doubled or blended until there are so many in a second; stamps are even.
+    """Frames are dropped, duplicated or blended to another frame rate; time stamps are regular.
 
-    Where whole frames are taken, the phase of the flicker's alias leaps by a frame period's
-    turns wherever one is dropped or doubled, at the beat of the two rates. Where two are blended,
-    each by how near it is, their flicker turns as the mean of two tones and is weaker in between.
+    With whole frames, the phase of the flicker's alias jumps by the light's phase in a frame period
+    wherever one is dropped or duplicated, at the beat of the two rates. With blending, each frame
+    is a weighted mean of two, whose flicker has the phase of the mean of two tones and is weaker in
+    between.
     """
 
     name = "rate_conversion"
@@ -36,11 +37,11 @@ class RateConversion(DeliveryEffect):
     )
 
     def apply(self, clip: Clip, run: Run) -> None:
-        """Take for each frame that comes out what there was at its time."""
+        """Select, for each output frame, the input at its time."""
         step = clip.frame_rate / self.to_rate
         count = int(clip.slot[-1] / step) + 1
         out = np.arange(count)
-        if self.way == "whole":  # halves are rounded up, as by FFmpeg's fps
+        if self.way == "whole":  # halves are rounded up, as in FFmpeg's fps filter
             slot = _ceiling((2 * out + 1) * step.numerator, 2 * step.denominator) - 1
         else:
             slot = _ceiling(out * step.numerator, step.denominator)
@@ -52,5 +53,5 @@ class RateConversion(DeliveryEffect):
 
 
 def _ceiling(over: Int64Array, under: int) -> Int64Array:
-    """Return the quotient of whole numbers, rounded up."""
+    """Return the quotient of integers, rounded up."""
     return -(-over // under)

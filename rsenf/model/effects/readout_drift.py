@@ -1,4 +1,4 @@
-"""A read-out that becomes slower or faster."""
+"""Drift of the read-out time."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from rsenf.model.effects.residue import Residue
 from rsenf.model.parameters import Fitting, parameter
 from rsenf.model.readout import ReadOut
 
-EVERY_S = 2.0  # between nodes of a course
+EVERY_S = 2.0  # distance of a course's nodes
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReadoutDrift(ReadOutEffect):
-    """The read-out time changes in the course of the clip, the frame rate stays.
+    """The read-out time changes during the clip, the frame rate doesn't.
 
-    It grows evenly, or takes any slow course. The flicker's ramp down the frame becomes steeper or
-    less steep: by ``2π·f_0·T_ro`` times the relative change from the first line to the last.
+    It drifts linearly, or takes any slow course. The flicker's ramp down the frame becomes steeper
+    or flatter: the phase from the first line to the last changes by ``2π·f_0·T_ro`` times the
+    relative change.
     """
 
     name = "readout_drift"
@@ -43,11 +44,11 @@ class ReadoutDrift(ReadOutEffect):
 
     @property
     def not_fitted(self) -> tuple[str, ...]:
-        """What such a course hasn't."""
+        """Parameter that the kind of course doesn't use."""
         return ("stretch_ratios",) if self.course == "even" else ("drift_per_min",)
 
     def apply(self, read_out: ReadOut, run: Run) -> None:
-        """Stretch the lines' times: about the first line, or about the middle one."""
+        """Stretch the lines' times, about the first line (drift) or the middle one (course)."""
         if self.stretch_ratios:
             change = run.given(self.stretch_ratios)[read_out.number][:, None]
             middle_s = read_out.line_s.mean(axis=1, keepdims=True)
@@ -58,10 +59,10 @@ class ReadoutDrift(ReadOutEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try an even course, and any."""
+        """A linear drift, and any course."""
         return [{}, {"course": "any", "drift_per_min": 0.0}]
 
     @classmethod
     def hidden(cls, hiding: Hiding) -> dict[str, Any]:
-        """In either direction."""
+        """Draw the sign, too."""
         return {name: hiding.sign() * value for name, value in super().hidden(hiding).items()}

@@ -1,4 +1,4 @@
-"""What a simpler model leaves of a recording, as effects may look at it for where to begin."""
+"""Summary of a residual, from which effects derive initial values for a search."""
 
 from __future__ import annotations
 
@@ -7,38 +7,38 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-GROSS = 3e-3  # gap of lines at the wrong times: so small where the flicker stands still
-NOTHING_FITS = 0.3  # gap from which on hardly anything of the flicker is explained
+GROSS = 3e-3  # gap if lines have the wrong times: as small as this if the flicker stands still
+NOTHING_FITS = 0.3  # gap above which hardly any flicker is explained
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Residue:
-    """Series and lines of what is left.
+    """Series and spectral lines of a residual.
 
     Attributes
     ----------
     gap : float
-        Systematic part of what is left, over the flicker's power; about 1 or more where nothing
-        fits, and below zero where neighbouring rows are wrong in opposite ways.
+        Systematic power over the flicker's; about 1 or more if nothing fits, below zero if
+        neighbouring rows have opposite errors.
     comb : float
-        The same of rows two apart: more than the gap where rows are wrong by turns.
+        The same for rows two apart: exceeds the gap if errors alternate from row to row.
     turns_per_frame : float
-        Turns of the light in a frame period.
+        Periods of the light in a frame period.
     angle_rad : ndarray (frames,)
-        By which each frame's flicker is ahead of the model's, between −π and π.
+        Phase by which each frame's flicker leads the model's, −π to π.
     size_ratio : ndarray (frames,)
-        Size of each frame's flicker over the model's.
+        Amplitude of each frame's flicker over the model's.
     tones_hz : tuple of float
-        Frequencies at which light would leave the lines that stand out of the residual, what
-        stands out most first; none of them a multiple of half the light's own.
+        Frequencies of light that explain the strongest spectral line, the likeliest first; mains
+        harmonics, including half orders, are excluded.
     pattern : tuple of float or None
-        Stripes down the picture's height, and how many pass a place in a second, that would leave
-        the line that stands out most; None where light at some frequency would.
+        Stripes in the picture's height and how many pass a place per second, which explain the
+        strongest line; None if light can.
     row_course : ndarray (captured frames,)
-        Course over time, of rms 1, that the gains of the rows have in common where they differ;
-        empty where they don't.
+        Course over time, of rms 1, that a pattern of the rows' gains follows; empty if there is
+        none.
     """
 
     gap: float

@@ -1,4 +1,4 @@
-"""Read-out from the last line to the first."""
+"""Reversed read-out, from the last line to the first."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rsenf.model.readout import ReadOut
 
 @dataclass(frozen=True, kw_only=True)
 class ReverseReadout(ReadOutEffect):
-    """The shutter rolls from the bottom to the top, as in a camera mounted upside down.
+    """The shutter rolls from bottom to top, as in a camera mounted upside down.
 
     The phase ramp of every harmonic down the frame changes its sign.
     """
@@ -28,10 +28,10 @@ class ReverseReadout(ReadOutEffect):
     weakest = Weakest()
 
     def apply(self, read_out: ReadOut, run: Run) -> None:
-        """Turn the order round."""
+        """Reverse the order of the lines."""
         read_out.line_s = read_out.line_s[:, ::-1]
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try it where hardly anything fits."""
+        """The effect itself, if hardly anything fits."""
         return [{}] if abs(residue.gap) > GROSS else []

@@ -1,4 +1,4 @@
-"""A fixed pattern of bright and dark rows."""
+"""Row banding: a fixed pattern of bright and dark rows."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from rsenf.model.parameters import Fitting, parameter
 
 @dataclass(frozen=True, kw_only=True)
 class RowBanding(SensorEffect):
-    """The read-out gives every line something of its own, the same all along the line.
+    """The read-out adds something to each line, equal along the line.
 
     Either a constant, white down the frame: unlike texture it isn't lit, so each line's flicker is
-    smaller or larger against its static level than that of its neighbours. Or a gain that grows,
-    fades or comes and goes in time, by the same course for all lines: a pattern of any shape.
+    smaller or larger relative to its static level than its neighbours'. Or a gain that varies in
+    time by one course for all lines, with a pattern of any shape.
     """
 
     name = "row_banding"
@@ -47,11 +47,11 @@ class RowBanding(SensorEffect):
 
     @property
     def not_fitted(self) -> tuple[str, ...]:
-        """What a constant hasn't, or a course."""
+        """Parameter that a constant, or a course, doesn't use."""
         return ("offset_ratios",) if self.course else ("gain_ratios",)
 
     def apply(self, light: LineLight, run: Run) -> None:
-        """Add the pattern, the same in every frame; or multiply by one that has a course."""
+        """Add the constant pattern, or multiply by the one that follows a course."""
         if self.course:
             if self.gain_ratios:
                 pattern = run.given(self.gain_ratios, run.shutter.lines)
@@ -67,6 +67,6 @@ class RowBanding(SensorEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try a constant, and the course that rows' gains have in common."""
+        """A constant, and the course that a pattern of the rows' gains follows."""
         course = residue.row_course
         return [{}, *([{"course": tuple(course.tolist())}] if course.size else [])]

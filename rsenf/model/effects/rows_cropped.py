@@ -1,4 +1,4 @@
-"""A picture that shows only the middle of the sensor."""
+"""Cropping of rows at the top and the bottom."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from rsenf.model.readout import ReadOut
 
 @dataclass(frozen=True, kw_only=True)
 class RowsCropped(ReadOutEffect):
-    """Lines at the top and the bottom are read and thrown away, and the rest is the picture.
+    """Lines at the top and bottom are read and discarded; the picture is the rest.
 
-    The picture's own read-out is shorter by the cropped share, and the light's phase at its first
-    line moves by half of it: exactly a capture with a longer idle period.
+    The read-out time of the picture is shorter by the cropped share, and the light's phase at its
+    first line is later by half of it: exactly as in a capture with a longer idle period.
     """
 
     name = "rows_cropped"
@@ -26,7 +26,7 @@ class RowsCropped(ReadOutEffect):
     crop_ratio: float = parameter(0.1, "share of the lines thrown away", low=0, high=0.9)
 
     def apply(self, read_out: ReadOut, run: Run) -> None:
-        """Read faster, and later."""
+        """Shorten the read-out, and begin it later."""
         skipped_s = self.crop_ratio / 2 * read_out.read_out_s
         read_out.line_s = skipped_s + (1 - self.crop_ratio) * read_out.line_s
         read_out.read_out_s *= 1 - self.crop_ratio

@@ -1,4 +1,4 @@
-"""Another lamp on another phase of the mains."""
+"""A second lamp on another phase of the mains."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from rsenf.model.parameters import Fitting, parameter
 
 @dataclass(frozen=True, kw_only=True)
 class SecondLamp(LightEffect):
-    """Another lamp, on another mains phase, lights part of the scene.
+    """A second lamp, on another phase of the mains, lights part of the scene.
 
-    The light of both adds. Where their shares are the same all over the line, the sum is one lamp
-    of another phase and depth; where they change from left to right, so does the phase of the
-    flicker. It takes the place of ``weight`` of the light there was.
+    The light of both adds. If their shares are equal all along a line, the sum is one lamp of
+    another phase and depth; if they vary from left to right, so does the phase of the flicker. The
+    lamp replaces a share ``weight`` of the light.
     """
 
     name = "second_lamp"
@@ -58,12 +58,12 @@ class SecondLamp(LightEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Try phases all round, and it on either side: on its own phase it would change nothing."""
+        """Phases in steps of π/3 without 0, where it would change nothing, and either side."""
         phases = (math.pi / 3, 2 * math.pi / 3, math.pi, -2 * math.pi / 3, -math.pi / 3)
         return [{"phase_rad": p, "tilt_ratio": tilt} for tilt in (1.0, -1.0) for p in phases]
 
     @classmethod
     def hidden(cls, hiding: Hiding) -> dict[str, Any]:
-        """On either of the other two phases of the supply."""
+        """Draw one of the other two phases of the supply."""
         phase_rad = hiding.sign() * 2.0 * math.pi / 3.0
         return {**super().hidden(hiding), "phase_rad": phase_rad}

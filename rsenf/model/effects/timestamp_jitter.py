@@ -1,4 +1,4 @@
-"""Stamps that aren't the time of capture."""
+"""Jitter of time stamps."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from rsenf.model.parameters import parameter
 
 @dataclass(frozen=True, kw_only=True)
 class TimestampJitter(DeliveryEffect):
-    """Frames are captured in time, but their stamps are early or late at random.
+    """Frames are captured regularly, but their time stamps are early or late at random.
 
-    Who believes the stamps sees the phase of the flicker jitter by ``2π·f_0`` times the stamp's
-    error; who counts frames sees nothing. Errors stop short of half a frame period, so that
-    stamps never run backwards.
+    By the stamps, the phase of the flicker has a jitter of ``2π·f_0`` times their error; by the
+    frame numbers it has none. Errors are less than half a frame period, so that stamps never run
+    backwards.
     """
 
     name = "timestamp_jitter"
@@ -33,7 +33,7 @@ class TimestampJitter(DeliveryEffect):
     )
 
     def apply(self, clip: Clip, run: Run) -> None:
-        """Move the stamps."""
+        """Shift the time stamps."""
         if self.error_s:
             clip.stamp_offset_s += run.given(self.error_s)
             return

@@ -1,4 +1,4 @@
-"""A frame rate that wanders."""
+"""Variable frame rate."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from rsenf.model.wander import wander
 
 @dataclass(frozen=True, kw_only=True)
 class VariableFrameRate(FrameEffect):
-    """The time from frame to frame changes slowly and at random; lines are as quick as ever.
+    """The frame period wanders slowly and at random; the time per line doesn't change.
 
-    The alias moves by ``f_0`` times the relative change. Honest stamps tell it all; where they
-    run on evenly, the ENF seems to move as the frame rate did.
+    The alias moves by ``f_0`` times the relative change. Correct time stamps show all of it; if
+    they are regular instead, the ENF seems to move as the frame rate did.
     """
 
     name = "variable_frame_rate"
     source = "phones that lengthen frames in dim light; oscillators that warm up, 1e-6 to 1e-4"
     confused_with = ("clock_skew", "grid frequency")
     told_apart_by = "the stamps, or a reference of the grid's frequency"
-    weakest = Weakest(1e-5)  # no size: what a short clip has of it varies
+    weakest = Weakest(1e-5)  # no size: its realised strength varies in a short clip
 
     rate_ratio: float = parameter(1e-5, "rms of the relative change", low=0, high=0.2)
     time_constant_s: float = parameter(10.0, "over which it forgets", low=0, high=3600)
@@ -37,7 +37,7 @@ class VariableFrameRate(FrameEffect):
     stamped: bool = parameter(True, "the stamps say so; else they run on evenly")
 
     def apply(self, clip: Clip, run: Run) -> None:
-        """Add up the periods."""
+        """Sum the frame periods."""
         late_s = run.given(self.late_s) if self.late_s else self._late_s(run)
         clip.start_s = clip.start_s + late_s
         if self.stamped:
@@ -50,5 +50,5 @@ class VariableFrameRate(FrameEffect):
 
     @classmethod
     def hidden(cls, hiding: Hiding) -> dict[str, Any]:
-        """By its relative change."""
+        """Set the relative change."""
         return {"rate_ratio": hiding.times * cls.weakest.change}

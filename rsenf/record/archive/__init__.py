@@ -1,9 +1,9 @@
-"""An archive: recordings by site, camera and day, and an index of what there is.
+"""An archive: recordings by site, camera and day, with rotation, retention and an index.
 
-Writing: ``layout`` (names), ``camera_files`` (one file after the other), ``ring`` and
-``alarm_files`` (the minutes about an alarm), ``alarms`` (what is kept for them), ``retention``,
-``writer`` (all of these). Asking: ``spans``, ``summary`` (one file), ``index`` (all, cached) and
-``holdings`` (what there is of a camera, and where the gaps are).
+Writing: ``layout`` (file names), ``camera_files`` (rotation), ``alarm_files`` (only the minutes
+around alarms), ``alarms`` (time spans exempt from retention), ``retention``, and ``writer``, which
+uses all of these. Reading: ``summary`` (one file), ``index`` (all files, cached), ``holdings``
+(coverage and gaps).
 """
 
 from rsenf.record.archive.writer import ArchiveRecorder

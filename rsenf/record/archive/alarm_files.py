@@ -1,7 +1,4 @@
-"""Files about alarms alone: the minutes before, from memory, and the minutes after.
-
-The last minutes of a camera, in memory, until an alarm asks for them.
-"""
+"""Records only around alarms: the minutes before from a ring buffer in memory, and those after."""
 
 from __future__ import annotations
 
@@ -19,11 +16,11 @@ from rsenf.record.writer import Recorder
 from rsenf.timebase import nanoseconds
 
 STRETCH_NS = 1_000_000_000
-MESSAGE_BYTES = 1000  # that Python keeps beside a payload
+MESSAGE_BYTES = 1000  # Python's overhead for each message
 
 
 class Kept(NamedTuple):
-    """A message as it came, and when."""
+    """A serialised message, with its time of arrival."""
 
     received_ns: int
     topic: str
@@ -33,10 +30,10 @@ class Kept(NamedTuple):
 
 
 class _Stretch:
-    """Messages that are forgotten together: from one key frame to the next, or a second's."""
+    """Messages that are dropped together: from one key frame to the next, or of one second."""
 
     def __init__(self, begun_ns: int) -> None:
-        self.begun_ns = self.video_ns = begun_ns  # the latest of the video
+        self.begun_ns = self.video_ns = begun_ns  # video_ns: time of the latest video packet
         self.messages: deque[Kept] = deque()
         self.size_bytes = 0
 
@@ -57,29 +54,29 @@ def _size(message: Kept) -> int:
 
 
 class Ring:
-    """Keeps so much time, and somewhat more, so that its video begins with a key frame.
+    """Ring buffer of the messages of at least ``keep_ns``, whose video begins with a key frame.
 
-    A stretch between key frames that is longer than that, or larger than may be, is cut: then the
-    oldest pictures can't be decoded, but all else is there.
+    If the messages between two key frames last longer than ``keep_ns``, or exceed the memory limit,
+    they are cut: then the oldest pictures can't be decoded, but all other messages are kept.
 
     Parameters
     ----------
     keep_ns : int
-        How much time.
+        Time to keep.
     most_bytes : int
-        Where this isn't enough for that time, the oldest go, and are counted.
+        Memory limit; beyond it the oldest messages are dropped and counted.
 
     Attributes
     ----------
     forgotten : int
-        Messages of that time that had to go, for lack of memory.
+        Messages of the time to keep that were dropped for lack of memory.
     """
 
     def __init__(self, keep_ns: int, most_bytes: int) -> None:
         self._keep_ns, self._most_bytes = keep_ns, most_bytes
         self._stretches: deque[_Stretch] = deque()
         self._size_bytes = 0
-        self._forgotten_ns: deque[int] = deque()  # when they were received
+        self._forgotten_ns: deque[int] = deque()  # arrival times of dropped messages
 
     def __iter__(self) -> Iterator[Kept]:
         for stretch in self._stretches:
@@ -87,11 +84,11 @@ class Ring:
 
     @property
     def forgotten(self) -> int:
-        """How many messages lack."""
+        """Number of messages dropped for lack of memory."""
         return len(self._forgotten_ns)
 
     def add(self, message: Kept) -> None:
-        """Keep a message, and forget what is too old."""
+        """Add a message, and drop those that are too old."""
         if not self._stretches or self._begins_another(message):
             self._stretches.append(_Stretch(message.received_ns))
         self._stretches[-1].add(message)
@@ -109,10 +106,10 @@ class Ring:
         if message.cls is VideoPacket:
             too_long = now_ns - newest.begun_ns >= max(self._keep_ns, STRETCH_NS)
             return too_long or bool(decode(VideoPacket, message.payload).keyframe)
-        return now_ns - newest.video_ns >= STRETCH_NS  # where there is, or was, no video
+        return now_ns - newest.video_ns >= STRETCH_NS  # no video, or no more
 
     def _make_room(self) -> None:
-        """Forget the oldest stretch, or of the only one as much as must be."""
+        """Drop the oldest stretch; of a single one, only as much as necessary."""
         oldest, alone = self._stretches[0], len(self._stretches) == 1
         while oldest.messages and (not alone or self._size_bytes > self._most_bytes):
             message = oldest.pop()
@@ -123,14 +120,14 @@ class Ring:
 
 
 class AlarmFiles:
-    """Keeps a camera's last minutes in memory, and writes them when an alarm comes.
+    """Keeps a camera's last minutes in memory, and records them when an alarm comes.
 
     Parameters
     ----------
     begin, rotation, clock_ns
         As for :class:`CameraFiles`.
     settings : AlarmSettings
-        How much before and after an alarm.
+        Times to record before and after an alarm.
     """
 
     def __init__(
@@ -144,24 +141,24 @@ class AlarmFiles:
         self._after_ns = nanoseconds(settings.after_s)
         self._ring = Ring(nanoseconds(settings.before_s), round(settings.memory_mb * MB))
         self._until_ns: int | None = None
-        # Messages lie on the time line where they came, not where they were written.
+        # The time line uses the arrival of messages, not the time at which they are written.
         self._moment_ns = clock_ns()
         timeline = Timeline(lambda: self._moment_ns)
         self._files = CameraFiles(begin, rotation, clock_ns, Continuity(timeline))
 
     @property
     def recorder(self) -> Recorder | None:
-        """The file in the making; None while there is no alarm."""
+        """The open file; None while there is no alarm."""
         return self._files.recorder
 
     def write_encoded(self, topic: str, cls: type[Any], payload: bytes, header: Header) -> bool:
-        """Keep a message; record it when an alarm is on. Returns whether it was recorded."""
+        """Keep a message, and record it during an alarm; return whether it was recorded."""
         message = Kept(self._clock_ns(), topic, cls, payload, header)
         self._ring.add(message)
         return self._until_ns is not None and self._record(message)
 
     def alarm(self) -> None:
-        """Record what is kept, and all that comes until some time has passed since the last one."""
+        """Start recording with the kept messages; stop some time after the last alarm."""
         begins = self._until_ns is None
         self._until_ns = self._clock_ns() + self._after_ns
         if begins:
@@ -172,7 +169,7 @@ class AlarmFiles:
                 self.recorder.add_metadata("rsenf.forgotten", forgotten)
 
     def tick(self) -> None:
-        """Flush if it is time to, and end the file when the alarm is over. To be called often."""
+        """Flush if due, and close the file after the alarm. To be called often."""
         if self._until_ns is not None and self._clock_ns() >= self._until_ns:
             self._until_ns = None
             self._files.end_file()
@@ -180,7 +177,7 @@ class AlarmFiles:
         self._files.tick()
 
     def end_file(self) -> None:
-        """Close the file in the making, if there is one."""
+        """Close the open file, if any."""
         self._files.end_file()
 
     def _record(self, message: Kept) -> bool:

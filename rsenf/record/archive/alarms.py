@@ -1,7 +1,7 @@
-"""Which stretches of time a camera's alarms refer to; they outlive every rule of retention.
+"""The time spans of a camera's alarms, which are exempt from retention.
 
-One line of JSON for each alarm, in ``site/camera/alarms.jsonl``. Who takes a line out gives what
-it refers to free.
+Stored as one line of JSON for each alarm, in ``site/camera/alarms.jsonl``. Removing a line permits
+retention to delete its time span.
 """
 
 from __future__ import annotations
@@ -18,19 +18,26 @@ NAME = "alarms.jsonl"
 
 
 class AlarmSpan(NamedTuple):
-    """What an alarm refers to."""
+    """The time span of an alarm, UTC in ns, and its reason."""
 
     from_ns: int
     to_ns: int
     why: str
 
     def covers(self, first_ns: int, last_ns: int) -> bool:
-        """Whether it has a moment in common with another stretch of time."""
+        """Whether it overlaps with another time span."""
         return self.from_ns <= last_ns and first_ns <= self.to_ns
 
 
 def add_alarm(root: Path, camera: Camera, span: AlarmSpan) -> None:
-    """Write an alarm down, and wait for the disk.
+    """Append an alarm to the camera's file, and wait for the disk.
+
+    Parameters
+    ----------
+    root : Path
+        Folder of the archive.
+    camera : Camera
+    span : AlarmSpan
 
     Raises
     ------
@@ -49,7 +56,7 @@ def add_alarm(root: Path, camera: Camera, span: AlarmSpan) -> None:
         file.seek(0, os.SEEK_END)
         if file.tell():
             file.seek(-1, os.SEEK_END)
-            if file.read(1) != b"\n":  # the line before broke off
+            if file.read(1) != b"\n":  # the previous line is truncated
                 file.write(b"\n")
         file.write(json.dumps(entry).encode() + b"\n")
         file.flush()
@@ -57,7 +64,7 @@ def add_alarm(root: Path, camera: Camera, span: AlarmSpan) -> None:
 
 
 def alarms_of(root: Path, camera: Camera) -> list[AlarmSpan]:
-    """Return a camera's alarms in the order of their coming; a line that broke off is none."""
+    """Return a camera's alarms in order of arrival; invalid lines are skipped."""
     try:
         lines = (root / camera.site / camera.name / NAME).read_bytes().splitlines()
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""One camera's files, one after the other, each complete in itself."""
+"""File rotation for one camera: consecutive files, each complete in itself."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from rsenf.record.settings import Rotation
 from rsenf.record.writer import Recorder
 from rsenf.timebase import nanoseconds
 
-# Video that has no key frame for as long again goes on in the next file without one.
+# A full file waits for a key frame up to this multiple of its limits; then it is ended anyway.
 PATIENCE = 2
 
 
 class CameraFiles:
-    """Begins a file with the first message, and the next one when a file is full.
+    """Begins a file with the first message, and another whenever a file is full.
 
-    Each file has all schemas and metadata, its video begins with a key frame, and numbers go on:
-    where one file ends and the next begins tells that nothing is missing between them.
+    Each file has all schemas and metadata, and its video begins with a key frame. Sequence numbers
+    continue, so that consecutive files show whether anything is missing between them.
 
     Parameters
     ----------
     begin : callable
-        Opens a new file, given what goes on from the one before.
+        Opens a new file; takes the state carried over from the file before.
     rotation : Rotation
-        When a file is full.
+        Limits of a file.
     clock_ns : callable
         Wall clock, UTC since 1970, in ns.
     continuity : Continuity
-        What the first file goes on from.
+        State for the first file.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class CameraFiles:
 
     @property
     def recorder(self) -> Recorder | None:
-        """The file in the making; None between files."""
+        """The open file; None between files."""
         return self._recorder
 
     def write_encoded(self, topic: str, cls: type[Any], payload: bytes, header: Header) -> bool:
@@ -67,7 +67,7 @@ class CameraFiles:
         return self._recorder.write_encoded(topic, cls, payload, header)
 
     def tick(self) -> None:
-        """Flush if it is time to, and end a file that is full. To be called often."""
+        """Flush if due, and close a full file. To be called often."""
         if self._recorder is None:
             return
         if self._is_full(PATIENCE if self._has_video else 1):
@@ -76,21 +76,21 @@ class CameraFiles:
             self._recorder.tick()
 
     def end_file(self) -> None:
-        """Close the file in the making, if there is one."""
+        """Close the open file, if any."""
         if self._recorder is not None:
             recorder, self._recorder = self._recorder, None
             recorder.close()
             self._continuity = self._continuity.next_file()
 
     def forget(self) -> None:
-        """Count anew from the next file on: what comes until then is not to be recorded."""
+        """Reset the sequence numbers: messages until the next file aren't meant to be recorded."""
         self._continuity = Continuity(self._continuity.timeline)
 
     def _is_full(self, times: int) -> bool:
         if self._recorder is None:
             return False
         now_ns = self._clock_ns()
-        age_ns = now_ns - self._begun_ns  # below 0 when the clock was set back
+        age_ns = now_ns - self._begun_ns  # negative if the clock was set back
         other_day = times == 1 and day_of(now_ns) != day_of(self._begun_ns)
         too_old = other_day or not 0 <= age_ns < times * self._every_ns
         return too_old or self._recorder.size_bytes >= times * self._size_bytes

@@ -1,4 +1,4 @@
-"""What an archive has of a camera in some stretch of time, and where the gaps are."""
+"""Coverage of a camera in an archive over a time span, and its gaps."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from rsenf.record.archive.summary import TOO_FEW, TopicSummary, pause_ns
 from rsenf.record.stretches import Stretch, joined
 from rsenf.record.tally import Place
 
-# Messages that come when something happens leave no gaps, nor do too few.
+# Topics of events, in which pauses are no gaps.
 EVENTS = ("alarm",)
 
 
 class Gap(NamedTuple):
-    """A stretch of time without messages, or with fewer than were sent.
+    """A time span without messages, or with fewer than were sent.
 
     Attributes
     ----------
     missing : int or None
-        Messages that were sent and aren't there, by their numbers; None where that isn't known.
+        Missing messages, by sequence numbers; None if unknown.
     """
 
     first_ns: int
@@ -32,22 +32,22 @@ class Gap(NamedTuple):
 
 @dataclass(frozen=True)
 class TopicHolding:
-    """What there is of a topic.
+    """Coverage of a topic.
 
     Attributes
     ----------
     messages : int
-        In all files where it reaches into the time asked for.
+        Messages in all files in which the topic overlaps with the requested time.
     missed : int
-        Of these files, by their own count: never came while they were written.
+        Messages that never arrived while these files were written, by their own count.
     stretches : list of Stretch
-        When there are messages, within that time.
+        Times with messages, within the requested time.
     gaps : list of Gap or None
-        None for a topic that has none to speak of: of events, or of all of a stream so far.
+        None where gaps have no meaning: for events, and for estimates of a whole stream.
     pause_ns : int
         Longest pause that is no gap.
     coarse_ns : int
-        Where there were too many gaps to remember: the longest that isn't told. Else 0.
+        If there were too many gaps to store: the longest one omitted. Otherwise 0.
     """
 
     messages: int
@@ -59,13 +59,13 @@ class TopicHolding:
 
     @property
     def covered_ns(self) -> int:
-        """Time that isn't in a gap."""
+        """Total length of the times with messages."""
         return sum(s.last_ns - s.first_ns for s in self.stretches)
 
 
 @dataclass(frozen=True)
 class Holding:
-    """What there is of a camera between two moments."""
+    """Coverage of a camera over a time span."""
 
     camera: Camera
     asked: Stretch
@@ -74,15 +74,15 @@ class Holding:
 
 
 def holding(entries: Iterable[Entry], camera: Camera, asked: Stretch) -> Holding:
-    """Find what there is of a camera.
+    """Determine the coverage of a camera.
 
     Parameters
     ----------
     entries : iterable of Entry
-        Of the archive.
+        Files of the archive.
     camera : Camera
     asked : Stretch
-        From when to when, on the time line of the recordings.
+        Requested time span, in log time (UTC, ns).
     """
     own = [entry for entry in entries if entry.file.camera == camera]
     files = [entry for entry in own if _reaches_into(entry, asked)]
@@ -97,7 +97,7 @@ def holding(entries: Iterable[Entry], camera: Camera, asked: Stretch) -> Holding
 
 
 def extent_of(entries: Iterable[Entry], camera: Camera) -> Stretch | None:
-    """From the first message of a camera to its last; None when it has none."""
+    """Return the time from a camera's first message to its last; None without any."""
     extents = [e.summary.extent for e in entries if e.file.camera == camera]
     there = [extent for extent in extents if extent is not None]
     if not there:
@@ -106,7 +106,7 @@ def extent_of(entries: Iterable[Entry], camera: Camera) -> Stretch | None:
 
 
 def _reaches_into(entry: Entry, asked: Stretch) -> bool:
-    """Whether a file has something of that time; one that can't be read goes by its name."""
+    """Whether a file overlaps with a time span; an unreadable one counts by its name."""
     extent = entry.summary.extent or Stretch(entry.file.start_ns, entry.file.start_ns)
     return _overlap(extent, asked)
 
@@ -116,7 +116,7 @@ def _overlap(one: Stretch, other: Stretch) -> bool:
 
 
 def _topic(name: str, parts: Sequence[TopicSummary], asked: Stretch) -> TopicHolding:
-    """Put the parts of a topic in several files together."""
+    """Combine the parts of a topic in several files."""
     every = [stretch for part in parts for stretch in part.stretches]
     messages = sum(part.messages for part in parts)
     of_all = any(part.of_all_so_far for part in parts)
@@ -142,13 +142,13 @@ def _within(stretches: Iterable[Stretch], asked: Stretch) -> list[Stretch]:
 
 
 def _missing(parts: Sequence[TopicSummary]) -> dict[Stretch, int]:
-    """How many numbers are missing between a file and what came before, where that is known."""
+    """Return the sequence numbers missing between consecutive files, where known."""
     found: dict[Stretch, int] = {}
-    reached: tuple[Place, int] | None = None  # how far the files so far go
+    reached: tuple[Place, int] | None = None  # place and time of the last message so far
     for part in sorted((p for p in parts if p.stretches), key=lambda p: p.stretches[0]):
         if not (
             part.first and part.last
-        ):  # broke off, or is damaged: what it has isn't known, so nor is what comes next
+        ):  # truncated or damaged: its last number is unknown, and so is the gap after it
             reached = None
             continue
         first, last = Place.read(part.first), Place.read(part.last)
@@ -157,7 +157,7 @@ def _missing(parts: Sequence[TopicSummary]) -> dict[Stretch, int]:
             count = first.seq - end.seq - 1
             if count >= 0:
                 found[Stretch(end_ns, part.stretches[0].first_ns)] = count
-            if last < end:  # all of it was in a file before, as the minutes about an alarm are
+            if last < end:  # all of it is in an earlier file too, such as a recording of an alarm
                 continue
         reached = (last, part.stretches[-1].last_ns)
     return found
@@ -166,7 +166,7 @@ def _missing(parts: Sequence[TopicSummary]) -> dict[Stretch, int]:
 def _gaps(
     there: Sequence[Stretch], missing: dict[Stretch, int], asked: Stretch, usual_ns: int
 ) -> list[Gap]:
-    """List where time or numbers are missing; time before the first message and after the last."""
+    """List missing times and numbers, including the time before the first and after the last."""
     edges = [asked.first_ns, *(t for s in _within(there, asked) for t in s), asked.last_ns]
     pauses = [
         Stretch(first_ns, last_ns)

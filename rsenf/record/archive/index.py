@@ -1,4 +1,4 @@
-"""What all files of an archive hold: summaries, kept in a file so that each is made only once."""
+"""Summaries of all files of an archive, cached in an index file."""
 
 from __future__ import annotations
 
@@ -17,24 +17,25 @@ NAME = "index.json"
 
 
 class Entry(NamedTuple):
-    """A file and what is in it."""
+    """A file and its summary."""
 
     file: ArchivedFile
     summary: FileSummary
 
 
 def read_archive(root: Path, *, check: bool = False) -> list[Entry]:
-    """Find out what an archive holds, the oldest file first.
+    """Summarise all files of an archive, oldest first.
 
-    Summaries come from ``index.json`` in the archive where their file hasn't changed since, and
-    are written there. An archive that can't be written to is read all the same.
+    Summaries of unchanged files come from ``index.json`` in the archive, and new ones are written
+    there. A read-only archive works too.
 
     Parameters
     ----------
     root : Path
-        The archive.
+        Folder of the archive.
     check : bool
-        Whether to read all of each file, once; else the end of a whole-looking one is believed.
+        Whether to read each file completely, once; otherwise the summary section of a file that
+        seems complete is trusted.
 
     Raises
     ------
@@ -45,7 +46,7 @@ def read_archive(root: Path, *, check: bool = False) -> list[Entry]:
         raise UsageError(f"{root}: no such folder", "name the folder of an archive")
     known, entries = _known(root), []
     for file in archived_files(root):
-        with contextlib.suppress(FileNotFoundError):  # deleted a moment ago
+        with contextlib.suppress(FileNotFoundError):  # deleted meanwhile
             entries.append(Entry(file, _summary(file.path, known.get(_name(root, file)), check)))
     found = {_name(root, entry.file): entry.summary for entry in entries}
     if found != known:
@@ -67,7 +68,7 @@ def _name(root: Path, file: ArchivedFile) -> str:
 
 
 def _known(root: Path) -> dict[str, FileSummary]:
-    """What the index says; nothing when it is of another version, or not as it should be."""
+    """Return the summaries in the index; none if it is of another version or invalid."""
     try:
         index = json.loads((root / NAME).read_bytes())
         if index["version"] != VERSION:

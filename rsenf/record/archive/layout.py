@@ -1,6 +1,6 @@
-"""Where the files of an archive lie: ``site/camera/day/time.mcap``, all in UTC.
+"""File names of an archive: ``site/camera/day/time.mcap``, all in UTC.
 
-A grid's reference goes by the camera's name ``reference``, the nodes' health by ``@nodes``.
+References have ``reference`` in place of the camera, health messages ``@nodes``.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _FILE = re.compile(r"(\d{4}-\d\d-\d\d)/(\d{6})\.(\d{6})Z(?:-\d+)?(\.alarm)?\.mca
 
 
 class Camera(NamedTuple):
-    """A camera of a site; the folder of its files."""
+    """A camera of a site, which corresponds to a folder."""
 
     site: str
     name: str
@@ -28,18 +28,23 @@ class Camera(NamedTuple):
 
 
 class ArchivedFile(NamedTuple):
-    """A file by its name alone."""
+    """A file, as far as its name tells."""
 
-    start_ns: int  # when it was begun, by the clock of its host
+    start_ns: int  # time of its creation, by its host's clock
     camera: Camera
     of_alarm: bool
     path: Path
 
 
 def camera_of(topic: str) -> Camera | None:
-    """Camera that a topic ``rsenf/<site>/<camera>/…`` belongs to; None where no folder can be it.
+    """Return the camera of a topic ``rsenf/<site>/<camera>/…``; None if it is no valid folder.
 
     A bus may carry any key: one with ``..`` would lead out of the archive.
+
+    Examples
+    --------
+    >>> camera_of("rsenf/lab/cam1/rows"), camera_of("rsenf/../cam1/rows")
+    (Camera(site='lab', name='cam1'), None)
     """
     parts = topic.split("/")
     if len(parts) < 4 or not all(_NAME.fullmatch(part) for part in parts[1:3]):
@@ -48,12 +53,28 @@ def camera_of(topic: str) -> Camera | None:
 
 
 def day_of(time_ns: int) -> str:
-    """Name of a day's folder."""
+    """Return the name of a day's folder.
+
+    Examples
+    --------
+    >>> day_of(1_768_435_200_000_000_000)
+    '2026-01-15'
+    """
     return datetime.fromtimestamp(time_ns // NS_PER_S, UTC).strftime(_DAY)
 
 
 def new_path(root: Path, camera: Camera, now_ns: int, *, of_alarm: bool = False) -> Path:
-    """Name a file that is begun now, and make its folder. No other file has that name.
+    """Return an unused name for a file that begins now, and make its folder.
+
+    Parameters
+    ----------
+    root : Path
+        Folder of the archive.
+    camera : Camera
+    now_ns : int
+        UTC since 1970.
+    of_alarm : bool
+        Whether the file records an alarm only.
 
     Raises
     ------
@@ -71,7 +92,7 @@ def new_path(root: Path, camera: Camera, now_ns: int, *, of_alarm: bool = False)
 
 
 def archived_files(root: Path) -> list[ArchivedFile]:
-    """All files of an archive, the oldest first; whatever else lies there is left out."""
+    """Return all files of an archive, oldest first; other files are ignored."""
     return sorted(filter(None, map(_read_name, root.glob("*/*/*/*.mcap"))))
 
 

@@ -1,4 +1,4 @@
-"""Deletes the oldest files of an archive, by age and by the share of the disk that they take."""
+"""Deletes the oldest files of an archive, by age and by their share of the disk."""
 
 from __future__ import annotations
 
@@ -15,33 +15,33 @@ from rsenf.record.write_lock import is_held
 from rsenf.timebase import nanoseconds
 
 DAY_S = 86_400
-_ROOM = 1.5  # of the space at which there is a warning, so that there needn't be one
+_ROOM = 1.5  # free space to keep, as a multiple of the warning limit: avoids the warning
 _ALWAYS = AlarmSpan(0, 2**63, "alarms that can't be read")
 
 
 class _Aged(NamedTuple):
     file: ArchivedFile
     size_bytes: int
-    last_ns: int  # when it was last written
+    last_ns: int  # time of its last change
 
 
 class Keeper:
-    """Applies the rules; never deletes a file being written, nor one that an alarm refers to.
+    """Applies the rules; never deletes a file being written, nor one that overlaps with an alarm.
 
     Parameters
     ----------
     root : Path
-        The archive.
+        Folder of the archive.
     rules : Retention
-        What may stay.
     clock_ns : callable
         Wall clock, UTC since 1970, in ns.
     limits : DiskLimits
         When the disk counts as nearly full.
     usage : callable
-        Tells how large the disk is and what is free.
+        Returns size and free space of the disk.
     warn : callable
-        Told in words, once, of what can't be deleted or looked at. It stays, and costs no other.
+        Called with a text, once for each file that can't be deleted or read. It stays; no other
+        file is deleted in its place.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class Keeper:
         self._limits, self._warn, self._warned = limits, warn, set[str]()
 
     def apply(self) -> list[Path]:
-        """Delete what has to go; returns it, the oldest first."""
+        """Delete the files that the rules no longer permit; return them, oldest first."""
         files = [aged for aged in map(_age, archived_files(self._root)) if aged is not None]
         too_many = self._too_many(sum(aged.size_bytes for aged in files))
         alarms = {c: self._alarms_of(c) for c in {aged.file.camera for aged in files}}
@@ -70,7 +70,7 @@ class Keeper:
                 gone.append(aged.file.path)
         for folder in {path.parent for path in gone}:
             with contextlib.suppress(OSError):
-                folder.rmdir()  # a day of which nothing is left
+                folder.rmdir()  # succeeds for an empty day
         return gone
 
     def _oldest_ns(self) -> int:
@@ -78,7 +78,7 @@ class Keeper:
         return 0 if days is None else self._clock_ns() - nanoseconds(days * DAY_S)
 
     def _too_many(self, held_bytes: int) -> float:
-        """How much is over the share, or lacks on a disk that others fill, too."""
+        """Return the bytes above the archive's share, or missing from the free space to keep."""
         if self._rules.disk_share is None:
             return 0.0
         total, free = self._usage(self._root)
@@ -122,6 +122,6 @@ class Keeper:
 def _age(file: ArchivedFile) -> _Aged | None:
     try:
         found = file.path.stat()
-    except FileNotFoundError:  # somebody else applies these rules too
+    except FileNotFoundError:  # deleted meanwhile by another process
         return None
     return _Aged(file, found.st_size, found.st_mtime_ns)

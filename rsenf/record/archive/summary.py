@@ -1,4 +1,4 @@
-"""What one file of an archive holds, in few enough words to be kept for thousands of files."""
+"""The summary of one file of an archive, small enough to be cached for thousands of files."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from rsenf.record.topics import Topic, topics_of
 from rsenf.timebase import NS_PER_S
 
 COMPLETE, TRUNCATED, UNREADABLE = "complete", "truncated", "unreadable"
-# A pause this many times as long as is usual between two messages is a gap, if it isn't short.
+# A gap is a pause of at least this multiple of the usual interval, and this length.
 UNUSUAL, SHORTEST_GAP_NS = 5, 2 * NS_PER_S
-TOO_FEW = 10  # messages to tell what is usual
-MOST_STRETCHES = 64  # of a topic in a file
+TOO_FEW = 10  # with fewer messages the usual interval is unknown
+MOST_STRETCHES = 64  # for each topic in a file
 _OF_ALL_SO_FAR = frozenset(map(schema_name, OF_ALL_SO_FAR))
 
 
@@ -37,17 +37,17 @@ class TopicSummary:
     ----------
     messages : int
     missed : int or None
-        Messages that never came; None for a file that broke off or is damaged, which can't tell.
+        Messages that never arrived; None if unknown, as in a truncated or damaged file.
     first, last : str
-        Place of the first and the last message, as :class:`rsenf.record.tally.Place` reads it;
-        empty where the file doesn't tell.
+        Places of the first and the last message, in the format of
+        :class:`rsenf.record.tally.Place`; empty if unknown.
     stretches : tuple of Stretch
-        When there were messages, pauses that are none for this topic included.
+        Times with messages, including pauses that are usual for this topic.
     coarse_ns : int
-        Where there were too many to keep: the longest gap that they don't show. Else 0.
+        If there were too many stretches: the longest gap omitted. Otherwise 0.
     of_all_so_far : bool
-        Whether its messages are of their stream from its beginning on, and lie there on the time
-        line, however late they came.
+        Whether each message refers to its whole stream so far. Its log time is then the beginning
+        of the stream.
     """
 
     messages: int
@@ -60,7 +60,7 @@ class TopicSummary:
 
     @property
     def extent(self) -> Stretch:
-        """From the first message to the last."""
+        """Time from the first message to the last."""
         return Stretch(self.stretches[0].first_ns, self.stretches[-1].last_ns)
 
 
@@ -71,15 +71,14 @@ class FileSummary:
     Attributes
     ----------
     size_bytes, changed_ns : int
-        Size, and when it was last written; where these differ, the file is another one.
+        Size and time of the last change; if either differs, the summary is outdated.
     state : {'complete', 'truncated', 'unreadable'}
-        Whether it has its end, or what can be read of it.
     cut_bytes, damaged : int
-        Bytes after the last whole record; records that aren't what was written.
+        Bytes after the last complete record; number of damaged records.
     checked : bool
-        Whether all of it was read; else its end was believed.
+        Whether the file was read completely; otherwise its summary section was trusted.
     recovered : bool
-        Whether it is what was left of a damaged one.
+        Whether it was recovered from a damaged file.
     topics : dict of str to TopicSummary
     """
 
@@ -94,7 +93,7 @@ class FileSummary:
 
     @property
     def extent(self) -> Stretch | None:
-        """From its first message to its last; None for a file without any."""
+        """Time from its first message to its last; None without any."""
         topics = self.topics.values()
         extents = [t.extent for t in topics if not t.of_all_so_far] or [t.extent for t in topics]
         if not extents:
@@ -102,17 +101,17 @@ class FileSummary:
         return Stretch(min(e.first_ns for e in extents), max(e.last_ns for e in extents))
 
     def to_json(self) -> dict[str, Any]:
-        """Return what :meth:`from_json` reads."""
+        """Return the summary as JSON data, for :meth:`from_json`."""
         return asdict(self)
 
     @classmethod
     def from_json(cls, entry: dict[str, Any]) -> FileSummary:
-        """Read a summary.
+        """Read a summary from JSON data.
 
         Raises
         ------
         TypeError, KeyError, ValueError, AttributeError
-            When it is none.
+            When the data is invalid.
         """
         topics = {
             name: TopicSummary(
@@ -124,24 +123,24 @@ class FileSummary:
 
 
 def pause_ns(stretches: Iterable[Stretch], messages: int) -> int:
-    """Longest pause between two messages that is no gap, by how often they come."""
+    """Return the longest pause between messages that is no gap, from their usual interval."""
     return max(SHORTEST_GAP_NS, UNUSUAL * usual_interval_ns(stretches, messages))
 
 
 def summarise(path: Path, *, check: bool = False) -> FileSummary:
-    """Find out what a file holds.
+    """Summarise a file.
 
     Parameters
     ----------
     path : Path
     check : bool
-        Whether to read all of it, so that damage shows; else that is done only where it has no
-        sound end.
+        Whether to read the file completely, to detect damage; otherwise only if its summary section
+        is missing or invalid.
 
     Raises
     ------
     OSError
-        When it isn't there any more.
+        When it no longer exists.
     """
     found = os.stat(path)
     size, changed = found.st_size, found.st_mtime_ns
@@ -154,7 +153,7 @@ def summarise(path: Path, *, check: bool = False) -> FileSummary:
     recovered, topics = RECOVERED in contents.metadata, topics_of(contents.index)
     told = contents.metadata.get(CLOSING, {})
     if recovered or contents.damages:
-        told = {}  # what it says of itself was true before
+        told = {}  # its closing notes describe the original file
     return FileSummary(
         size,
         changed,
@@ -168,7 +167,7 @@ def summarise(path: Path, *, check: bool = False) -> FileSummary:
 
 
 def _unwatched(_: object) -> None:
-    """Have all of a file read, and look at none of it."""
+    """Ignore a record; given to ``read_contents`` so that it reads the whole file."""
 
 
 def _topic(topic: Topic, told: dict[str, str]) -> TopicSummary:
@@ -186,7 +185,7 @@ def _topic(topic: Topic, told: dict[str, str]) -> TopicSummary:
 
 
 def _place(text: str) -> str:
-    """Return the text of a place; none where it is no longer one."""
+    """Return the text of a place; empty if it is invalid."""
     try:
         return str(Place.read(text))
     except ValueError:

@@ -1,4 +1,4 @@
-"""Writes messages to an archive: each camera's to files of its own, the old ones deleted."""
+"""Writes messages to an archive: separate files for each camera, with rotation and retention."""
 
 from __future__ import annotations
 
@@ -24,34 +24,33 @@ KEEP_EVERY_NS = 60 * 10**9
 
 
 class ArchiveRecorder:
-    """A recording spread over files by site, camera and day. To be used from one thread.
+    """A recording split into files by site, camera and day. Not thread-safe.
 
     Parameters
     ----------
     root : path
-        Folder of the archive; made when it isn't there.
+        Folder of the archive; created if necessary.
     run_info : mapping
-        As for :class:`rsenf.record.Recorder`; each file has it.
+        As for :class:`rsenf.record.Recorder`; written to each file.
     clock_ns : callable
         Wall clock, UTC since 1970, in ns.
-    rotation, retention, alarms
-        When a new file begins, what is deleted, what belongs to an alarm.
+    rotation, retention, alarms : Rotation, Retention, AlarmSettings
     disk : DiskLimits
         When the disk counts as nearly full.
     warn : callable
-        Told in words of what isn't as it should be and stops nothing.
+        Called with a text for each problem that doesn't stop the recording.
     flush_every_s, fsync, compress
         As for :class:`rsenf.record.Recorder`.
 
     Attributes
     ----------
     refused : int
-        Messages on keys that are no camera's.
+        Messages with keys of no valid camera.
 
     Raises
     ------
     UsageError
-        When there is something else under that name.
+        When ``root`` is no folder.
     RecordingError
         When nothing can be written there.
     """
@@ -78,7 +77,7 @@ class ArchiveRecorder:
         self._keeper = Keeper(self.path, retention, clock_ns, limits=disk, warn=warn)
         self._kept_ns, self._warn, self.refused = clock_ns(), warn, 0
         self._cameras: dict[Camera, CameraFiles | AlarmFiles] = {}
-        self._filmed: set[Camera] = set()  # those that have sent anything but alarms
+        self._filmed: set[Camera] = set()  # cameras with any message but alarms
         self._noted: dict[tuple[Camera, str], AlarmSpan] = {}
         self._make_folder()
         self._keep()
@@ -100,7 +99,7 @@ class ArchiveRecorder:
         Returns
         -------
         bool
-            Whether it was recorded: it is new, and doesn't wait for an alarm.
+            Whether it was recorded: False for duplicates, and while waiting for an alarm.
         """
         camera = camera_of(topic)
         if camera is None:
@@ -114,27 +113,27 @@ class ArchiveRecorder:
         return files.write_encoded(topic, cls, payload, header)
 
     def add_metadata(self, name: str, values: Mapping[str, Any]) -> None:
-        """Add a metadata record to the files in the making, and to those that follow."""
+        """Add a metadata record to the open files, and to later ones."""
         self._run_info.update({f"{name}.{key}": value for key, value in values.items()})
         for files in self._cameras.values():
             if files.recorder is not None:
                 files.recorder.add_metadata(name, values)
 
     def alarm(self, topic: str | None, why: str) -> None:
-        """Keep what lies about this moment, whatever its age.
+        """Exempt the time around now from retention, and record it if only alarms are recorded.
 
         Parameters
         ----------
-        topic : str, optional
-            Where the alarm came; it is one of that topic's camera. Of all cameras, when not given
-            or of a topic that no camera has.
+        topic : str or None
+            Topic of the alarm, which then applies to its camera. None, or a topic of no camera,
+            applies to all cameras.
         why : str
-            In words.
+            Reason in words.
 
         Raises
         ------
         RecordingError
-            When it can't be written down.
+            When the alarm can't be stored.
         """
         own = camera_of(topic) if topic else None
         of_all = own not in self._filmed or own.name in _NO_CAMERA
@@ -150,7 +149,7 @@ class ArchiveRecorder:
         self.refused += 1
 
     def _note(self, camera: Camera, why: str) -> None:
-        """Write an alarm down for longer than it asks for: one that lasts needn't fill the disk."""
+        """Store an alarm's span, extended so that a lasting alarm adds few spans."""
         now_ns, alarms = self._clock_ns(), self._alarms
         from_ns, after_ns = now_ns - nanoseconds(alarms.before_s), nanoseconds(alarms.after_s)
         noted = self._noted.get((camera, why))
@@ -163,14 +162,14 @@ class ArchiveRecorder:
             raise _cannot(self.path, exc) from exc
 
     def tick(self) -> None:
-        """Flush, end files and delete old ones, each when it is time to. To be called often."""
+        """Flush, rotate and delete files, each when due. To be called often."""
         for files in self._cameras.values():
             files.tick()
         if not 0 <= self._clock_ns() - self._kept_ns < KEEP_EVERY_NS:
             self._keep()
 
     def close(self) -> None:
-        """Close all files, each whatever becomes of the others."""
+        """Close all files, even if closing one of them fails."""
         with ExitStack() as closing:
             for files in self._cameras.values():
                 closing.callback(files.end_file)
@@ -209,7 +208,7 @@ class ArchiveRecorder:
         self._keeper.apply()
 
 
-# Topics of the grids and of the nodes go by these names in place of a camera's.
+# Names in place of the camera in topics of references and nodes.
 _NO_CAMERA = ("reference", "@nodes")
 
 

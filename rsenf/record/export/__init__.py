@@ -1,8 +1,8 @@
-"""A topic of a recording as a file that any other program reads: a table, or a sound.
+"""Exports a topic of a recording to a common file format: a table (CSV, Parquet) or sound (WAV).
 
-``columns`` says which columns a message has, ``frame_rows`` those of the frames of row blocks,
-``table`` writes them as CSV or Parquet; ``recorded_light`` reads rows and how they were read out,
-``luminance`` makes a signal of them, ``sound`` writes it as WAV.
+``part`` selects a run and epoch. ``table`` writes messages, or the frames of row blocks.
+``recorded_light`` reads row blocks with their idle ratio, ``luminance`` resamples them to a uniform
+signal, and ``sound`` writes that as WAV.
 """
 
 from rsenf.record.export.part import Part

@@ -1,4 +1,4 @@
-"""The light as a signal: rows at their own times, what lies between frames filled in."""
+"""Resamples row luminance to a uniform rate, by linear interpolation between row times."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rsenf.errors import InputError
 from rsenf.messages import RowBlock
 from rsenf.timebase import NS_PER_S
 
-# Frames further apart than this many periods have others missing between them: silence there.
+# An interval above this many frame periods means missing frames, which become silence.
 _MISSING = 1.5
 
 Signal = NDArray[np.float64]
@@ -20,18 +20,18 @@ Signal = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Survey:
-    """What is to be known of all frames before the first sample.
+    """Statistics of all frames, needed before the first sample.
 
     Attributes
     ----------
-    first_pts_ns : int
-        Stream clock at the first frame.
+    first_pts_ns, last_pts_ns : int
+        Stream clock at the first and the last frame.
     frames : int
         Number of frames.
     frame_rate_hz : float
-        Measured between frames that follow each other: some may be missing, numbered or not.
-    scene_levels : ndarray
-        Mean of each row over all frames: the still picture, without the light's flicker.
+        Measured between consecutive frames only, as some may be missing.
+    scene_levels : ndarray, shape (rows,)
+        Mean of each row over all frames: the static scene without flicker.
     peak_levels : float
         Largest deviation of a row from its mean.
     """
@@ -45,17 +45,17 @@ class Survey:
 
     @property
     def duration_s(self) -> float:
-        """From the first frame to the end of the last."""
+        """Time from the first frame to the end of the last."""
         return (self.last_pts_ns - self.first_pts_ns) / NS_PER_S + 1 / self.frame_rate_hz
 
 
 def survey(blocks: Iterable[RowBlock]) -> Survey:
-    """Look through all blocks of one epoch.
+    """Compute the statistics of all blocks of one epoch.
 
     Raises
     ------
     InputError
-        When there are fewer than two frames, or the rows change their number.
+        When there are fewer than two frames, or the number of rows changes.
     """
     total = least = most = np.empty(0)
     times = np.empty(0, np.int64)
@@ -73,7 +73,7 @@ def survey(blocks: Iterable[RowBlock]) -> Survey:
     if not intervals_ns.size or times[-1] <= times[0]:
         raise InputError(f"too short for a sound: {times.size} frames")
     scene = total / times.size
-    # Not the median: where every third frame is missing, half of them are two periods.
+    # Not the median: if every third frame is missing, half of the intervals are two periods.
     usual_ns = intervals_ns[intervals_ns < _MISSING * np.quantile(intervals_ns, 0.25)]
     return Survey(
         first_pts_ns=int(times[0]),
@@ -86,26 +86,26 @@ def survey(blocks: Iterable[RowBlock]) -> Survey:
 
 
 def row_levels(block: RowBlock) -> Signal:
-    """Mean of each row over its strips, (frames, rows), levels."""
+    """Return the mean of each row over its strips, shape (frames, rows), in levels."""
     levels: Signal = np.mean(block.level, axis=2, dtype=np.float64)
     return levels
 
 
 class Sampler:
-    """Reads the light off at regular times.
+    """Samples the luminance at a uniform rate.
 
-    Row ``l`` of ``L`` was read ``l / L`` of the read-out time after its frame began; between rows,
-    and between the last row of a frame and the first of the next, the light runs straight. So a
-    tone keeps its pitch, whatever the number of rows, the idle period and the sample rate are.
+    Row ``l`` of ``L`` is at ``l / L`` of the read-out time after the start of its frame. Between
+    rows, and between the last row of a frame and the first of the next, the signal is interpolated
+    linearly. A tone thus keeps its frequency for any number of rows, idle ratio and sample rate.
 
     Parameters
     ----------
     found : Survey
-        Of the same blocks.
+        Statistics of the same blocks.
     idle_ratio : float
-        Share of each frame in which no row is read, from 0 to below 1.
+        Share of the frame period in which no row is read, from 0 to below 1.
     rate_hz : int
-        Samples a second.
+        Sample rate.
     upwards : bool
         Whether the last row is read first.
     """
@@ -117,11 +117,11 @@ class Sampler:
         read_out_s = (1 - idle_ratio) * self._period_s
         self._line_s = read_out_s / rows
         self._row_s = np.arange(rows) * self._line_s
-        self._knots = np.empty((2, 0))  # time and level of the last row so far
-        self._next = 0  # sample
+        self._knots = np.empty((2, 0))  # times and levels; between blocks only the last row
+        self._next = 0  # number of the next sample
 
     def samples(self, blocks: Iterable[RowBlock]) -> Iterator[Signal]:
-        """Yield the deviations of the light from the still scene, in levels, piece by piece."""
+        """Yield the signal piece by piece: deviations from the static scene, in levels."""
         for block in blocks:
             times_s, levels = self._frames(block)
             if not times_s.size:
@@ -132,7 +132,7 @@ class Sampler:
         yield self._up_to(self._found.duration_s)
 
     def _frames(self, block: RowBlock) -> tuple[Signal, Signal]:
-        """Times of the frames that come later than all before them, and their levels."""
+        """Return times and levels of the frames that are later than all before them."""
         times_s = (block.frame_pts_ns - self._found.first_pts_ns) / NS_PER_S
         latest = np.maximum.accumulate(np.concatenate([[self._last_frame_s], times_s]))[:-1]
         later = times_s > latest
@@ -144,7 +144,7 @@ class Sampler:
         return float(self._knots[0, -1] - self._row_s[-1]) if self._knots.size else -np.inf
 
     def _with_silence(self, times_s: Signal, levels: Signal) -> Signal:
-        """Knots of the signal: time and level; where frames are missing it goes to nought."""
+        """Return the knots of the signal (times, levels), with zeros where frames are missing."""
         pieces = []
         before_s = self._last_frame_s
         for time_s, level in zip(times_s, levels, strict=True):
@@ -156,7 +156,7 @@ class Sampler:
         return np.hstack(pieces)
 
     def _up_to(self, end_s: float) -> Signal:
-        """Sample the knots up to a time, without it."""
+        """Return the samples before a time."""
         stop = int(np.ceil(end_s * self._rate_hz))
         times_s = np.arange(self._next, stop) / self._rate_hz
         self._next = max(stop, self._next)

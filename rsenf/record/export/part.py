@@ -1,4 +1,4 @@
-"""Which part of a recording is meant, where its source was started again."""
+"""Selects a part of a recording whose source was restarted."""
 
 from __future__ import annotations
 
@@ -8,19 +8,24 @@ from rsenf.messages import Header
 
 
 class Part(NamedTuple):
-    """Some of a topic's messages; all that it leaves open is meant.
+    """Selection of a topic's messages; None selects all.
 
     Attributes
     ----------
     run : str or None
-        Identity of the run, or how it begins.
+        Identity of the run, or a prefix of it.
     epoch : int or None
-        Which epoch of it.
     """
 
     run: str | None = None
     epoch: int | None = None
 
     def has(self, header: Header) -> bool:
-        """Whether a message with this header belongs to it."""
+        """Whether a message with this header is selected.
+
+        Examples
+        --------
+        >>> Part("ab").has(Header(run_id="abc", epoch=3)), Part("ab", 2).has(Header(run_id="abc"))
+        (True, False)
+        """
         return header.run_id.startswith(self.run or "") and self.epoch in (None, header.epoch)

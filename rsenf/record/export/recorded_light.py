@@ -1,4 +1,4 @@
-"""The row blocks of one stretch of a recording, and how its camera read them."""
+"""The row blocks of one epoch of a recording, with the camera's idle ratio."""
 
 from __future__ import annotations
 
@@ -14,21 +14,22 @@ IDLE = "/idle"
 
 
 class RecordedLight:
-    """Row blocks of one epoch of one run, with the idle period that the recording has of it.
+    """Row blocks of one epoch of one run, with the recorded estimate of the idle ratio.
 
     Parameters
     ----------
     recording : Recording
-        The recording.
     topic : str
         Topic of the row blocks.
     part : Part
-        Which; needed when there are several, as their times don't go on from each other.
+        Must select one epoch of one run, since times don't continue from one to the next.
 
     Raises
     ------
     UsageError
-        When the topic has no row blocks, or several epochs and none is given.
+        When the topic has no row blocks, or several epochs are selected.
+    InputError
+        When no rows can be read.
     """
 
     def __init__(self, recording: Recording, topic: str, part: Part) -> None:
@@ -46,17 +47,17 @@ class RecordedLight:
         self.part = next(iter(found))
 
     def blocks(self) -> Iterator[RowBlock]:
-        """Read the row blocks, what can't be read left out."""
+        """Read the row blocks; unreadable ones are skipped."""
         return self._all(self.part)
 
     @property
     def idle_ratio(self) -> float:
-        """Idle ratio by the recording; nought for means of whole frames, which have no rows.
+        """Recorded idle ratio; 0 for means of whole frames, which have no rows.
 
         Raises
         ------
         UsageError
-            When it has none.
+            When the recording has no estimate.
         """
         if next(self.blocks()).read_out_axis == "frame":
             return 0.0

@@ -1,4 +1,4 @@
-"""The luminance as sound: mono WAV that says in itself what a sample is."""
+"""Luminance as sound: mono WAV with a description of its samples."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ from rsenf.whole_file import whole_file
 
 SampleFormat = Literal["float32", "pcm16"]
 
-# Tag of the format, type of a sample, and the number that full scale is.
+# Format tag, sample type, and value of full scale.
 _FORMATS: dict[str, tuple[int, str, float]] = {
     "float32": (3, "<f4", 1.0),
     "pcm16": (1, "<i2", 32767.0),
 }
-_LARGEST_BYTES = (1 << 32) - (1 << 16)  # sizes in a WAV have 32 bits
+_LARGEST_BYTES = (1 << 32) - (1 << 16)  # WAV has 32-bit sizes
 
 
 @dataclass(frozen=True)
 class SoundFile:
-    """What was written, and what is needed to get back from samples to levels.
+    """Parameters of the sound, including the scale from samples to levels.
 
     Attributes
     ----------
     rate_hz : int
-        Samples a second.
+        Sample rate.
     samples : int
         Number of samples.
     levels_per_unit : float
-        What a sample of 1.0 (full scale) is, in 8-bit levels of luma about the row's mean.
+        Value of a sample of 1.0 (full scale), in 8-bit levels of luma relative to the row's mean.
     frame_rate_hz, rows, idle_ratio
-        Of the camera, as the rows were laid out in time.
+        Timing of the rows.
     """
 
     rate_hz: int
@@ -61,30 +61,29 @@ def write_sound(
     sample_format: SampleFormat = "float32",
     about: dict[str, Any] | None = None,
 ) -> SoundFile:
-    """Write the light that the rows saw as sound, at the rate at which rows were read.
+    """Write the luminance of the rows as sound, at the rate at which rows were read.
 
-    Each row's mean is taken off, so that the light is heard and not the scene; the rest is
-    normalised to full scale. The factor stands in the file (LIST/INFO, ICMT, as JSON).
+    Each row's mean is subtracted to remove the scene; the rest is normalised to full scale. The
+    file contains the factor (LIST/INFO, ICMT, as JSON).
 
     Parameters
     ----------
     blocks : callable
-        Gives the row blocks of one epoch, in order, each time it is called: it is called twice.
+        Returns the row blocks of one epoch, in order; called twice.
     out : Path
         The file; replaced once it is complete.
     idle_ratio : float
-        Share of each frame in which no row is read; without it every tone has the wrong pitch.
+        Share of the frame period in which no row is read; a wrong one shifts all frequencies.
     upwards : bool
         Whether the last row is read first.
     sample_format : {'float32', 'pcm16'}
-        Of a sample.
     about : dict, optional
-        What else to note in the file.
+        Further notes for the file.
 
     Raises
     ------
     UsageError
-        When the idle ratio is none, or the sound is longer than a WAV can be.
+        When the idle ratio is invalid, or the sound is longer than a WAV can be.
     InputError
         When there are too few frames.
     RecordingError
@@ -127,7 +126,7 @@ def _described(found: Survey, rate_hz: int, count: int, idle_ratio: float) -> So
 
 
 def _head(tag: int, width: int, sound: SoundFile, note: str) -> bytes:
-    """All that stands before the samples (RIFF; 'fact' is required where samples are floats)."""
+    """Return the RIFF header up to the samples ('fact' is required for float samples)."""
     rate = sound.rate_hz
     body = b"WAVE" + _chunk(
         b"fmt ", struct.pack("<HHIIHHH", tag, 1, rate, rate * width, width, 8 * width, 0)

@@ -1,11 +1,9 @@
-"""A topic as a table: CSV, or Parquet.
+"""Exports a topic as a table in CSV or Parquet.
 
-The columns of row blocks: one line a frame, one column for each row and strip.
+Messages: one line each, with names and units of their schema.
 
-Wide rather than long: a line is a frame with its exact time, so the columns of luma read as the
-matrix that they are, and nothing is repeated hundreds of times.
-
-The columns of a table of messages: one line a message, names and units as in its schema.
+Row blocks: one line for each frame with its exact time, and one column for each row and strip. This
+wide format keeps the luma as a matrix, and doesn't repeat anything hundreds of times.
 """
 
 from __future__ import annotations
@@ -38,19 +36,19 @@ _TYPES = {
     "sfixed64": pa.int64(),
     "fixed32": pa.uint32(),
 }
-# What stands before the fields of the header and of the message. The schema goes with its version.
+# Columns before the fields of header and message. The schema includes its version.
 _ABOUT = [("topic", pa.string()), ("schema", pa.string()), ("log_time_ns", pa.int64())]
 
 
 class Columns:
-    """Columns of the messages of one class: all fields but pictures, the header's among them.
+    """Columns for messages of one class: all fields except bytes, including the header's.
 
-    A list stays a list. NaN, which is "unknown" in a message, becomes null.
+    Lists stay lists. NaN, which means "unknown" in a message, becomes null.
 
     Parameters
     ----------
     topic : str
-        Topic that they come from.
+        Topic of the messages.
     cls : type
         Their class.
     """
@@ -63,13 +61,13 @@ class Columns:
         self.schema = pa.schema([*_ABOUT, *((spec.name, _type(spec)) for spec in described)])
 
     def lines(self, message: Any, log_time_ns: int) -> list[dict[str, Any]]:
-        """Return the one line of a message, by column."""
+        """Return the line of a message, by column."""
         line = self.about(message.header, log_time_ns)
         line.update((spec.name, _value(getattr(message, spec.name))) for spec in self._fields)
         return [line]
 
     def about(self, header: Header, log_time_ns: int) -> dict[str, Any]:
-        """Return what stands before a message's own fields."""
+        """Return the columns before a message's own fields."""
         about = {"topic": self._topic, "schema": self._schema, "log_time_ns": log_time_ns}
         return about | {spec.name: getattr(header, spec.name) for spec in field_specs(Header)}
 
@@ -87,7 +85,7 @@ def _type(spec: FieldSpec) -> Any:
 
 
 def _value(value: Any) -> Any:
-    """Value as Arrow takes it."""
+    """Convert a value for Arrow."""
     if isinstance(value, float):
         return None if math.isnan(value) else value
     if isinstance(value, np.ndarray):
@@ -99,17 +97,17 @@ def _value(value: Any) -> Any:
     return value
 
 
-# Fields of a block that hold for each of its frames.
+# Fields of a block that are repeated for each of its frames.
 _OF_BLOCK = ("read_out_axis", "steady_ratio", "clipped_ratio", "usable", "reason")
 
 
 class FrameRows(Columns):
-    """Columns of the frames of row blocks; all of the shape of the first.
+    """Columns for the frames of row blocks, which must all have the shape of the first.
 
     Parameters
     ----------
     topic : str
-        Topic that they come from.
+        Topic of the blocks.
     first : RowBlock
         The first block.
     """
@@ -160,37 +158,36 @@ class FrameRows(Columns):
         ]
 
 
-_LINES = 512  # written at once: a few MB of the widest tables
+_LINES = 512  # batch size: a few MB for the widest tables
 
 
 def write_table(recording: Recording, topic: str, out: Path, part: Part | None = None) -> int:
-    """Write a topic's messages to a table, what can't be read left out and counted in its loss.
+    """Write a topic's messages to a table; unreadable ones are counted in ``recording.loss``.
 
-    One line a message, or a frame for row blocks. Marks and pictures are left out. In CSV a list
-    is a cell of JSON.
+    One line for each message, or for each frame of row blocks. Marks and pictures are omitted. In
+    CSV a list becomes a cell of JSON.
 
     Parameters
     ----------
     recording : Recording
-        The recording.
     topic : str
         One of its topics.
     out : Path
         ``.csv`` or ``.parquet``; replaced once the table is complete.
     part : Part, optional
-        Which of them; all unless given.
+        Selects messages; all by default.
 
     Returns
     -------
     int
-        Lines.
+        Number of lines.
 
     Raises
     ------
     UsageError
-        When the name is of neither kind, or there is no such topic.
+        When the file's suffix or the topic is unknown.
     InputError
-        When no message can be read, or rows change their number.
+        When no message can be read, or the number of rows changes.
     RecordingError
         When the table can't be written.
     """
