@@ -15,7 +15,6 @@ from rsenf.bus.keys import REFERENCE, TOPICS, matches
 from rsenf.bus.zenoh_bus import setting_problem
 from rsenf.config.check import check
 from rsenf.config.graph import BusConfig, Graph, completed, host_of, reader_of_frames, sender_of
-from rsenf.config.graph import reader_of_frames as reader_of
 from rsenf.config.node_kind import NODE_KINDS, NodeKind, Problem
 from rsenf.config.secrets import hide
 from rsenf.config.yaml_lines import YamlText
@@ -98,7 +97,7 @@ def _far_rings(graph: Graph) -> Iterator[Problem]:
     for name, node in graph.nodes.items():
         if node.uses_ring:
             for topic, camera in node.outputs():
-                reader = reader_of(graph, camera) if topic == "frames" else ""
+                reader = reader_of_frames(graph, camera) if topic == "frames" else ""
                 there = host_of(graph, reader)
                 if there and there != host_of(graph, name):
                     text = f"node {reader!r} reads them on host {there!r}; use 'tcp' or 'fused'"

@@ -25,7 +25,7 @@ class EnfEstimate:
     rank: int = field(3, "0 for the tracker's own choice, 1 … for other hypotheses", 0)
     nominal_hz: float = field(4, "nominal grid frequency, 50 or 60", float("nan"))
     harmonic: int = field(5, "harmonic k of the illumination frequency, from 1", 1)
-    line_m: int = field(6, "line k·f0 + m·F_r of the row-concatenated spectrum (paper Eq. 20)", 0)
+    line_m: int = field(6, "line k·f0 + m·F_r of the row-concatenated spectrum (paper Eq. 21)", 0)
     line_hz: float = field(7, "nominal position of that line", float("nan"))
     idle_ratio: float = field(
         8, "idle hypothesis, 0 to 1; NaN when the method makes none", float("nan")
