@@ -1,4 +1,4 @@
-"""Workers of an existing Dask cluster in place of processes of our own."""
+"""Runs tasks on the workers of an existing Dask cluster instead of local processes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rsenf.errors import NodeFailed, UsageError
 
 T = TypeVar("T")
 _CONNECT_S = 10.0
-_LOOK_S = 0.25  # how often it is looked for what takes too long; workers tell every half second
+_LOOK_S = 0.25  # between checks for late tasks; workers report every 0.5 s
 _RESTART_S = 60.0
 
 
@@ -26,11 +26,11 @@ def worked_on_cluster(
     tell: Callable[[str], None],
     timeout_s: float = math.inf,
 ) -> Iterator[Done[T]]:
-    """Work through tasks on a cluster; yields each once, as it is done.
+    """Run tasks on a cluster; yields each once, when it is done.
 
-    What a dead worker had is done by another one, as often as the scheduler allows
+    Tasks of a dead worker are given to another one, as often as the scheduler allows
     (``distributed.scheduler.allowed-failures``). Closing the iterator, or an exception in its user,
-    takes back what isn't begun.
+    cancels tasks that are not begun.
 
     Parameters
     ----------
@@ -40,18 +40,18 @@ def worked_on_cluster(
     address : str
         Of the scheduler.
     tell : callable
-        Told in words what keeps the work from beginning.
+        Called with a text if something delays the start.
     timeout_s : float, optional
-        How long a task may take once a worker has begun it; then it is taken back, and the worker
-        restarted by its nanny: nothing less ends a task. What else that worker had is done again.
+        Longest run time of a task on a worker; then it is cancelled and the worker restarted by its
+        nanny, since nothing less ends a task. Other tasks of that worker are run again.
 
     Raises
     ------
     UsageError
-        Without Dask, for a scheduler that can't be reached, or workers with another rsenf; with a
-        timeout, for workers that nobody would restart.
+        Without Dask, for an unreachable scheduler, or for workers with another rsenf; with a
+        timeout, for workers without a nanny.
     NodeFailed
-        When the scheduler is lost.
+        If the scheduler is lost.
     """
     try:
         import distributed
@@ -63,20 +63,20 @@ def worked_on_cluster(
             _check_nannies(client)
         try:
             yield from _worked(distributed, client, deque(tasks), work, timeout_s)
-        except OSError as exc:  # of a question that the scheduler doesn't answer any more
+        except OSError as exc:  # from a call to a scheduler that no longer answers
             raise _lost() from exc
 
 
 def _worked(
     distributed: Any, client: Any, left: deque[T], work: Work[T], timeout_s: float
 ) -> Iterator[Done[T]]:
-    """Hand tasks out, and yield what becomes of them."""
+    """Submit tasks, and yield their results."""
     given = dict[str, tuple[Any, T]]()
     running = distributed.as_completed(loop=client.loop)
     late: dict[str, _Known] = {}
 
     def give() -> None:
-        # No more than can be worked on: what waits beside a deadly task is blamed with it.
+        # No more than can run: tasks that wait on a killed worker would be blamed as well.
         while left and len(given) < max(1, sum(client.nthreads().values())):
             future = client.submit(answered, left[0], work, pure=False)
             given[future.key] = future, left.popleft()
@@ -98,7 +98,7 @@ def _worked(
 
 
 class _Known(NamedTuple):
-    """What the scheduler knows of a task: whom it killed, who has it, and for how long."""
+    """A task's state at the scheduler: worker deaths that it caused, its worker, its run time."""
 
     deaths: int
     worker: str
@@ -106,7 +106,7 @@ class _Known(NamedTuple):
 
 
 def _known(keys: list[str], dask_scheduler: Any) -> dict[str, _Known]:
-    """Return it; Dask has the scheduler run this, which is given by the argument's name."""
+    """Return the state of tasks; runs on the scheduler, which Dask passes as the last argument."""
     found = {}
     for key in keys:
         if task := dask_scheduler.tasks.get(key):
@@ -117,18 +117,18 @@ def _known(keys: list[str], dask_scheduler: Any) -> dict[str, _Known]:
 
 
 def _taken_back(client: Any, futures: dict[str, Any], timeout_s: float) -> dict[str, _Known]:
-    """Take back what takes too long, and have its workers restarted; return what it was."""
+    """Cancel tasks that take too long and restart their workers; return the state they had."""
     known = client.run_on_scheduler(_known, keys=list(futures))
     late = {key: one for key, one in known.items() if one.begun_s > timeout_s}
     if late:
-        client.cancel([futures[key] for key in late])  # first, or another worker would get it
+        client.cancel([futures[key] for key in late])  # first, or another worker would get them
         workers = sorted({one.worker for one in late.values()})
         client.restart_workers(workers, timeout=_RESTART_S, raise_for_error=False)
     return late
 
 
 def _connected(distributed: Any, address: str) -> Any:
-    # What is lost is said once, by us; it would come with tracebacks.
+    # A lost scheduler is reported once, here; Dask would add tracebacks.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
         return distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
@@ -152,7 +152,7 @@ def _check_workers(client: Any, tell: Callable[[str], None]) -> None:
 
 
 def _check_nannies(client: Any) -> None:
-    """Refuse workers that nobody would start again."""
+    """Refuse workers that can't be restarted."""
     if alone := client.run_on_scheduler(_without_nanny):
         raise UsageError(
             f"--timeout-s: the worker at {alone[0]} has no nanny to restart it",
@@ -169,7 +169,7 @@ def _version() -> str:
 
 
 def _done(distributed: Any, client: Any, future: Any, task: T) -> Done[T]:
-    """Return what has become of a task."""
+    """Return the result of a task."""
     if future.status not in ("finished", "error"):
         raise _lost()
     known = client.run_on_scheduler(_known, keys=[future.key])

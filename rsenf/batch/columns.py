@@ -1,4 +1,4 @@
-"""The columns of the result table: what every recording has, and what each analysis adds."""
+"""The columns of the result table: common ones, and those of each analysis."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from rsenf.batch.recordings import Recording
 
-VERSION = 1  # another when a column changes its meaning or goes
+VERSION = 1  # changes when a column is removed or changes its meaning
 Kind = Literal["text", "texts", "number", "count"]
 Row = dict[str, Any]
 
@@ -25,7 +25,7 @@ LAST: dict[str, Kind] = {
     "host": "text",
     "rsenf_version": "text",
 }
-# Named as in the JSON of the verb for one recording.
+# Names as in the JSON of the command for one recording.
 ANALYSES: dict[str, dict[str, Kind]] = {
     "verify": {
         "decision": "text",
@@ -98,20 +98,20 @@ def columns_of(analysis: str) -> dict[str, Kind]:
 def make_row(
     recording: Recording, analysis: str, settings: str, status: str, reason: str, **more: Any
 ) -> Row:
-    """Return what the journal keeps of a recording.
+    """Return the journal's row of a recording.
 
     Parameters
     ----------
     recording : Recording
     analysis : str
     settings : str
-        Fingerprint of all that the result depends on besides.
+        Fingerprint of everything else that the result depends on.
     status : str
         One of ``STATUSES``.
     reason : str
-        Why there is no result, or not the one hoped for.
+        Why there is no result, or only a negative one.
     **more
-        Other columns; those that aren't given are unknown.
+        Other columns; those not given are unknown.
     """
     return {
         "version": VERSION,

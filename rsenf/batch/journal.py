@@ -1,6 +1,6 @@
-"""The journal of a long run: one line of JSON for each task, added as it is done, never rewritten.
+"""The journal of a long run: one JSON line per task, appended when it is done, never rewritten.
 
-What is done again gets a line of its own, which counts instead of the one before.
+The last line of a task counts.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ Record = dict[str, Any]
 
 
 def read_records(path: Path) -> dict[str, Record]:
-    """Read the records by their keys; a last line that was never finished doesn't count.
+    """Read the records by key; an unfinished last line is ignored.
 
     Raises
     ------
     InputError
-        When another line isn't a record.
+        If another line isn't a record.
     """
     if not path.exists():
         return {}
@@ -42,16 +42,16 @@ def read_records(path: Path) -> dict[str, Record]:
 
 
 class Journal:
-    """A file of records, open for more; what stands in it is kept.
+    """A file of records, open for appending; its content is kept.
 
     Raises
     ------
     RecordingError
-        When it can't be written.
+        If it can't be written.
     UsageError
-        When another run is writing it.
+        If another run is writing it.
     InputError
-        When it holds something else.
+        If it holds something else.
     """
 
     def __init__(self, path: Path) -> None:
@@ -72,12 +72,12 @@ class Journal:
             raise
 
     def add(self, record: Record) -> None:
-        """Add a record; once this returns, it is on the disk.
+        """Append a record; it is on disk when this returns.
 
         Raises
         ------
         RecordingError
-            When it can't be written.
+            If it can't be written.
         """
         line = json.dumps(record, allow_nan=False, separators=(",", ":"))
         try:
@@ -91,7 +91,7 @@ class Journal:
         self.records[record["key"]] = record
 
     def of(self, keys: Iterable[str]) -> list[Record]:
-        """Return the records of those keys that have one, in their order."""
+        """Return the records of these keys, in their order, if they exist."""
         return [self.records[key] for key in keys if key in self.records]
 
     def __enter__(self) -> Self:
@@ -107,9 +107,9 @@ class Journal:
 
 
 def _take(file: IO[bytes], path: Path) -> None:
-    """Take a file for this process alone, for as long as it is open.
+    """Lock a file for this process as long as it is open.
 
-    File systems without locks know no such thing; there nobody is kept out.
+    Without effect on file systems that have no locks.
     """
     try:
         fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -122,5 +122,5 @@ def _take(file: IO[bytes], path: Path) -> None:
 
 
 def _whole_bytes(path: Path) -> int:
-    """Length of a file up to the end of its last whole line."""
+    """Length of a file up to the end of its last complete line."""
     return path.read_bytes().rfind(b"\n") + 1

@@ -1,4 +1,4 @@
-"""What of a batch is left to do, going by its journal."""
+"""Decides from the journal what is left to do."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def check_analysis(analysis: str, rows: Iterable[Row], out: Path) -> None:
     Raises
     ------
     UsageError
-        When there are any.
+        If there are any.
     """
     others = {str(row.get("analysis")) for row in rows} - {analysis}
     if others:
@@ -30,20 +30,20 @@ def check_analysis(analysis: str, rows: Iterable[Row], out: Path) -> None:
 def left_to_do(
     recordings: Iterable[Recording], rows: Mapping[str, Row], settings: str, *, retry: bool
 ) -> tuple[list[Recording], Counter[str]]:
-    """Return the recordings that are to be done, and why how many of them are.
+    """Return the recordings to do, and their number by reason.
 
-    What was read to its end and is of no use stays so until it changes; what could not be read, or
-    failed, may do better the next time.
+    A recording that was read completely and is unusable is skipped until it changes; one that could
+    not be read, or failed, is tried again.
 
     Parameters
     ----------
     recordings : iterable of Recording
     rows : mapping of dict
-        Of the journal, by the key of the recording.
+        Rows of the journal, by the key of the recording.
     settings : str
-        Fingerprint of all that results depend on besides.
+        Fingerprint of everything else that results depend on.
     retry : bool
-        Whether what is of no use is to be done again, too.
+        Whether to do unusable recordings again, too.
     """
     left, reasons = [], Counter[str]()
     for recording in recordings:
@@ -55,7 +55,7 @@ def left_to_do(
 
 
 def _why(recording: Recording, row: Row | None, settings: str, retry: bool) -> str:
-    """Say why a recording is to be done, if it is."""
+    """Return the reason to do a recording; empty if it is done."""
     if row is None:
         return NEW
     if (row.get("version"), row.get("settings")) != (VERSION, settings):
@@ -67,5 +67,5 @@ def _why(recording: Recording, row: Row | None, settings: str, retry: bool) -> s
 
 
 def is_useless(row: Row) -> bool:
-    """Whether a recording was read, all of it, and is of no use."""
+    """Whether a recording was read completely and is unusable."""
     return row["status"] == UNUSABLE and row["sha256"] is not None

@@ -1,4 +1,4 @@
-"""Processes that work through tasks side by side; one that dies costs no more than its task."""
+"""A pool of processes for tasks; a process that dies costs only its task."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _LAST_BREATH_S = 2.0
 
 @dataclass(frozen=True)
 class Trouble:
-    """Why there is no answer to a task.
+    """Why a task has no answer.
 
     Parameters
     ----------
     text : str
         In one line.
     died : bool
-        The process died of it, rather than that an exception was raised.
+        Whether the process died; otherwise it raised an exception.
     trace : str
         The exception's traceback.
     """
@@ -42,7 +42,7 @@ class Trouble:
 
 @dataclass(frozen=True)
 class Done(Generic[T]):
-    """A task with its answer, or with why there is none; ``tries`` is None when nobody counted."""
+    """A task with its answer or trouble; ``tries`` is None if unknown."""
 
     task: T
     answer: dict[str, Any] | Trouble
@@ -52,7 +52,7 @@ class Done(Generic[T]):
 def worked(
     tasks: Sequence[T], work: Work[T], jobs: int, tries: int = 1, timeout_s: float = math.inf
 ) -> Iterator[Done[T]]:
-    """Work through tasks in so many processes; yields each once, as it is done.
+    """Run tasks in ``jobs`` processes; yields each once, when it is done.
 
     Closing the iterator, or an exception in its user, ends the processes at once.
 
@@ -63,9 +63,10 @@ def worked(
         From a task to its answer; other processes import it by its name.
     jobs : int
     tries : int, optional
-        How many processes may die of a task. It is tried again last, when others need less memory.
+        Number of processes that may die of a task. It is tried again last, when others need less
+        memory.
     timeout_s : float, optional
-        How long a task may take; then its process is ended, and it isn't tried again.
+        Longest run time of a task; then its process is killed, and it isn't tried again.
     """
     left = deque((task, 1) for task in tasks)
     workers: list[_Worker[T]] = []
@@ -90,7 +91,7 @@ def worked(
 
 
 def _ready(workers: list[_Worker[T]]) -> list[_Worker[T]]:
-    """Wait for workers that have an answer, or take too long for one."""
+    """Wait for workers that have an answer or are late."""
     by_connection = {worker.connection: worker for worker in workers}
     left_s = min(worker.due_s for worker in workers) - time.monotonic()
     answered = wait(list(by_connection), max(left_s, 0.0) if math.isfinite(left_s) else None)
@@ -100,10 +101,10 @@ def _ready(workers: list[_Worker[T]]) -> list[_Worker[T]]:
 
 
 class _Worker(Generic[T]):
-    """A process, and what it works on."""
+    """A process and its current task."""
 
     def __init__(self, work: Work[T]) -> None:
-        # A fresh interpreter each: a fork would share the threads' locks of FFmpeg and OpenCV.
+        # A new interpreter each: a fork would copy locks held by threads of FFmpeg and OpenCV.
         context = multiprocessing.get_context("spawn")
         self.task: tuple[T, int] | None = None
         self.due_s, self.is_late = math.inf, False
@@ -113,40 +114,40 @@ class _Worker(Generic[T]):
         theirs.close()
 
     def give(self, task: T, tried: int, timeout_s: float) -> None:
-        """Have it work on a task; whether it is alive shows when its answer is asked for."""
+        """Send it a task; if it has died, that is found when its answer is read."""
         self.task, self._timeout_s = (task, tried), timeout_s
         self.due_s, self.is_late = time.monotonic() + timeout_s, False
         with contextlib.suppress(OSError):
             self.connection.send(task)
 
     def answer(self) -> tuple[T, int, dict[str, Any] | Trouble]:
-        """Take its answer to what it was given."""
+        """Read its answer."""
         assert self.task is not None
         (task, tried), self.task = self.task, None
         try:
             return task, tried, self.connection.recv()
         except (EOFError, OSError):
-            self._process.join(_LAST_BREATH_S)  # before it is ended, to learn how it ended
+            self._process.join(_LAST_BREATH_S)  # wait for its exit code before terminating it
             self.end()
             why = f"not done within {self._timeout_s:g} s" if self.is_late else ""
             return task, tried, Trouble(why or _death(self._process.exitcode), died=True)
 
     def give_up_if_late(self) -> bool:
-        """Kill a process that takes too long; whether it did."""
+        """Kill a process that takes too long; return whether it did."""
         self.is_late = time.monotonic() >= self.due_s
         if self.is_late:
             self._process.kill()
         return self.is_late
 
     def end(self) -> None:
-        """End the process at once."""
+        """Terminate the process."""
         self.connection.close()
         self._process.terminate()
         self._process.join()
 
 
 def _death(exit_code: int | None) -> str:
-    """Say how a process died."""
+    """Describe how a process died."""
     if exit_code is None or exit_code >= 0:
         return f"the process that worked on it ended by itself, with {exit_code}"
     try:
@@ -157,7 +158,7 @@ def _death(exit_code: int | None) -> str:
 
 
 def _work(connection: Connection, work: Work[Any]) -> None:
-    """Work on what comes, until nothing more does."""
+    """Run tasks until the connection is closed."""
     # Ctrl-C reaches every process of a terminal; the parent ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.suppress(EOFError, OSError):  # the parent is gone
@@ -166,12 +167,12 @@ def _work(connection: Connection, work: Work[Any]) -> None:
 
 
 def answered(task: T, work: Work[T]) -> dict[str, Any] | Trouble:
-    """Work on a task; an exception becomes a trouble."""
+    """Run a task; an exception becomes a :class:`Trouble`."""
     import cv2
 
     cv2.setNumThreads(1)
     try:
         return work(task)
-    except Exception as exc:  # noqa: BLE001  # told to whoever gave the task
+    except Exception as exc:  # noqa: BLE001  # returned to the caller
         text = str(exc) if isinstance(exc, RsenfError) else f"{type(exc).__name__}: {exc}"
         return Trouble(text, trace=traceback.format_exc())

@@ -1,4 +1,4 @@
-"""The recordings meant by files, folders and lists: each once, whatever it is called."""
+"""Finds the recordings in files, folders and lists; each once, whatever its names."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from rsenf.errors import UsageError
 
 JOURNAL = "batch.jsonl"  # a folder with one holds results, not recordings
-# Endings by which recordings are told from all else that lies in folders.
+# Extensions of recordings in folders.
 # fmt: off
 ENDINGS = {
     ".264", ".265", ".3gp", ".asf", ".avi", ".dav", ".flv", ".h264",
@@ -24,16 +24,16 @@ ENDINGS = {
 
 @dataclass(frozen=True)
 class Recording:
-    """A file, and by what to see that it is still the same.
+    """A file, with size and time to detect changes.
 
     Parameters
     ----------
     path : str
         Absolute, as it was found.
     key : str
-        Absolute, links followed.
+        Absolute, with links resolved.
     size_bytes, modified_ns : int
-        -1 where there is no such file.
+        -1 if there is no such file.
     """
 
     path: str
@@ -44,16 +44,16 @@ class Recording:
 
 @dataclass
 class Found:
-    """What a search has come to.
+    """Result of a search.
 
     Attributes
     ----------
     recordings : list of Recording
-        In the order of what was named, by name within a folder.
+        In the order of the arguments, sorted by name within a folder.
     passed_over : Counter of str
-        Files that don't look like recordings, by their endings.
+        Number of files that don't look like recordings, by extension.
     again : int
-        Names of recordings that had been found under another.
+        Number of duplicates: other names of a recording.
     unreadable : list of str
         Folders, each with the reason.
     """
@@ -65,7 +65,7 @@ class Found:
 
 
 def recording_of(path: str | os.PathLike[str]) -> Recording:
-    """Return a recording as it is now."""
+    """Return a recording in its present state."""
     name = os.path.abspath(path)
     try:
         there = os.stat(name)
@@ -75,16 +75,16 @@ def recording_of(path: str | os.PathLike[str]) -> Recording:
 
 
 def find_recordings(paths: Iterable[str], out: Path) -> Found:
-    """Look for recordings in files and folders, and the folders in those.
+    """Find recordings in files and folders, recursively.
 
-    In folders only what is called like a recording is one, hidden files and folders are passed by,
-    and so are results: ``out``, and whatever has a journal. What is named itself is always taken.
+    In folders, files are selected by extension; hidden files and folders are skipped, and so are
+    results: ``out``, and any folder with a journal. Files that are named are always taken.
 
     Parameters
     ----------
     paths : iterable of str
     out : Path
-        Where results go.
+        Folder of the results.
     """
     found, seen = Found(), set[str]()
     for path in paths:
@@ -100,7 +100,7 @@ def find_recordings(paths: Iterable[str], out: Path) -> Found:
 
 
 def _files_in(folder: str, out: str, found: Found) -> Iterator[str]:
-    """Yield what is called like a recording, count the rest."""
+    """Yield files with the extension of a recording, count the others."""
 
     def unreadable(error: OSError) -> None:
         found.unreadable.append(f"{error.filename}: {error.strerror}")
@@ -109,7 +109,7 @@ def _files_in(folder: str, out: str, found: Found) -> Iterator[str]:
     for where, folders, files in os.walk(folder, onerror=unreadable, followlinks=True):
         real = os.path.realpath(where)
         if real in entered or real == out or JOURNAL in files:
-            folders.clear()  # a link to where we have been, or results
+            folders.clear()  # a link to a folder visited already, or results
             continue
         entered.add(real)
         folders[:] = sorted(name for name in folders if not name.startswith("."))
@@ -122,12 +122,12 @@ def _files_in(folder: str, out: str, found: Found) -> Iterator[str]:
 
 
 def read_list(data: bytes, name: str) -> list[str]:
-    """Return the paths of a list: one a line, or ended by NUL as ``find -print0`` does.
+    """Return the paths of a list: one a line, or separated by NUL as by ``find -print0``.
 
     Raises
     ------
     UsageError
-        When it isn't a list of paths, or nothing is there of what it lists.
+        If it isn't a list of paths, or none of them exists.
     """
     parts = data.split(b"\0") if b"\0" in data else data.splitlines()
     lines = [part for part in parts if part.strip()]

@@ -1,7 +1,4 @@
-"""A batch from its recordings to its table: what the journal doesn't have is done, and added.
-
-The result table as Parquet.
-"""
+"""Runs a batch: does what the journal lacks, then writes the Parquet table and the HTML page."""
 
 from __future__ import annotations
 
@@ -36,12 +33,12 @@ _TYPES = {
 
 
 def table_rows(analysis: str, rows: Sequence[Row]) -> list[Row]:
-    """Return rows of the journal with the table's columns, and texts that any program can read."""
+    """Return rows of the journal with the table's columns, and with valid UTF-8."""
     return [{name: _cell(name, row) for name in columns_of(analysis)} for row in rows]
 
 
 def write_parquet(path: Path, analysis: str, rows: Sequence[Row], about: dict[str, str]) -> None:
-    """Write a table, all of it or nothing.
+    """Write a table, completely or not at all.
 
     Parameters
     ----------
@@ -50,12 +47,12 @@ def write_parquet(path: Path, analysis: str, rows: Sequence[Row], about: dict[st
     rows : sequence of dict
         As :func:`table_rows` returns them.
     about : dict of str
-        Kept beside the table's version, under ``rsenf.…``.
+        Metadata, stored with the table's version under ``rsenf.…``.
 
     Raises
     ------
     RecordingError
-        When it can't be written.
+        If it can't be written.
     """
     notes = {"batch_version": str(VERSION), "analysis": analysis, **about}
     schema = pa.schema(
@@ -76,12 +73,12 @@ def _cell(name: str, row: Row) -> Any:
 
 
 def _text(value: str) -> str:
-    """Show bytes of a name that aren't UTF-8 as they are written elsewhere."""
+    """Escape bytes of a name that aren't UTF-8."""
     return value.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 Bar = Callable[[int], AbstractContextManager[Callable[[float], None]]]
-_TRIES = 2  # processes that a recording may cost
+_TRIES = 2  # processes that may die of a recording
 
 
 def run_batch(
@@ -95,7 +92,7 @@ def run_batch(
     say: Callable[[str], None],
     bar: Bar,
 ) -> list[Row]:
-    """Work through recordings; write the table and the page, and return their rows.
+    """Analyse recordings; write the table and the page, and return their rows.
 
     Parameters
     ----------
@@ -103,23 +100,23 @@ def run_batch(
         Checked.
     recordings : sequence of Recording
     jobs : int
-        Processes of this machine.
+        Number of processes on this machine.
     scheduler : str
-        Address of a Dask cluster that does the work instead.
+        Address of a Dask cluster to use instead.
     timeout_s : float
-        After which a recording is given up.
+        Longest time for a recording.
     retry : bool
-        Whether to do what is of no use again, though unchanged.
+        Whether to do unusable recordings again, though unchanged.
     say : callable
-        Told in words what is to be done.
+        Called with a text on what is to be done.
     bar : callable
-        Given how many recordings are left; returns a context manager of what is told how many are
-        done.
+        From the number of recordings left to a context manager of a progress function, which is
+        called with the number done.
 
     Raises
     ------
     UsageError
-        When the folder holds results of another analysis.
+        If the folder holds results of another analysis.
     """
     out, analysis = Path(settings.out), settings.analysis
     with Journal(out / JOURNAL) as journal:
@@ -146,7 +143,7 @@ def run_batch(
 def _done(
     tasks: list[Job], jobs: int, scheduler: str, timeout_s: float, say: Callable[[str], None]
 ) -> Iterator[Done[Job]]:
-    """Have recordings done, here or elsewhere."""
+    """Run the jobs, locally or on a cluster."""
     if scheduler and tasks:
         from rsenf.batch.cluster import worked_on_cluster
 
@@ -155,7 +152,7 @@ def _done(
 
 
 def _row(done: Done[Job]) -> Row:
-    """Return the journal's line on a recording, whatever became of it."""
+    """Return the journal's row of a recording, with a result or without."""
     tried = {"tries": done.tries}
     if not isinstance(done.answer, Trouble):
         return done.answer | tried

@@ -1,4 +1,4 @@
-"""The settings of a batch, checked before anything long begins, and what tells them from others."""
+"""The settings of a batch, checked before any long work, and their fingerprint."""
 
 from __future__ import annotations
 
@@ -24,32 +24,32 @@ from rsenf.reference.open import STORE
 
 @dataclass(frozen=True)
 class Settings:
-    """How every recording of a batch is treated.
+    """The settings for every recording of a batch.
 
     Parameters
     ----------
     analysis : str
         Name of one of the functions of :mod:`rsenf`.
     options : mapping
-        Its arguments, but for the recording and the reference.
+        Its arguments, except for the recording and the reference.
     references : tuple of str
-        Files, or ``store:GRID``; paths absolute, as all are.
+        Files, or ``store:GRID``. All paths are absolute once checked.
     reading : mapping
-        How they are read: arguments of :func:`rsenf.api.references.open_references`.
+        Arguments of :func:`rsenf.api.references.open_references`.
     effects : tuple of Path
         Files of effects to add to the catalogue.
     begin : str
-        What to take of an ``.mcap`` recording.
+        Topic of an ``.mcap`` recording to start from.
     camera : str
-        Of one with several.
+        Camera of a recording with several.
     frame_rate_hz : float, optional
-        At which frames are counted, in place of times that are missing or wrong.
+        Frame rate to use instead of missing or wrong frame times.
     out : str
         Folder of the batch.
     threads : int
-        That decode a video.
+        Threads that decode a video.
     fingerprint : str
-        Of all that results depend on besides the recordings; two with the same are the same.
+        Hash of everything that results depend on, apart from the recordings.
     version : str
         Of rsenf.
     """
@@ -68,7 +68,7 @@ class Settings:
     version: str = __version__
 
     def told(self) -> dict[str, Any]:
-        """Return the settings that aren't the default, for people."""
+        """Return the settings that aren't the default, for display."""
         given: dict[str, Any] = {"reference": list(self.references), "effects": list(self.effects)}
         given |= {"begin": self.begin, "camera": self.camera}
         given |= {"frame_rate_hz": self.frame_rate_hz, **self.reading}
@@ -83,7 +83,7 @@ def checked(settings: Settings) -> Settings:
     Raises
     ------
     UsageError
-        When they can't be meant so: said once here rather than of every recording.
+        If a setting is invalid, once here instead of for every recording.
     """
     options = {name: _absolute(value) for name, value in settings.options.items()}
     reading = {name: value for name, value in settings.reading.items() if value is not None}
@@ -111,7 +111,7 @@ def checked(settings: Settings) -> Settings:
 
 
 def _check(settings: Settings) -> None:
-    """Refuse what would be wrong for every recording."""
+    """Refuse settings that would be wrong for every recording."""
     options = settings.options
     if settings.analysis == "track":
         track_settings(options.get("settings"))
@@ -128,7 +128,7 @@ def _check(settings: Settings) -> None:
 
 
 def _changed(value: Any) -> dict[str, Any]:
-    """Return what of a stage's settings isn't the default."""
+    """Return those of a stage's settings that aren't the default."""
     plain = type(value)()
     names = [f.name for f in dataclasses.fields(value)]
     return {n: getattr(value, n) for n in names if getattr(value, n) != getattr(plain, n)}
@@ -143,13 +143,13 @@ def _absolute_reference(spec: str) -> str:
 
 
 def _told(value: Any) -> Any:
-    """Return a setting as plain values; of a file, its content."""
+    """Return a setting as plain values; for a file, the hash of its content."""
     if isinstance(value, Path):
         return hashlib.sha256(value.read_bytes()).hexdigest()
     return dataclasses.asdict(value) if dataclasses.is_dataclass(value) else value  # type: ignore[arg-type]  # of an instance
 
 
 def _content(reference: Opened) -> Sequence[Any]:
-    """Return what tells a reference from any other, and from itself after an import."""
+    """Return what identifies the content of a reference, which changes with an import."""
     span = (reference.t0_ns, reference.step_s, int(reference.freq_hz.size))
     return (reference.grid, reference.nominal_hz, reference.sha256, *span)

@@ -1,4 +1,4 @@
-"""What a batch says of itself: what is to be done, and what has become of it."""
+"""The texts and the JSON of a batch: what is to be done, and its results."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from rsenf.batch.recordings import JOURNAL, Found
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS
 
 TABLE, PAGE = "batch.parquet", "batch.html"
-_LISTED = 20  # of those without a result, or read in part
+_LISTED = 20  # most lines for recordings without a result, and for those read in part
 
 
 def plan_words(recordings: int, left: int, reasons: Counter[str], useless: int) -> str:
-    """Say what is to be done, and why; and how many were of no use and haven't changed."""
+    """Describe what is to be done and why, and how many unusable recordings are unchanged."""
     again = [f"{number} {why}" for why, number in reasons.items() if why != NEW]
     why = f" ({', '.join([f'{reasons[NEW]} new', *again])})" if again else ""
     more = f"; unusable before, and unchanged: {useless} (--retry does them again)" * bool(useless)
@@ -25,7 +25,7 @@ def plan_words(recordings: int, left: int, reasons: Counter[str], useless: int) 
 
 
 def summary_of(analysis: str, out: Path, found: Found, rows: Sequence[Row]) -> dict[str, Any]:
-    """Return what a batch has come to, as JSON."""
+    """Return the results of a batch as JSON."""
     statuses = Counter(row["status"] for row in rows)
     verdict = "decision" if analysis == "verify" else "verdict"
     verdicts = Counter(row[verdict] for row in rows if row["status"] == DONE and verdict in row)
@@ -51,7 +51,7 @@ def summary_of(analysis: str, out: Path, found: Found, rows: Sequence[Row]) -> d
 
 
 def summary_words(summary: dict[str, Any]) -> str:
-    """Say it to a person."""
+    """Return the summary as text."""
     counts = [f"{summary[s]} {s.replace('_', ' ')}" for s in STATUSES if summary[s]]
     lines = [f"{summary['recordings']} recordings: {', '.join(counts)}"]
     if summary["verdicts"]:
@@ -61,7 +61,7 @@ def summary_words(summary: dict[str, Any]) -> str:
 
 
 def troubles(summary: dict[str, Any]) -> list[str]:
-    """Say what to look at, one line each."""
+    """Return the problems, one line each."""
     in_part = [f"read in part: {r['path']}: {r['loss']}" for r in summary["read_in_part"]]
     without = [f"{r['status']}: {r['path']}: {r['reason']}" for r in summary["without_result"]]
     said = []
@@ -74,12 +74,12 @@ def troubles(summary: dict[str, Any]) -> list[str]:
 
 
 def _one_line(text: str) -> str:
-    """Write what would break a line, or do worse to a terminal, as Python writes it."""
+    """Escape characters that would break a line or affect a terminal."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def exit_code(rows: Sequence[Row], found: Found) -> int:
-    """Return 0 when all have a result, 3 when some have it with loss, 1 when some have none."""
+    """Return 0 if all have a result, 3 if some have one with loss, 1 if some have none."""
     if _without(rows) or found.unreadable:
         return EXIT_FAILED
     return EXIT_LOSS if any(row.get("loss") for row in rows) else EXIT_DONE

@@ -1,7 +1,4 @@
-"""What a batch does with one recording: the analysis, and what came out as a row of a table.
-
-A recording's ENF in a few figures.
-"""
+"""Analyses one recording of a batch and makes its row of the table."""
 
 from __future__ import annotations
 
@@ -41,16 +38,16 @@ from rsenf.whole_file import whole_file
 
 
 def track_figures(estimates: Sequence[EnfEstimate], frame_rate_hz: float) -> dict[str, Any]:
-    """Return how many values there are, and what the usable ones come to.
+    """Return the number of estimates, and statistics of the usable ones.
 
-    The mean's standard error is the mean of theirs: their errors may be one and the same, as where
-    windows overlap, and then averaging gains nothing.
+    The mean's standard error is the mean of the estimates': their errors may be fully correlated,
+    as with overlapping windows, and then averaging doesn't reduce them.
 
     Parameters
     ----------
     estimates : sequence of EnfEstimate
     frame_rate_hz : float
-        Of the camera, over all of the recording.
+        Of the camera, over the whole recording.
     """
     usable = [e for e in estimates if e.usable]
     figures: dict[str, Any] = {"values": len(estimates), "usable_values": len(usable)}
@@ -74,12 +71,12 @@ def track_figures(estimates: Sequence[EnfEstimate], frame_rate_hz: float) -> dic
     }
 
 
-TRACKS, DISCOVERIES = "tracks", "discoveries"  # folders within a batch's
+TRACKS, DISCOVERIES = "tracks", "discoveries"  # subfolders of a batch
 
 
 @dataclass(frozen=True)
 class Job:
-    """A recording, and how it is treated."""
+    """A recording and its settings."""
 
     recording: Recording
     settings: Settings
@@ -91,7 +88,8 @@ def work_on(job: Job) -> Row:
     Raises
     ------
     RsenfError
-        When the recording is not to blame: it isn't as it was found, or this is another version.
+        If the recording is not the cause: it changed since it was found, or the worker has another
+        version.
     """
     recording, settings = job.recording, job.settings
     if settings.version != __version__:
@@ -113,7 +111,7 @@ def work_on(job: Job) -> Row:
 
 
 def _sha256(recording: Recording) -> str | None:
-    """Return the hash of a file that can be read; it costs little beside decoding."""
+    """Return the hash of a readable file; it takes little time compared with decoding."""
     with contextlib.suppress(InputError):
         if Path(recording.path).is_file():
             return input_facts(recording.path)["input_sha256"]
@@ -121,7 +119,7 @@ def _sha256(recording: Recording) -> str | None:
 
 
 def _nameless(reason: str, recording: Recording) -> str:
-    """Return a reason without the name of the recording, which stands beside it."""
+    """Return a reason without the recording's name, which has its own column."""
     return reason.removeprefix(recording.path).lstrip(": ")
 
 
@@ -132,7 +130,7 @@ def _check_same(recording: Recording, when: str) -> None:
 
 
 def _analysed(recording: Recording, settings: Settings) -> Row:
-    """Have a recording looked at."""
+    """Open and analyse a recording."""
     opened = open_input_file(
         recording.path,
         camera=settings.camera,
@@ -169,7 +167,7 @@ def _track(opened: Input, settings: Settings) -> Row:
 
 def _discover(opened: Input, settings: Settings) -> Row:
     name = f"{DISCOVERIES}/{_own_name(opened.called)}"
-    seconds = [opened.duration_s]  # told as they are read, unless they were in an earlier run
+    seconds = [opened.duration_s]  # updated while reading, unless an earlier run has read it
     _discover_start(settings)
     found = discover(
         opened, _references(settings) or None, out=Path(settings.out, name),
@@ -205,7 +203,7 @@ ANALYSES: dict[str, Callable[[Input, Settings], Row]] = {
 
 
 def _read(found: Result) -> Row:
-    """Return how much of a recording was read, what wasn't, and what else to know."""
+    """Return how much of a recording was read, what was lost, and the warnings."""
     warnings = [line for line in found.to_dict()["warnings"] if line != found.loss]
     return {"recording_s": found.analysis.seconds, "loss": found.loss, "warnings": warnings}
 
@@ -219,19 +217,19 @@ def _heard(found: TrackResult) -> Row:
 
 @functools.lru_cache(maxsize=1)
 def _references(settings: Settings) -> list[Opened]:
-    """Open the references once for all recordings that this process works on."""
+    """Open the references, once for all recordings of this process."""
     return open_references(settings.references, **settings.reading)
 
 
 @functools.lru_cache(maxsize=1)
 def _discover_start(settings: Settings) -> None:
-    """Add the effects that discoveries may find, once."""
+    """Load the additional effects, once."""
     for path in settings.effects:
         load_effects(path)
 
 
 def _open_shared(settings: Settings) -> None:
-    """Open what all recordings need: where that can't be, none of them is to blame."""
+    """Open what all recordings need, so that an error there is not blamed on a recording."""
     if settings.references:
         _references(settings)
     if settings.analysis == "discover":
@@ -239,6 +237,6 @@ def _open_shared(settings: Settings) -> None:
 
 
 def _own_name(path: str) -> str:
-    """Return a name for a recording's own results that no other recording has."""
+    """Return a unique name for a recording's own results."""
     key = hashlib.sha256(recording_of(path).key.encode("utf-8", "surrogateescape")).hexdigest()[:8]
     return f"{re.sub(r'[^0-9A-Za-z._-]+', '_', Path(path).stem).strip('.')[:60]}-{key}"

@@ -1,4 +1,15 @@
-"""Match: a clip's ENF against a reference of grid frequency, by a method chosen by name."""
+"""Match: compares a clip's ENF with references of grid frequency, by a method chosen by name.
+
+In: ENF estimates of one clip and blocks of one or more references. Out: ``MatchResult`` messages:
+the lag with its standard error, likelihood ratios, a decision, and apparent edits of the clip.
+
+Read ``series`` (clip and reference on uniform axes) and ``matcher`` (the interface, ``Finding``)
+first, then ``stage``. Matcher ``phase``: ``clip_phase``, ``forecast``, ``phase_filter``,
+``ou_likelihood``, ``phase_scorer``, ``coarse``, ``phase_search``, ``phase``; then ``examine``,
+``parts`` and ``splice_detection`` for edited clips. Matcher ``ncc``: ``ncc``, ``score``,
+``search``, ``evidence``, ``correlate``. Metrics 1 to 4: ``paper_tracks``, ``paper_search``,
+``paper``. ``against`` compares recordings with each other; ``result`` makes the message.
+"""
 
 from __future__ import annotations
 

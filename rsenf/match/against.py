@@ -1,9 +1,9 @@
-"""Recordings against each other: were they made at the same time, and how far apart?
+"""Compares recordings with each other: were they made at the same time, and how far apart?
 
-The longer one takes the reference's place: its seconds are samples of the grid, as exact as its
-estimates are. Nothing else changes; so what is found is the start of one less the start of the
-other, and the difference of their two clocks. Several recordings are compared in pairs, and placed
-on the first one's time by weighted least squares over the pairs that match.
+The longer recording serves as the reference: its estimates are the samples of the grid frequency,
+with their own errors. The phase matcher then gives the difference of the two starts and of the two
+clocks. Several recordings are compared in pairs; weighted least squares over the pairs that match
+places them on the time axis of the first.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Float = NDArray[np.float64]
 
 NAN = math.nan
 TWO_CLOCKS = math.sqrt(2.0)
-CAUTION = 2.0  # of a coded recording's errors over what its estimates claim
+CAUTION = 2.0  # factor on stated errors: those of a coded recording are larger
 REASONS = {
     "match": "they fit at one offset, and at no other nearly as well",
     "no_match": "they fit at no offset",
@@ -37,7 +37,7 @@ REASONS = {
 
 @dataclass(frozen=True)
 class Against:
-    """What two recordings say about each other.
+    """Result of comparing two recordings.
 
     Parameters
     ----------
@@ -45,14 +45,15 @@ class Against:
         Whether they were made at the same time, on the same grid.
     reason : str
     offset_s, offset_std_s : float
-        Start of the first less the start of the second; NaN when nothing fits.
+        Start of the first less that of the second, and its standard error; NaN if nothing fits.
     log10_lr : float
-        For the same time at this offset, against different times.
+        Likelihood ratio of the same time at this offset against different times.
     log10_lr_other : float
-        Against another offset.
+        Likelihood ratio of this offset against any other offset.
     clock_ppm, clock_std_ppm : float
-        By how much the first one's clock is faster than the second's.
+        Rate of the first clock less that of the second, and its standard error.
     verbal : str
+        The likelihood ratio in words.
     """
 
     decision: str
@@ -67,18 +68,18 @@ class Against:
 
 
 def match_against(first: Track, second: Track, settings: MatchSettings) -> Against:
-    """Compare two recordings, of which parts may overlap.
+    """Compare two recordings, which may overlap only in part.
 
     Parameters
     ----------
     first, second : Track
-        With phases, or estimates that don't overlap.
+        With phases, or with estimates whose windows don't overlap.
     settings : MatchSettings
 
     Raises
     ------
     UsageError
-        When the estimates of one overlap, so that they have no phase.
+        If the windows of one recording's estimates overlap, so that no phase follows from them.
     """
     swap = first.usable > second.usable
     clip, other = (second, first) if swap else (first, second)
@@ -105,12 +106,12 @@ def match_against(first: Track, second: Track, settings: MatchSettings) -> Again
 
 
 def _as_reference(track: Track) -> Grid:
-    """Take a recording's estimates for a grid's samples."""
+    """Use a recording's estimates as the samples of a reference."""
     return Grid("the other recording", track.nominal_hz, 0, track.hop_s, track.enf_hz)
 
 
 def _told(found: Finding, other: Track, swap: bool) -> Against:
-    # The other's first sample begins half a hop before the middle of its first second.
+    # The other's first sample begins half a hop before the centre of its first estimate.
     offset_s = found.lag_s + other.first_s - other.hop_s / 2.0
     sign = -1.0 if swap else 1.0
     return Against(
@@ -128,17 +129,17 @@ def _told(found: Finding, other: Track, swap: bool) -> Against:
 
 @dataclass(frozen=True, eq=False)
 class Aligned:
-    """Recordings on the first one's time; NaN is of one that no chain of pairs leads to.
+    """Recordings on the time axis of the first; NaN for those that no chain of pairs links to it.
 
     Attributes
     ----------
     begin_s, begin_std_s : ndarray, shape (recordings,)
-        When each begins, after the first, and the standard error.
+        Start of each less the start of the first, and its standard error.
     clock_ppm, clock_std_ppm : ndarray, shape (recordings,)
-        By how much each one's clock is faster than the first's.
+        Rate of each clock less that of the first, and its standard error.
     misfit : float
-        By how many standard errors pairs differ from the common alignment, rms; NaN where there is
-        no pair more than it takes.
+        Root of the reduced chi-square of the pairs about the common alignment; NaN if there are no
+        redundant pairs.
     pairs : dict of (int, int) to Against
     """
 
@@ -151,7 +152,7 @@ class Aligned:
 
 
 def align(tracks: Sequence[Track], settings: MatchSettings) -> Aligned:
-    """Place several recordings on the time of the first.
+    """Place several recordings on the time axis of the first.
 
     Parameters
     ----------
@@ -165,7 +166,7 @@ def align(tracks: Sequence[Track], settings: MatchSettings) -> Aligned:
         for i, k in itertools.combinations(range(count), 2)
     }
     held = {pair: found for pair, found in pairs.items() if found.decision == "match"}
-    # Offset and clock of a pair are those of the first less those of the second.
+    # A pair's offset and clock are first less second; positions need second less first.
     begin_s, begin_std_s, off = _placed(
         count, {pair: (-a.offset_s, a.offset_std_s) for pair, a in held.items()}
     )
@@ -178,9 +179,10 @@ def align(tracks: Sequence[Track], settings: MatchSettings) -> Aligned:
 def _placed(
     count: int, steps: dict[tuple[int, int], tuple[float, float]]
 ) -> tuple[Float, Float, float]:
-    """Places, their standard errors, and the misfit, of steps from one to another.
+    """Solve for positions from measured differences: positions, standard errors and misfit.
 
-    A recording's own errors are in all its pairs: no place is surer than its surest pair.
+    A recording's own errors enter all its pairs, so no standard error is smaller than that of its
+    best pair.
     """
     reached = {0}
     while more := {k for pair in steps if reached & {*pair} for k in pair} - reached:

@@ -1,10 +1,10 @@
-"""From a search's own likelihood ratio to one that may be believed.
+"""Calibrates a search's likelihood ratio on searches with known answers.
 
-The phase matcher's likelihoods rest on a model of grids, clocks and codecs; what its ratios are
-worth is measured on searches of real grids whose answer is known. A straight line between the
-logarithms (logistic regression, after Brümmer and du Preez, Computer Speech & Language 20, 2006)
-is fitted to them by ``rsenf bench calibration`` and kept in ``calibration.json``, with the limit
-that so many searches can vouch for.
+The phase matcher's likelihoods rest on a model of grids, clocks and codecs, so their ratios may be
+too large or too small. A line between raw and calibrated log ratios (logistic regression, Brümmer
+and du Preez, Application-independent evaluation of speaker detection, Computer Speech & Language
+20, 2006) is fitted to searches of real grids by ``rsenf bench calibration`` and kept in
+``calibration.json``, with the limit that the number of these searches supports.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ FILE = "calibration.json"
 
 @dataclass(frozen=True)
 class Line:
-    """Calibrated log10 likelihood ratio: ``slope · raw + intercept``, at most ``limit`` either way.
+    """Calibrated log10 likelihood ratio: ``slope · raw + intercept``, clipped to ``±limit``.
 
-    ``limit`` is the logarithm of a third of the cases that could have gone wrong: of an error that
-    none of ``n`` cases shows no more is known than that it is rarer than ``3/n`` (rule of three).
+    ``limit`` is log10 of a third of the number of cases: if none of ``n`` cases shows an error, its
+    rate is below ``3/n`` with 95 % confidence (rule of three).
     """
 
     slope: float
@@ -40,10 +40,10 @@ class Line:
 
 @dataclass(frozen=True)
 class Calibration:
-    """A line for each question, and what it was made from.
+    """One line for each question, and the data that they were fitted to (``made``).
 
-    ``other``: this time against another in the reference; ``absent``: this time against none in
-    it; ``claim``: a claimed time against another.
+    ``other``: this time against another in the reference; ``absent``: this time against a time
+    outside the reference; ``claim``: a claimed time against any other time.
     """
 
     other: Line
@@ -53,7 +53,7 @@ class Calibration:
 
     @property
     def lines(self) -> dict[str, Line]:
-        """The lines by their questions."""
+        """The lines by name."""
         return {"other": self.other, "absent": self.absent, "claim": self.claim}
 
 

@@ -1,8 +1,8 @@
-"""The flicker's phase through a clip, second by second: what the phase matcher follows.
+"""The flicker's phase during a clip, once per hop: the observations of the phase matcher.
 
-An estimator that publishes amplitudes gives the phase of each second by that second's own frames,
-so that errors of different seconds have nothing to do with each other. From one that publishes
-frequencies only, the phase is their running sum, which wanders as their errors do.
+If an estimator publishes complex amplitudes, each phase comes from the frames of its own window
+only, so the errors are independent. If it publishes frequencies only, the phase is their running
+sum, and its error is a random walk.
 """
 
 from __future__ import annotations
@@ -16,33 +16,34 @@ from rsenf.match.kernel import window_kernel
 from rsenf.match.series import Track
 from rsenf.messages.schema import FloatArray
 
-# Of the illumination's phase: it flickers at twice the grid's frequency.
+# Illumination phase per cycle of the grid: light flickers at twice the grid's frequency.
 RAD_PER_CYCLE = 4.0 * np.pi
-LONGEST_LINK_RATIO = 1.5  # of the hop: the longest way over which frequencies tell the phase
-LONGEST_WINDOW_RATIO = 1.5  # of the hop: longer windows overlap, and their values aren't a phase
+LONGEST_LINK_RATIO = 1.5  # of the hop: longest step over which frequencies are integrated
+LONGEST_WINDOW_RATIO = 1.5  # of the hop: longer windows overlap, and can't be summed to a phase
 
-# References that are averages already are so by a 20 s window, mostly.
+# References that are averages already were mostly made with a 20 s window.
 AVERAGED_S = 20.0
-LEAST_AVERAGED = 5  # phases, and the share of each one's weights that must rest on measured ones
-LEAST_THERE = 0.8
+LEAST_AVERAGED = 5  # fewest averaged phases that are of use
+LEAST_THERE = 0.8  # least share of an average's weights that must fall on measured phases
 
 
 @dataclass(frozen=True, eq=False)
 class ClipPhase:
-    """Phases at some instants of a clip.
+    """Phases at some times of a clip.
 
     Parameters
     ----------
     t_s : ndarray, shape (n,)
-        Instants from the clip's first frame, rising; whole hops apart, where none is missing.
+        Times from the clip's first frame, rising; a whole number of hops apart.
     phase_rad : ndarray, shape (n,)
-        Illumination's phase less that of twice the nominal frequency, on the camera's clock.
+        Phase of the illumination less that of twice the nominal frequency, by the camera's clock.
     var_rad2 : ndarray, shape (n,)
-        Variance of each, independent of the others'.
+        Variance of each phase, independent of the others.
     walk_rad2 : ndarray, shape (n,)
-        Variance by which errors grow from the instant before to this one.
+        Variance that the error gains from the time before to this one; 0 for measured phases.
     hop_s : float
     nominal_hz : float
+        50 or 60.
     """
 
     t_s: FloatArray
@@ -54,27 +55,27 @@ class ClipPhase:
 
     @property
     def size(self) -> int:
-        """How many there are."""
+        """Number of phases."""
         return int(self.t_s.size)
 
     @property
     def is_summed(self) -> bool:
-        """Whether they are running sums of frequencies, and no phases that were measured."""
+        """Whether the phases are running sums of frequencies, not measured phases."""
         return bool(self.walk_rad2.any())
 
     @property
     def linked(self) -> NDArray[np.bool_]:
-        """Whether the way from each one before is known; over a hole, no sum of frequencies is."""
+        """Whether each phase step is known; a sum of frequencies has no known step over a hole."""
         if not self.is_summed:
             return np.ones(self.size, np.bool_)
         return np.diff(self.t_s, prepend=self.t_s[:1]) < LONGEST_LINK_RATIO * self.hop_s
 
     def between(self, start: int, stop: int) -> ClipPhase:
-        """Return a part of it, on the same clock."""
+        """Return a range of the phases, with the same time origin."""
         return self._of(slice(start, stop))
 
     def only(self, own: NDArray[np.bool_]) -> ClipPhase:
-        """Return some of it; the way of a sum over the others is lost."""
+        """Return the selected phases; a sum of frequencies has no known step over the others."""
         return self if own.all() else self._of(own)
 
     def _of(self, own: slice | NDArray[np.bool_]) -> ClipPhase:
@@ -85,7 +86,7 @@ class ClipPhase:
 
 
 def clip_phase(track: Track) -> ClipPhase | None:
-    """Return a track's phases; None where its windows overlap, so that it has none."""
+    """Return a track's phases; None if its windows overlap too much to sum its frequencies."""
     if track.window_s > LONGEST_WINDOW_RATIO * track.hop_s:
         return None
     own = np.isfinite(track.phase_rad) & np.isfinite(track.enf_hz)
@@ -95,7 +96,7 @@ def clip_phase(track: Track) -> ClipPhase | None:
 
 
 def _measured(track: Track, own: np.ndarray) -> ClipPhase:
-    """Take the phases as they are, and undo their jumps of 2π by the estimated frequency."""
+    """Take the measured phases, unwrapped with the help of the estimated frequency."""
     index = np.flatnonzero(own)
     t_s = np.asarray(track.first_s + index * track.hop_s, np.float64)
     expected = _walked(t_s, track.enf_hz[index] - track.nominal_hz)
@@ -107,7 +108,7 @@ def _measured(track: Track, own: np.ndarray) -> ClipPhase:
 
 
 def _summed(track: Track) -> ClipPhase:
-    """Integrate the frequency: value ``i`` moves the phase over its own hop."""
+    """Integrate the frequency estimates; each adds its own variance over one hop."""
     index = np.flatnonzero(np.isfinite(track.enf_hz))
     t_s = np.asarray(track.first_s + index * track.hop_s, np.float64)
     per_hop = (RAD_PER_CYCLE * track.hop_s) ** 2
@@ -117,16 +118,17 @@ def _summed(track: Track) -> ClipPhase:
 
 
 def _walked(t_s: FloatArray, away_hz: FloatArray) -> FloatArray:
-    """Phase by the trapezoidal rule; over a hole, by the frequencies at its ends."""
+    """Phase by the trapezoidal rule; over a hole, from the frequencies at its ends."""
     steps = RAD_PER_CYCLE * np.diff(t_s) * (away_hz[1:] + away_hz[:-1]) / 2
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def averaged(clip: ClipPhase) -> ClipPhase | None:
-    """Return a clip's phases averaged as a 20 s window averages, as far apart as that leaves them.
+    """Return a clip's phases averaged under a 20 s Hann window, 10 s apart.
 
-    For references that are such averages: of what is faster they know nothing. None where the
-    clip is too short for it. Holes are bridged by a line, and a mean must rest on few of them.
+    For references that are such averages and so carry no faster changes. Holes are interpolated
+    linearly, and a mean needs 80 % of its weights on measured phases. None if the clip is too
+    short.
     """
     weights = window_kernel(AVERAGED_S, clip.hop_s)
     index = np.rint((clip.t_s - clip.t_s[0]) / clip.hop_s).astype(np.int64)

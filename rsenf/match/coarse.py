@@ -1,8 +1,8 @@
-"""All lags of a reference, quickly: which of them deserve the phase filter.
+"""Coarse search: scans all lags of a reference for those worth scoring with the phase filter.
 
-The residual's variance about a constant offset, of each lag, by FFT (:mod:`rsenf.match.ncc`), on
-the reference in pieces, so that a year needs no more memory than a day. Each stretch of a few
-seconds sends its best lag on, and of those the best few hundred of the whole search are kept.
+Computes the variance of the frequency residual about a constant offset at each lag by FFT
+(:mod:`rsenf.match.ncc`). The reference is taken in pieces, so a year needs no more memory than a
+day. Of each stretch of 8 s the best lag is kept, and of those the best few hundred of the search.
 """
 
 from __future__ import annotations
@@ -20,16 +20,23 @@ from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
 
 PIECE = 1 << 20  # samples of the reference at a time
-STRETCH_S = 8.0  # lags within it are one place
-KEPT = 512
+STRETCH_S = 8.0  # of lags, of which only the best is kept
+KEPT = 512  # lags of a search
 
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """What a quick look at all lags finds.
+    """Result of scanning all lags.
 
-    ``lag_s`` (c,) are the most promising, best first, with their ``score``; ``lags`` were compared,
-    of ``possible`` ones at which the clip lies within the reference's span ``inside``.
+    Attributes
+    ----------
+    lag_s, score : ndarray, shape (c,)
+        The most promising lags, best first, and their log-likelihood scores (nats).
+    lags : int
+        Number of lags compared.
+    possible, inside : int
+        Number of lags at which the clip lies within the reference's span, and how many of these
+        were compared.
     """
 
     lag_s: FloatArray
@@ -40,17 +47,17 @@ class Survey:
 
     @property
     def coverage_ratio(self) -> float:
-        """Share of the possible lags that could be compared; 1 when there is none."""
+        """Compared share of the possible lags; 1 if there are none."""
         return self.inside / self.possible if self.possible else 1.0
 
 
 def survey(track: Track, grid: Grid, settings: MatchSettings, kept: int = KEPT) -> Survey:
-    """Look at every lag of a reference.
+    """Score every lag of a reference and keep the best ``kept``.
 
     Raises
     ------
     UsageError
-        When the steps of the two don't fit each other.
+        If neither time step is a whole multiple of the other.
     """
     lag_s, score = np.empty(0), np.empty(0)
     lags = possible = inside = 0
@@ -78,12 +85,12 @@ def survey(track: Track, grid: Grid, settings: MatchSettings, kept: int = KEPT) 
 def _tables(
     track: Track, grid: Grid, settings: MatchSettings
 ) -> Iterator[tuple[Residuals, LagScorer, float]]:
-    """Compare piece by piece; each lag comes once.
+    """Compare the reference piece by piece, each lag once.
 
-    Yields the comparison, the scorer that made it, and where its piece begins (s).
+    Yields the residuals, the scorer that made them, and the start of the piece (s).
     """
     usable_s = track.usable * track.hop_s
-    # A finer reference is averaged over the hop: a piece must hold whole hops.
+    # A finer reference is averaged over the hop, so a piece must hold whole hops.
     per_hop = max(round(track.hop_s / grid.step_s), 1)
     piece = PIECE // per_hop * per_hop
     reach = int(np.ceil(track.enf_hz.size * track.hop_s / grid.step_s)) + 2 * per_hop
@@ -102,17 +109,24 @@ def _tables(
 
 
 def _ordinary_hz2(track: Track) -> float:
-    """Residual variance of a wrong lag: two times of a grid differ by twice the variance of one.
+    """Residual variance of a wrong lag: twice the variance of the grid's frequency.
 
-    Without a yardstick wrong lags would beat the right one merely because the reference has a gap
-    there, and so fewer values to speak for it.
+    Without this scale, wrong lags near a gap of the reference would beat the right one, only
+    because fewer values are compared there.
     """
     own = track.enf_hz[np.isfinite(track.enf_hz)]
     return max(2.0 * float(own.var()) if own.size else 0.0, FLOOR_STD_HZ**2)
 
 
 def stretch_maxima(scores: FloatArray, length: int) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Find the best finite score of every stretch of lags that has one, and where it is."""
+    """Return the best finite score of every ``length`` lags, and its index; none if all are NaN.
+
+    Examples
+    --------
+    >>> best, where = stretch_maxima(np.array([1.0, 3.0, np.nan, np.nan, 2.0]), 2)
+    >>> best.tolist(), where.tolist()
+    ([3.0, 2.0], [1, 4])
+    """
     padded = np.full(-(-scores.size // length) * length, -np.inf)
     padded[: scores.size] = np.where(np.isfinite(scores), scores, -np.inf)
     rows = padded.reshape(-1, length)

@@ -1,4 +1,4 @@
-"""The matcher ``ncc``: masked normalised cross-correlation over all lags, honestly decided."""
+"""The matcher ``ncc``: masked normalised cross-correlation at all lags, decided by evidence."""
 
 from __future__ import annotations
 
@@ -16,10 +16,23 @@ from rsenf.messages import Candidate
 def match_ncc(
     track: Track, grid: Grid, settings: MatchSettings, claimed_lag_s: float = math.nan
 ) -> Finding:
-    """Search the reference for the clip, and say what the best lag is worth.
+    """Search the reference for the clip and weigh the best lag.
 
-    A blind search over a day finds a wrong lag with a correlation above 0.94 for most short clips,
-    so the decision rests on the evidence of :mod:`rsenf.match.evidence` and not on a threshold.
+    A blind search of a day finds a wrong lag with a correlation above 0.94 for most short clips, so
+    the decision rests on the tests of :mod:`rsenf.match.evidence`, not on a threshold.
+
+    Parameters
+    ----------
+    track : Track
+    grid : Grid
+    settings : MatchSettings
+    claimed_lag_s : float, optional
+        Lag of a claimed start, whose fit is tested too.
+
+    Raises
+    ------
+    UsageError
+        If neither time step is a whole multiple of the other.
     """
     found = search(track, grid, settings)
     if not found.peaks:
@@ -63,7 +76,7 @@ def _decide(
     if not found.peaks[1:]:
         return "no_decision", "the reference leaves no other time to compare the best one with"
     if fits and stands_out and unique:
-        if not lag_std_s <= settings.tolerance_s:  # NaN where the peak has no curvature
+        if not lag_std_s <= settings.tolerance_s:  # NaN if the peak has no curvature
             return "no_decision", (
                 "one time stands out, but its place is uncertain by over "
                 f"{settings.tolerance_s:g} s"
@@ -86,10 +99,10 @@ def _decide(
 
 
 def _errors(best: Peak, resolution_s: float) -> tuple[float, float]:
-    """Standard errors of the lag (s) and of the offset (Hz), by least squares.
+    """Standard errors of the lag (s) and of the frequency offset (Hz), by least squares.
 
-    The residual variance rises by ``bend · δ²``; with ``n`` independent values the lag's variance
-    is ``V / (n · bend)``.
+    The residual variance rises by ``bend · δ²`` at a distance ``δ`` from its minimum ``V``; with
+    ``n`` independent values the lag's variance is ``V / (n · bend)``.
     """
     values = max(independent_values(best.seconds, resolution_s), 1.0)
     offset_std = math.sqrt(best.residual_var_hz2 / values)

@@ -1,4 +1,4 @@
-"""A clip's estimates in a few bytes each: a day of messages would take hundreds of megabytes."""
+"""Keeps a clip's estimates as compact rows; a day of messages would take hundreds of megabytes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rsenf.messages import EnfEstimate, Header
 
-# Of each estimate; ``said`` is the number of its method and reason among those that came up.
+# One estimate; ``said`` is an index into the pairs of method and reason seen so far.
 ROW = np.dtype(
     [
         *((name, np.int64) for name in ("start_ns", "end_ns", "origin_ns")),
@@ -34,7 +34,7 @@ class EstimateStore:
     Attributes
     ----------
     rows : ndarray of :data:`ROW`, shape (n,)
-        A view: it changes with what is added and forgotten.
+        A view, valid until the next estimate is added or forgotten.
     """
 
     def __init__(self) -> None:
@@ -44,7 +44,7 @@ class EstimateStore:
 
     @property
     def rows(self) -> Rows:
-        """All that are kept, in the order in which they came."""
+        """All kept estimates, in order of arrival."""
         return self._room[: self._size]
 
     def add(self, estimate: EnfEstimate) -> None:
@@ -58,11 +58,11 @@ class EstimateStore:
         self._size += 1
 
     def forget(self, count: int) -> None:
-        """Leave out the first so many."""
+        """Drop the first ``count`` estimates."""
         self._room, self._size = self.rows[count:].copy(), self._size - count
 
     def header(self, rows: Rows, seq: int) -> Header:
-        """Return the header of a result that rests on some of them, and covers their frames."""
+        """Return the header of a result that is based on these rows and covers their frames."""
         if not rows.size:
             return Header(seq=seq)
         first, last = rows[0], rows[-1]
@@ -76,18 +76,18 @@ class EstimateStore:
         )
 
     def said(self, row: Any) -> tuple[str, str]:
-        """Return the method of an estimate, and why it isn't usable; empty when it is."""
+        """Return an estimate's method, and the reason why it isn't usable (empty if it is)."""
         return list(self._said)[int(row["said"])]
 
     def usual_reason(self, rows: Rows) -> str:
-        """Say why most of some aren't usable."""
+        """Return the most frequent reason of some rows."""
         reasons = [reason for _, reason in self._said]
         count: Counter[str] = Counter(reasons[n] for n in rows["said"].tolist())
         return count.most_common(1)[0][0]
 
 
 def rows_of(estimates: Iterable[EnfEstimate]) -> Rows:
-    """Return what a track is made from."""
+    """Return estimates as rows, the form that tracks are made from."""
     return np.array([_row(e, 0) for e in estimates], ROW)
 
 
@@ -102,7 +102,7 @@ def _row(e: EnfEstimate, said: int) -> tuple[Any, ...]:
 
 
 def _phase(e: EnfEstimate) -> tuple[float, float]:
-    """Phase of an estimate's amplitude and its variance, where it has one of its own."""
+    """Phase of an estimate's amplitude at twice the nominal frequency and its variance, or NaN."""
     if e.points == 1 and e.carrier_hz == 2.0 * e.nominal_hz:
         power = float(e.amplitude_re[0] ** 2 + e.amplitude_im[0] ** 2)
         if power > 0.0:

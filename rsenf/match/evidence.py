@@ -1,14 +1,14 @@
-"""What a best fit is worth: against other times, against chance, and in itself.
+"""Weighs the best fit of a search: against other times, against chance, and on its own.
 
-Three questions, none of which a threshold on the correlation answers:
+Three tests, none of which is a threshold on the correlation:
 
-* Is there another time that fits nearly as well? A likelihood ratio of the best two.
-* Would the best of so many *wrong* times fit this well? The scores of wrong lags have an
-  exponential upper tail (a residual variance ``V`` made of ``d`` components of the grid falls
-  below ``v`` with a chance that goes as ``v^(d/2)``, and the score is a logarithm of ``V``).
-  Its rate is learned from the other peaks of the same search, so that a quiet clip, a short one or
-  a larger reference ask for a better fit by themselves.
-* Is the fit as good as the estimates' errors say it should be? An F test.
+* Does another time fit nearly as well? The likelihood ratio of the best two peaks.
+* Would the best of this many *wrong* lags fit as well by chance? The scores of wrong lags have an
+  exponential upper tail: a residual variance ``V`` made of ``d`` components of the grid is below
+  ``v`` with a probability that goes as ``v^(d/2)``, and the score is a logarithm of ``V``. The
+  rate of the tail is estimated from the other peaks of the same search. So a quiet clip, a short
+  clip or a larger reference need a better fit without further settings.
+* Is the residual as small as the estimates' stated errors imply? An F test.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from rsenf.match.search import Search
 from rsenf.match.series import Track
 from rsenf.match.settings import MatchSettings
 
-# The prior of the tail: as much knowledge as three peaks hold, of a mean excess over the threshold
-# that grows with the root of the number of independent values. On half a day of the continental
-# grid and a day of the US one, for clips of 1 to 10 minutes, the mean was 0.45 to 0.66 times it.
+# Gamma prior of the tail: worth three peaks; its mean excess over the threshold is PRIOR_EXCESS
+# times the root of the number of independent values. On half a day of the continental grid and a
+# day of the US one, for clips of 1 to 10 minutes, this factor was 0.45 to 0.66.
 PRIOR_PEAKS = 3.0
 PRIOR_EXCESS = 0.6
-# Degrees of freedom of the expected variance: an honest guess within a factor of two or so.
+# Degrees of freedom of the expected variance, which is known within a factor of about two.
 EXPECTED_DOF = 4.0
-# The likelihood ratio that the calibration can vouch for: it had about a thousand pairs.
+# Largest log10 likelihood ratio that the calibration supports: it had about a thousand pairs.
 MAX_VERBAL_LOG10 = 3.0
 
 SCALE = (  # ENFSI Guideline for Evaluative Reporting in Forensic Science, 2015
@@ -45,11 +45,12 @@ SCALE = (  # ENFSI Guideline for Evaluative Reporting in Forensic Science, 2015
 
 @dataclass(frozen=True)
 class Evidence:
-    """What speaks for the best peak of a search.
+    """Evidence for the best peak of a search.
 
-    ``log10_lr`` is against the second best, NaN when there is no other; ``chance`` is how many
-    wrong lags as good as it the search should expect; ``log10_lr_absent`` is against its time not
-    being in the reference; ``fit`` is the chance of so large a residual at the true time.
+    ``log10_lr`` is against the second best peak (NaN without one) and ``log10_lr_absent`` against
+    the true time not being in the reference. ``chance`` is the expected number of wrong lags in the
+    search that fit at least as well, and ``fit`` the probability of so large a residual at the true
+    time, where ``expected_var_hz2`` is its expected variance.
     """
 
     log10_lr: float
@@ -60,11 +61,11 @@ class Evidence:
 
 
 def weigh(found: Search, track: Track, settings: MatchSettings) -> Evidence:
-    """Weigh the best peak of a search that has one."""
+    """Weigh the best peak of a search; the search must have one."""
     best, others = found.peaks[0], found.peaks[1:]
     chance = track.hypotheses * expected_chance_fits(found, track.resolution_s)
     fit, expected = fit_of(best, found, track, settings)
-    # A residual as large as the median one is no evidence against this time.
+    # A residual up to the median is no evidence against this time.
     against = min(0.0, math.log10(max(2.0 * fit, 1e-300)))
     return Evidence(
         log10_lr=(best.score - others[0].score) / math.log(10.0) if others else math.nan,
@@ -76,12 +77,11 @@ def weigh(found: Search, track: Track, settings: MatchSettings) -> Evidence:
 
 
 def expected_chance_fits(found: Search, resolution_s: float) -> float:
-    """How many wrong lags at least as good as the best one a search like this should find.
+    """Return the expected number of wrong lags that fit at least as well as the best peak.
 
-    With the excesses ``e_i`` of the ``K`` best other peaks over the one after them, and a gamma
-    prior worth ``k0`` peaks of excess ``m``, the predictive tail is
-    ``K · (1 + s / (Σe_i + k0·m))^−(K + k0)`` at excess ``s``: an exponential whose rate is only as
-    well known as there are peaks.
+    With the excesses ``e_i`` of the ``K`` next best peaks over the one after them, and a gamma
+    prior worth ``k0`` peaks of excess ``m``, the predictive tail at an excess ``s`` is
+    ``K · (1 + s / (Σe_i + k0·m))^−(K + k0)``: an exponential tail whose rate is uncertain.
     """
     best, others = found.peaks[0], [p.score for p in found.peaks[1:]]
     if not others:
@@ -95,11 +95,12 @@ def expected_chance_fits(found: Search, resolution_s: float) -> float:
 
 
 def fit_of(peak: Peak, found: Search, track: Track, settings: MatchSettings) -> tuple[float, float]:
-    """Chance of a residual as large as a peak's at the true time, and the variance expected.
+    """F test of a peak's residual: the probability of one so large at the true time.
 
-    Expected is the estimates' own variance and the reference's. Estimates carry their variance
-    about the grid's 1 s mean; comparing with an averaged reference saves what averaging changes.
-    The sizes of errors are only roughly known, hence an F test and not a chi-squared one.
+    The expected variance is that of the estimates and of the reference. Estimates state their
+    variance about the grid's 1 s mean; if the reference was averaged like them, the part that
+    averaging explains is subtracted. An F test and not a chi-squared test, since the sizes of the
+    errors are known only roughly.
 
     Returns
     -------
@@ -117,7 +118,7 @@ def fit_of(peak: Peak, found: Search, track: Track, settings: MatchSettings) -> 
 
 
 def _log10_lr_of_chance(chance: float) -> float:
-    """Turn an expected number of chance fits into a likelihood ratio, on the cautious side.
+    """Convert an expected number of chance fits to a conservative log10 likelihood ratio.
 
     A significance ``p`` supports a likelihood ratio of at most ``1 / (−e·p·ln p)`` (Sellke, Bayarri
     & Berger, The American Statistician 55, 2001); ``1/p`` would overstate it.
@@ -127,7 +128,22 @@ def _log10_lr_of_chance(chance: float) -> float:
 
 
 def verbal(log10_lr: float, what: str = "this time") -> str:
-    """Return the likelihood ratio of ``what`` in the words that forensic institutes use."""
+    """Return a likelihood ratio in words, on the scale of the ENFSI guideline (2015).
+
+    Parameters
+    ----------
+    log10_lr : float
+        NaN gives an empty text. Support is capped at :data:`MAX_VERBAL_LOG10`.
+    what : str
+        The proposition that the ratio is for.
+
+    Examples
+    --------
+    >>> verbal(2.3)
+    'moderately strong support for this time'
+    >>> verbal(-1.5)
+    'moderate support against this time'
+    """
     if math.isnan(log10_lr):
         return ""
     size = min(abs(log10_lr), MAX_VERBAL_LOG10)

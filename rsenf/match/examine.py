@@ -1,9 +1,7 @@
-"""A finding looked at again for the usual mistakes: each is named, and nothing rests on it.
+"""Re-examines a finding for usual mistakes: an edited clip, wrong speed, wrong reference step.
 
-What if the clip were played at another speed, or the reference's step were another?
-
-A clip that fits nowhere is searched for again under the usual mistakes: a stretch of it that is
-long enough to tell. What fits then is named, with its cure; it decides nothing.
+Each mistake found is named with its remedy; it never turns a finding into a match. For speed and
+step, up to 120 s from the middle of the clip are searched for again under the assumed mistake.
 """
 
 from __future__ import annotations
@@ -24,17 +22,16 @@ from rsenf.match.settings import MatchSettings
 from rsenf.match.splice_detection import assembled
 from rsenf.messages import Edit
 
-STRETCH_S = 120.0  # of the clip
-STEPS_S = (0.1, 0.5, 1.0, 2.0)  # of references, mostly
-# Of clock errors that are no camera's: frame rates of 30 and 29.97 that are taken for each other
-# make one of 1000 ppm.
+STRETCH_S = 120.0  # of the clip, searched for again
+STEPS_S = (0.1, 0.5, 1.0, 2.0)  # usual steps of references
+# Scale of apparent clock errors from wrong frame rates: 30 for 29.97 gives 1000 ppm.
 SPEED_SCALE_PPM = 1000.0
-LEAST_PPM = 200.0  # that aren't a camera's
+LEAST_PPM = 200.0  # more than any camera's clock error
 
 
 @dataclass(frozen=True, eq=False)
 class SpeedHypothesis:
-    """Where a clip would fit, were a mistake made, and that mistake."""
+    """The place where a clip would fit under an assumed mistake."""
 
     grid: Grid
     lag_s: float
@@ -44,7 +41,7 @@ class SpeedHypothesis:
 def what_fits(
     track: Track, grids: Sequence[Grid], settings: MatchSettings
 ) -> SpeedHypothesis | None:
-    """Find a mistake under which a clip fits after all."""
+    """Return a mistake in speed or reference step under which the clip fits, if there is one."""
     count = min(round(STRETCH_S / track.hop_s), track.enf_hz.size)
     first = (track.enf_hz.size - count) // 2
     part = track.between(first, first + count)
@@ -85,7 +82,7 @@ def _other_speed(
 def _other_steps(
     part: Track, clip: ClipPhase, grids: Sequence[Grid], settings: MatchSettings
 ) -> Iterator[SpeedHypothesis]:
-    """Try other steps of references without times: where there are times, they tell the step."""
+    """Try other steps for references without times; where there are times, the step is known."""
     for step_s in STEPS_S:
         others = [
             replace(grid, step_s=step_s)
@@ -105,7 +102,8 @@ def _other_steps(
 def _sure(found: PhaseSearch, settings: MatchSettings) -> bool:
     if not found.places:
         return False
-    # Much of it may be bad; but of an edited clip a wrong time fits some, so all must fit a little.
+    # The search tolerates bad blocks, so a wrong time may fit part of an edited clip. Here the clip
+    # must fit as a whole too.
     best = found.places[0]
     scorer = found.scorers[best.grid]
     whole = PhaseScorer(scorer.clip, scorer.grid, scorer.settings, robust=False)
@@ -115,8 +113,8 @@ def _sure(found: PhaseSearch, settings: MatchSettings) -> bool:
     return min(lines.other(raw.other), lines.absent(raw.absent)) >= settings.min_log10_lr
 
 
-MOST_OF_CLIP = 0.75  # that must fit, before it is a match of which a part doesn't
-SHIFTS = (0.0, -1.0, -0.5, 0.5, 1.0)  # by which a claim may be off, of its tolerance
+MOST_OF_CLIP = 0.75  # that must fit for a clip with a bad part to stay a match
+SHIFTS = (0.0, -1.0, -0.5, 0.5, 1.0)  # of a claimed lag, in units of the tolerance
 
 
 def examined(
@@ -126,18 +124,18 @@ def examined(
     settings: MatchSettings,
     claimed_utc_ns: int = 0,
 ) -> Finding:
-    """Look for what may be wrong with a clip or a reference, and take back what isn't sure for it.
+    """Look for edits and mistakes in a clip or a reference, and withdraw what they make uncertain.
 
-    A clip of several parts is no match as a whole, and one that would fit with another step or
-    speed isn't absent: both are left open, with a warning that names the mistake, and a claimed
-    start that may then be right isn't refuted.
+    An edited clip is no match as a whole, and a clip that would fit with another step or speed may
+    be in the reference. Both become ``no_decision``, with a warning that names the mistake. A
+    claimed start that may then be right is no longer refuted.
 
     Parameters
     ----------
     finding : Finding
-        Of the phase matcher.
+        Result of the phase matcher.
     track, grids, settings, claimed_utc_ns
-        As the matcher had them.
+        As given to the matcher.
     """
     clip = clip_phase(track)
     if clip is None or finding.grid is None:
@@ -171,8 +169,7 @@ def examined(
         reason = "the clip would fit, but for a mistake"
         begins_at, grid = supposed.lag_s, supposed.grid
     left = replace(warned, decision="no_decision", reason=reason)
-    # What remains of a claim is that it is refuted, where the clip is known to begin at another
-    # time.
+    # A claim stays refuted only if the clip is known to begin at another time.
     away_s = abs(claimed_lag_s(grid, claimed_utc_ns) - begins_at)
     if away_s > settings.tolerance_s and finding.claim_log10_lr <= -settings.min_log10_lr:
         return left
@@ -182,7 +179,7 @@ def examined(
 def _placed_by(
     finding: Finding, parts: Sequence[Part], grids: Sequence[Grid], tolerance_s: float
 ) -> Finding:
-    """Put a finding whose time is that of no part at the longest one's: as a whole it has none."""
+    """Move a finding to its longest part, if its own time is that of no part."""
     near = (
         abs(part.place.lag_s - finding.lag_s) <= tolerance_s
         and grids[part.place.grid] is finding.grid
@@ -208,7 +205,7 @@ def _placed_by(
 
 
 def _claimed(grids: Sequence[Grid], claimed_utc_ns: int, tolerance_s: float) -> list[Place]:
-    """Places about a claimed start in each reference; none without one."""
+    """Places near a claimed start in each reference; none without a claim."""
     lags = [(number, claimed_lag_s(grid, claimed_utc_ns)) for number, grid in enumerate(grids)]
     return [
         Place(number, lag_s + shift * tolerance_s, tolerance_s / 2, 0.0)

@@ -1,4 +1,4 @@
-"""The phase that a reference foretells: its frequency, integrated."""
+"""Predicts the illumination's phase from a reference, by integrating its frequency."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from rsenf.match.clip_phase import RAD_PER_CYCLE
 from rsenf.match.series import Grid
 from rsenf.messages.schema import FloatArray
 
-AT_ONCE = 64  # lags: more fall out of the cache
-_BESIDE = 2  # samples beyond the clip's ends, for the slopes
+AT_ONCE = 64  # lags: more overflow the CPU cache
+_BESIDE = 2  # extra samples at the clip's ends, for the slopes
 
 
 def forecast(
     grid: Grid, lag_s: FloatArray, t_s: FloatArray
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Phase of the illumination at the instants of a clip, were it to begin at given lags.
+    """Predict the phase of the illumination at the times of a clip, for given lags.
 
-    The mean frequency over a sample moves the phase from one of its ends to the other; in between
-    the frequency is a line whose slope is that of the samples on either side.
+    A sample's mean frequency gives the phase step over the sample exactly; within it the frequency
+    is a line with the slope between the two neighbouring samples.
 
     Parameters
     ----------
@@ -28,18 +28,18 @@ def forecast(
     lag_s : ndarray, shape (c,)
         Clip's start less the reference's.
     t_s : ndarray, shape (n,)
-        Instants of the clip, rising.
+        Times in the clip, rising.
 
     Returns
     -------
     phase_rad : ndarray, shape (n, c)
-        Less that of twice the nominal frequency, up to a constant of each lag.
+        Less that of twice the nominal frequency, up to a constant for each lag.
     known : ndarray of bool, shape (n, c)
-        Whether the way from the instant before lies within the reference, and not in a gap.
+        Whether the step from the time before lies within the reference and outside its gaps.
     """
     phase = np.empty((t_s.size, lag_s.size))
     known = np.zeros((t_s.size, lag_s.size), bool)
-    # From first to last, which a reference on disk is read fastest in.
+    # In rising order: a reference on disk is read fastest that way.
     order = np.argsort(lag_s)
     for i in range(0, order.size, AT_ONCE):
         some = order[i : i + AT_ONCE]
@@ -56,7 +56,7 @@ def _at_once(
     first = whole[0].astype(np.int64) - _BESIDE
     k = whole.astype(np.int64) - first
     width = int(k.max()) + 1 + _BESIDE
-    # A row of its own for each lag: sums along rows are many times faster than down columns.
+    # One row per lag: sums along rows are many times faster than down columns.
     away = _rows(grid, first, width) - grid.nominal_hz
     gap = np.isnan(away)
     has_gaps = gap.any()
@@ -66,7 +66,7 @@ def _at_once(
     if has_gaps:
         slope[:, 1:-1][gap[:, 2:] | gap[:, :-2]] = 0.0
     edge = away.cumsum(axis=1) - away
-    here = k + width * np.arange(lag_s.size)  # in all of these together, as one long row
+    here = k + width * np.arange(lag_s.size)  # index into the flattened rows
     cycles = slope.take(here) * ((part - 1.0) / 2.0)
     cycles += away.take(here)
     cycles *= part
@@ -83,18 +83,18 @@ def _at_once(
 
 
 def _rows(grid: Grid, first: NDArray[np.int64], width: int) -> FloatArray:
-    """Samples from some places on, (places, width): all at once, where they lie side by side."""
+    """Return ``width`` samples from each place, shape (places, width)."""
     begin, end = int(first[0]), int(first[-1]) + width
     if end - begin > first.size * width:
         return np.stack([samples(grid, f, f + width) for f in first.tolist()])
     row = samples(grid, begin, end)
-    # A view: making numpy's own would take a third of what a live clip's forecast takes.
+    # Made by hand: sliding_window_view would take a third of the time of a live clip's forecast.
     every = np.ndarray((row.size - width + 1, width), row.dtype, row, strides=2 * row.strides)
     return every[first - begin]
 
 
 def samples(grid: Grid, start: int, stop: int) -> FloatArray:
-    """Samples of a reference, NaN beyond its ends too."""
+    """Return a range of a reference's samples, NaN beyond its ends."""
     out = np.full(stop - start, np.nan)
     a, b = max(start, 0), min(stop, grid.freq_hz.size)
     if a < b:

@@ -1,8 +1,11 @@
-"""Inliers: the seconds of a clip that may follow a grid; what no grid can have done tells nothing.
+"""Inlier selection: leaves out seconds of a clip whose phase no grid could have followed.
 
-Where something moves, or the picture's brightness jumps, phases come out that no grid's frequency
-can be behind. They would make every time look wrong, and any course whatever too. Which seconds
-they are is told by the clip alone, so it is the same whatever time is looked at.
+Motion or jumps of brightness produce phases that no grid frequency explains. They would make every
+lag look wrong, and the alternative (any grid) too. The selection uses the clip alone, so it is the
+same for all lags.
+
+Statistic: for each block of 10 s, the log-likelihood ratio of a usual grid against no grid (both of
+:mod:`rsenf.match.ou_likelihood`); a block is left out below ``-CLEAR``.
 """
 
 from __future__ import annotations
@@ -16,16 +19,16 @@ from rsenf.match.clip_phase import ClipPhase
 from rsenf.match.ou_likelihood import alone_log_likelihood, no_grid_log_likelihood
 from rsenf.match.phase_filter import BLOCK_S
 
-# Nats by which a few seconds must be likelier under no grid than under any, to be left out.
+# Nats by which a block must be likelier under no grid than under a usual one, to be left out.
 CLEAR = 6.0
-LEAST = 10  # phases of a clip, below which none is left out
+LEAST = 10  # phases that must remain, or none is left out
 
 
 @lru_cache(maxsize=4)
 def inliers(clip: ClipPhase) -> NDArray[np.bool_]:
-    """Return which phases may follow a grid; all, where hardly any would be left.
+    """Return which phases may follow a grid; all of them if fewer than :data:`LEAST` would remain.
 
-    Each block of :data:`BLOCK_S` is looked at by itself: what is beside it has no say.
+    Each block of :data:`BLOCK_S` is tested independently of its neighbours.
     """
     own = np.ones(clip.size, np.bool_)
     for first, last in stretches(clip):
@@ -38,7 +41,7 @@ def inliers(clip: ClipPhase) -> NDArray[np.bool_]:
 
 
 def stretches(clip: ClipPhase) -> list[tuple[int, int]]:
-    """Return the blocks of a clip, each from its first phase up to the next one's first."""
+    """Return the blocks of a clip as index ranges (first, first of the next)."""
     number = (clip.t_s - clip.t_s[0]) // BLOCK_S
     first = np.flatnonzero(np.diff(number, prepend=-1.0))
     return list(zip(first.tolist(), [*first[1:].tolist(), clip.size], strict=True))

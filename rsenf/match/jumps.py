@@ -1,4 +1,4 @@
-"""Estimates that jump away from their neighbours: the window makes that impossible for a grid."""
+"""Removes outliers: estimates that jump away from their neighbours, as no windowed grid does."""
 
 from __future__ import annotations
 
@@ -9,22 +9,23 @@ import numpy as np
 from rsenf.match.series import Track
 from rsenf.messages.schema import FloatArray
 
-# A day of the continental grid, averaged as a 20 s window does, stays within 8 mHz of its own
-# running median over 20 s; what is further away *and* far outside the clip's own scatter is a
-# wrong peak. A few of those would make the right time look impossible.
+# A day of the continental grid, averaged by a 20 s window, stays within 8 mHz of its running median
+# over 20 s. A value further away *and* far outside the clip's scatter is a wrong spectral peak; a
+# few of those would make the right time look impossible.
 LEAST_JUMP_HZ = 0.010
-SCATTERS = 8.0
+SCATTERS = 8.0  # standard deviations, from the median absolute deviation
 
 
 def without_jumps(track: Track) -> tuple[Track, int]:
-    """Leave out the estimates that no grid can have made.
+    """Replace the estimates that no grid can have made by holes.
+
+    An outlier is further from the running median than both limits below.
 
     Returns
     -------
     track : Track
-        With a hole for each of them.
     dropped : int
-        How many there were.
+        Number of outliers.
     """
     away = np.abs(track.enf_hz - _running_median(track.enf_hz, track.resolution_s / track.hop_s))
     if not np.isfinite(away).any():
@@ -35,7 +36,7 @@ def without_jumps(track: Track) -> tuple[Track, int]:
 
 
 def _running_median(values: FloatArray, width: float) -> FloatArray:
-    """Median of the valid values within half a width on either side; NaN where there is none."""
+    """Median of the valid values within half a width on either side; NaN if there are none."""
     half = max(round(width / 2), 1)
     padded = np.pad(values, half, constant_values=np.nan)
     ordered = np.sort(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=1)

@@ -1,4 +1,4 @@
-"""What a windowed frequency estimate does to the grid's frequency: it averages it.
+"""The averaging kernel of a windowed frequency estimate.
 
 The maximum of a windowed periodogram is, for the small phase wander of a grid, the slope of the
 weighted least-squares line through the phase ``φ(t)``::
@@ -6,14 +6,14 @@ weighted least-squares line through the phase ``φ(t)``::
     f = ∫ w(t)·t·φ(t) dt / (2π ∫ w(t)·t² dt)
 
 (expand ``|∫ w exp(j(φ − ωt)) dt|²`` to second order in the phase: it falls with the weighted
-variance of ``φ − ωt``.) With ``φ = 2π∫f`` and one integration by parts this is an average of the
-instantaneous frequency, ``f = ∫ k(s)·f(s) ds``, whose weight is::
+variance of ``φ − ωt``). With ``φ = 2π∫f`` and one integration by parts this is an average of the
+instantaneous frequency, ``f = ∫ k(s)·f(s) ds``, with the kernel::
 
     k(s) = ∫_s^∞ w(t)·t dt / ∫ w(t)·t² dt
 
-It is narrower than the window and bell-shaped, and averaging a reference by it makes the two
-comparable. A day of the continental grid differs from its own average under a 20 s Hann window
-by 1.5 mHz rms, most of what otherwise separates a clean estimate from the reference.
+It is bell-shaped and narrower than the window. A reference averaged by it is comparable with the
+estimate. A day of the continental grid differs from its own average under a 20 s Hann window by
+1.5 mHz rms, which is most of the difference between a clean estimate and the reference.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ import numpy as np
 
 from rsenf.messages.schema import FloatArray
 
-_FINE = 4096  # points of the numerical integral; its error is far below a reference's last digit
+_FINE = 4096  # intervals of the numerical integral; its error is far below a reference's last digit
 
 
 def window_kernel(window_s: float, step_s: float) -> FloatArray:
-    """Weights with which an estimate under a Hann window averages a reference's samples.
+    """Weights by which an estimate under a Hann window averages a reference's samples.
 
     Parameters
     ----------
@@ -39,6 +39,11 @@ def window_kernel(window_s: float, step_s: float) -> FloatArray:
     -------
     ndarray, odd length
         Symmetric weights that sum to 1; the estimate is centred on the middle sample.
+
+    Examples
+    --------
+    >>> window_kernel(4.0, 1.0).round(3).tolist()
+    [0.005, 0.229, 0.531, 0.229, 0.005]
     """
     t = np.linspace(-window_s / 2, window_s / 2, _FINE + 1)
     moment = np.cos(np.pi * t / window_s) ** 2 * t
@@ -51,9 +56,20 @@ def window_kernel(window_s: float, step_s: float) -> FloatArray:
 
 
 def box_kernel(length_s: float, step_s: float) -> FloatArray:
-    """Weights that average values of a step over a longer one, about the middle value.
+    """Weights that average values of one step over a longer step, about the middle value.
 
-    Where the longer step holds an even number of values, its two ends get half of one each.
+    If the longer step holds an even number of values, the two at its ends get half a weight.
+
+    Parameters
+    ----------
+    length_s : float
+        The longer step.
+    step_s : float
+
+    Examples
+    --------
+    >>> box_kernel(2.0, 1.0).tolist()
+    [0.25, 0.5, 0.25]
     """
     half = length_s / step_s / 2
     reach = int(half + 0.5 - 1e-9)
@@ -67,7 +83,7 @@ def _cumulative(v: FloatArray, t: FloatArray) -> FloatArray:
 
 
 def average(freq_hz: FloatArray, weights: FloatArray, least_ratio: float = 1.0) -> FloatArray:
-    """Average a gappy series under symmetric weights.
+    """Average a series with gaps under symmetric weights.
 
     Parameters
     ----------
@@ -76,12 +92,17 @@ def average(freq_hz: FloatArray, weights: FloatArray, least_ratio: float = 1.0) 
     weights : ndarray, odd length
         Summing to 1.
     least_ratio : float
-        Share of the weights that must meet valid values.
+        Share of the weights that must fall on valid values.
 
     Returns
     -------
     ndarray, shape (n,)
-        NaN wherever more of the weights than that falls into a gap or over an end.
+        NaN where less than that share does, and near both ends.
+
+    Examples
+    --------
+    >>> average(np.array([1.0, 2.0, 4.0, np.nan]), np.array([0.25, 0.5, 0.25])).tolist()
+    [nan, 2.25, nan, nan]
     """
     if freq_hz.size < weights.size:
         return np.full(freq_hz.size, np.nan)

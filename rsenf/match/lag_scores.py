@@ -1,7 +1,7 @@
-"""How well a clip fits at every lag: the curve that a person is shown.
+"""The correlation at every lag: the curve that a report shows.
 
-It is the correlation, whatever decides: that is what a layman can read. Curves come in pieces, so
-that a year of lags is never held at once: who draws one keeps what the picture can show.
+It is the correlation whatever the matcher decides by, because a layman can read it. It comes in
+pieces, so that a year of lags is never in memory; the caller keeps what a picture can show.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from rsenf.messages.schema import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class LagScores:
-    """Scores of some lags, the larger the better.
+    """Scores of some lags; larger is better.
 
     Parameters
     ----------
     lag_s : ndarray, shape (n,)
-        Start of the clip, from the start of the reference's first sample; rising.
+        Start of the clip less the start of the reference's first sample; rising.
     score : ndarray, shape (n,)
         NaN where the two could not be compared.
     name, unit : str
-        What the score is and how to read it, such as ``correlation`` and ``1 is perfect``.
+        Name of the score and how to read it, such as ``correlation`` and ``1 is perfect``.
     """
 
     lag_s: FloatArray
@@ -45,22 +45,21 @@ class LagScores:
 def lag_scores(
     track: Track, grid: Grid, settings: MatchSettings, best_lag_s: float
 ) -> Iterator[LagScores]:
-    """Yield the normalised cross-correlation at every lag, in the way that fits best.
+    """Yield the normalised cross-correlation at every lag, with the smoothing that fits best.
 
     Parameters
     ----------
     track : Track
-        As the matcher saw it, jumps left out.
+        As the matcher saw it, without outliers.
     grid : Grid
     settings : MatchSettings
     best_lag_s : float
-        The lag that the matcher found: the way that fits best there is the curve's.
+        The lag that the matcher found; the smoothing is the one that fits best there.
 
     Yields
     ------
     LagScores
-        Lags rise within a piece; pieces may overlap or interleave, and the best score of a lag
-        counts.
+        Lags rise within a piece. Pieces may overlap or interleave; the best score of a lag counts.
     """
     way = 0
     for part in _parts(track, grid):
@@ -78,7 +77,7 @@ def lag_scores(
 
 
 class _Part(NamedTuple):
-    """A part of a reference, where it begins, and the lags that are its own."""
+    """A part of a reference, its start, and the range of lags that are reported from it."""
 
     grid: Grid
     begin_s: float
@@ -87,7 +86,7 @@ class _Part(NamedTuple):
 
 
 def _parts(track: Track, grid: Grid) -> Iterator[_Part]:
-    """Cut a reference into parts that overlap by a clip and the longest average on either side."""
+    """Cut a reference into parts that overlap by a clip and the longest window on either side."""
     per_hop = max(round(track.hop_s / grid.step_s), 1)  # a part holds whole hops
     clip_s = track.enf_hz.size * track.hop_s + track.window_s + USUAL_WINDOW_S
     reach = math.ceil(clip_s / grid.step_s / per_hop) * per_hop
@@ -104,7 +103,7 @@ def _parts(track: Track, grid: Grid) -> Iterator[_Part]:
 
 
 def _best_way(track: Track, grid: Grid, settings: MatchSettings, lag_s: float) -> int:
-    """Return the number of the way in which a lag fits best."""
+    """Return the index of the smoothing (:func:`rsenf.match.search.ways`) that fits best."""
     found = [_score_at(lag_s, scorers) for _, scorers in prepared(track, grid, settings)]
     return found.index(max(found))
 

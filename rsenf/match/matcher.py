@@ -1,4 +1,4 @@
-"""A matcher: a track and a reference in, a finding out; one interface for all methods."""
+"""The matcher interface: a track and references in, a finding out; the same for all methods."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from rsenf.match.settings import MatchSettings
 from rsenf.messages import Candidate, Edit, Segment
 from rsenf.timebase import nanoseconds, seconds, utc_text
 
-NEAR_HZ = 0.5  # frequencies nearer than this have the same nominal one
+NEAR_HZ = 0.5  # nominal frequencies nearer than this are the same
 
-# Grids stay nearer to their nominal frequency, but for a few minutes in many years: then the
-# reference shows it.
+# A grid is further than FARTHEST_HZ from its nominal frequency only for minutes in many years; then
+# the reference must come within BESIDE_HZ of the clip's ENF.
 FARTHEST_HZ, BESIDE_HZ = 0.1, 0.02
-PIECE = 1 << 20  # samples of a reference looked at together
+PIECE = 1 << 20  # samples of a reference read together
 NAN = float("nan")
-ENOUGH_COVERAGE = 0.5  # of the possible lags, before "not in this reference" is said
+ENOUGH_COVERAGE = 0.5  # share of the possible lags needed to conclude "not in this reference"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """What a matcher concludes, with lags on the reference's axis; NaN for what it can't tell.
+    """The conclusion of a matcher, with lags on the reference's axis; NaN where undetermined.
 
-    The fields are those of :class:`rsenf.messages.MatchResult`. Besides, ``grid`` is the reference
-    that the lag is in; ``claim_fit`` is the chance of a residual as large as that at the claimed
-    start, were it the true one; ``coverage_ratio`` is the share of the possible lags that could be
+    The fields are those of :class:`rsenf.messages.MatchResult`. In addition, ``grid`` is the
+    reference of the lag, ``claim_fit`` the probability of so large a residual at the claimed start
+    if it is the true one, and ``coverage_ratio`` the share of the possible lags that could be
     compared.
     """
 
@@ -65,7 +65,7 @@ class Finding:
 
 
 class Matcher(Protocol):
-    """One method of comparing a track with references."""
+    """A method that compares one track with references."""
 
     def __call__(
         self,
@@ -74,17 +74,17 @@ class Matcher(Protocol):
         settings: MatchSettings,
         claimed_utc_ns: int = 0,
     ) -> Finding:
-        """Compare; a claimed start, UTC since 1970, is looked at as well, where given."""
+        """Compare; also test the claimed start (ns UTC since 1970), unless it is 0."""
         ...
 
 
 class HypothesisMatcher(ABC):
-    """One method of comparing all hypotheses of an ENF method, and not one track.
+    """A method that compares all hypotheses of an ENF method instead of one track.
 
     Attributes
     ----------
     enf_method : str
-        Name of the ENF method whose hypotheses it compares.
+        Name of that ENF method.
     """
 
     enf_method: ClassVar[str]
@@ -93,21 +93,33 @@ class HypothesisMatcher(ABC):
     def __call__(
         self, hypotheses: Hypotheses, grids: Sequence[Grid], settings: MatchSettings
     ) -> Finding:
-        """Compare."""
+        """Compare all hypotheses with the references."""
 
 
 class OneReferenceMatcher(Protocol):
-    """A method that knows one reference only, and a claim as a lag in it."""
+    """A method for a single reference, with the claim as a lag in it."""
 
     def __call__(
         self, track: Track, grid: Grid, settings: MatchSettings, claimed_lag_s: float = NAN
     ) -> Finding:
-        """Compare; a claimed lag is looked at as well, where given."""
+        """Compare; also test the claimed lag, unless it is NaN."""
         ...
 
 
 def one_reference(match: OneReferenceMatcher, name: str) -> Matcher:
-    """Make a matcher of a method that knows one reference only."""
+    """Make a matcher from a method for a single reference.
+
+    Parameters
+    ----------
+    match : OneReferenceMatcher
+    name : str
+        Name of the method, for the error message.
+
+    Returns
+    -------
+    Matcher
+        Raises ``UsageError`` for any number of references but one.
+    """
 
     def matcher(
         track: Track,
@@ -129,16 +141,24 @@ def one_reference(match: OneReferenceMatcher, name: str) -> Matcher:
 def compare_directions(
     compare: Callable[[Track], Finding], track: Track, tolerance_s: float
 ) -> tuple[Finding, Track]:
-    """Compare a track, and its mirror image where the direction of read-out isn't known.
+    """Compare a track, and its mirror image if the read-out direction is unknown.
 
-    That makes the search twice as large, which the matchers count (:attr:`Track.hypotheses`).
+    That doubles the size of the search, which the matchers count (:attr:`Track.hypotheses`).
+
+    Parameters
+    ----------
+    compare : callable
+        Compares one track.
+    track : Track
+    tolerance_s : float
+        Lags of the two directions that differ by more compete with each other.
 
     Returns
     -------
     finding : Finding
         Of the direction that fits better.
     track : Track
-        What it rests on.
+        The track in that direction.
     """
     if track.directions == 1:
         return compare(track), track
@@ -168,7 +188,7 @@ def compare_directions(
 
 
 def _mean(*log10_lr: float) -> float:
-    """Mean of likelihood ratios, those that are known."""
+    """Log of the mean of the likelihood ratios that are not NaN."""
     known = [one for one in log10_lr if not math.isnan(one)]
     if not known:
         return math.nan
@@ -177,29 +197,35 @@ def _mean(*log10_lr: float) -> float:
 
 
 def claimed_lag_s(grid: Grid, claimed_utc_ns: int) -> float:
-    """Lag that a claimed start means; NaN without a claim or when the reference has no time."""
+    """Return the lag of a claimed start; NaN without a claim or a known start of the reference."""
     if not claimed_utc_ns or not grid.t0_ns:
         return math.nan
     return seconds(claimed_utc_ns - grid.t0_ns)
 
 
 def start_ns(grid: Grid, lag_s: float) -> int:
-    """Start that a lag means, UTC since 1970; 0 when it or the reference's isn't known."""
+    """Return the start at a lag, ns UTC since 1970; 0 if it or the reference's time is unknown."""
     return grid.t0_ns + nanoseconds(lag_s) if grid.t0_ns and not math.isnan(lag_s) else 0
 
 
 def moment(grid: Grid, lag_s: float) -> str:
-    """Say when a lag is: UTC where the reference's is known."""
+    """Return the time at a lag as text: UTC if known, else seconds into the reference.
+
+    Examples
+    --------
+    >>> moment(Grid("mains", 50.0, 0, 1.0, np.zeros(60)), 12.34)
+    '12.3 s into the reference'
+    """
     return utc_text(start_ns(grid, lag_s)) or f"{lag_s:.1f} s into the reference"
 
 
 def check_lengths(clip_s: float, reference_s: float) -> None:
-    """Refuse a reference that can't hold the clip.
+    """Refuse a reference that is shorter than the clip.
 
     Raises
     ------
     UsageError
-        When the clip is longer than the reference.
+        If the clip is longer than the reference.
     """
     if clip_s > reference_s:
         raise UsageError(
@@ -209,7 +235,7 @@ def check_lengths(clip_s: float, reference_s: float) -> None:
 
 
 def nothing_to_decide(track: Track, grids: Sequence[Grid], settings: MatchSettings) -> str:
-    """Say why these can't be compared at all; empty when they can."""
+    """Return the reason why a clip and references can't be compared at all; empty if they can."""
     usable_s = track.usable * track.hop_s
     if not track.usable:
         return "no usable signal"
@@ -226,12 +252,12 @@ def nothing_to_decide(track: Track, grids: Sequence[Grid], settings: MatchSettin
 
 
 def of_nominal(track: Track, grids: Sequence[Grid]) -> list[Grid]:
-    """Return the references of grids with the nominal frequency that the light follows."""
+    """Return the references whose nominal frequency is that of the track."""
     return [grid for grid in grids if abs(track.nominal_hz - grid.nominal_hz) < NEAR_HZ]
 
 
 def off_speed(track: Track, grids: Sequence[Grid]) -> str:
-    """Say that the clip's ENF is too far from the nominal one; empty where it isn't."""
+    """Return a text if the clip's ENF is too far from its nominal frequency; empty if it isn't."""
     enf_hz = float(np.nanmedian(track.enf_hz))
     away_hz = enf_hz - track.nominal_hz
     if abs(away_hz) <= FARTHEST_HZ or any(_comes_near(grid, enf_hz) for grid in grids):

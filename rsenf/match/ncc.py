@@ -1,12 +1,12 @@
-"""Residuals and normalised cross-correlation at every lag, with holes on both sides, by FFT.
+"""Masked residuals and normalised cross-correlation at every lag, by FFT.
 
-At lag ``l`` the value ``x[i]`` meets ``y[i + l]``; a pair counts where both are valid. All that is
-asked of a lag are sums over its pairs (how many, Σx, Σy, Σx², Σy², Σxy), which are
-cross-correlations of the zero filled series, their squares and their masks, after Padfield, "Masked
-object registration in the Fourier domain", IEEE Trans. Image Processing 21(5), 2012. What is wanted
-is added up before it is transformed back, and no mask is transformed where it has no hole. The long
-series is taken in overlapping stretches (overlap-save), so that a year costs no more memory than a
-day but for its results.
+At lag ``l`` the value ``x[i]`` is paired with ``y[i + l]``; a pair counts if both are valid. All
+results follow from sums over the pairs of a lag (number, Σx, Σy, Σx², Σy², Σxy), which are
+cross-correlations of the zero-filled series, their squares and their masks (Padfield, "Masked
+object registration in the Fourier domain", IEEE Trans. Image Processing 21(5), 2012). Terms are
+added in the frequency domain, and a mask without holes is not transformed. The long series is taken
+in overlapping stretches (overlap-save), so that a year needs no more memory than a day, apart from
+its results.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from rsenf.messages.schema import FloatArray
 
 BoolArray = NDArray[np.bool_]
 
-MIN_FFT = 1 << 15  # measured: longer ones fall out of the cache
-ROUNDING = 1e-11  # of the series' own variance: below it a variance is rounding, not signal
+MIN_FFT = 1 << 15  # measured: longer ones overflow the CPU cache
+ROUNDING = 1e-11  # of the series' own variance: a smaller variance is rounding error
 
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """How far apart two series are at consecutive lags; NaN where too few pairs tell.
+    """Differences of two series at consecutive lags; NaN where there are too few pairs.
 
-    ``first_lag`` belongs to entry 0. All arrays have one entry a lag: ``pairs`` counts, ``offset``
-    is the mean of ``x − y`` (unit of the series), ``residual_var`` the variance of ``x − y`` about
-    that offset.
+    ``first_lag`` belongs to entry 0. The arrays have one entry per lag: ``pairs`` is the number of
+    valid pairs, ``offset`` the mean of ``x − y`` (unit of the series), ``residual_var`` the
+    variance of ``x − y`` about that offset.
     """
 
     first_lag: int
@@ -46,7 +46,7 @@ class Residuals:
         return np.arange(self.first_lag, self.first_lag + self.pairs.size)
 
     def within(self, own: range) -> Residuals:
-        """Leave out the lags that aren't in a range."""
+        """Return only the lags in a range."""
         a = min(max(own.start - self.first_lag, 0), self.pairs.size)
         b = max(min(own.stop - self.first_lag, self.pairs.size), a)
         part = slice(a, b)
@@ -70,9 +70,9 @@ def masked_ncc(
     Parameters
     ----------
     x, y : ndarray of float, shapes (n,) and (N,)
-        The short and the long series, on one step.
+        The short and the long series, with the same time step.
     x_ok, y_ok : ndarray of bool, shapes (n,) and (N,)
-        Where they are valid; what they hold elsewhere doesn't matter.
+        Where they are valid; other values are ignored.
     min_pairs : int
         Lags with fewer valid pairs are NaN.
 
@@ -80,6 +80,14 @@ def masked_ncc(
     -------
     LagTable
         For lags ``−(n − 1)`` to ``N − 1``.
+
+    Examples
+    --------
+    >>> y = np.array([5.0, 1.0, 4.0, 2.0, 8.0, 3.0, 7.0])
+    >>> x = y[2:6] + 10.0
+    >>> table = masked_ncc(x, np.ones(4, bool), y, np.ones(7, bool), min_pairs=4)
+    >>> int(table.lags[np.nanargmax(table.correlation)])
+    2
     """
     tables = list(lag_tables(x, x_ok, y, y_ok, min_pairs=min_pairs))
     return LagTable(
@@ -94,7 +102,7 @@ def masked_ncc(
 def lag_residuals(
     x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray, *, min_pairs: int = 3
 ) -> Iterator[Residuals]:
-    """Yield what :func:`masked_ncc` says but for the correlation, in stretches of lags."""
+    """Yield the residuals of :func:`masked_ncc`, without the correlation, in stretches of lags."""
     for stretch in _stretches(x, x_ok, y, y_ok):
         yield _residuals(stretch, min_pairs)
 
@@ -102,7 +110,7 @@ def lag_residuals(
 def lag_tables(
     x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray, *, min_pairs: int = 3
 ) -> Iterator[LagTable]:
-    """Yield the table of :func:`masked_ncc` in stretches of lags, in bounded memory."""
+    """Yield the table of :func:`masked_ncc` in stretches of lags, with bounded memory."""
     scale_x, scale_y = (float(v[ok].var()) if ok.any() else 0.0 for v, ok in ((x, x_ok), (y, y_ok)))
     for stretch in _stretches(x, x_ok, y, y_ok):
         of = _residuals(stretch, min_pairs)
@@ -135,7 +143,7 @@ def _residuals(stretch: _Stretch, min_pairs: int) -> Residuals:
 
 
 class _Powers:
-    """The powers 0, 1 and 2 of a series about a level, zero where it isn't valid."""
+    """The powers 0, 1 and 2 of a series less its level, zero where it isn't valid."""
 
     def __init__(self, v: FloatArray, ok: BoolArray, level: float, size: int) -> None:
         self.level, self.whole, self._size = level, bool(ok.all()), size
@@ -144,7 +152,7 @@ class _Powers:
         self._spectra: dict[tuple[int, float], NDArray[np.complex128]] = {}
 
     def spectrum(self, power: int, weight: float = 1.0) -> NDArray[np.complex128]:
-        """Spectrum of a power times a weight, padded to the size of the transforms."""
+        """Spectrum of a power times a weight, zero-padded to the FFT size."""
         from scipy import fft
 
         if (power, weight) not in self._spectra:
@@ -154,16 +162,16 @@ class _Powers:
         return self._spectra[power, weight]
 
     def running(self, power: int, length: int) -> FloatArray:
-        """Sums of a power over so many values in a row."""
+        """Running sums of a power over ``length`` consecutive values."""
         sums = np.concatenate([[0.0], np.cumsum(self.of[power])])
         return np.asarray(sums[length:] - sums[:-length], np.float64)
 
 
 @dataclass(frozen=True, eq=False)
 class _Stretch:
-    """Lags in a row from ``first`` on: the short series beside a part of the long one.
+    """Consecutive lags from ``first`` on: the short series and a part of the long one.
 
-    ``reverse`` is the short series backwards, so that its convolution is what is wanted of it.
+    ``reverse`` is the short series reversed, so that a convolution gives its cross-correlation.
     """
 
     first: int
@@ -175,7 +183,7 @@ class _Stretch:
     def sums(self, *terms: tuple[float, int, int]) -> FloatArray:
         """Return Σ weight · x^i · y^j over the pairs of each lag, for terms (weight, i, j).
 
-        It is of shape () where it is the same at all of them.
+        Shape () if it is the same at all lags.
         """
         from scipy import fft
 
@@ -221,7 +229,7 @@ def _mean(v: FloatArray, ok: BoolArray) -> float:
 
 
 class Comparison(NamedTuple):
-    """The same at one lag, computed directly."""
+    """The result at one lag, computed directly."""
 
     pairs: int
     correlation: float
@@ -232,9 +240,15 @@ class Comparison(NamedTuple):
 def compare_at(
     x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray, lag: int
 ) -> Comparison:
-    """Compare at one lag by plain sums: exact where :func:`masked_ncc` rounds.
+    """Compare at one lag by plain sums: exact where :func:`masked_ncc` has rounding errors.
 
-    Lags without a pair give NaN.
+    NaN if the lag has no valid pair.
+
+    Parameters
+    ----------
+    x, x_ok, y, y_ok
+        As for :func:`masked_ncc`.
+    lag : int
     """
     a, b = max(0, -lag), min(x.size, y.size - lag)
     if a >= b:
@@ -246,7 +260,7 @@ def compare_at(
     difference = xs - ys
     dx, dy = xs - xs.mean(), ys - ys.mean()
     power_x, power_y = float(dx @ dx), float(dy @ dy)
-    # A constant stretch leaves its mean's rounding behind, about 1e-16 of its level.
+    # A constant series leaves the rounding error of its mean, about 1e-16 of its level.
     varies = power_x > 1e-24 * float(xs @ xs) and power_y > 1e-24 * float(ys @ ys)
     correlation = float(dx @ dy) / (power_x * power_y) ** 0.5 if varies else np.nan
     return Comparison(xs.size, correlation, float(difference.mean()), float(difference.var()))

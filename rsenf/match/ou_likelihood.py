@@ -1,8 +1,11 @@
-"""Likelihood of a clip's phases under any grid: Ornstein–Uhlenbeck processes about a free mean.
+"""Likelihood of a clip's phases under any grid: Ornstein-Uhlenbeck processes about a free mean.
 
-It is the alternative that every lag is weighed against. The frequency is the Gaussian process of
-:mod:`rsenf.flicker.grid_prior`, livelier or calmer by a factor that isn't known, about a mean that
-isn't known either; the clip's errors are as at a lag.
+This is the alternative against which every lag is weighed. Model: the frequency is the Gaussian
+process of :mod:`rsenf.flicker.grid_prior`, scaled by an unknown factor (:data:`LIVELINESS`), about
+an unknown mean; the clip's errors are those of :mod:`rsenf.match.phase_filter`. The likelihood of
+the phase steps is exact (Cholesky factor) within blocks of 600 phases, and a mixture over the
+factors and the sizes of the errors. Approximations: blocks are independent, and each step is
+unwrapped to the value nearest to its prediction.
 """
 
 from __future__ import annotations
@@ -18,29 +21,30 @@ from rsenf.match.clip_phase import RAD_PER_CYCLE, ClipPhase
 from rsenf.match.phase_filter import UNKNOWN_RAD2, blocks_of, clip_errors
 from rsenf.messages.schema import FloatArray
 
-BLOCK = 600  # phases that are looked at together; stretches count as independent
-KEPT = 512  # blocks whose likelihood is remembered, 13 MB
+BLOCK = 600  # phases with a joint covariance; blocks count as independent
+KEPT = 512  # blocks whose likelihood is cached, 13 MB
 MEAN_STD_HZ = 0.03  # of the ENF's mean over a clip about the nominal, clock errors included
 TURN_RAD = 2.0 * np.pi
-# Of frequencies that no grid made, which an estimator smoothed: standard deviation and memory.
+# Standard deviations and memories of smoothed frequency estimates without a grid behind them.
 NO_GRID_HZ, NO_GRID_S = (0.005, 0.01, 0.02, 0.04), (2.0, 8.0, 30.0)
-BAD_SHARE = 0.05  # of blocks, that follow no grid
-LIVELINESS = ((0.5, 0.25), (1.0, 0.5), (2.0, 0.25))
+BAD_SHARE = 0.05  # prior share of blocks that follow no grid
+LIVELINESS = ((0.5, 0.25), (1.0, 0.5), (2.0, 0.25))  # factors on the grid's wander, with weights
 
 
 def generic_log_likelihood(clip: ClipPhase, *, robust: bool = False) -> FloatArray:
-    """Log-likelihood of each phase given those before it.
+    """Log-likelihood of each phase given those before it, if the light follows some grid.
 
     Parameters
     ----------
     clip : ClipPhase
     robust : bool
-        Some blocks may be bad: then no size of the errors is learned from what may be one.
+        Some blocks may be bad; then a block changes the weights of the models only as far as it may
+        be good.
 
     Returns
     -------
     ndarray, shape (n,)
-        Zero for the first: any phase is as likely as any other.
+        Nats; zero for the first, whose phase is arbitrary.
     """
     blocks = (clip.between(start, start + BLOCK + 1) for start in range(0, clip.size - 1, BLOCK))
     parts = [
@@ -51,19 +55,15 @@ def generic_log_likelihood(clip: ClipPhase, *, robust: bool = False) -> FloatArr
 
 
 def no_grid_log_likelihood(clip: ClipPhase) -> FloatArray:
-    """Log-likelihood of each phase given those before it, if no grid is behind them.
+    """Log-likelihood of each phase given those before it, if the light follows no grid.
 
-    Phases that were measured are then as likely anywhere in a turn; frequencies are errors that
-    hang together, of a size and a memory that aren't known.
-
-    Parameters
-    ----------
-    clip : ClipPhase
+    Measured phases are then uniform over a turn. Frequencies are errors with exponential
+    autocorrelation, of unknown size and memory.
 
     Returns
     -------
     ndarray, shape (n,)
-        Zero for the first, and of sums for those whose way from the one before isn't known.
+        Nats; zero for the first, and for sums of frequencies where the step is unknown.
     """
     if not clip.is_summed or clip.size < 2:
         return np.where(np.arange(clip.size) > 0, -np.log(TURN_RAD), 0.0)
@@ -72,7 +72,7 @@ def no_grid_log_likelihood(clip: ClipPhase) -> FloatArray:
 
 
 def _no_grid(clip: ClipPhase) -> FloatArray:
-    """Do that for the steps of frequencies."""
+    """Log-likelihood of the steps of summed frequencies, if the light follows no grid."""
     dt_s, linked = np.diff(clip.t_s), clip.linked[1:]
     apart_s = np.abs(np.subtract.outer(clip.t_s[1:], clip.t_s[1:]))
     steady = (RAD_PER_CYCLE * MEAN_STD_HZ) ** 2 * np.outer(dt_s, dt_s)
@@ -88,10 +88,10 @@ def _no_grid(clip: ClipPhase) -> FloatArray:
 
 @lru_cache(maxsize=KEPT)
 def _block(held: bytes, hop_s: float) -> tuple[FloatArray, FloatArray]:
-    """Log-likelihood of each step of the phase given the steps before, and that with bad blocks.
+    """Log-likelihood of each step given those before, without and with bad blocks allowed for.
 
-    A clip is asked about again as it grows, and when its finding is examined: then only what is new
-    of it is work.
+    Cached: a clip is evaluated again as it grows and when its finding is examined, so only new
+    blocks are computed.
     """
     t_s, phase_rad, var_rad2, walk_rad2 = np.frombuffer(held).reshape(4, -1)
     clip = ClipPhase(t_s, phase_rad, var_rad2, walk_rad2, hop_s, np.nan)
@@ -101,7 +101,7 @@ def _block(held: bytes, hop_s: float) -> tuple[FloatArray, FloatArray]:
     for number in np.unique(block):
         own = block == number
         out[own] = _mixed(found[:, own], log_weight)
-        # Of a bad block no model is to learn more than that.
+        # A block updates the weights only as far as it may be good.
         total, bad = found[:, own].sum(axis=1), no_grid[own].sum()
         log_weight = log_weight + np.logaddexp(
             math.log1p(-BAD_SHARE) + total, math.log(BAD_SHARE) + bad
@@ -111,7 +111,7 @@ def _block(held: bytes, hop_s: float) -> tuple[FloatArray, FloatArray]:
 
 
 def alone_log_likelihood(clip: ClipPhase) -> FloatArray:
-    """Log-likelihood of each phase of a few given those before it, under a usual grid."""
+    """Log-likelihood as :func:`generic_log_likelihood`, for a few phases under a usual grid."""
     found, log_weight = _by_model(clip, ((1.0, 1.0),))
     return np.concatenate([[0.0], _mixed(found, log_weight)])
 
@@ -119,13 +119,13 @@ def alone_log_likelihood(clip: ClipPhase) -> FloatArray:
 def _by_model(
     clip: ClipPhase, liveliness: Sequence[tuple[float, float]]
 ) -> tuple[FloatArray, FloatArray]:
-    """Log-likelihood of each step given those before, (models, steps), and models' log weights."""
+    """Log-likelihood of each step under each model, (models, steps), and the log prior weights."""
     steps = np.diff(clip.phase_rad)
     wander, every = _wander(clip), clip_errors(clip)
     own = {drift_s: _noise(clip, drift_s) for drift_s in {errors.drift_s for errors in every}}
     sizes = {(errors.wander_rad, errors.wander_s) for errors in every}
     bounded = {size: _bounded(clip, *size) for size in sizes}
-    # Of a step over a hole that isn't known, nothing follows for those after it.
+    # An unknown step over a hole must not affect the prediction of those after it.
     unknown = np.diag(np.where(clip.linked[1:], 0.0, UNKNOWN_RAD2))
     covariance = np.empty_like(wander)
     found, weights = [], []
@@ -141,21 +141,21 @@ def _by_model(
 
 
 def _wander(clip: ClipPhase) -> FloatArray:
-    """Covariance of the steps by the grid's wander and its unknown mean."""
+    """Covariance of the phase steps due to the grid's frequency and its unknown mean."""
     dt = np.diff(clip.t_s)
     mean = (RAD_PER_CYCLE * MEAN_STD_HZ) ** 2 * np.outer(dt, dt)
     return _of_steps(clip, wander_rad2) + mean
 
 
 def _bounded(clip: ClipPhase, wander_rad: float, wander_s: float) -> FloatArray:
-    """Covariance of the steps by a bounded wander of the clip's phase."""
+    """Covariance of the phase steps due to an Ornstein-Uhlenbeck process in the clip's phase."""
     if not wander_rad:
         return np.zeros((clip.size - 1, clip.size - 1))
     return _of_steps(clip, lambda t_s: 2.0 * wander_rad**2 * -np.expm1(-t_s / wander_s))
 
 
 def _of_steps(clip: ClipPhase, spread_rad2: Callable[[FloatArray], FloatArray]) -> FloatArray:
-    """Covariance of the steps, from the mean square by which the phase strays over a time."""
+    """Covariance of the phase steps, from the phase's mean square change over a time."""
     index = np.rint((clip.t_s - clip.t_s[0]) / clip.hop_s).astype(np.int64)
     spread = spread_rad2(np.arange(index[-1] + 1) * clip.hop_s)
     over = spread[np.abs(np.subtract.outer(index, index))]
@@ -165,7 +165,7 @@ def _of_steps(clip: ClipPhase, spread_rad2: Callable[[FloatArray], FloatArray]) 
 
 
 def _noise(clip: ClipPhase, drift_s: float) -> FloatArray:
-    """Covariance of the steps by the phases' own errors, those of frequencies with a memory."""
+    """Covariance of the phase steps due to the estimates' errors; ``drift_s`` is their memory."""
     var = clip.var_rad2
     beside = -var[1:-1]
     noise = np.diag(var[1:] + var[:-1] + 1e-12) + np.diag(beside, 1) + np.diag(beside, -1)
@@ -179,8 +179,8 @@ def _noise(clip: ClipPhase, drift_s: float) -> FloatArray:
 def _gaussian(steps: FloatArray, covariance: FloatArray) -> FloatArray:
     """Log-likelihood of each value given those before, by the Cholesky factor.
 
-    A step is only known up to whole turns: it is taken for the one nearest to what the steps before
-    foretell, as the phase filter does at a lag. One slip costs no more here than there.
+    Steps are known modulo a turn: each is unwrapped to the value nearest to its prediction from the
+    steps before, as the phase filter does at a lag, so that a cycle slip costs the same in both.
     """
     from scipy.linalg import solve_triangular
 
@@ -195,7 +195,7 @@ def _gaussian(steps: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def _mixed(log_likelihood: FloatArray, log_weight: FloatArray) -> FloatArray:
-    """Each value's likelihood as the mean over models, by their weights after the values before."""
+    """Log of each value's likelihood, averaged over models with their posterior weights so far."""
     sums = np.cumsum(log_likelihood, axis=1) + log_weight[:, None]
     total = np.logaddexp.reduce(sums, axis=0)
     return np.diff(total, prepend=np.logaddexp.reduce(log_weight))

@@ -1,6 +1,6 @@
-"""A long series on disk in pages, of which those looked at last are kept.
+"""Cached access to a long reference on disk, by pages (least recently used dropped).
 
-A search looks at the same few hundred places of a reference again and again, ever more closely.
+A search reads the same few hundred places of a reference again and again.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ KEPT = 1 << 11  # pages, 16 MB
 
 
 class Pages:
-    """Slices of a series, read by the page.
+    """Slices of a series, read page by page.
 
     Parameters
     ----------
     samples : array_like
-        That tells its ``size`` and gives slices.
+        With ``size`` and slicing.
     """
 
     def __init__(self, samples: FloatArray) -> None:
@@ -45,7 +45,7 @@ class Pages:
 
 
 def in_pages(grid: Grid) -> Grid:
-    """Return a reference that keeps what was looked at; one in memory is as it should be."""
+    """Return a reference with a page cache; one in memory is returned as it is."""
     if isinstance(grid.freq_hz, np.ndarray):
         return grid
     return replace(grid, freq_hz=cast("FloatArray", Pages(grid.freq_hz)))

@@ -1,9 +1,9 @@
-"""The paper's Metrics 1 to 4: how a lag is chosen among those of all hypotheses.
+"""The paper's Metrics 1 to 4: how a lag is chosen from the peaks of all hypotheses.
 
-The metrics of the paper's Section V differ in which hypotheses they look at and in how they choose
-among their lags; all take a peak correlation above a fixed threshold (``TH_c``) for a match. A
-blind search of a day finds such correlations at wrong times too, so a match by one of them has no
-likelihood ratio, and says so.
+The metrics (paper, Section IV) differ in which hypotheses they use and how they choose among their
+lags; all take a peak correlation above a fixed threshold ``TH_c`` as a match. In a blind search of
+a day wrong times exceed it too, so a match by a metric has no likelihood ratio, and the result says
+so.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rsenf.match.series import Grid
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import Candidate
 
-GROUP_S = 1.0  # lags as near as this to one lag are of its group
+GROUP_S = 1.0  # lags within this distance of a lag form its group
 NO_LR = (
     "decided by a threshold on the correlation alone, which wrong times of a long reference pass "
     "too: no likelihood ratio belongs to it"
@@ -36,8 +36,8 @@ def metric(tally: Tally, number: int) -> Finding:
     tally : Tally
     number : int
         1: the line at ``f_0`` without an idle period. 2: the best line without an idle period.
-        3: the best of all hypotheses. 4: the lag that most hypotheses agree on, weighed against
-        the correlation (the paper's last equation).
+        3: the best of all hypotheses. 4: the lag that most hypotheses agree on, combined with the
+        correlation (paper, Eq. 25).
     """
     allowed = np.array([_is_allowed(label, number) for label in tally.hypotheses.labels])
     peak = np.where(allowed, np.nan_to_num(tally.correlation, nan=-np.inf), -np.inf)
@@ -87,7 +87,7 @@ class Metric(HypothesisMatcher):
         Raises
         ------
         UsageError
-            When there are several.
+            If there are several references.
         """
         if len(grids) != 1:
             raise UsageError(
@@ -116,11 +116,11 @@ def _is_allowed(label: Label, number: int) -> bool:
 
 
 def _by_agreement(tally: Tally, threshold: float) -> list[int]:
-    """Rank lags by how many hypotheses agree on them, and how well the best of those correlates.
+    """Rank lags by the number of hypotheses that agree and by their best correlation.
 
-    All lags within a second of one are its group, whatever their correlation, if the best of them
-    is above the threshold; the group is as good as ``√(n² + ρ²)``, both over their greatest
-    (paper, last equation).
+    All lags within 1 s of a lag are its group, whatever their correlation, if the best of them is
+    above the threshold. Groups are ranked by ``√(n² + ρ²)``, with both divided by their maximum
+    (paper, Eq. 25).
 
     Returns
     -------
@@ -142,14 +142,14 @@ def _by_agreement(tally: Tally, threshold: float) -> list[int]:
 
 
 def _clock_ppm(tally: Tally, i: int) -> float:
-    """Clock error by a hypothesis; NaN at ``2·f_0``, where the harmonic seen isn't sure."""
+    """Clock error by a hypothesis; NaN at ``2·f_0``, where the harmonic is uncertain."""
     label = tally.hypotheses.labels[i]
     sure = label.harmonic == 1
     return -float(tally.offset_hz[i]) / label.nominal_hz * 1e6 if sure else float("nan")
 
 
 def _candidates(tally: Tally, ranked: list[int]) -> tuple[Candidate, ...]:
-    """Return the best of each group of lags, in the order given."""
+    """Return the best of each group of lags, in the given order."""
     out: list[int] = []
     for i in ranked:
         if len(out) < tally.settings.candidates and all(

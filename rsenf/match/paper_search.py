@@ -1,12 +1,10 @@
-"""Every hypothesis of the paper's against a reference, at every lag.
+"""Correlates every hypothesis of the paper's method with a reference, at every lag.
 
-Section V of the paper: the ENF of each hypothesis is correlated with the reference, and the peak of
-the correlation and its lag are kept. What is made of them is for the metrics to say.
+The ENF of each hypothesis is correlated with the reference, and the peak correlation and its lag
+are kept (paper, Section IV). The metrics choose among them (:mod:`rsenf.match.paper`).
 
-The best lag of each of many series that share their holes, against one long series.
-
-What :func:`rsenf.match.ncc.masked_ncc` finds for one series, without its tables: the long series
-is transformed once for all, and so are the sums that only the holes make.
+All series share their holes, so the long series and the sums over the masks are transformed once;
+otherwise the result is that of :func:`rsenf.match.ncc.masked_ncc` without its tables.
 """
 
 from __future__ import annotations
@@ -28,9 +26,9 @@ from rsenf.messages.schema import FloatArray
 
 
 class BestLags(NamedTuple):
-    """The lag of the greatest correlation of each series, and what is found there.
+    """The lag of the largest correlation of each series, with the values there.
 
-    NaN where no lag has a correlation; ``offset`` is the mean of ``x − y``; ``compared`` lags had
+    NaN if no lag has a correlation; ``offset`` is the mean of ``x − y``; ``compared`` lags had
     enough pairs.
     """
 
@@ -44,22 +42,22 @@ class BestLags(NamedTuple):
 def best_lags(
     x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray, *, min_pairs: int
 ) -> BestLags:
-    """Correlate at every lag at which enough valid values of the two meet.
+    """Correlate at every lag with enough valid pairs.
 
     Parameters
     ----------
     x : ndarray, shape (series, n)
     x_ok : ndarray of bool, shape (n,)
-        Where they are valid, all alike.
+        Where all of them are valid.
     y, y_ok : ndarray, shape (N,)
         The long series, and where it is valid.
     min_pairs : int
-        Least number of pairs at a lag.
+        Minimum number of pairs at a lag.
 
     Returns
     -------
     BestLags
-        At lag ``l``, value ``x[i]`` meets ``y[i + l]``.
+        At lag ``l``, value ``x[i]`` is paired with ``y[i + l]``.
     """
     held = max(int(x_ok.sum()), 1)
     level_x, level_y = _means(x, x_ok), _means(y[None], y_ok)[0]
@@ -102,7 +100,7 @@ class _Stretch:
     spectra: NDArray[np.complex128]
 
     def sums(self, short: FloatArray, *powers: int) -> FloatArray:
-        """Sums of a short series times the long one's powers, shape (powers, count)."""
+        """Return sums of a short series times the long one's powers, shape (powers, count)."""
         from scipy import fft
 
         spectrum = np.conj(fft.rfft(short, self.size))
@@ -111,7 +109,7 @@ class _Stretch:
 
 
 def _stretches(length: int, y: FloatArray, y_ok: BoolArray) -> Iterator[_Stretch]:
-    """Take the long series in overlapping stretches, every lag in one of them."""
+    """Cut the long series into overlapping stretches, each lag in one of them."""
     from scipy import fft
 
     size = fft.next_fast_len(max(MIN_FFT, 4 * length), real=True)
@@ -124,16 +122,16 @@ def _stretches(length: int, y: FloatArray, y_ok: BoolArray) -> Iterator[_Stretch
 
 
 def _means(v: FloatArray, ok: BoolArray) -> FloatArray:
-    """Mean of each row's valid values, shape (rows, 1); 0 without any."""
+    """Mean of each row's valid values, shape (rows, 1); 0 if there are none."""
     return np.asarray(v[:, ok].mean(axis=1, keepdims=True) if ok.any() else np.zeros((len(v), 1)))
 
 
 @dataclass(frozen=True, eq=False)
 class Tally:
-    """The peak of every hypothesis's correlation, and where it is; arrays of shape (hypotheses,).
+    """The peak correlation of every hypothesis and its lag; arrays of shape (hypotheses,).
 
-    NaN where no lag could be compared. ``seconds`` were compared at the peak, ``offset_hz`` is the
-    ENF less the reference there. ``lags`` were compared of each.
+    NaN if no lag could be compared. ``seconds`` were compared at the peak, ``offset_hz`` is the ENF
+    less the reference there, and ``lags`` is the number of lags compared for each hypothesis.
     """
 
     hypotheses: Hypotheses
@@ -148,9 +146,9 @@ class Tally:
 def paper_search(hypotheses: Hypotheses, grid: Grid, settings: MatchSettings) -> Tally:
     """Correlate every hypothesis with a reference at every lag.
 
-    Estimates of a 20 s window are averages, and so is the paper's reference, whose ENF is taken
-    with the same window: so the reference is averaged alike, unless ``smoothing`` is ``none``.
-    Windows that one hypothesis lacks are left out for all.
+    Estimates with a 20 s window are averages, and so is the paper's reference, whose ENF is
+    estimated with the same window. Therefore the reference is averaged likewise, unless
+    ``smoothing`` is ``none``. A window that one hypothesis lacks is left out for all.
 
     Parameters
     ----------
@@ -162,13 +160,13 @@ def paper_search(hypotheses: Hypotheses, grid: Grid, settings: MatchSettings) ->
     Raises
     ------
     UsageError
-        When the steps of the two don't fit each other.
+        If neither time step is a whole multiple of the other.
     """
     one, ok = hypotheses.track(0), hypotheses.usable
     smoothing = "none" if settings.smoothing == "none" else "window"
     grid = ways(one, to_step_of(one, grid), smoothing)[0].grid
     least_s = max(settings.min_overlap * hypotheses.seconds, settings.min_seconds)
-    # A coarser reference meets every so many estimates only, in as many ways.
+    # A coarser reference is compared with every ``thin``-th estimate, for each starting offset.
     thin = round(grid.step_s / hypotheses.hop_s)
     found = [
         best_lags(

@@ -1,4 +1,4 @@
-"""The ENF of one clip under every hypothesis of the paper's, side by side."""
+"""The ENF of one clip under every hypothesis of the paper's method, on one axis."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rsenf.messages.schema import FloatArray
 
 @dataclass(frozen=True)
 class Label:
-    """What one hypothesis assumes; fields as of :class:`rsenf.messages.EnfEstimate`."""
+    """The assumptions of one hypothesis; fields as in :class:`rsenf.messages.EnfEstimate`."""
 
     nominal_hz: float
     harmonic: int
@@ -45,24 +45,24 @@ class Hypotheses:
 
     @property
     def seconds(self) -> float:
-        """How much of the clip that is."""
+        """Seconds of the clip in which every hypothesis has a value."""
         return float(self.usable.sum()) * self.hop_s
 
     def of_nominal(self, nominal_hz: float) -> Hypotheses:
-        """Leave out the hypotheses about other grids."""
+        """Return only the hypotheses for grids of this nominal frequency."""
         kept = [i for i, x in enumerate(self.labels) if round(x.nominal_hz) == round(nominal_hz)]
         labels = tuple(self.labels[i] for i in kept)
         return replace(self, labels=labels, enf_hz=self.enf_hz[kept])
 
     def track(self, i: int) -> Track:
-        """Return one of them; its variances aren't known."""
+        """Return hypothesis ``i`` as a track, without variances."""
         nothing = np.full(self.enf_hz.shape[1], np.nan)
         nominal_hz = self.labels[i].nominal_hz
         return Track(self.first_s, self.hop_s, self.window_s, self.enf_hz[i], nothing, nominal_hz)
 
 
 class HypothesisStore:
-    """Keeps estimates of ranks other than 0, in a few bytes each."""
+    """Keeps estimates of ranks other than 0 in compact arrays."""
 
     def __init__(self) -> None:
         self._row: dict[int, int] = {}  # of a rank
@@ -89,7 +89,7 @@ class HypothesisStore:
         self._enf_hz.append(e.enf_hz if e.usable else np.nan)
 
     def hypotheses(self, until_ns: int | None = None) -> Hypotheses | None:
-        """Return what is kept of windows that end by then; None without any."""
+        """Return the estimates whose windows end by ``until_ns``; None if there are none."""
         end_ns = np.frombuffer(self._end_ns, np.int64) if len(self) else np.empty(0, np.int64)
         inside = end_ns <= (until_ns if until_ns is not None else np.iinfo(np.int64).max)
         if not inside.any():
@@ -103,9 +103,9 @@ class HypothesisStore:
 
 
 def hypotheses_of(estimates: Iterable[EnfEstimate]) -> Hypotheses | None:
-    """Put the estimates of the tracker ``paper`` side by side; None when there is none.
+    """Collect the hypotheses of the tracker ``paper``; None if there are none.
 
-    Its own claim, rank 0, isn't among them.
+    Its result, the estimates of rank 0, is left out.
     """
     store = HypothesisStore()
     for estimate in estimates:

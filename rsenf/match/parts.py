@@ -1,10 +1,14 @@
-"""The stretches of a clip that fit a reference by themselves: of an edited clip there are several.
+"""Finds the parts of an edited clip, each of which fits a reference at a lag of its own.
 
-A clip that was cut and rejoined, looped, or put together from several recordings fits nowhere as a
-whole. Its pieces do, each at a lag of its own. Windows of the clip are searched for one by one; the
-one that says most is followed both ways for as long as the clip agrees with its lag, and what is
-left over is looked at in the same way, near what was found at first: most edits leave out or put in
-seconds or minutes. Where no piece tells enough by itself, two that lie near each other may.
+A clip that was cut and rejoined, looped, or assembled from several recordings fits nowhere as a
+whole. Method: windows of the clip are searched for one by one. The best is extended in both
+directions as long as the clip agrees with its lag. Free stretches are then searched in the same
+way, first near the lags found: most edits remove or insert seconds or minutes. If no window is
+enough evidence on its own, pairs of windows with nearby lags are tried.
+
+Statistic: the log-likelihood ratio of :mod:`rsenf.match.phase_scorer` over a span, less the log of
+the number of alternatives searched (lags, ends, size of the edit). The ends of a span are fitted,
+so this penalty is approximate.
 """
 
 from __future__ import annotations
@@ -27,34 +31,35 @@ from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
 
-WINDOW_S = 50.0  # the shortest that are searched for
-WINDOWS = 3  # of one stretch that are, at most
-SHORT_S = 15.0  # the shortest beside a part that is known, and of those that are found in pairs
-ROUNDS = 4  # of looking at what is left over
-NEAR_S, NEAR_STEP_S = 600.0, 0.5  # of a part's lag, in which its neighbours' are looked for
-NEAR_LOG10_LR = 1.0  # what a place so near needs, of a stretch that doesn't fit a known one
-REFINED = 6  # places near a part, or pairs, that are
-FOLLOWED = 3  # pairs
-# What an edit moves the time by is as likely to be of one order of magnitude as of another.
+WINDOW_S = 50.0  # shortest window of a full search
+WINDOWS = 3  # most windows of one stretch
+SHORT_S = 15.0  # shortest window near a known part, and of a pair
+ROUNDS = 4  # of searching the free stretches
+NEAR_S, NEAR_STEP_S = 600.0, 0.5  # range and step of the search about a known part's lag
+NEAR_LOG10_LR = 1.0  # least evidence for a place found near a known one
+REFINED = 6  # places near a part, or pairs, that are refined
+FOLLOWED = 3  # pairs that are extended
+# The prior of an edit's size is log-uniform between these.
 LEAST_EDIT_S, MOST_EDIT_S = 0.1, 3600.0
 LEAST = 10  # phases of a part
-BESIDE = 10  # phases beside the ends of two parts, in which one turns into the other
-ENDS = 48  # of a part that are tried at first
-# Nats by which the place of a window must be likelier than none, the search counted, for it to be
-# followed: with what lies beside it, it may tell enough.
+BESIDE = 10  # phases on either side of two parts' ends that may be the boundary
+ENDS = 48  # positions of an end on the coarse grid
+# Least log odds (nats, with the penalty) of a window's place to be extended: together with the
+# phases next to it, it may be enough evidence.
 LEAST_HOPE = -5.0
 LN10 = math.log(10.0)
 
-Span = tuple[int, int]  # phases of a clip, from the first up to the last
+Span = tuple[int, int]  # phases of a clip: the first, and the one after the last
 Ends = int | NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Part:
-    """A stretch of a clip and where it fits.
+    """A part of a clip and where it fits.
 
-    ``place.lag_s`` is that of the clip's first frame, as for a whole clip. ``log10_lr`` weighs its
-    time against none in the references, the choice of its ends and the search counted.
+    ``place.lag_s`` is the lag of the clip's first frame, as for a whole clip. ``log10_lr`` is the
+    likelihood ratio of its time against a time in none of the references, with penalties for the
+    search and for the choice of its ends.
     """
 
     span: Span
@@ -64,7 +69,7 @@ class Part:
 
 @dataclass(frozen=True)
 class _Hope:
-    """A window, where it may fit, and what it costs to have searched for that (nats)."""
+    """A candidate: a window, the place where it may fit, and the penalty for the search (nats)."""
 
     place: Place
     window: Span
@@ -72,18 +77,27 @@ class _Hope:
 
     @property
     def odds(self) -> float:
-        """Log odds of the place, the search counted."""
+        """Log odds of the place, including the penalty."""
         return self.place.weight - self.cost
 
 
 class Parts:
-    """Looks for the parts of one clip in some references."""
+    """Finds the parts of one clip in some references.
+
+    Parameters
+    ----------
+    track : Track
+    clip : ClipPhase
+        The track's phases.
+    grids : sequence of Grid
+    settings : MatchSettings
+    """
 
     def __init__(
         self, track: Track, clip: ClipPhase, grids: Sequence[Grid], settings: MatchSettings
     ) -> None:
         self.track, self.clip, self.grids, self.settings = track, clip, grids, settings
-        # Short spans count as well: whether they tell enough is for their evidence to say.
+        # No minimum length: the likelihood ratio decides whether a short span is enough evidence.
         self._any_length = replace(settings, min_overlap=1e-6)
         self._scorers = [PhaseScorer(clip, grid, self._any_length, robust=False) for grid in grids]
         self._searched = math.log(max(sum(grid.duration_s for grid in grids), 1.0))
@@ -94,9 +108,9 @@ class Parts:
         Parameters
         ----------
         best : Place
-            Where the whole clip fits best; it is tried before anything else is searched for.
+            Where the whole clip fits best; tried before anything is searched for.
         claimed : sequence of Place, optional
-            Where it is said to be, which nobody had to search for.
+            Claimed places, tried first and without a penalty for a search.
         """
         whole = 0, self.clip.size
         out = self._tried(claimed, whole, 0.0) or self._tried([best], whole, self._searched)
@@ -112,15 +126,23 @@ class Parts:
         return out
 
     def score(self, place: Place, *spans: Span) -> float:
-        """Log-likelihood over any grid's of some spans together at one lag (nats)."""
+        """Return the log-likelihood ratio of spans together at one lag, against any grid (nats).
+
+        Parameters
+        ----------
+        place : Place
+        *spans : tuple of (int, int)
+            Phases: the first, and the one after the last.
+        """
         index = np.arange(self.clip.size)[:, None]
         among = np.any([(index > first) & (index < last) for first, last in spans], axis=0)
         return float(self._scorers[place.grid].scores(np.array([place.lag_s]), among)[0])
 
     def meeting(self, a: Part, b: Part) -> tuple[float, float]:
-        """Where in the clip one part ends and the next begins, and its standard error (s).
+        """Return the boundary between two parts and its standard error, in seconds of the clip.
 
-        The phase that comes first after it is as likely anywhere in a turn.
+        Posterior mean over the possible boundaries, where the first phase after the boundary is
+        uniform over a turn. If the gap between the parts is long, its middle.
         """
         gap = slice(a.span[1] - 1, b.span[0] + 1)
         first, last = max(a.span[1] - BESIDE, a.span[0] + 2), min(b.span[0] + BESIDE, b.span[1] - 1)
@@ -138,7 +160,7 @@ class Parts:
         return mean_s, math.sqrt(float(weight @ ((at_s - mean_s) ** 2 + way_s**2 / 12.0)))
 
     def _tried(self, places: Sequence[Place], stretch: Span, cost: float) -> list[Part]:
-        """Follow known places through a stretch."""
+        """Extend known places through a stretch."""
         windows = self._windows(stretch, self.settings.min_seconds)
         if not windows:
             return []
@@ -152,7 +174,7 @@ class Parts:
         return self._followed(found, stretch)
 
     def _near(self, known: Sequence[Place], stretch: Span) -> list[Part]:
-        """Search for the windows of a stretch about known places."""
+        """Search for the windows of a stretch near known places."""
         steps = round(NEAR_S / NEAR_STEP_S)
         away_s = np.linspace(-NEAR_S, NEAR_S, 2 * steps + 1)
         cost, choice = edit_cost(away_s), math.log(max(len(known), 1))
@@ -175,7 +197,7 @@ class Parts:
         return self._followed(found, stretch, NEAR_LOG10_LR)
 
     def _search(self, stretch: Span) -> list[Part]:
-        """Search for the windows of a stretch, and follow what is found."""
+        """Search all references for the windows of a stretch, and extend what is found."""
         found = [
             _Hope(place, window, self._searched)
             for window in self._windows(stretch, WINDOW_S, WINDOWS)
@@ -184,7 +206,7 @@ class Parts:
         return self._followed(found, stretch)
 
     def _pieced(self, whole: Span) -> list[Part]:
-        """Search for shorter windows: one by one, and for two that tell enough together."""
+        """Search for shorter windows, singly and in pairs that are enough evidence together."""
         places = {window: self._places(window) for window in self._windows(whole, SHORT_S, WINDOWS)}
         alone = [
             _Hope(place, window, self._searched)
@@ -194,7 +216,7 @@ class Parts:
         return self._followed(alone, whole) or self._pair(places, whole)
 
     def _pair(self, places: Mapping[Span, list[Place]], whole: Span) -> list[Part]:
-        """Find two stretches that tell enough together: an edit lies between their times."""
+        """Find two stretches that are enough evidence together, with an edit between them."""
         hopes = []
         for (first, one), (second, other) in combinations(places.items(), 2):
             weight, lag_s, grid = (
@@ -217,15 +239,15 @@ class Parts:
     def _joined(
         self, one: Place, first: Span, other: Place, second: Span, whole: Span
     ) -> tuple[Part, Part]:
-        """Follow two places from their windows, and weigh them together."""
+        """Extend two places from their windows, and weigh them together."""
         one, first, _ = self._grown_from(one, first, (whole[0], second[0]))
         other, second, _ = self._grown_from(other, second, (first[1], whole[1]))
-        # Of two that meet, one end follows from the other.
+        # If the two parts meet, their common boundary is one choice, not two.
         inner = [first[0] > whole[0], True, second[0] - first[1] > LEAST, second[1] < whole[1]]
         chosen = sum(inner) * math.log(self.clip.size)
         together = _together(one, other)
         log10_lr = calibration().absent((together - self._searched - chosen) / LN10)
-        # Neither is to be carried by the other.
+        # Each part needs evidence of its own, apart from the other.
         weaker = together - max(one.weight, other.weight)
         if calibration().absent(weaker / LN10) < NEAR_LOG10_LR:
             log10_lr = -math.inf
@@ -245,7 +267,7 @@ class Parts:
         return refined(self._window_scorer(window, place.grid), place)
 
     def _windows(self, stretch: Span, shortest_s: float, most: int | None = None) -> list[Span]:
-        """Divide a stretch into equal windows; none where it is too short to tell anything."""
+        """Divide a stretch into equal windows; none if it is too short."""
         first, last = stretch
         if (last - first) * self.clip.hop_s < min(shortest_s, self.settings.min_seconds):
             return []
@@ -254,7 +276,7 @@ class Parts:
         return list(pairwise(int(end) for end in np.linspace(first, last, count + 1)))
 
     def _track_of(self, window: Span) -> Track:
-        """Leave only the estimates of a window."""
+        """Return the track's estimates in a window."""
         t_s = self.clip.t_s[[window[0], window[1] - 1]] - self.track.first_s
         first, last = np.rint(t_s / self.track.hop_s).astype(int)
         return self.track.between(int(first), int(last) + 1)
@@ -262,7 +284,7 @@ class Parts:
     def _followed(
         self, found: Sequence[_Hope], stretch: Span, least: float | None = None
     ) -> list[Part]:
-        """Follow places from their windows, what says most first, as far as there is room."""
+        """Extend candidates from their windows, the best first, within the free stretches."""
         least = self.settings.min_log10_lr if least is None else least
         out: list[Part] = []
         for hope in sorted(found, key=lambda hope: -hope.odds):
@@ -279,16 +301,16 @@ class Parts:
     def _follow(
         self, place: Place, window: Span, stretch: Span, cost: float, least: float
     ) -> tuple[Part] | tuple[()]:
-        """Follow a lag from a window both ways; nothing where what fits tells too little."""
+        """Extend a lag from a window in both directions; empty if the evidence is too small."""
         place, span, chosen = self._grown_from(place, window, stretch)
         log10_lr = calibration().absent((place.weight - cost - chosen) / LN10)
         return (Part(span, place, log10_lr),) if log10_lr >= least else ()
 
     def _grown_from(self, place: Place, span: Span, stretch: Span) -> tuple[Place, Span, float]:
-        """Follow a lag from a window both ways.
+        """Extend a lag from a window in both directions.
 
-        Returns the place, the span, and what its choice costs (nats): that of all the ends that it
-        might have had, but for those of the stretch.
+        Returns the place, the span, and the penalty for choosing its ends (nats): the log of the
+        number of possible ends, except for ends that are those of the stretch.
         """
         for quick in (True, False):
             span = self._grown(place, span, stretch, quick=quick)
@@ -298,10 +320,10 @@ class Parts:
         return place, span, inner * math.log(stretch[1] - stretch[0])
 
     def _by_runs(self, place: Place, span: Span) -> float:
-        """What a score changes by where the reference has gaps, if any grid may start anew there.
+        """Correction of a score for gaps of the reference: any grid may jump there too.
 
-        At a lag with a gap just where the clip was cut the jump counts for nothing. It mustn't
-        count against any other grid either.
+        At a lag with a gap just where the clip was cut, the jump costs the reference nothing. So it
+        must not count against the alternative (any grid) either.
         """
         clip = self.clip.between(*span)
         grid = self.grids[place.grid]
@@ -314,7 +336,7 @@ class Parts:
         return float(whole[known].sum() - sum(runs))
 
     def _grown(self, place: Place, span: Span, stretch: Span, *, quick: bool) -> Span:
-        """Move the ends of a span to where the clip agrees with a lag the longest."""
+        """Move the ends of a span to the maximum of its score at a lag."""
         first = span[0]
         ends = np.arange(min(first + LEAST, stretch[1]), stretch[1] + 1)
         last = _best(ends, lambda end: self._span_scores(place, first, end, quick=quick))
@@ -324,7 +346,7 @@ class Parts:
     def _span_scores(
         self, place: Place, firsts: Ends, lasts: Ends, *, quick: bool = False
     ) -> FloatArray:
-        """Score spans of phases, of either end one or many, at a place."""
+        """Score spans of phases at a place; either end may be one or many."""
         firsts, lasts = np.broadcast_arrays(np.atleast_1d(firsts), np.atleast_1d(lasts))
         index = np.arange(self.clip.size)[:, None]
         among = (index > firsts) & (index < lasts)
@@ -333,25 +355,29 @@ class Parts:
 
 
 def edit_cost(away_s: FloatArray) -> FloatArray:
-    """What it costs to look for a neighbour's lag at some distance from a known one (nats)."""
+    """Penalty (nats) for a neighbour's lag ``away_s`` from a known one.
+
+    The negative log density of an edit of that size, log-uniform from 0.1 s to 1 h in either
+    direction.
+    """
     size_s = np.maximum(np.abs(away_s), LEAST_EDIT_S)
     return np.asarray(np.log(2.0 * math.log(MOST_EDIT_S / LEAST_EDIT_S) * size_s), np.float64)
 
 
 def _together(one: Place, other: Place) -> float:
-    """Weight of two places, that of the edit between them counted."""
+    """Log weight of two places, less the penalty for the edit between them."""
     return one.weight + other.weight - float(edit_cost(np.array(one.lag_s - other.lag_s)))
 
 
 def between(parts: Sequence[Part], stretch: Span) -> list[Span]:
-    """What parts, in order, leave of a stretch."""
+    """Return the stretches that parts, in order, leave free."""
     firsts = [stretch[0], *(part.span[1] for part in parts)]
     lasts = [*(part.span[0] for part in parts), stretch[1]]
     return [(a, b) for a, b in zip(firsts, lasts, strict=True) if b > a]
 
 
 def _best(ends: NDArray[np.int64], score: Callable[[NDArray[np.int64]], FloatArray]) -> int:
-    """Find the end with the best score: of some of them at first, then of those about the best."""
+    """Find the end with the best score, on a coarse grid first and then around its maximum."""
     step = max(ends.size // ENDS, 1)
     near = int(score(ends[::step]).argmax()) * step
     fine = ends[max(near - step, 0) : near + step + 1]

@@ -1,4 +1,10 @@
-"""The matcher ``phase``: the clip's phase against the reference's, integrated, at every lag."""
+"""The matcher ``phase``: compares the clip's phase with the reference's integrated frequency.
+
+Model at a lag: the clip's phase less the predicted phase is a random walk, a bounded wander, noise
+and a constant frequency offset (the clock), see :mod:`rsenf.match.phase_filter`. Statistic: the
+log-likelihood ratio against any grid (:mod:`rsenf.match.phase_scorer`), integrated over the peak,
+with the search space as the prior, then calibrated (:mod:`rsenf.match.calibration`).
+"""
 
 from __future__ import annotations
 
@@ -23,26 +29,25 @@ from rsenf.match.settings import MatchSettings
 from rsenf.messages import Candidate
 
 LN10 = math.log(10.0)
-# How likely it is beforehand that a clip's estimates follow no grid at all, whatever is stated of
-# them.
+# Prior probability that a clip's estimates follow no grid, whatever their stated errors.
 NO_GRID_SHARE = 0.1
-# Frequencies of real cameras are off by twice their stated errors, a tenth of the clips by five
-# times, with a tail of that law; and by how much a grid itself wanders within a minute (Hz).
+# Frequency errors of real cameras are twice their stated size, and in a tenth of the clips five
+# times, with a power-law tail (exponent 2). Wander of a grid within a minute (Hz).
 LARGE_SHARE, LARGE_RATIO = 0.1, 5.0
 GRID_WANDER_HZ = 0.013
-LEAST_OF_FITTING = -1.0  # log10, of a time that fits better than any grid whatever
-SURE_STDS = 2.5  # a match names its second: so many standard errors are within the tolerance
+LEAST_OF_FITTING = -1.0  # log10, for a time that fits better than any grid
+SURE_STDS = 2.5  # standard errors of a match's lag that must be within the tolerance
 NO_FIT = "no time fits, but the clip isn't shown to follow any grid well enough to exclude one"
 NO_EXCLUSION = (
     "evidence against a time is capped: a grid's course explains these estimates hardly better "
     "than errors do"
 )
-CLAIM_STEP_S = 0.25  # between the lags at which a claim is looked at
+CLAIM_STEP_S = 0.25  # between the lags at which a claim is tested
 
 
 @dataclass(frozen=True)
 class Raw:
-    """The model's own log10 likelihood ratios, the size of the search counted against the best."""
+    """Uncalibrated log10 likelihood ratios of the best place, with the search space as prior."""
 
     other: float
     absent: float
@@ -51,14 +56,28 @@ class Raw:
 def match_phase(
     track: Track, grids: Sequence[Grid], settings: MatchSettings, claimed_utc_ns: int = 0
 ) -> Finding:
-    """Search references for the clip by its phase, and say what the best time is worth.
+    """Search references for the clip by its phase, and weigh the best time.
 
-    Two propositions are weighed against the time found: another time in these references, and a
-    time that is in none of them. The size of the search counts against the time found, in both.
-    A claimed time is weighed for itself, whatever else was searched.
+    The best time is weighed against two alternatives: another time in these references, and a time
+    in none of them. The size of the search counts against it in both. A claimed time is weighed on
+    its own, without a penalty for the search.
+
+    Parameters
+    ----------
+    track : Track
+        With a phase, see :func:`rsenf.match.clip_phase.clip_phase`.
+    grids : sequence of Grid
+    settings : MatchSettings
+    claimed_utc_ns : int
+        Claimed start, UTC since 1970; 0 for none.
+
+    Raises
+    ------
+    UsageError
+        If neither of the steps of track and reference is a whole multiple of the other.
     """
     whole = clip_phase(track)
-    assert whole is not None  # the stage asks for a matcher that can do with what there is
+    assert whole is not None  # the stage uses ``ncc`` for estimates without a phase
     clip = whole.only(inliers(whole))
     found = search_phase(track, clip, grids, settings)
     if not found.places:
@@ -99,11 +118,12 @@ def match_phase(
 
 
 def least_log10_lr(clip: ClipPhase) -> float:
-    """Return the least likelihood ratio that a clip can bring against any time, as a log10.
+    """Return the lower bound of the log10 likelihood ratio of any time, set by the clip itself.
 
-    Estimates that follow no grid are as likely at one time as at another. So nothing weighs more
-    against a time than that they do follow one, which is for the clip itself to show: by a course
-    that a grid is likelier to take than anything else is, and with errors that can't be as large.
+    Estimates that follow no grid are equally likely at all times. So the evidence against a time
+    can't exceed the evidence that they do follow a grid: the likelihood ratio of any grid against
+    none over the clip, limited by the prior probability that errors of frequencies are as large as
+    a grid's wander.
     """
     own = inliers(clip)
     bad = sum(not own[first] for first, _ in stretches(clip))
@@ -115,18 +135,18 @@ def least_log10_lr(clip: ClipPhase) -> float:
 
 
 def least_of_best(score: float) -> float:
-    """Return the least log10 likelihood ratio against all times, by how the best one fits.
+    """Return the lower bound of the log10 likelihood ratio against all times, from the best score.
 
-    One that fits better than any grid whatever need not be the clip's in a search of that size. But
-    it isn't excluded: with errors a little larger than thought it would have stood out.
+    A time that fits better than any grid need not be the true one in a large search, but it isn't
+    excluded either: with slightly larger errors it would have stood out.
     """
     return LEAST_OF_FITTING if score > 0.0 else -math.inf
 
 
 def _log_share_of_grid_like_errors(clip: ClipPhase) -> float:
-    """How likely errors of frequencies are as large as what a grid does, so that none can be told.
+    """Log prior probability that errors of frequencies are as large as a grid's own wander.
 
-    A phase that was measured can't run away from the light's as a sum of frequencies may.
+    Minus infinity for measured phases, whose errors don't accumulate.
     """
     if not clip.is_summed:
         return -math.inf
@@ -143,7 +163,7 @@ def _left_out(whole: ClipPhase, clip: ClipPhase) -> list[str]:
 
 
 def weigh(found: PhaseSearch) -> Raw:
-    """Weigh the best place of a search that has one."""
+    """Weigh the best place of a search; the search must have one."""
     best, span = found.places[0], math.log(max(found.span_s, 1.0))
     return Raw(
         other=(best.weight - _together(found.places[1:], span)) / LN10,
@@ -154,13 +174,21 @@ def weigh(found: PhaseSearch) -> Raw:
 def weigh_claim(
     found: PhaseSearch, number: int, lag_s: float, settings: MatchSettings
 ) -> tuple[float, float]:
-    """Weigh a lag in one of the references that nobody had to search for.
+    """Weigh a lag that was claimed, not searched for.
+
+    Parameters
+    ----------
+    found : PhaseSearch
+    number : int
+        Index of the reference.
+    lag_s : float
+    settings : MatchSettings
 
     Returns
     -------
     against_absent, against_other : float
         Raw log10 likelihood ratios: against a time in none of the references, and against any
-        other time in them; NaN where it can't be told.
+        other time in them; NaN if the lag can't be compared.
     """
     at = _claim_weight(found.scorers[number], number, lag_s, settings.tolerance_s)
     span = math.log(max(found.span_s, 1.0))
@@ -171,7 +199,7 @@ def weigh_claim(
 def _claims(
     found: PhaseSearch, grids: Sequence[Grid], settings: MatchSettings, claimed_utc_ns: int
 ) -> tuple[float, float]:
-    """Weigh a claimed start in the reference that it fits best; NaN without one."""
+    """Weigh a claimed start in the reference that it fits best; NaN without a claim."""
     lags = [claimed_lag_s(grid, claimed_utc_ns) for grid in grids]
     claims = [
         weigh_claim(found, number, lag_s, settings)
@@ -183,12 +211,12 @@ def _claims(
 
 
 def _together(places: Sequence[Place], span: float) -> float:
-    """Likelihood of all of these places together; at least that of a second of no account."""
+    """Log of the summed likelihoods of places, with a floor of ``−span``."""
     return float(np.logaddexp.reduce([-span, *(p.weight for p in places)]))
 
 
 def _claim_weight(scorer: PhaseScorer, number: int, lag_s: float, tolerance_s: float) -> float:
-    """Mean likelihood within the tolerance of a claimed lag (nats); NaN where there is none."""
+    """Log of the mean likelihood within the tolerance of a claimed lag (nats), or NaN."""
     at = lag_s + np.arange(-tolerance_s, tolerance_s + CLAIM_STEP_S / 2, CLAIM_STEP_S)
     score = scorer.scores(at)
     if not np.isfinite(score).any():
@@ -228,7 +256,7 @@ def _decide(
 def _fit(
     best: Place, clock: Clock, grid: Grid, track: Track, settings: MatchSettings
 ) -> dict[str, Any]:
-    """Return what else is known at a place: the clock, and how alike the two frequencies are."""
+    """Return the clock error and the agreement of the two frequencies at a place."""
     peak = _compared(track, grid, best.lag_s, settings)
     own = track.var_hz2[np.isfinite(track.var_hz2)]
     expected = float(own.mean()) + settings.reference_std_hz**2 if own.size else math.nan
@@ -246,7 +274,7 @@ def _compared(track: Track, grid: Grid, lag_s: float, settings: MatchSettings) -
     """Compare the frequencies at the nearest whole lag."""
     around = 4 * max(track.hop_s, grid.step_s)
     first = max(int((lag_s + track.first_s - around) / grid.step_s), 0)
-    # Whole hops, where the reference is the finer one.
+    # Start at a whole hop if the reference has the finer step.
     per_hop = max(round(track.hop_s / grid.step_s), 1)
     first = first // per_hop * per_hop
     last = int((lag_s + track.first_s + track.enf_hz.size * track.hop_s + around) / grid.step_s) + 1

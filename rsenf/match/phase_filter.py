@@ -1,14 +1,16 @@
-"""Likelihood of a clip's phases at a lag: the innovations of a small Kalman filter.
+"""Likelihood of a clip's phases at a lag, from the innovations of a small Kalman filter.
 
-What is filtered is the clip's phase less the forecast of the reference. At the right lag three
-things are left: a random walk, for the reference's errors are in its frequency; a bounded wander,
-by a codec, or where the reference is an average over a window already; and the clip's own noise. A
-constant offset in frequency, the clock's error, is no state of the filter: filter and gains are
-linear, so the same run over a ramp of 1 Hz tells the likelihood of every offset (the augmented
-filter of de Jong, Annals of Statistics 19, 1991).
+The observation is the clip's phase less the phase predicted from the reference. Model at the right
+lag: a random walk (the reference's errors are in its frequency), plus a bounded wander
+(Ornstein-Uhlenbeck: from a codec, or where the reference is already an average), plus white noise.
+For sums of frequencies the OU process is a frequency error, which drives the walk. The clock error
+is a constant frequency offset and no state: filter and gains are linear, so the innovations of a
+ramp of 1 Hz give the likelihood of every offset (augmented filter, de Jong, The diffuse Kalman
+filter, Annals of Statistics 19, 1991).
 
-All lags are run side by side, under several sizes of the errors each. The sizes aren't known, so
-the likelihood is the mean over them.
+All lags are filtered in parallel, for several sizes of the errors. The sizes are unknown, so the
+likelihood is a mixture over them. Approximation: the phase is known modulo a turn, and each
+innovation is reduced to the nearest turn.
 """
 
 from __future__ import annotations
@@ -24,24 +26,23 @@ from numpy.typing import NDArray
 from rsenf.match.clip_phase import RAD_PER_CYCLE, ClipPhase
 from rsenf.messages.schema import FloatArray
 
-UNKNOWN_RAD2 = 1e6  # of a phase after a gap
-MOST_KEPT = 3600  # phases of a clip whose steps are kept, in 6 MB
+UNKNOWN_RAD2 = 1e6  # diffuse variance of the phase, at the start and after a gap
+MOST_KEPT = 3600  # phases of a clip whose gains are cached, in 6 MB
 
 
 @dataclass(frozen=True)
 class ClipErrors:
-    """One size of a clip's errors, with its prior weight.
+    """One hypothesis on the size of a clip's errors, with its prior weight.
 
     Parameters
     ----------
     weight : float
     ratio : float
-        Of the noise of each second over what its estimate claims.
+        True over stated standard deviation of the estimates.
     wander_rad, wander_s : float
-        Bounded wander of the phase: standard deviation and memory; 0 for none.
+        Bounded wander of the phase: standard deviation and time constant; 0 for none.
     drift_s : float
-        Memory of the errors of frequencies that a phase is the sum of; 0 where those of neighbours
-        have nothing to do with each other.
+        Time constant of the errors of frequencies that a phase is the sum of; 0 for white errors.
     """
 
     weight: float
@@ -53,16 +54,16 @@ class ClipErrors:
 
 @dataclass(frozen=True)
 class Errors:
-    """One size of all errors: of the reference's mean over a second (Hz), and of the clip."""
+    """One hypothesis on all errors: of the reference's 1 s mean frequency (Hz), and of the clip."""
 
     weight: float
     reference_hz: float
     clip: ClipErrors
 
 
-# A codec at a low bit rate makes the flicker's phase wander, by 0.02 to 0.16 rad in x264 clips of
-# 50k to 150k. A reference that was averaged by a 20 s window differs likewise: a day of the
-# continental grid less its own average wanders by 0.061 rad, with a correlation of 0.5 after 6 s.
+# A low bit rate makes the flicker's phase wander, by 0.02 to 0.16 rad in x264 clips of 50k to 150k.
+# A reference averaged by a 20 s window has a similar effect: a day of the continental grid less its
+# own average wanders by 0.061 rad, with a correlation of 0.5 after 6 s. (rad, s, weight)
 _WANDERS = ((0.02, 5.0, 0.15), (0.06, 7.0, 0.15), (0.15, 10.0, 0.1))
 CLIP_ERRORS = (
     *(ClipErrors(0.6 * w, ratio) for ratio, w in ((1.0, 0.6), (2.0, 0.3), (4.0, 0.1))),
@@ -72,8 +73,8 @@ CLIP_ERRORS = (
         for ratio, v in ((1.0, 0.6), (2.5, 0.4))
     ),
 )
-# Errors of frequencies hang together over 10 to 20 s, and are two to five times as large as stated,
-# at times more.
+# Errors of frequencies are correlated over 10 to 20 s, and two to five times as large as stated,
+# sometimes more. (ratio, weight)
 _RATIOS = ((1.0, 0.2), (2.0, 0.3), (4.0, 0.3), (8.0, 0.15), (16.0, 0.05))
 SUM_ERRORS = (
     *(ClipErrors(0.3 * w, ratio) for ratio, w in ((1.0, 0.6), (2.0, 0.4))),
@@ -84,7 +85,7 @@ SUM_ERRORS = (
     ),
 )
 _PLAIN = ((1e-4, 0.2), (3e-4, 0.35), (1e-3, 0.35), (2.5e-3, 0.1))
-_WANDERING = ((3e-4, 0.6), (1.5e-3, 0.4))  # beside a wander the reference's noise matters less
+_WANDERING = ((3e-4, 0.6), (1.5e-3, 0.4))  # with a wander the reference's noise matters less
 ERRORS: tuple[Errors, ...] = tuple(
     Errors(clip.weight * w, hz, clip)
     for clip in CLIP_ERRORS
@@ -94,18 +95,18 @@ ERRORS_OF_SUMS: tuple[Errors, ...] = tuple(
     Errors(clip.weight * w, hz, clip) for clip in SUM_ERRORS for hz, w in _WANDERING
 )
 
-# Bad seconds come in a row: so many are good or bad together (s), and of a long clip more of them.
+# Bad seconds come in runs: a block is good or bad as a whole. A long clip has longer blocks.
 BLOCK_S = 10.0
 MOST_BLOCKS = 64
 
 
 def clip_errors(clip: ClipPhase) -> tuple[ClipErrors, ...]:
-    """Return the sizes that a clip's errors may have, the same wherever it was recorded."""
+    """Return the hypotheses on a clip's errors, which are the same at every lag."""
     return SUM_ERRORS if clip.is_summed else CLIP_ERRORS
 
 
 def blocks_of(clip: ClipPhase) -> NDArray[np.int64]:
-    """Return the block that each phase is in, counted from 0."""
+    """Return the block number of each phase, counted from 0."""
     since_s = clip.t_s - clip.t_s[0]
     length_s = max(BLOCK_S, (since_s[-1] + clip.hop_s) / MOST_BLOCKS)
     _, block = np.unique(since_s // length_s, return_inverse=True)
@@ -116,9 +117,9 @@ def blocks_of(clip: ClipPhase) -> NDArray[np.int64]:
 class Innovations:
     """Sums over the innovations ``v`` of the clip and ``r`` of a ramp of 1 Hz of the ENF.
 
-    All of shape (blocks, errors, lags), with ``F`` the innovations' variance: ``log_f`` is
-    Σ log(2πF), ``vv`` Σ v²/F, ``vr`` Σ v·r/F, ``rr`` Σ r²/F. ``count`` (lags,) is how many there
-    are.
+    All have the shape (blocks, errors, lags); with ``F`` the innovations' variance, ``log_f`` is
+    Σ log(2πF), ``vv`` Σ v²/F, ``vr`` Σ v·r/F, ``rr`` Σ r²/F. ``count`` (lags,) is the number of
+    innovations.
     """
 
     log_f: FloatArray
@@ -128,7 +129,7 @@ class Innovations:
     count: NDArray[np.int64]
 
     def together(self) -> Innovations:
-        """Return the sums of all blocks, as of one."""
+        """Return the sums over all blocks, as one block."""
         log_f, vv, vr, rr = (
             part.sum(axis=0, keepdims=True) for part in (self.log_f, self.vv, self.vr, self.rr)
         )
@@ -147,21 +148,21 @@ def innovations(
     Parameters
     ----------
     clip : ClipPhase
-        Of n phases.
+        With n phases.
     residual_rad : ndarray, shape (n, c)
-        Clip's phase less the forecast, at each of c lags.
+        Clip's phase less the predicted phase, at each of c lags.
     known : ndarray of bool, shape (n, c) or (n, 1)
-        Whether the reference tells the way from the phase before. Where it doesn't, the filter
-        starts anew, and that phase counts for nothing.
+        Whether the reference gives the step from the phase before. If not, the filter is
+        reinitialised, and that phase doesn't count.
     step_s : float
-        Of the reference.
+        Time step of the reference.
     errors : sequence of Errors
     """
     count = known.sum(axis=0)
     whole = ~known[:1].any(axis=0) & known[1:].all(axis=0)
     if whole.all() or not whole.any():
         return Innovations(*_sums(clip, residual_rad, known, step_s, errors), count)
-    # A few lags reach beyond the reference, mostly; all others know the same.
+    # Usually only a few lags reach beyond the reference; all others have the same known steps.
     one = _sums(clip, residual_rad[:, whole], known[:, whole][:, :1], step_s, errors)
     other = _sums(clip, residual_rad[:, ~whole], known[:, ~whole], step_s, errors)
     both = np.empty((len(one), *one[0].shape[:2], whole.size))
@@ -189,7 +190,7 @@ def _sums(
     own = _Followed(size, foretold.wandering, foretold.shown)
     block = blocks_of(clip)
     vv, vr = np.zeros((2, int(block[-1]) + 1, *size))
-    residual = residual_rad / (2.0 * np.pi)  # in turns, of which whole ones don't count
+    residual = residual_rad / (2.0 * np.pi)  # in turns, so that rint() below unwraps
     for b, value, step in zip(block, residual, foretold.steps, strict=True):
         v = own.innovation(value, step.keep, step.push)
         v -= np.rint(v)
@@ -208,24 +209,24 @@ def _has_memory(errors: Errors) -> bool:
 
 
 def _is_whole(known: NDArray[np.bool_]) -> bool:
-    """Whether all lags know every way but that to the first phase."""
+    """Whether at all lags every step is known."""
     return known.shape[1] == 1 and not known[:1].any() and bool(known[1:].all())
 
 
 @functools.lru_cache(maxsize=2)
 def _of_whole(clip: ClipPhase, step_s: float, errors: tuple[Errors, ...]) -> _Foretold:
-    """What is foretold of a whole clip: the same at all lags, which are tried more than once."""
+    """Gains of a whole clip, cached: they are the same at all lags."""
     foretold = _Foretold(clip, np.arange(clip.size)[:, None] > 0, step_s, errors)
     foretold.steps = list(foretold.steps)
     return foretold
 
 
 class _Step(NamedTuple):
-    """What the filter does with a phase, whatever that is: shapes as in :class:`_Spread`.
+    """Gains and variances for one phase, independent of the data; shapes as in :class:`_Spread`.
 
-    ``push`` is by how much a drift of one standard deviation moves the phase, none where nothing
-    drifts. ``told`` is one over the innovation's variance, and ``told_r`` that times the ramp's
-    innovation; none where the phase counts for nothing.
+    ``push`` is the phase step for a drift of one standard deviation; None if nothing drifts.
+    ``told`` is one over the innovation's variance (0 where the phase doesn't count), and ``told_r``
+    that times the ramp's innovation.
     """
 
     keep: FloatArray
@@ -236,7 +237,7 @@ class _Step(NamedTuple):
 
 
 class _Foretold:
-    """All that no phase of the clip has a say in; ``log_f`` and ``rr`` once the steps are done."""
+    """Everything independent of the clip's phases; ``log_f``, ``rr`` are final after the steps."""
 
     def __init__(
         self, clip: ClipPhase, known: NDArray[np.bool_], step_s: float, errors: Sequence[Errors]
@@ -264,11 +265,12 @@ class _Foretold:
 
 
 class _Spread:
-    """How uncertain the walk (a) and the wander (b) are, and what an innovation tells of them.
+    """Covariance recursion of the two states: the walk (a) and the wander (b).
 
-    Where the errors of frequencies hang together, b is their drift: it isn't seen in a phase
-    itself, it pushes the walk. Shapes are (errors, lags), or (errors, 1) where all lags know the
-    same; what is of the wander has the rows of those errors that have one, the last.
+    For errors with memory of summed frequencies, b is their drift: it isn't observed in the phase
+    but drives the walk. Shapes are (errors, lags), or (errors, 1) if all lags have the same known
+    steps. Arrays of b have only the rows of those errors that have such a state, which are the
+    last.
     """
 
     def __init__(self, clip: ClipPhase, lags: int, step_s: float, errors: Sequence[Errors]) -> None:
@@ -284,7 +286,7 @@ class _Spread:
         self.wandering = slice(int((wander == 0.0).sum()), None)
         self.shown = 1.0 - drifts[self.wandering]
         dt = np.diff(clip.t_s, prepend=clip.t_s[0])[:, None, None]
-        # rad² a second: the errors of the reference's samples are independent.
+        # Variance of the walk (rad²): the errors of the reference's samples are independent.
         self._grow = (RAD_PER_CYCLE * q) ** 2 * step_s * dt
         self._grow += (1.0 - drifts) * ratio**2 * clip.walk_rad2[:, None, None]
         push = (drifts * ratio)[self.wandering] * np.sqrt(clip.walk_rad2)[:, None, None]
@@ -299,22 +301,23 @@ class _Spread:
     def step(
         self, i: int, known: NDArray[np.bool_] | None
     ) -> tuple[FloatArray, FloatArray, FloatArray | None, tuple[FloatArray, FloatArray]]:
-        """Go on to a phase, the way to which is known at all lags, or at those given.
+        """Predict and update for phase ``i``; ``known`` (lags,) marks known steps, None if all are.
 
         Returns
         -------
         f : ndarray
-            Variance of its innovation.
+            Variance of the innovation.
         keep : ndarray
-            Share that is left of the wander; none where the filter starts anew.
+            Decay of the wander state; 0 where the filter is reinitialised.
         push : ndarray or None
+            As in :class:`_Step`.
         gain : tuple of ndarray
-            Of the walk, and of the wander.
+            Kalman gains of the walk and of the wander.
         """
         aa, ab, bb, keep = self._aa, self._ab, self._bb, self._keep[i]
         aa += self._grow[i]
         if known is not None:
-            # A wander is of a phase that nobody knows any more, a drift goes on.
+            # After a gap the phase is unknown and the wander restarts, but a drift goes on.
             keep = np.where(known, keep, (1.0 - self.shown) * keep)
             aa[:, ~known], ab[:, ~known] = UNKNOWN_RAD2, 0.0
         ab *= keep
@@ -337,7 +340,7 @@ class _Spread:
 
 
 class _Followed:
-    """What has been learnt of the walk and the wander behind a series."""
+    """State estimates (walk and wander) of a series."""
 
     def __init__(self, shape: tuple[int, int], wandering: slice, shown: FloatArray) -> None:
         self._a, self._wandering, self._shown = np.zeros(shape), wandering, shown
@@ -346,7 +349,7 @@ class _Followed:
     def innovation(
         self, value: FloatArray | float, keep: FloatArray, push: FloatArray | None
     ) -> FloatArray:
-        """Return how far the next value is from what was to be expected."""
+        """Predict, and return the next value less its prediction."""
         self._b *= keep
         if push is not None:
             self._a[self._wandering] += push * self._b
@@ -355,6 +358,6 @@ class _Followed:
         return v
 
     def learn(self, v: FloatArray, gain: tuple[FloatArray, FloatArray]) -> None:
-        """Take an innovation in."""
+        """Update the states with an innovation."""
         self._a += gain[0] * v
         self._b += gain[1] * v[self._wandering]

@@ -1,8 +1,12 @@
-"""Scores of lags by a clip's phases: the log-likelihood at a lag over that under any grid whatever.
+"""Scores lags by a clip's phases: log-likelihood at a lag less that under any grid.
 
-Both are of the same phases: those whose way from the one before lies in the reference. So lags with
-gaps, and lags in different references, compare with each other, and zero means that the reference
-tells no more than chance.
+Both use the same phases, those whose step lies in the reference. So lags with gaps, and lags in
+different references, are comparable, and a score of zero means that the reference explains the clip
+no better than an arbitrary grid does.
+
+The score is a mixture over sizes of the errors, of the clock error, and of the share of bad blocks.
+Approximation: with bad blocks the clock offset is not integrated out but found by iteratively
+reweighted least squares, with a Laplace factor.
 """
 
 from __future__ import annotations
@@ -36,11 +40,11 @@ from rsenf.match.series import Grid
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
 
-# The clock's error is Gaussian of one of these sizes, shares and ppm: most cameras are within
-# 30 ppm, a real one is at 70.
+# Prior of the clock error, a mixture of Gaussians: (weight, size in units of ``clock_scale_ppm``).
+# Most cameras are within 30 ppm, a real one is at 70.
 CLOCKS = ((0.5, 0.5), (0.35, 1.2), (0.15, 3.0))
-PLAIN_SHARE = 0.85  # of references that are no averages over a window
-WORTHWHILE = 4.0  # phases after the first, below which a lag isn't scored
+PLAIN_SHARE = 0.85  # of references that are not averaged over a window
+WORTHWHILE = 4.0  # least number of known steps for a lag to be scored
 QUICK: tuple[Errors, ...] = tuple(
     Errors(0.25, hz, ClipErrors(1.0, ratio)) for hz in (3e-4, 1.5e-3) for ratio in (1.0, 2.5)
 )
@@ -48,16 +52,15 @@ QUICK_OF_SUMS: tuple[Errors, ...] = tuple(
     Errors(0.25, hz, ClipErrors(1.0, ratio, drift_s=12.0))
     for ratio, hz in ((1.0, 3e-4), (2.5, 3e-4), (2.0, 1.5e-3), (7.0, 3e-4))
 )
-# How many of a clip's blocks may be bad: prior weight and share. A bad one follows some course that
-# isn't the reference's at any time, or none that a grid takes.
+# Prior of the share of bad blocks: (weight, share). A bad block follows no time of the reference.
 BAD_SHARES = ((0.7, 0.0), (0.18, 0.05), (0.09, 0.2), (0.03, 0.5))
-MOST_ODDS = 700.0  # nats of a block: an exponential of more would overflow
-CLOCK_PASSES = 2  # of the clock's offset by the good blocks
+MOST_ODDS = 700.0  # nats of a block: a larger exponent would overflow
+CLOCK_PASSES = 2  # iterations of the clock offset from the good blocks
 
 
 @dataclass(frozen=True)
 class Clock:
-    """Offset of the clip's ENF from the reference's."""
+    """Offset of the clip's ENF from the reference's, with its standard error."""
 
     offset_hz: float
     offset_std_hz: float
@@ -65,11 +68,11 @@ class Clock:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """A clip's phases under one reading of the reference, and what they are under any grid.
+    """A clip's phases for one assumption on the reference, with their likelihoods without it.
 
-    ``share`` is how likely that reading is beforehand; ``generic`` (n,) the log-likelihood of each
-    phase given those before it, ``robust`` (n,) that where some blocks are bad, and ``no_grid``
-    (n,) that if no grid at all is behind them.
+    ``share`` is the prior weight of the assumption. Log-likelihoods of each phase given those
+    before it, shape (n,): ``generic`` under any grid, ``robust`` the same with bad blocks allowed
+    for, and ``no_grid`` under none.
     """
 
     share: float
@@ -81,7 +84,7 @@ class Reading:
 
 @functools.lru_cache(maxsize=4)
 def readings_of(clip: ClipPhase) -> tuple[Reading, ...]:
-    """Return a clip's readings: the reference is the frequency itself, or an average of it."""
+    """Return a clip's readings: the reference is the grid's frequency, or an average of it."""
     coarse = averaged(clip)
     if coarse is None:
         return (_reading(1.0, clip),)
@@ -96,9 +99,19 @@ def _reading(share: float, clip: ClipPhase) -> Reading:
 class PhaseScorer:
     """Scores lags of one reference for one clip.
 
-    The reference is taken for the grid's frequency, or for an average of it over a window; what an
-    average can't know of the clip tells nothing for or against a lag. Some of the clip's blocks may
-    be bad, unless it is to fit as a whole (``robust`` is false), as a part of an edited one has to.
+    Parameters
+    ----------
+    clip : ClipPhase
+    grid : Grid
+    settings : MatchSettings
+    robust : bool
+        Whether blocks of the clip may be bad. False for a part of an edited clip, which must fit as
+        a whole.
+
+    Notes
+    -----
+    The reference is the grid's frequency, or an average of it over a window; under the second
+    assumption changes too fast for the average don't count for or against a lag.
     """
 
     def __init__(
@@ -112,7 +125,7 @@ class PhaseScorer:
 
     @property
     def clip(self) -> ClipPhase:
-        """The clip's phases, as they are."""
+        """The clip's phases, not averaged."""
         return self.readings[0].clip
 
     def scores(
@@ -122,10 +135,20 @@ class PhaseScorer:
         *,
         quick: bool = False,
     ) -> FloatArray:
-        """Log-likelihood over any grid's, shape (c,); minus infinity with too few phases.
+        """Log-likelihood ratios of lags against any grid; minus infinity with too few phases.
 
-        Of the phases ``among`` (n, c) as they are, where given; the way to any other counts for
-        nothing. A quick one tries few sizes of the errors.
+        Parameters
+        ----------
+        lag_s : ndarray, shape (c,)
+        among : ndarray of bool, shape (n, c), optional
+            Phases, not averaged, that count, together with the step to each of them.
+        quick : bool
+            Use only a few sizes of the errors.
+
+        Returns
+        -------
+        ndarray, shape (c,)
+            Nats.
         """
         errors = self._quick if quick else self._errors
         if among is not None:
@@ -137,17 +160,17 @@ class PhaseScorer:
         return np.asarray(np.logaddexp.reduce(found, axis=0), np.float64)
 
     def clock(self, lag_s: float) -> Clock:
-        """Weigh the offsets at one lag."""
+        """Estimate the clock offset at one lag."""
         return self.clocks(np.array([lag_s]))[0]
 
     def clocks(self, lag_s: FloatArray) -> list[Clock]:
-        """Do the same at several, side by side; each in the reading that fits it best."""
+        """Estimate the clock offset at several lags, each under the reading that fits it best."""
         each = [self._clocks(reading, lag_s) for reading in self.readings]
         best = np.argmax([score for score, _ in each], axis=0)
         return [each[reading][1][i] for i, reading in enumerate(best)]
 
     def _clocks(self, reading: Reading, lag_s: FloatArray) -> tuple[FloatArray, list[Clock]]:
-        """Scores of lags under one reading, and the offsets there."""
+        """Scores and clock offsets of lags under one reading."""
         found = self._run(reading, lag_s, self._errors)
         weighed = self._weighed(found, self._errors)
         total = np.logaddexp.reduce(weighed.log_odds, axis=(0, 1))
@@ -165,7 +188,7 @@ class PhaseScorer:
         errors: Sequence[Errors],
         among: NDArray[np.bool_] | None = None,
     ) -> FloatArray:
-        """Score lags under one reading of the reference."""
+        """Scores of lags under one reading of the reference."""
         found = self._run(reading, lag_s, errors, among)
         weighed = self._weighed(found, errors)
         score = np.logaddexp.reduce(weighed.log_odds, axis=(0, 1))
@@ -198,10 +221,11 @@ class PhaseScorer:
         return _Run(innovations(clip, residual, known, self.grid.step_s, errors), own)
 
     def _weighed(self, found: _Run, errors: Sequence[Errors]) -> _Weighed:
-        """Weigh a lag under each size of the errors and of the clock's.
+        """Evaluate lags for each size of the errors and of the clock error.
 
-        The clock's offset is Gaussian, given that all blocks are good; of a clip with bad ones it
-        is that of the good, whose weights it needs in turn (iteratively reweighted least squares).
+        If all blocks are good, the clock offset is Gaussian and integrated out. With bad blocks it
+        is estimated from the good ones, whose weights depend on it (iteratively reweighted least
+        squares).
         """
         weight = np.array([e.weight for e in errors])[:, None, None]
         share = np.array([share for share, _ in CLOCKS])[None, :, None]
@@ -221,7 +245,7 @@ class PhaseScorer:
         return _Weighed(prior + np.logaddexp(plain, bad), offset, 1.0 / tell)
 
     def _clock_var(self) -> FloatArray:
-        """Variance of the ENF's offset under each size of clock error (Hz²)."""
+        """Prior variance of the ENF's offset for each size of clock error (Hz²)."""
         scale = self.settings.clock_scale_ppm * 1e-6 * self.grid.nominal_hz
         return np.array([(size * scale) ** 2 for _, size in CLOCKS])
 
@@ -229,7 +253,7 @@ class PhaseScorer:
 class _Run(NamedTuple):
     """Innovations at some lags, and the log-likelihood of the same blocks under any grid.
 
-    Where none may be bad, that is; where some may, of a bad one no grid need be behind it.
+    If blocks may be bad, the latter is a mixture with no grid.
     """
 
     sums: Innovations
@@ -237,7 +261,7 @@ class _Run(NamedTuple):
 
 
 class _Weighed(NamedTuple):
-    """Log-likelihood over any grid's, and the clock's offset; all (errors, clocks, lags)."""
+    """Log-likelihood ratio against any grid, and clock offset; all (errors, clocks, lags)."""
 
     log_odds: FloatArray
     offset_hz: FloatArray
@@ -245,10 +269,10 @@ class _Weighed(NamedTuple):
 
 
 class _Blocks:
-    """Likelihoods of the blocks of a clip at some lags; shapes (blocks, errors, clocks, lags).
+    """Likelihoods of a clip's blocks at some lags; shapes (blocks, errors, clocks, lags).
 
-    In a bad block the light follows no reference at any time: it is as likely as under any grid. So
-    no block says more against a lag than that it is bad.
+    A bad block is as likely at a lag as under any grid, so a block can't count more against a lag
+    than the prior odds that it is bad.
     """
 
     def __init__(self, sums: Innovations, own: FloatArray, clock_var: FloatArray) -> None:
@@ -258,7 +282,7 @@ class _Blocks:
         self._own, self._var = own, clock_var
 
     def all_good(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return log odds, clock offset and its precision if no block is bad."""
+        """Return log-likelihood ratio, clock offset and its precision if no block is bad."""
         log_f, vv, vr, rr = (
             part.sum(axis=0) for part in (self._log_f, self._vv, self._vr, self._rr)
         )
@@ -268,16 +292,16 @@ class _Blocks:
         return log_odds, vr / tell, tell
 
     def clock(self, good: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the clock's offset and its precision by blocks that are good so far."""
+        """Return the clock offset and its precision, with weights of the blocks."""
         tell = (good * self._rr).sum(axis=0) + 1.0 / self._var
         return (good * self._vr).sum(axis=0) / tell, tell
 
     def good(self, offset_hz: FloatArray, bad: float) -> FloatArray:
-        """How likely each block is a good one, of which so many are bad."""
+        """Probability that each block is good, with the prior share ``bad`` of bad blocks."""
         return np.asarray(1.0 / (1.0 + bad / (1.0 - bad) / self._odds(offset_hz)))
 
     def some_bad(self, offset_hz: FloatArray) -> FloatArray:
-        """Log odds if some share of the blocks is bad, by what is known of that share."""
+        """Log-likelihood ratio if some blocks are bad, averaged over the prior of their share."""
         odds = self._odds(offset_hz)
         occam = -0.5 * (offset_hz**2 / self._var + np.log1p(self._var * self._rr.sum(axis=0)))
         found = [
@@ -287,12 +311,12 @@ class _Blocks:
         return np.asarray(occam + np.logaddexp.reduce(found, axis=0), np.float64)
 
     def _odds(self, offset_hz: FloatArray) -> FloatArray:
-        """Odds of each block at a lag against any grid's; one where none of its phases counts."""
+        """Likelihood ratio of each block at a lag to any grid; 1 if none of its phases counts."""
         left = self._vv - offset_hz * (2.0 * self._vr - offset_hz * self._rr)
         odds = -0.5 * (self._log_f + left) - self._own
         return np.asarray(np.exp(np.clip(odds, -MOST_ODDS, MOST_ODDS, out=odds), out=odds))
 
 
 def rougher(errors: Sequence[Errors], noise_hz: float) -> tuple[Errors, ...]:
-    """Return the errors with more noise of the reference."""
+    """Return error hypotheses with noise of the reference added (Hz, rms)."""
     return tuple(replace(e, reference_hz=math.hypot(e.reference_hz, noise_hz)) for e in errors)

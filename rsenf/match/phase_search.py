@@ -1,6 +1,6 @@
-"""Search references for a clip by its phase: the lags that fit, each with its likelihood.
+"""Searches references for a clip by its phase.
 
-Lags of a coarse survey are scored (:mod:`rsenf.match.phase_scorer`), and the best peaks refined.
+The lags of a coarse search are scored (:mod:`rsenf.match.phase_scorer`) and the best peaks refined.
 """
 
 from __future__ import annotations
@@ -19,20 +19,17 @@ from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
 
-USUAL_PHASES = 600  # of a clip: of a longer one fewer lags are kept
+USUAL_PHASES = 600  # of a clip: for a longer one fewer lags are kept
 QUICK_SHIFTS_S = (-0.5, 0.0, 0.5)
-REFINED = 24
-HOPELESS = 100.0  # nats below the best peak, of which no second pass makes anything
+REFINED = 24  # places
+HOPELESS = 100.0  # nats below the best peak: not refined any further
 APART_S = 6.0  # nearer lags are one place
-LEAST_STD_S = 0.01  # of a lag, in the search for its peak
+LEAST_STD_S = 0.01  # lower limit of a lag's standard error
 
 
 @dataclass(frozen=True)
 class Place:
-    """A lag in one of the references, at the top of its peak.
-
-    ``score`` in nats; ``width_s`` is the peak's integral over its height.
-    """
+    """A lag in one of the references, at the maximum of its peak; ``score`` in nats."""
 
     grid: int
     lag_s: float
@@ -41,18 +38,22 @@ class Place:
 
     @property
     def width_s(self) -> float:
-        """Integral of the likelihood over the lag, over its maximum."""
+        """Integral of the likelihood over the lag, divided by its maximum (Gaussian peak)."""
         return math.sqrt(2 * math.pi) * self.lag_std_s
 
     @property
     def weight(self) -> float:
-        """Logarithm of the likelihood's integral over the peak (nats)."""
+        """Log of the likelihood integrated over the peak (nats)."""
         return self.score + math.log(self.width_s)
 
 
 @dataclass(frozen=True, eq=False)
 class PhaseSearch:
-    """Outcome of a search: places, best first, a neighbourhood apart, and how it was made."""
+    """Result of a search.
+
+    ``places`` are at least a neighbourhood apart, best first; ``surveys`` and ``scorers`` have one
+    entry per reference; ``span_s`` is the size of the search.
+    """
 
     places: list[Place]
     surveys: list[Survey]
@@ -61,11 +62,11 @@ class PhaseSearch:
 
     @property
     def lags(self) -> int:
-        """How many lags were compared."""
+        """Number of lags compared."""
         return sum(s.lags for s in self.surveys)
 
     def clocks(self, places: Sequence[Place]) -> dict[Place, Clock]:
-        """Weigh the offset of the clip's ENF at each of some places."""
+        """Estimate the clip's clock offset at each of some places."""
         out: dict[Place, Clock] = {}
         for number, scorer in enumerate(self.scorers):
             own = [place for place in places if place.grid == number]
@@ -84,12 +85,12 @@ class PhaseSearch:
 def search_phase(
     track: Track, clip: ClipPhase, grids: Sequence[Grid], settings: MatchSettings
 ) -> PhaseSearch:
-    """Search references for a clip.
+    """Search references for a clip; ``clip`` has the track's phases, without outliers.
 
     Raises
     ------
     UsageError
-        When the steps of the two don't fit each other.
+        If neither of the steps of track and reference is a whole multiple of the other.
     """
     kept = int(np.clip(KEPT * USUAL_PHASES / max(clip.size, 1), 32, KEPT))
     surveys = [survey(track, grid, settings, kept) for grid in grids]
@@ -101,14 +102,14 @@ def search_phase(
     best, rest = found[:REFINED], found[REFINED:]
     for number, scorer in enumerate(scorers):
         rest += all_refined(scorer, [place for place in best if place.grid == number])
-    # The likeliest place is not the highest peak, but the one with the most under it.
+    # The most probable place is the peak with the largest integral, not the highest.
     places = sorted(distinct(rest), key=lambda place: -place.weight)
     span_s = track.hypotheses * sum(s.lags * track.hop_s for s in surveys)
     return PhaseSearch(places, surveys, scorers, span_s)
 
 
 def _rough(number: int, scorer: PhaseScorer, lag_s: FloatArray) -> list[Place]:
-    """Score the lags of a survey, each with its neighbours, under few sizes of the errors."""
+    """Score the lags of a coarse search and their neighbours, with few sizes of the errors."""
     if not lag_s.size:
         return []
     at = (lag_s[:, None] + np.array(QUICK_SHIFTS_S)).ravel()
@@ -122,12 +123,12 @@ def _rough(number: int, scorer: PhaseScorer, lag_s: FloatArray) -> list[Place]:
 
 
 def refined(scorer: PhaseScorer, place: Place) -> Place:
-    """Go to the top of a peak, in two passes, the second as fine as the peak is sharp."""
+    """Refine a place to the maximum of its peak, in two passes."""
     return all_refined(scorer, [place])[0]
 
 
 def all_refined(scorer: PhaseScorer, places: Sequence[Place]) -> list[Place]:
-    """Do the same for several peaks of one reference, side by side."""
+    """Refine several places of one reference; the second pass has the resolution of the peak."""
     if not places:
         return []
     lag_s = np.array([place.lag_s for place in places])
@@ -148,7 +149,7 @@ def all_refined(scorer: PhaseScorer, places: Sequence[Place]) -> list[Place]:
 
 
 def _top(at: FloatArray, score: FloatArray, step_s: float) -> tuple[float, float, float]:
-    """Return the place of a peak's top, its standard error, and its height."""
+    """Return the position of a peak's maximum, its standard error, and its height."""
     top = int(np.clip(score.argmax(), 1, at.size - 2))
     before, here, after = score[top - 1 : top + 2]
     peaked = np.isfinite([before, here, after]).all() and before + after < 2 * here
@@ -157,14 +158,14 @@ def _top(at: FloatArray, score: FloatArray, step_s: float) -> tuple[float, float
     bend = 2 * here - before - after
     shift = float(np.clip((after - before) / (2 * bend), -1, 1))
     std_s = float(np.clip(step_s / math.sqrt(bend), LEAST_STD_S, 1.0))
-    # Not the parabola's height: where a lag more falls into a gap, scores have steps.
+    # Not the parabola's height: scores have steps where more phases fall into a gap.
     return at[top] + shift * step_s, std_s, score.max()
 
 
 def distinct(places: list[Place]) -> list[Place]:
-    """Sort best first and drop every place too near to a better one."""
+    """Sort places best first and drop every one too near to a better one."""
     out: list[Place] = []
-    taken: dict[tuple[int, int], float] = {}  # lag in each stretch: there is no room for two
+    taken: dict[tuple[int, int], float] = {}  # lag in each stretch, which holds at most one
     for place in sorted(places, key=lambda p: -p.score):
         stretch = math.floor(place.lag_s / APART_S)
         near = ((place.grid, stretch + d) for d in (0, -1, 1))

@@ -1,4 +1,4 @@
-"""From a finding to the message: absolute times, the claim, and what a reader should know."""
+"""Makes the match message from a finding: absolute times, the claim, and warnings."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from rsenf.match.settings import MatchSettings
 from rsenf.messages import Header, MatchResult
 
 NAN = float("nan")
-UNUSUAL_CLOCK = 4.3  # scales of cameras' clock errors
+UNUSUAL_CLOCK = 4.3  # in units of ``clock_scale_ppm``
 HOUR_S = 3600.0
-HALF_HOURS_FROM_H = 3.0  # time zones that are off by half hours are that far from UTC
+HALF_HOURS_FROM_H = 3.0  # zones with a half-hour offset are at least this far from UTC
 LAST_ZONE_H = 14
 
 
@@ -29,7 +29,24 @@ def result_of(
     claimed_utc_ns: int,
     final: bool,
 ) -> MatchResult:
-    """Put a finding into a message."""
+    """Make the message of a finding.
+
+    Parameters
+    ----------
+    finding : Finding
+    header : Header
+    method : str
+    grid : Grid
+        Reference of the finding, or the first one.
+    track : Track or None
+    jumps : int
+        Number of outliers left out of the track.
+    settings : MatchSettings
+    claimed_utc_ns : int
+        Claimed start, UTC since 1970; 0 for none.
+    final : bool
+        Whether the clip is complete.
+    """
     claim_lag_s = claimed_lag_s(grid, claimed_utc_ns)
     candidates = tuple(
         c
@@ -75,8 +92,11 @@ def result_of(
 
 
 def _claim(finding: Finding, claim_lag_s: float, grid: Grid, settings: MatchSettings) -> str:
-    """Supported by a match there, or as a time that needed no search; refuted by a match elsewhere
-    or a misfit there. Where the zone is unknown only a match that is no whole hours away refutes.
+    """Decide on a claim.
+
+    Supported by a match at the claimed time, or by its own likelihood ratios, which need no search.
+    Refuted by a match elsewhere or by a misfit at the claimed time. If the zone is unknown, only a
+    match that isn't whole hours away refutes it.
     """
     if math.isnan(claim_lag_s):
         return "undecidable"
@@ -145,14 +165,14 @@ def _warnings(
 
 
 def _outside(grid: Grid, track: Track, claim_lag_s: float, settings: MatchSettings) -> bool:
-    """Whether too little of a clip that began as claimed would lie within the reference."""
+    """Whether too little of a clip with the claimed start would lie within the reference."""
     length_s = track.first_s + track.enf_hz.size * track.hop_s
     inside_s = min(claim_lag_s + length_s, grid.duration_s) - max(claim_lag_s, 0.0)
     return inside_s < settings.min_overlap * length_s
 
 
 def _zone_hours(difference_s: float, tolerance_s: float) -> float:
-    """Hours that a difference comes to, as time zones differ; 0 when it doesn't."""
+    """Return a difference as hours between time zones; 0 if it isn't one."""
     if math.isnan(difference_s):
         return 0.0
     hours = round(2 * difference_s / HOUR_S) / 2

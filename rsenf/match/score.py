@@ -1,12 +1,12 @@
-"""How well a clip fits a reference at a lag: a log-likelihood, and a peak's exact place.
+"""Scores a lag by the frequency residual, and refines a peak below one step.
 
-Residuals are Gaussian of unknown size about a constant offset, whose prior is the clock errors of
-cameras. A 20 s window that moves on by 1 s gives far fewer independent values than seconds, and so
-does a grid that takes its time: residuals count once per half of it, as the half-overlapping
-segments of a Welch spectrum do.
+Model: residuals are Gaussian of unknown variance about a constant offset, whose prior is a Student
+distribution of camera clock errors. Windows of 20 s that move on by 1 s overlap, and a grid changes
+slowly, so there are far fewer independent values than seconds: one per half resolution, as with the
+half-overlapping segments of Welch's method.
 
-Correlation alone would rank a lag by its shape only; the offset (a clock error of 100 ppm is 5 mHz)
-and the size of the residual tell more. All three come from the same masked sums.
+A correlation ranks a lag by shape only. The offset (a clock error of 100 ppm is 5 mHz) and the size
+of the residual carry more information. All three come from the same masked sums.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
 
 INDEPENDENT_RATIO = 0.5  # of the resolution: the spacing at which residuals count as independent
-CLOCK_DOF = 3.0  # of the Student prior: tails that real cameras need
-# Two honest recordings of one grid differ by this much; a smaller residual says no more.
+CLOCK_DOF = 3.0  # degrees of freedom of the Student prior, for the tails of real cameras
+# Two good recordings of one grid differ by this much; a smaller residual is no better.
 FLOOR_STD_HZ = 1e-4
-SAMPLED_LAGS = 401  # from which the residual of an ordinary lag is taken
+SAMPLED_LAGS = 401  # for the residual variance of an ordinary lag
 
 
 @dataclass(frozen=True)
 class Peak:
     """One lag with its comparison, refined to a fraction of a step.
 
-    ``score`` is the log-likelihood (nats) over that of an ordinary lag; ``bend_hz2_per_s2`` is by
-    how much the residual variance grows with the square of the distance from the lag, 0 where it
-    has no minimum there.
+    ``score`` is the log-likelihood (nats) less that of an ordinary lag. ``bend_hz2_per_s2`` is the
+    increase of the residual variance per squared distance from the lag; 0 if it has no minimum
+    there.
     """
 
     lag_s: float
@@ -48,7 +48,19 @@ class Peak:
 
 
 def independent_values(seconds: float, resolution_s: float) -> float:
-    """How many independent residuals so many seconds are worth."""
+    """Return the number of independent residuals in some seconds.
+
+    Parameters
+    ----------
+    seconds : float
+    resolution_s : float
+        Correlation time of the residuals.
+
+    Examples
+    --------
+    >>> independent_values(120.0, 20.0)
+    12.0
+    """
     return seconds / (INDEPENDENT_RATIO * resolution_s)
 
 
@@ -62,7 +74,7 @@ class LagScorer:
         The reference, NaN in gaps.
     settings : MatchSettings
     usable_s : float
-        Usable seconds of the whole clip, of which a lag must use a share.
+        Usable seconds of the whole clip; a lag must use a minimum share of them.
     """
 
     def __init__(
@@ -76,11 +88,11 @@ class LagScorer:
         self.ordinary_var_hz2 = 1.0
 
     def lag_s(self, lag: float) -> float:
-        """Start of the clip on the reference's axis when value 0 meets sample ``lag``."""
+        """Start of the clip on the reference's axis if value 0 is paired with sample ``lag``."""
         return (lag + 0.5) * self.track.hop_s - self.track.first_s
 
     def lags_s(self, lags: NDArray[np.int64]) -> FloatArray:
-        """Do the same for many lags."""
+        """Return the same for many lags."""
         return np.asarray((lags + 0.5) * self.track.hop_s - self.track.first_s, np.float64)
 
     def nearest_lag(self, lag_s: float) -> int:
@@ -92,13 +104,18 @@ class LagScorer:
         return lag_residuals(self.x, self.x_ok, self.y, self.y_ok, min_pairs=self.min_pairs)
 
     def tables(self) -> Iterator[LagTable]:
-        """Compare at every lag, with the correlation too."""
+        """Compare at every lag, with the correlation."""
         return lag_tables(self.x, self.x_ok, self.y, self.y_ok, min_pairs=self.min_pairs)
 
     def scores(self, pairs: NDArray[np.int64], offset: FloatArray, var: FloatArray) -> FloatArray:
-        """Log-likelihood of each lag over that of an ordinary one; NaN where not compared.
+        """Log-likelihood of each lag less that of an ordinary one (nats); NaN where not compared.
 
         Fewer pairs give less evidence, for or against.
+
+        Parameters
+        ----------
+        pairs, offset, var : ndarray, shape (c,)
+            Number of pairs, mean residual (Hz) and residual variance (Hz²) of each lag.
         """
         values = independent_values(1.0, self.track.resolution_s) * self.track.hop_s * pairs
         ratio = np.maximum(var, FLOOR_STD_HZ**2) / self.ordinary_var_hz2
@@ -108,7 +125,7 @@ class LagScorer:
         return np.asarray(score, np.float64)
 
     def sample_ordinary_var(self) -> float:
-        """Residual variance of an ordinary lag: the median of some spread over the reference."""
+        """Residual variance of an ordinary lag: the median over lags spread over the reference."""
         lags = np.linspace(1 - self.x.size, self.y.size - 1, SAMPLED_LAGS).astype(int)
         found = [self._at(int(lag)) for lag in np.unique(lags)]
         variances = [c.residual_var for c in found if c.pairs >= self.min_pairs]
@@ -116,10 +133,10 @@ class LagScorer:
         return max(float(np.median(variances) if variances else fallback), FLOOR_STD_HZ**2)
 
     def peak(self, lag: int) -> Peak:
-        """Compare at a lag; go to the vertex between its neighbours when it is a minimum.
+        """Compare at a lag; interpolate to the vertex of the parabola if it is a local minimum.
 
-        Near the truth the residual variance is a parabola over the lag: a shift ``δ`` adds
-        ``δ²`` times the mean square of the reference's slope.
+        Near the true lag the residual variance is a parabola: a shift ``δ`` adds ``δ²`` times the
+        mean square of the reference's slope.
         """
         here, before, after = self._at(lag), self._at(lag - 1), self._at(lag + 1)
         shift, bend = 0.0, 0.0

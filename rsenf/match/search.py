@@ -1,4 +1,4 @@
-"""Find the lags at which a clip fits a reference, and how well the other lags do."""
+"""Finds the lags at which a clip's frequency fits a reference, and how well other lags fit."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
 
 NEIGHBOURHOOD_RATIO = 1.5  # of the resolution: nearer lags belong to the same peak
-USUAL_WINDOW_S = 20.0  # over which references are averaged, where they are
-MIN_AVERAGED = 0.8  # of the weights of an average of estimates, which some seconds lack
-MAX_TAIL = 64  # at most so many peaks describe the tail of wrong lags
-SPARE = 4  # a broad peak can top several stretches: refine so many times the peaks wanted
+USUAL_WINDOW_S = 20.0  # of references that are averages
+MIN_AVERAGED = 0.8  # share of an average's weights that must fall on valid estimates
+MAX_TAIL = 64  # most peaks that describe the tail of wrong lags
+SPARE = 4  # factor on the peaks to refine: a broad peak can be the best of several stretches
 
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """One way to make a clip and a reference comparable.
+    """One way to make a clip and a reference comparable: which of them is averaged.
 
-    ``text`` says what was done to the reference; ``smear_var_hz2`` is what of the estimates'
-    variance is owed to their window, and undone by averaging the reference alike.
+    ``text`` says what was done to the reference. ``smear_var_hz2`` is the part of the estimates'
+    variance that is due to their window and removed by averaging the reference likewise.
     """
 
     track: Track
@@ -37,12 +37,11 @@ class Way:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Outcome of a search.
+    """Result of a search.
 
-    ``peaks`` are at least a neighbourhood apart, the best first; of ``stretches`` neighbourhoods
-    searched the best ``tail`` and two more have theirs among them. ``lags`` were compared. Of
-    ``possible`` lags at which the clip lies within the reference's span, ``inside`` were.
-    ``scorers`` compare at any lag in the ``way`` that fitted best.
+    ``peaks`` are at least a neighbourhood apart, best first, ``tail`` + 2 of them at most. ``lags``
+    were compared. Of ``possible`` lags at which the clip lies within the reference's span,
+    ``inside`` were compared. ``scorers`` compare at any lag, in the ``way`` that fitted best.
     """
 
     peaks: list[Peak]
@@ -55,7 +54,7 @@ class Search:
 
     @property
     def coverage_ratio(self) -> float:
-        """Share of the possible lags that could be compared; 1 when there is none."""
+        """Compared share of the possible lags; 1 if there are none."""
         return self.inside / self.possible if self.possible else 1.0
 
     def near(self, lag_s: float, tolerance_s: float) -> Peak | None:
@@ -80,7 +79,7 @@ def search(track: Track, grid: Grid, settings: MatchSettings) -> Search:
     Raises
     ------
     UsageError
-        When the steps of the two don't fit each other.
+        If neither time step is a whole multiple of the other.
     """
     found = [_search(scorers, way) for way, scorers in prepared(track, grid, settings)]
     return max(found, key=lambda s: s.peaks[0].score if s.peaks else -np.inf)
@@ -89,12 +88,14 @@ def search(track: Track, grid: Grid, settings: MatchSettings) -> Search:
 def prepared(
     track: Track, grid: Grid, settings: MatchSettings
 ) -> Iterator[tuple[Way, list[LagScorer]]]:
-    """Yield each way that the settings allow, with what compares at any lag in it.
+    """Yield each way that the settings allow, with its scorers.
+
+    A coarser reference has several scorers, one for each starting offset of the thinned track.
 
     Raises
     ------
     UsageError
-        When the steps of the two don't fit each other.
+        If neither time step is a whole multiple of the other.
     """
     ordinary_hz2 = 0.0
     grid = to_step_of(track, grid)
@@ -104,7 +105,7 @@ def prepared(
             LagScorer(t, way.grid.freq_hz, settings, usable_s)
             for t in phases(way.track, grid.step_s)
         ]
-        # One yardstick for all ways, or their scores could not be compared.
+        # One ordinary variance for all ways, so that their scores are comparable.
         ordinary_hz2 = ordinary_hz2 or scorers[0].sample_ordinary_var()
         for scorer in scorers:
             scorer.ordinary_var_hz2 = ordinary_hz2
@@ -112,11 +113,11 @@ def prepared(
 
 
 def ways(track: Track, grid: Grid, smoothing: str) -> list[Way]:
-    """Return the ways to make the two comparable.
+    """Return the ways to make a track and a reference comparable.
 
-    Estimates of a long window are averages, so the reference is averaged alike. Published
-    references are sometimes averages already: then they are taken as they are, and estimates of a
-    short window are averaged in their place.
+    Estimates with a long window are averages, so the reference is averaged likewise. Published
+    references are sometimes averages already: then they are taken as they are, and estimates with a
+    short window are averaged instead.
     """
     if track.window_s <= grid.step_s:  # averaging the reference would change nothing
         step = _averaged(track, box_kernel(grid.step_s, track.hop_s), track.window_s)
@@ -139,7 +140,7 @@ def _averaged(track: Track, weights: FloatArray, window_s: float) -> Track:
 
 
 def _search(scorers: list[LagScorer], way: Way) -> Search:
-    """Pass over all lags, keep the best of every stretch, refine the best of those."""
+    """Scan all lags, keep the best of every stretch, and refine the best of those."""
     apart_s = NEIGHBOURHOOD_RATIO * scorers[0].track.resolution_s
     lags = possible = inside = 0
     score, lag, owner = [], [], []

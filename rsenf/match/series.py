@@ -1,4 +1,4 @@
-"""The two things compared, each on one uniform axis with holes: a clip's ENF and a reference."""
+"""The two series compared, each on a uniform axis with holes: a clip's ENF and a reference."""
 
 from __future__ import annotations
 
@@ -14,21 +14,32 @@ from rsenf.match.estimates import Rows, rows_of
 from rsenf.messages import EnfEstimate, ReferenceBlock
 from rsenf.messages.schema import FloatArray
 
-# Where two times of a grid differ, they do so for about this long.
+# Correlation time of the difference between two times of a grid.
 GRID_MEMORY_S = 20.0
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """ENF estimates of one clip, value ``i`` centred at ``first_s + i·hop_s`` from its start.
+    """ENF estimates of one clip; value ``i`` is centred at ``first_s + i·hop_s`` from its start.
 
-    ``enf_hz`` (n,) is NaN where there is no usable estimate; ``var_hz2`` (n,) is the estimates'
-    own variance about the grid's 1 s mean. ``phase_rad`` (n,) is the illumination's phase in the
-    middle of each window less that of twice the nominal frequency, between −π and π, and
-    ``phase_var_rad2`` (n,) its variance; NaN where an estimate brings none. ``mirror_hz`` is the
-    frequency about which all of it is mirrored if the read-out runs the other way than assumed; NaN
-    where its direction is known. ``alternatives`` is how many tracks of the same clip, by other
-    assumptions, are compared for this one.
+    Attributes
+    ----------
+    first_s, hop_s, window_s : float
+    enf_hz : ndarray, shape (n,)
+        NaN where there is no usable estimate.
+    var_hz2 : ndarray, shape (n,)
+        Stated variance of the estimates about the grid's 1 s mean.
+    nominal_hz : float
+        50 or 60; NaN if unknown.
+    phase_rad, phase_var_rad2 : ndarray, shape (n,)
+        Illumination's phase in the middle of each window less that of twice the nominal frequency,
+        between −π and π, and its variance; NaN for estimates without a phase.
+    mirror_hz : float
+        Frequency about which the track is mirrored if the read-out direction is opposite to the one
+        assumed; NaN if the direction is known.
+    alternatives : int
+        Number of tracks of the same clip, under different assumptions, that are compared (1 for
+        this one only).
     """
 
     first_s: float
@@ -50,21 +61,21 @@ class Track:
 
     @property
     def usable(self) -> int:
-        """How many values there are."""
+        """Number of usable values."""
         return int(np.isfinite(self.enf_hz).sum())
 
     @property
     def directions(self) -> int:
-        """How many directions of read-out there are to compare."""
+        """Number of read-out directions to compare."""
         return 1 if math.isnan(self.mirror_hz) else 2
 
     @property
     def hypotheses(self) -> int:
-        """How many tracks are searched for where one is right."""
+        """Number of tracks in the search, of which one is right."""
         return self.directions * self.alternatives
 
     def between(self, first: int, last: int) -> Track:
-        """Return some of its values, on the same clock."""
+        """Return a range of the values, with the same time origin."""
         own = slice(first, last)
         return replace(
             self,
@@ -76,7 +87,7 @@ class Track:
         )
 
     def mirrored(self) -> Track:
-        """Return what the estimates are if the read-out runs the other way."""
+        """Return the track for the opposite read-out direction."""
         t_s = self.first_s + self.hop_s * np.arange(self.enf_hz.size, dtype=np.float64)
         return replace(
             self,
@@ -86,7 +97,7 @@ class Track:
 
     @property
     def resolution_s(self) -> float:
-        """Time over which residuals at a lag hang together: the window's, or the grid's own."""
+        """Correlation time of residuals at a lag: the window's length, or the grid's own."""
         return max(self.window_s, GRID_MEMORY_S)
 
 
@@ -94,8 +105,8 @@ class Track:
 class Grid:
     """A reference: sample ``k`` is the mean over ``[k, k + 1)·step_s`` from its start.
 
-    ``freq_hz`` (n,) is NaN in gaps; ``t0_ns`` is UTC since 1970 or 0 for unknown, and off by whole
-    hours perhaps where the zone of its times is unknown.
+    ``freq_hz`` (n,) is NaN in gaps. ``t0_ns`` is UTC since 1970, or 0 if unknown; with an unknown
+    time zone it may be off by whole hours.
     """
 
     name: str
@@ -107,20 +118,20 @@ class Grid:
 
     @property
     def duration_s(self) -> float:
-        """From the first sample's start to the last one's end."""
+        """Time from the first sample's start to the last one's end."""
         return self.freq_hz.size * self.step_s
 
 
 def track_of(estimates: Sequence[EnfEstimate]) -> Track:
-    """Put estimates on their uniform axis; a missing or unusable one leaves a hole.
+    """Put estimates on their uniform axis; missing or unusable ones are holes.
 
-    The hop is the smallest usual distance of two estimates. Raises ``ValueError`` without any.
+    The hop is the median distance of different times. Raises ``ValueError`` without estimates.
     """
     return track_of_rows(rows_of(estimates))
 
 
 def track_of_rows(rows: Rows) -> Track:
-    """Do the same with estimates that were kept."""
+    """Make the same from kept estimates."""
     rows = rows[np.argsort(rows["start_ns"] + rows["end_ns"], kind="stable")]
     rows = _of_one_direction(rows)
     first_s, hop_s, index = uniform_axis(rows["t_s"])
@@ -148,9 +159,9 @@ def track_of_rows(rows: Rows) -> Track:
 
 
 def _of_one_direction(rows: Rows) -> Rows:
-    """Mirror the estimates for which the other direction of read-out was assumed.
+    """Mirror estimates that assume another read-out direction than the rest.
 
-    The other direction than that of those that know it, or than that of most.
+    The direction is that of the estimates that know it, or else that of the majority.
     """
     good = rows["usable"] & np.isfinite(rows["enf_hz"])
     is_assumed = good & np.isfinite(rows["mirror_hz"])
@@ -171,29 +182,39 @@ def _of_one_direction(rows: Rows) -> Rows:
 def _mirrored_phase(
     phase_rad: FloatArray, t_s: FloatArray, off_hz: FloatArray | float
 ) -> FloatArray:
-    """Illumination's phase less the nominal's, mirrored about that of a frequency off the nominal.
+    """Mirror a phase, relative to the nominal's, about a frequency ``off_hz`` above the nominal.
 
-    ``off_hz`` is of the grid; the illumination turns twice as fast.
+    ``off_hz`` is of the grid; the illumination has twice that frequency.
     """
     return np.asarray(np.angle(np.exp(1j * (8.0 * np.pi * off_hz * t_s - phase_rad))))
 
 
 def uniform_axis(t_s: FloatArray) -> tuple[float, float, NDArray[np.int64]]:
-    """Find the uniform axis that times lie on: its first time, its step, and the place of each.
+    """Return the uniform axis of some times: first time, step, and the index of each.
 
-    The step is the usual distance of two different times.
+    The step is the median distance of different times, rounded to a millisecond.
+
+    Parameters
+    ----------
+    t_s : ndarray, shape (n,)
+
+    Examples
+    --------
+    >>> first_s, hop_s, index = uniform_axis(np.array([10.0, 11.0, 12.0, 15.0]))
+    >>> first_s, hop_s, index.tolist()
+    (10.0, 1.0, [0, 1, 2, 5])
     """
     first_s = float(t_s.min())
     steps = np.diff(np.unique(t_s))
-    # Whole milliseconds: frame times make a hop of one second a little uneven.
+    # Whole milliseconds, since a hop of 1 s varies a little with the frame times.
     hop_s = max(round(float(np.median(steps)), 3), 1e-3) if steps.size else 1.0
     return first_s, hop_s, np.rint((t_s - first_s) / hop_s).astype(np.int64)
 
 
 def grid_of(blocks: Sequence[ReferenceBlock]) -> Grid:
-    """Join blocks of one reference; what no block covers is a gap. Raises ``ValueError`` without.
+    """Join blocks of one reference; what no block covers is a gap. Raises ``ValueError`` for none.
 
-    A block that comes again (a late joiner's history) overwrites itself.
+    A block that arrives twice (history for a late joiner) overwrites itself.
     """
     total = max(max(b.first + b.samples for b in blocks), max(b.total for b in blocks))
     freq = np.full(total, np.nan)
@@ -204,15 +225,20 @@ def grid_of(blocks: Sequence[ReferenceBlock]) -> Grid:
 
 
 def to_step_of(track: Track, grid: Grid) -> Grid:
-    """Average a reference that is finer than the track down to the track's hop.
+    """Average a reference with a finer step than the track's hop down to that hop.
 
-    An average needs half of its samples. A coarser reference is returned as it is, all of it read
-    where it was stored: :func:`phases` thins the track instead, so that nothing is interpolated.
+    An average needs half of its samples. A coarser reference is returned as it is, read into
+    memory: :func:`phases` thins the track instead, so that nothing is interpolated.
+
+    Parameters
+    ----------
+    track : Track
+    grid : Grid
 
     Raises
     ------
     UsageError
-        When neither step is a whole multiple of the other.
+        If neither step is a whole multiple of the other.
     """
     if grid.step_s > track.hop_s * (1 - 1e-6):
         _whole(grid.step_s, track.hop_s)
@@ -226,7 +252,14 @@ def to_step_of(track: Track, grid: Grid) -> Grid:
 
 
 def phases(track: Track, step_s: float) -> Iterator[Track]:
-    """Thin a track to a coarser step, once for every phase, so that no lag is left out."""
+    """Yield a track thinned to a coarser step, once for each starting offset: no lag is lost.
+
+    Parameters
+    ----------
+    track : Track
+    step_s : float
+        A whole multiple of the track's hop.
+    """
     many = _whole(step_s, track.hop_s)
     for p in range(min(many, track.enf_hz.size)):
         yield replace(

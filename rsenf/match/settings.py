@@ -1,4 +1,4 @@
-"""What a matcher may be told, with the reason for each default."""
+"""Settings of the matchers, with the reason for each default."""
 
 from __future__ import annotations
 
@@ -12,41 +12,46 @@ Smoothing = Literal["auto", "window", "none"]
 
 @dataclass(frozen=True, kw_only=True)
 class MatchSettings:
-    """Settings that every matcher understands.
+    """Settings of all matchers.
 
     Parameters
     ----------
     min_seconds : float
-        Usable seconds below which nothing is decided.
+        Fewest usable seconds for a decision.
     min_overlap : float
-        Share of the clip's usable seconds that must meet the reference at a lag.
-    smoothing : str
-        ``window`` averages the reference as the tracker's window averaged the grid, ``none`` takes
+        Share of the clip's usable seconds that must overlap the reference at a lag.
+    smoothing : {'auto', 'window', 'none'}
+        ``window`` averages the reference as the tracker's window averages the grid, ``none`` takes
         it as it is, ``auto`` takes the better of the two: published references are sometimes
-        averages already, and those of a camera's laboratory mostly are. For estimates of a second
-        ``auto`` also averages the estimates instead.
+        averages already, and those of laboratories mostly are. For estimates of 1 s ``auto`` also
+        tries averaging the estimates instead.
     reference_std_hz : float
-        How far an honest reference may be from the grid at the lamp. Two recordings of one grid
-        differ by 0.05 to 1.2 mHz in the measured data.
+        Standard deviation of a good reference from the grid at the lamp. Two recordings of one
+        grid differ by 0.05 to 1.2 mHz in the measured data.
     reference_noise_hz : float
-        Standard error of each second of the reference, where it is known to be a rough one.
+        Standard error of each second of the reference, if it is known to be large.
     clock_scale_ppm : float
         Scale of the Student distribution (3 degrees of freedom) of cameras' clock errors. Most are
         within 30 ppm; one real camera is at 70.
     max_chance : float
-        Chance fits as good as the best that may be expected in the search for it to be a match.
+        Largest expected number of chance fits as good as the best one, for a match.
     min_log10_lr : float
         Least log10 likelihood ratio of the best time against the second best, for a match.
     min_fit : float
-        Chance, were the clip from that time, of a residual as large as that found, below which the
-        best time does not fit.
+        Least probability of so large a residual at the true time; below it the best time doesn't
+        fit.
     tolerance_s : float
-        How far a claimed start may be from the one found, and the largest standard error of a
-        match.
+        Largest difference between a claimed start and the one found, and largest standard error of
+        a match.
     candidates : int
-        How many candidates to report.
+        Number of candidates to report.
     threshold_correlation : float
-        Peak correlation above which the paper's metrics decide, its ``TH_c``.
+        Peak correlation above which the paper's metrics decide (``TH_c``).
+
+    Raises
+    ------
+    UsageError
+        If a setting is outside its range.
     """
 
     min_seconds: float = 30.0

@@ -1,4 +1,4 @@
-"""How the parts of a clip go together, in words: cut, looped, joined, or as one recording does."""
+"""Describes how the parts of a clip fit together: cut, looped, joined, or as one recording."""
 
 from __future__ import annotations
 
@@ -11,21 +11,22 @@ from rsenf.match.matcher import moment, start_ns
 from rsenf.match.parts import Part, Parts, Span
 from rsenf.messages import Edit, Segment
 
-# Nats by which one lag must say less of some stretches than each of them says by its own, before
-# they are said not to go together. Of unedited clips with errors of all kinds and sizes it was 6 at
-# most; a reference that is itself at fault brings up to 60.
+# Log-likelihood (nats) that two stretches must lose at a common lag, compared with a lag for each,
+# to be reported as an edit. In unedited clips with all kinds and sizes of errors it was at most 6;
+# a faulty reference causes up to 60.
 MISFIT = 15.0
-SAME_S, SAME_STDS = 0.1, 4.0  # lags that differ by less may be one
-REPLACED_S = 12.0  # between parts of one recording, from which on it is a passage, and no jump
-OVERLAP_S = 5.0  # of what two parts show, from which on it is shown again
+SAME_S, SAME_STDS = 0.1, 4.0  # lags that differ by less may be equal
+REPLACED_S = 12.0  # shortest gap between parts of one recording that is a passage, not a jump
+OVERLAP_S = 5.0  # least repeated time that is reported as such
 
 
 @dataclass(frozen=True)
 class Assembly:
-    """How a clip's parts go together.
+    """How a clip's parts fit together.
 
-    ``one_time`` says that they lie as those of one recording do; ``edits`` what is wrong with it,
-    and ``segments`` the parts, none of either where nothing is; ``warnings`` says the same.
+    ``one_time`` says whether their lags are those of one recording. ``edits`` are the problems
+    found, ``warnings`` the same in words, and ``segments`` the parts; all are empty if there is no
+    problem.
     """
 
     one_time: bool
@@ -35,16 +36,16 @@ class Assembly:
 
 
 def assembled(found: Parts, parts: Sequence[Part], tolerance_s: float) -> Assembly:
-    """Say how the parts of a clip, one at least, go together.
+    """Describe how the parts of a clip fit together.
 
     Parameters
     ----------
     found : Parts
-        What found them.
+        The object that found them.
     parts : sequence of Part
-        In the clip's order.
+        In the clip's order; at least one.
     tolerance_s : float
-        By which the lags of one recording's parts may differ.
+        Largest difference between the lags of one recording's parts.
     """
     wrong = [*_joins(found, parts), *_ends(found, parts)]
     warnings = [edit.text for edit in wrong]
@@ -71,7 +72,7 @@ def _segment(found: Parts, part: Part) -> Segment:
 
 
 def _joins(found: Parts, parts: Sequence[Part]) -> list[Edit]:
-    """Say what happened between each part and the next, where they don't simply go on."""
+    """Describe the edit between each part and the next, unless they are continuous."""
     out = []
     for a, b in pairwise(parts):
         apart = found.score(a.place, a.span) + found.score(b.place, b.span)
@@ -84,19 +85,19 @@ def _joins(found: Parts, parts: Sequence[Part]) -> list[Edit]:
 
 
 def _one_time(a: Part, b: Part, within_s: float) -> bool:
-    """Whether the lags of two parts may differ by no more than so much, by their errors."""
+    """Whether the lags of two parts differ by at most ``within_s``, within their errors."""
     apart_s = abs(a.place.lag_s - b.place.lag_s)
     error_s = math.hypot(a.place.lag_std_s, b.place.lag_std_s)
     return a.place.grid == b.place.grid and apart_s - SAME_STDS * error_s <= within_s
 
 
 def _best_as_one(found: Parts, a: Part, b: Part) -> float:
-    """Score of two parts at one lag, that of either."""
+    """Score of two parts at one lag, the better of their two."""
     return max(found.score(part.place, a.span, b.span) for part in (a, b))
 
 
 def _jump(found: Parts, a: Part, b: Part) -> Edit:
-    """Say that what lies between two parts of one recording fits neither, or that nothing does."""
+    """Describe a passage or a phase jump between two parts with the same lag."""
     (_, from_s), (to_s, _) = _ends_s(found, a.span), _ends_s(found, b.span)
     at_s, at_std_s = found.meeting(a, b)
     if to_s - from_s >= REPLACED_S:
@@ -118,7 +119,7 @@ def _jump(found: Parts, a: Part, b: Part) -> Edit:
 
 
 def _edit(found: Parts, a: Part, b: Part) -> Edit:
-    """Say how one part comes to lie after another."""
+    """Describe the edit between two parts with different lags."""
     at_s, at_std_s = found.meeting(a, b)
     if a.place.grid != b.place.grid:
         text = "the clip was put together from recordings in different grids?"
@@ -152,7 +153,7 @@ def _edit(found: Parts, a: Part, b: Part) -> Edit:
 
 
 def _ends(found: Parts, parts: Sequence[Part]) -> list[Edit]:
-    """Say of the clip's ends whether they fit what is beside them."""
+    """Describe ends of the clip that don't fit the part next to them."""
     first, last, out = parts[0], parts[-1], []
     head, tail = (0, first.span[0]), (last.span[1], found.clip.size)
     for part, end, name in ((first, head, "first"), (last, tail, "last")):
@@ -179,6 +180,6 @@ def _where(found: Parts, part: Part) -> str:
 
 
 def _ends_s(found: Parts, span: Span) -> tuple[float, float]:
-    """Begin and end of a span of phases, in seconds of the clip."""
+    """Return the begin and end of a span of phases, in seconds of the clip."""
     clip, half = found.clip, found.clip.hop_s / 2
     return float(clip.t_s[span[0]] - half), float(clip.t_s[span[1] - 1] + half)

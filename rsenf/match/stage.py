@@ -35,8 +35,8 @@ from rsenf.registry import Registry
 from rsenf.timebase import nanoseconds
 
 NAN = float("nan")
-MOST_PAUSE_NS = 3_600 * 10**9  # between estimates: those that aren't usable come, too
-INTERIM_SHARE = 0.25  # by which a clip has grown since the last interim result, at least
+MOST_PAUSE_NS = 3_600 * 10**9  # between estimates; unusable ones are sent too
+INTERIM_SHARE = 0.25  # least growth of a clip since the last interim result
 
 METHODS: Registry[Matcher | HypothesisMatcher] = Registry(
     "match method",
@@ -50,7 +50,7 @@ METHODS: Registry[Matcher | HypothesisMatcher] = Registry(
 
 
 def tracker_for(method: str) -> str:
-    """ENF method whose estimates a matcher needs; empty when any will do."""
+    """Return the ENF method that a matcher needs; empty if any will do."""
     matcher = METHODS.get(method)
     return matcher.enf_method if isinstance(matcher, HypothesisMatcher) else ""
 
@@ -61,35 +61,35 @@ class Match:
     Parameters
     ----------
     method : str
-        Name of the matcher. Estimates without a phase are compared by ``ncc`` in place of
-        ``phase``, and the result says so. A :class:`rsenf.match.matcher.HypothesisMatcher` is
-        given all hypotheses of its ENF method, any other only what the tracker stands behind.
+        Name of the matcher. Estimates without a phase are compared by ``ncc`` instead of ``phase``,
+        and the result says so. A :class:`rsenf.match.matcher.HypothesisMatcher` gets all hypotheses
+        of its ENF method, any other matcher only the tracker's result (rank 0).
     grid : str
-        Name of the reference to use; all that come when empty.
+        Name of the reference to use; empty for all.
     grids : sequence of Grid
-        References that are at hand already, beside those that come as blocks.
+        References that are available from the start, in addition to those that arrive as blocks.
     claimed_utc_ns : int
         Claimed time of the first frame, UTC since 1970; 0 for none.
     interim_every_s : float
-        Stream time between interim results; 0 for none but the final one. Of a long clip each waits
-        until a quarter more of it has come than the one before had to go by.
+        Stream time between interim results; 0 for the final one only. For a long clip each waits
+        until the clip is a quarter longer than at the previous one.
     settings : MatchSettings, optional
     alternatives : int
-        How many tracks of the same clip are compared for this one, by other assumptions: chance
-        fits are counted in all of them.
+        Number of tracks of the same clip, under different assumptions, that are compared (1 for
+        this one only); it multiplies the number of chance fits.
     keep_hours : float
-        Of the estimates, and of a reference that grows, to go by; 0 for all. What can be compared
-        of a longer clip is its last hours, and the result says so. The hypotheses of the tracker
-        ``paper`` are all kept, in a few bytes each.
+        Hours of the estimates, and of a growing reference, to keep; 0 for all. A longer clip is
+        compared by its last hours, and the result says so. Hypotheses of the tracker ``paper`` are
+        all kept, in a few bytes each.
     on_refused : callable, optional
-        Told why a clip and a reference can't be compared at all, which is no decision, then. For
-        who goes on with other cameras; without, that is an error.
+        Called with the reason if a clip and a reference can't be compared at all; the result is
+        then ``no_decision``. For a node that serves other cameras too. If None, that is an error.
 
     Raises
     ------
     UsageError
-        When there is no method of that name; from ``update`` and ``flush``, when the steps of clip
-        and reference don't fit each other.
+        If there is no method of that name; from ``update`` and ``flush``, if neither of the steps
+        of clip and reference is a whole multiple of the other.
     """
 
     def __init__(
@@ -122,17 +122,16 @@ class Match:
         self._hypotheses = HypothesisStore()
         self._epoch: tuple[str, int] | None = None
         self._due: list[int] = []  # numbers of estimates at which interim results are due
-        self._last_due = 0  # periods of interim results that the last one was due after
+        self._last_due = 0  # interim periods that had passed when the last result was due
         self._published = 0
-        self._forgotten = 0  # estimates of this epoch that are too old to go by
+        self._forgotten = 0  # estimates of this epoch that were dropped as too old
 
     def update(self, message: EnfEstimate | ReferenceBlock) -> list[Any]:
         """Take an estimate or a block of reference; return the results that it completes.
 
-        A new epoch of the estimates (a loop, a seek, a reconnection) concludes the one before, and
-        so does a new run: a node before this one was started again.
-        Interim results wait for a reference that is still on its way, so that they don't depend
-        on which of the two streams runs ahead.
+        A new epoch of the estimates (a loop, a seek, a reconnection) ends the one before, and so
+        does a new run, if a node upstream was restarted. Interim results wait for a reference that
+        is still arriving, so that they don't depend on which of the two streams is ahead.
         """
         if isinstance(message, ReferenceBlock):
             self._take_block(message)
@@ -157,7 +156,7 @@ class Match:
         return out
 
     def _forget(self) -> None:
-        """Leave out what is older than the hours kept, once that is an eighth of all."""
+        """Drop estimates older than the hours kept, once they are an eighth of all."""
         rows = self._estimates.rows
         oldest_ns = rows["end_ns"][-1] - self._keep_ns
         if not self._keep_ns or rows["start_ns"][rows.size // 8] >= oldest_ns:
@@ -168,7 +167,7 @@ class Match:
         self._due = [count for count in self._due if count > self._forgotten]
 
     def flush(self) -> list[Any]:
-        """Return the final result of the epoch, whatever there is to go by."""
+        """Return the final result of the epoch."""
         return [self._result(self._estimates.rows, final=True)]
 
     def _take_block(self, block: ReferenceBlock) -> None:
@@ -179,7 +178,7 @@ class Match:
         if _axis(block) != _axis(one):
             if block.header.run_id == one.header.run_id:
                 raise SchemaMismatch("a block of another reference")
-            kept.clear()  # its node was started again, and has another beginning
+            kept.clear()  # its node was restarted, with another start time
         kept[block.first] = block
         if self._keep_ns and block.t0_ns and not block.total:
             least = block.first + block.samples - self._keep_ns // block.step_ns
@@ -189,8 +188,8 @@ class Match:
     def _is_due(self, message: EnfEstimate) -> bool:
         """Whether this is the first window to reach a multiple of the interim period.
 
-        All of the clip is compared again each time. Results that came at every period of a long one
-        would cost the square of its length; those that wait for a share more of it don't.
+        Each result compares the whole clip again. Results at every period would cost time quadratic
+        in the clip's length, so each also waits for the clip to grow by a share of its length.
         """
         before = self._last.end_pts_ns if self._last else message.origin_pts_ns
         now, last = (
@@ -212,7 +211,7 @@ class Match:
         return out
 
     def _reference_ready(self) -> bool:
-        """Whether all of every reference is here; one that grows (no total) always is."""
+        """Whether every reference is complete; a growing one (no total) always counts as such."""
         for blocks in self._blocks.values():
             total = max(b.total for b in blocks.values())
             if sum(b.samples for b in blocks.values()) < total:
@@ -256,7 +255,7 @@ class Match:
         )
 
     def _recent(self, rows: Rows) -> tuple[Rows, str]:
-        """Return the estimates of the last hours, and what to say of those left out."""
+        """Return the estimates of the last hours, and a warning if others were left out."""
         if not self._keep_ns or not rows.size:
             return rows, ""
         oldest_ns = rows["end_ns"][-1] - self._keep_ns
@@ -272,7 +271,7 @@ class Match:
     def _finding(
         self, method: str, track: Track | None, rows: Rows, grids: list[Grid]
     ) -> tuple[Finding, Track | None]:
-        """Compare, or say why not; and return the track in the direction that was decided on."""
+        """Compare, or give the reason why not; return the track in the chosen direction too."""
         matcher, reason = METHODS[method], ""
         if track is None:
             reason = "no ENF estimate: the clip is shorter than one window"
@@ -305,7 +304,7 @@ class Match:
 
 
 def _ensure_follows(message: EnfEstimate, last: EnfEstimate | None) -> None:
-    """Refuse an estimate of another origin, or of a time that doesn't follow the last one's."""
+    """Refuse an estimate with another origin, or with a time that doesn't follow the last one."""
     if last is None:
         return
     pause_ns = message.start_pts_ns - last.start_pts_ns
@@ -318,6 +317,6 @@ def _axis(block: ReferenceBlock) -> tuple[int, int, str]:
 
 
 def _doubted(found: Finding, reason: str) -> Finding:
-    """Say of a finding that no hypothesis stood out of the noise."""
+    """Add the warning that no hypothesis stood out of the noise."""
     warning = f"no line of the flicker is sure to be there: {reason}"
     return dataclasses.replace(found, warnings=(*found.warnings, warning))

@@ -1,4 +1,4 @@
-"""Stamped values to one uniform axis: nothing interpolated, every irregularity counted."""
+"""Puts time-stamped values on one uniform axis: nothing interpolated, irregularities counted."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from rsenf.reference.notes import Notes
 from rsenf.reference.samples import gathered
 from rsenf.timebase import NS_PER_S, nanoseconds
 
-OFF_GRID_RATIO = 0.02  # of the step: smaller deviations of a time stamp aren't worth a note
+OFF_GRID_RATIO = 0.02  # of the step: smaller deviations of a time stamp are not noted
 MAX_SAMPLES = 200_000_000
-MAX_GAP_RATIO = 1000  # samples per value: beyond it a date is wrong, not missing
+MAX_GAP_RATIO = 1000  # samples per value; above it a date must be wrong
 _USUAL_STEPS_S = (0.02, 0.04, 0.05, 0.1, 0.2, 0.25, 0.5, 1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60)
 
 T = TypeVar("T", int, Int64Array)
@@ -35,7 +35,13 @@ class Axis:
 
 @dataclass(frozen=True)
 class Raster:
-    """Times that samples begin at: ``t0_ns``, and every ``step_ns`` before and after it."""
+    """The times at which samples begin: ``t0_ns``, and every ``step_ns`` before and after it.
+
+    Examples
+    --------
+    >>> Raster(0, 1_000_000_000).nearest(np.array([1_400_000_000, 1_600_000_000])).tolist()
+    [1, 2]
+    """
 
     t0_ns: int
     step_ns: int
@@ -45,7 +51,7 @@ class Raster:
         return (t_ns - self.t0_ns + self.step_ns // 2) // self.step_ns
 
     def time_ns(self, index: T) -> T:
-        """Return when samples begin."""
+        """Return the start times of samples."""
         return index * self.step_ns + self.t0_ns
 
 
@@ -53,7 +59,7 @@ class Raster:
 class Piece:
     """Consecutive readings, in the order of the file.
 
-    ``t_ns`` (n,) is when their samples begin, about one of the raster's times each; ``freq_hz``
+    ``t_ns`` (n,) are the start times of their samples, each near a time of the raster; ``freq_hz``
     (n,) is NaN where there is no reading.
     """
 
@@ -63,7 +69,7 @@ class Piece:
 
 
 class Placing:
-    """Puts time stamps on a raster, piece by piece, and counts what is irregular.
+    """Assigns time stamps to samples of a raster, piece by piece, and counts irregularities.
 
     Parameters
     ----------
@@ -80,7 +86,7 @@ class Placing:
         self.first, self.last = np.iinfo(np.int64).max, np.iinfo(np.int64).min
 
     def place(self, t_ns: Int64Array) -> Int64Array:
-        """Return the number of each stamp's sample."""
+        """Return the sample number of each time stamp."""
         index = self.raster.nearest(t_ns)
         off_ns = np.abs(t_ns - self.raster.t0_ns - index * self.raster.step_ns)
         self._off += int((off_ns > OFF_GRID_RATIO * self.raster.step_ns).sum())
@@ -93,11 +99,11 @@ class Placing:
 
     @property
     def total(self) -> int:
-        """Samples from the first to the last."""
+        """Number of samples from the first to the last."""
         return self.last - self.first + 1
 
     def check(self) -> None:
-        """Refuse stamps that span more than any recording does.
+        """Refuse time stamps whose span is implausible for the number of values.
 
         Raises
         ------
@@ -111,7 +117,7 @@ class Placing:
             )
 
     def note(self, notes: Notes) -> None:
-        """Say what was irregular."""
+        """Add the irregularities to the notes."""
         if self._disorder:
             notes.say("rows not in the order of time: sorted")
         if self._off:
@@ -134,7 +140,7 @@ def to_axis(pieces: Iterable[Piece], where: str) -> Axis:
     Raises
     ------
     ReferenceFormatError
-        When the stamps span more than any recording does, or more than memory should hold.
+        If the span of the time stamps is implausible, or needs too much memory.
     """
     placing: Placing | None = None
     index, freq = [], []
@@ -162,15 +168,23 @@ def to_axis(pieces: Iterable[Piece], where: str) -> Axis:
 
 
 def find_raster(t_ns: Int64Array, step_s: float | None, where: str) -> Raster:
-    """Tell the step between samples and where they begin from some of their stamps.
+    """Find the step between samples, and where they begin, from some of their time stamps.
 
-    They begin at the first stamp, moved by the median distance, should that one be off the
-    raster that the others are on.
+    They begin at the first stamp, shifted by the median deviation in case the first is off the
+    raster of the others.
+
+    Parameters
+    ----------
+    t_ns : ndarray of int64, shape (n,)
+    step_s : float, optional
+        Time between samples; the usual one nearest to the median difference if None.
+    where : str
+        Name of the file, for error messages.
 
     Raises
     ------
     ReferenceFormatError
-        When all stamps are the same, and no step is given.
+        If all stamps are equal and no step is given.
     """
     t_ns = np.sort(t_ns)
     raster = Raster(

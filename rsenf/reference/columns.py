@@ -1,4 +1,4 @@
-"""The two columns that matter, whatever file they come from, and cells to numbers."""
+"""Finds the frequency and time columns by name, and converts cells to numbers."""
 
 from __future__ import annotations
 
@@ -70,10 +70,10 @@ _UNIT = re.compile(r"\s*[\[(].*?[\])]\s*")
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Consecutive cells of the frequency column, and of the time column where there is one.
+    """Consecutive cells of the frequency column, and of the time column if there is one.
 
-    Both are Arrow arrays of one length: text, numbers or, of times, Arrow's own time stamps. What
-    the columns are called may tell the unit of the one and the zone of the other.
+    Both are Arrow arrays of the same length: text, numbers or, for times, Arrow time stamps. The
+    columns' names may give the unit of the frequency and the zone of the times.
     """
 
     frequency: pa.Array
@@ -92,7 +92,7 @@ class Columns:
         )
 
     def split(self, rows: int) -> tuple[Columns, Columns]:
-        """Return the first rows, and the others."""
+        """Return the first ``rows`` rows, and the others."""
         first = replace(self, frequency=self.frequency[:rows], time=self.time and self.time[:rows])
         rest = replace(self, frequency=self.frequency[rows:], time=self.time and self.time[rows:])
         return first, rest
@@ -101,7 +101,7 @@ class Columns:
 def find_columns(
     header: Sequence[str], where: str, column: str | None, time_column: str | None = None
 ) -> tuple[int, int | None, int | None]:
-    """Tell by their names which columns hold the frequency, the time, and a date apart.
+    """Find by name the columns of the frequency, the time, and a separate date.
 
     Parameters
     ----------
@@ -109,14 +109,14 @@ def find_columns(
     where : str
         Name of the file, for error messages.
     column : str, optional
-        Name of the frequency column; looked for among the usual names when not given.
+        Name of the frequency column; one of the usual names if None.
     time_column : str, optional
         Name of the time column, likewise.
 
     Raises
     ------
     ReferenceFormatError
-        When there is no such frequency column, or none of a name that is given.
+        If there is no frequency column, or no column of a given name.
     """
     names = [_plain(name) for name in header]
 
@@ -142,22 +142,34 @@ def find_columns(
 
 
 def says_utc(name: str) -> bool:
-    """Whether a time column's name says that its times are UTC."""
+    """Whether a time column's name says UTC.
+
+    Examples
+    --------
+    >>> says_utc("time (UTC)"), says_utc("UTC+1")
+    (True, False)
+    """
     return bool(re.search(r"(?<![a-z])(utc|gmt)(?![a-z+-])", name.lower()))
 
 
 def unit_said(name: str) -> str:
-    """Return the unit that a frequency column's name says: 'mHz', 'Hz' or ''."""
+    """Return the unit in a frequency column's name: 'mHz', 'Hz' or ''.
+
+    Examples
+    --------
+    >>> unit_said("deviation [mHz]")
+    'mHz'
+    """
     found = re.search(r"(?<![a-z])(m?)hz(?![a-z])", name.lower())
     return "" if found is None else f"{found[1]}Hz"
 
 
 def numbers(cells: pa.Array) -> FloatArray:
-    """Return cells as numbers, with a decimal point or comma; NaN for what isn't one."""
+    """Convert cells to numbers, with a decimal point or comma; NaN for anything else."""
     import pyarrow as pa
 
     if pa.types.is_decimal(cells.type):
-        cells = cells.cast(pa.string())  # read as they are printed, not scaled
+        cells = cells.cast(pa.string())  # parsed as printed, so that nothing is rounded twice
     try:
         values = cells.cast(pa.float64(), safe=False)
     except pa.ArrowInvalid:
@@ -166,7 +178,7 @@ def numbers(cells: pa.Array) -> FloatArray:
 
 
 def number(cell: str | None) -> float:
-    """Return one cell as a number; NaN when it isn't one."""
+    """Convert one cell to a number; NaN if it isn't one."""
     try:
         return float((cell or "").replace(",", "."))
     except ValueError:

@@ -1,4 +1,4 @@
-"""Times that tell no zone, and skip or repeat an hour where daylight saving begins or ends."""
+"""Detects daylight saving in times without a zone: an hour that is skipped or repeated."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from rsenf.reference.local_time import QUARTER_NS, offsets_s
 from rsenf.timebase import NS_PER_S
 
 HOUR_NS = 3600 * NS_PER_S
-LEAST_SLACK_NS = 60 * NS_PER_S  # some values may be missing beside the hour
-ENOUGH = 0.9  # of an hour's stamps come twice
-# Looked at before all others, as the examples that most readers know.
+LEAST_SLACK_NS = 60 * NS_PER_S  # some values next to the hour may be missing
+ENOUGH = 0.9  # share of an hour's stamps that must occur twice
+# Tried first, since most readers know them.
 _USUAL = (
     "Europe/Berlin", "Europe/London", "Europe/Athens", "America/New_York", "America/Chicago",
     "America/Denver", "America/Los_Angeles", "Australia/Sydney", "America/Sao_Paulo",
@@ -23,7 +23,7 @@ _USUAL = (
 
 
 class Jump(NamedTuple):
-    """An hour that begins at ``local_ns`` and is 'skipped' or 'repeated', as it is in a zone."""
+    """An hour from ``local_ns`` on that is 'skipped' or 'repeated', as in the zone ``zone``."""
 
     local_ns: int
     what: str
@@ -31,12 +31,18 @@ class Jump(NamedTuple):
 
 
 def find_jump(local_ns: Int64Array) -> Jump | None:
-    """Return the first jump of stamps, in the order of a file, that is daylight saving's."""
+    """Return the first jump in time stamps, in file order, that is due to daylight saving.
+
+    Parameters
+    ----------
+    local_ns : ndarray of int64, shape (n,)
+        Wall-clock times as if they were UTC since 1970.
+    """
     steps = np.diff(local_ns)
     moving = steps[steps != 0]
     if not moving.size:
         return None
-    if np.median(moving) < 0:  # the newest first
+    if np.median(moving) < 0:  # newest first
         return find_jump(local_ns[::-1])
     usual_ns = float(np.median(moving))
     slack_ns = min(max(LEAST_SLACK_NS, 2 * usual_ns), QUARTER_NS)
@@ -49,14 +55,14 @@ def find_jump(local_ns: Int64Array) -> Jump | None:
 def _hours(
     local_ns: Int64Array, steps: Int64Array, usual_ns: float, slack_ns: float
 ) -> Iterator[tuple[int, str]]:
-    """Yield the quarters with which hours begin that are missing, or there twice."""
+    """Yield the first quarter of each hour that is missing or occurs twice."""
     skipped = np.flatnonzero((steps >= HOUR_NS) & (steps <= HOUR_NS + slack_ns))
     for quarter in _quarters(local_ns[skipped], local_ns[skipped + 1] - HOUR_NS):
         yield quarter, "skipped"
     back = np.flatnonzero((steps < 0) & (steps >= -HOUR_NS) & (steps <= slack_ns - HOUR_NS))
     for quarter in _quarters(local_ns[back + 1], local_ns[back] - HOUR_NS):
         yield quarter, "repeated"
-    # A file that was sorted has both passes of a repeated hour side by side.
+    # In a sorted file the two passes of a repeated hour are interleaved.
     quarters, twice = np.unique(local_ns[1:][steps == 0] // QUARTER_NS, return_counts=True)
     doubled = dict(zip(quarters.tolist(), twice.tolist(), strict=True))
     for quarter in doubled:
@@ -72,7 +78,7 @@ def _quarters(*near_ns: Int64Array) -> list[int]:
 
 
 def _zone_that(what: str, quarter: int) -> str | None:
-    """Return a zone in which exactly the hour that begins with a quarter is skipped or repeated."""
+    """Return a zone that skips or repeats exactly the hour that begins with this quarter."""
     others = sorted(available_timezones() - set(_USUAL))
     return next((n for n in (*_USUAL, *others) if _does(ZoneInfo(n), what, quarter)), None)
 

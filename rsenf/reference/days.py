@@ -1,4 +1,4 @@
-"""Days of a grid's frequency in a NumPy archive, a row for each."""
+"""Reads days of a grid's frequency from a NumPy archive, one row per day."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DAY_S = 86400
 class Days:
     """Days of values: ``freq_hz`` (days, samples), ``starts_ns`` (days,).
 
-    ``dated`` tells starts that are UTC since 1970 from a single one that is unknown.
+    ``dated`` is true if the starts are UTC since 1970, and false for a single unknown start.
     """
 
     starts_ns: Int64Array
@@ -46,16 +46,17 @@ def read_days(path: Path, timezone: str | None, step_s: float | None, notes: Not
     ----------
     path : Path
         ``frequency`` (days, samples) in Hz with ``day`` (days,), an ISO date for each; or
-        ``frequency`` (samples,) alone. ``step_s`` is in it too, or given.
+        ``frequency`` (samples,) alone. It also holds ``step_s`` unless that is given.
     timezone : str, optional
-        IANA name of the zone in which the days begin at midnight; UTC when not given.
+        IANA name of the zone in which the days begin at midnight; UTC if None.
     step_s : float, optional
+        Time between samples.
     notes : Notes
 
     Raises
     ------
     ReferenceFormatError
-        When it isn't such an archive.
+        If it isn't such an archive.
     """
     held = _load(path)
     if "frequency" not in held:
@@ -95,7 +96,7 @@ def _load(path: Path) -> dict[str, NDArray[Any]]:
 def _midnights(
     names: NDArray[Any], days: int, where: str, timezone: str | None, notes: Notes
 ) -> tuple[Int64Array, NDArray[np.bool_]]:
-    """Return when the days begin, and which of them begin once and for certain."""
+    """Return the start of each day, and which of the days have exactly one start."""
     try:
         local = np.atleast_1d(names).astype("datetime64[ns]")
     except ValueError:

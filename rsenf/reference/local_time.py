@@ -1,4 +1,4 @@
-"""Local times to UTC, through the hours that daylight saving skips and repeats."""
+"""Converts local times to UTC, through the hours that daylight saving skips and repeats."""
 
 from __future__ import annotations
 
@@ -15,40 +15,47 @@ from rsenf.timebase import NS_PER_S
 
 BoolArray = NDArray[np.bool_]
 
-# Zones have changed their offset at whole quarters of an hour for a century.
+# For a century, zones have changed their offset only at whole quarters of an hour.
 QUARTER_NS = 900 * NS_PER_S
 _EPOCH = datetime(1970, 1, 1)
 
 
 def to_utc(local_ns: Int64Array, timezone: str, notes: Notes) -> tuple[Int64Array, BoolArray]:
-    """Convert local times, in the order in which they were written down.
+    """Convert local times, in the order in which they were written.
 
-    An hour that comes twice is told apart by that order: the first pass up to the jump back, the
-    second after it. A single pass belongs to the side that it is nearer to.
+    The order resolves a repeated hour: the first pass lasts until the jump back, the second begins
+    after it. If only one pass was recorded, it belongs to the side with the smaller gap.
 
     Parameters
     ----------
     local_ns : ndarray of int64, shape (n,)
-        Wall-clock time as if it were UTC since 1970.
+        Wall-clock times as if they were UTC since 1970.
     timezone : str
         IANA name.
     notes : Notes
-        Told how many times could not be converted.
+        Gets the number of times that could not be converted.
 
     Returns
     -------
     utc_ns : ndarray of int64, shape (n,)
     known : ndarray of bool, shape (n,)
-        False for times that don't exist, or that could be either of two.
+        False for times that don't exist or are ambiguous.
 
     Raises
     ------
     UsageError
         For an unknown time zone.
+
+    Examples
+    --------
+    >>> two_oclock = np.array([1_656_640_800 * NS_PER_S])  # 1 July 2022, 02:00
+    >>> utc_ns, known = to_utc(two_oclock, "Europe/Berlin", Notes())
+    >>> (int(two_oclock[0] - utc_ns[0]) // NS_PER_S, bool(known[0]))
+    (7200, True)
     """
     early, late = _offsets_at(local_ns, timezone)
-    # In the hour that is skipped the offset of before is the smaller one, in one that is
-    # repeated it is the larger (PEP 495).
+    # Of the two offsets (PEP 495), the earlier is smaller in a skipped hour and larger in a
+    # repeated one.
     missing, twice = early < late, early > late
     second, undecided = _second_pass(local_ns, twice)
     offset_s = np.where(second, late, early)
@@ -58,10 +65,10 @@ def to_utc(local_ns: Int64Array, timezone: str, notes: Notes) -> tuple[Int64Arra
 
 
 def settled(local_ns: Int64Array, timezone: str) -> int:
-    """How many of these times can be converted, whatever follows them.
+    """Return how many of these times can be converted, whatever follows them.
 
-    A repeated hour is told apart by where it ends: one that is still open waits, together with
-    the time before it.
+    A repeated hour is resolved by its end. Until that is known, its times must wait, and the time
+    before it too.
     """
     early, late = _offsets_at(local_ns, timezone)
     once = np.flatnonzero(early <= late)
@@ -71,12 +78,12 @@ def settled(local_ns: Int64Array, timezone: str) -> int:
 
 
 def zone_of(name: str) -> ZoneInfo:
-    """Look up a time zone.
+    """Look up a time zone by its IANA name.
 
     Raises
     ------
     UsageError
-        For an unknown one.
+        If it is unknown.
     """
     try:
         return ZoneInfo(name)
@@ -87,7 +94,7 @@ def zone_of(name: str) -> ZoneInfo:
 
 
 def _offsets_at(local_ns: Int64Array, timezone: str) -> tuple[Int64Array, Int64Array]:
-    """Offsets in seconds east for the first and the second time that each time comes."""
+    """UTC offsets (s, positive east) of the first and the second occurrence of each time."""
     zone = zone_of(timezone)
     quarters, index = np.unique(local_ns // QUARTER_NS, return_inverse=True)
     offsets = np.array([offsets_s(int(q), zone) for q in quarters], np.int64).reshape(-1, 2)
@@ -95,14 +102,17 @@ def _offsets_at(local_ns: Int64Array, timezone: str) -> tuple[Int64Array, Int64A
 
 
 def offsets_s(quarter: int, zone: ZoneInfo) -> tuple[int, int]:
-    """Offsets in seconds east for the first and the second time that a quarter of an hour comes."""
+    """UTC offsets (s, positive east) of the two occurrences of a quarter of an hour.
+
+    They differ only if daylight saving skips or repeats it. ``quarter`` is local time since 1970.
+    """
     local = _EPOCH + timedelta(seconds=quarter * 900)
     first, second = (local.replace(tzinfo=zone, fold=fold).utcoffset() for fold in (0, 1))
     return int((first or timedelta()).total_seconds()), int((second or timedelta()).total_seconds())
 
 
 def _second_pass(local_ns: Int64Array, twice: BoolArray) -> tuple[BoolArray, BoolArray]:
-    """Tell which times of a repeated hour are of its second pass, and which can't be told."""
+    """Return which times of a repeated hour are of its second pass, and which are ambiguous."""
     second, undecided = np.zeros_like(twice), np.zeros_like(twice)
     edges = np.flatnonzero(np.diff(twice, prepend=False, append=False))
     for a, b in zip(edges[::2], edges[1::2], strict=True):

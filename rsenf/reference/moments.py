@@ -1,4 +1,4 @@
-"""Times as people write them."""
+"""Parses times as users write them."""
 
 from __future__ import annotations
 
@@ -9,18 +9,23 @@ from rsenf.timebase import since_1970_ns
 
 
 def utc_ns(text: str, what: str) -> int:
-    """Return an ISO 8601 date or time as ns since 1970; UTC unless it tells its zone.
+    """Return an ISO 8601 date or time as ns since 1970; UTC unless it has a zone.
 
     Parameters
     ----------
     text : str
     what : str
-        Which argument it is, for the error message.
+        Name of the argument, for the error message.
 
     Raises
     ------
     UsageError
-        When it is no time.
+        If it is no time.
+
+    Examples
+    --------
+    >>> utc_ns("1970-01-02", "from=")
+    86400000000000
     """
     try:
         moment = datetime.fromisoformat(text)

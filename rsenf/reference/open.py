@@ -1,4 +1,4 @@
-"""A reference by what the user calls it: a file, or a grid of the store."""
+"""Opens a reference by its name: a file, or a grid of the store."""
 
 from __future__ import annotations
 
@@ -33,23 +33,23 @@ def open_reference(
     ----------
     spec : str or Path
         A file, for :func:`rsenf.reference.read_reference`; or
-        ``store:GRID[@STEP][?from=TIME&to=TIME]``, a grid of the store: its finest step, unless
-        one is named; all there is, or what begins at or after the one time and before the other
-        (ISO 8601, UTC unless it says). Of the store nothing is read before it is asked for.
+        ``store:GRID[@STEP][?from=TIME&to=TIME]``, a grid of the store: its finest step unless one
+        is given, and all of it or the samples that begin at or after ``from`` and before ``to``
+        (ISO 8601, UTC unless it has a zone). The store is read only on access.
     store : str or Path, optional
-        Folder of the store; the default one when not given.
+        Folder of the store; the default one if None.
     grid : str
-        What to call it; as the file or the grid of the store otherwise.
+        Name of the reference; by default that of the file or of the grid in the store.
     **reading
-        As :class:`rsenf.reference.options.ReadOptions` takes them. Of them only ``nominal_hz`` has
-        a bearing on the store.
+        Options of :class:`rsenf.reference.options.ReadOptions`. Only ``nominal_hz`` applies to the
+        store.
 
     Raises
     ------
     UsageError
-        When there is no such file or grid, or an argument can't be meant so.
+        If there is no such file or grid, or an argument is invalid.
     ReferenceFormatError, SchemaMismatch
-        When it can't be read.
+        If it can't be read.
     """
     if not str(spec).startswith(STORE):
         return read_reference(spec, grid=grid, **reading)

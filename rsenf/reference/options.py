@@ -1,4 +1,4 @@
-"""How a file is meant to be read, where it doesn't say so itself."""
+"""Options of reading a file, for what the file doesn't state itself."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ class ReadOptions:
     Parameters
     ----------
     timezone : str, optional
-        IANA name of the zone of times that don't tell their own; UTC when not given.
+        IANA name of the zone of times that have none; UTC if None.
     step_s : float, optional
-        Time between samples; needed when there is no time column.
+        Time between samples; needed if there is no time column.
     column : str, optional
-        Name of the frequency column, when it isn't found by its name.
+        Name of the frequency column, if it isn't one of the usual names.
     time_column : str, optional
-        Name of the time column, when it isn't found by its name or by what is in it.
+        Name of the time column, if it isn't found by its name or content.
     time_format : str, optional
-        How times are written, as ``strptime`` takes it, such as %d/%m/%Y %H:%M:%S.
+        Format of the times, as in ``strptime``, such as %d/%m/%Y %H:%M:%S.
     nominal_hz : float, optional
-        50 or 60; told from the values when not given, unless they are deviations from it.
+        50 or 60; found from the values if None, unless they are deviations from it.
     stamp : {'start', 'centre'}
-        Which part of its sample's interval a time stamp names.
+        The part of a sample's interval that its time stamp denotes.
     assumed_hz : float, optional
-        What deviations are from where ``nominal_hz`` isn't given; other values may differ from it.
+        Nominal frequency of deviations if ``nominal_hz`` is None; other values may differ from it.
     start_utc_ns : int
-        Start of a reference that doesn't tell its own, UTC since 1970; 0 for unknown.
+        Start of a reference without dated times, UTC since 1970; 0 for unknown.
 
     Raises
     ------
     UsageError
-        When one of them can't be meant so.
+        If an option is invalid.
     """
 
     timezone: str | None = None
@@ -55,7 +55,7 @@ class ReadOptions:
 
     @property
     def deviations_from_hz(self) -> float | None:
-        """What deviations are from, as far as anybody says."""
+        """Nominal frequency that deviations refer to; None if it isn't given."""
         return self.nominal_hz or self.assumed_hz
 
     def __post_init__(self) -> None:

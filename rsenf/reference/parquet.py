@@ -1,4 +1,4 @@
-"""Columns of a plain Parquet file, as other programs write them."""
+"""Reads the columns of a plain Parquet file, as other programs write it."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ def parquet_columns(
 ) -> Iterator[Columns]:
     """Yield the frequency and the time column, some rows at a time.
 
-    A time column is known by its name, or as the only one of Arrow's time stamps.
+    A time column is found by its name, or as the only column of Arrow time stamps.
 
     Raises
     ------
     ReferenceFormatError
-        When it is no Parquet file, or there is no such column.
+        If it is no Parquet file, or there is no such column.
     """
     import pyarrow as pa
     from pyarrow import parquet

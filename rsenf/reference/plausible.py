@@ -1,4 +1,4 @@
-"""Is this a grid's frequency at all? The usual mistakes, each with its cure."""
+"""Checks that values are a grid's frequency; each usual mistake is named with its remedy."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from rsenf.reference.columns import unit_said
 from rsenf.reference.notes import Notes
 
 NOMINALS_HZ = (50.0, 60.0)
-NEAR_HZ = 1.5  # no grid strays further from its nominal frequency and stays connected
+NEAR_HZ = 1.5  # a grid that deviates further doesn't stay connected
 MIN_VALUES = 2
-# Deviations that grow beyond the one are no Hz, those that stay below the other no mHz.
+# Deviations above the first can't be in Hz, deviations below the second can't be in mHz.
 LEAST_IN_MHZ, MOST_IN_HZ = 5.0, 0.5
-TYPICAL_DEVIATION_MHZ = 100.0  # the median of hours of a grid is well within; mains volts aren't
+TYPICAL_DEVIATION_MHZ = 100.0  # medians over hours are well within it; mains volts are not
 
 
 def nominal_of(freq_hz: FloatArray, where: str, asked_hz: float | None) -> float:
@@ -29,12 +29,13 @@ def nominal_of(freq_hz: FloatArray, where: str, asked_hz: float | None) -> float
     where : str
         Name of the file, for error messages.
     asked_hz : float, optional
-        What the user says it is.
+        The nominal frequency that the user gave.
 
     Raises
     ------
     ReferenceFormatError
-        When there are hardly any values, or they are near neither 50 nor 60 Hz.
+        If there are fewer than two values, they are near neither 50 nor 60 Hz, or not near the one
+        given.
     """
     ok = np.isfinite(freq_hz)
     if ok.sum() < MIN_VALUES:
@@ -66,37 +67,37 @@ def _cure(typical: float) -> str:
 
 @dataclass(frozen=True)
 class Unit:
-    """What a column's values count: ``freq = offset + factor · value``, in Hz."""
+    """Unit of a column's values: ``freq = offset + factor · value``, in Hz."""
 
     factor: float = 1.0
     offset_hz: float = 0.0
 
     def to_hz(self, values: FloatArray) -> FloatArray:
-        """Return frequencies; those that are in Hz already to the last bit."""
+        """Return values in Hz; values that are in Hz already are not changed in any bit."""
         return values if self == Unit() else self.offset_hz + self.factor * values
 
 
 def unit_of(
     values: FloatArray, name: str, where: str, nominal_hz: float | None, notes: Notes
 ) -> Unit:
-    """Tell what a column's values count: frequencies, or deviations from the nominal one.
+    """Find the unit of a column's values: frequencies, or deviations from the nominal one.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
         NaN for no reading.
     name : str
-        Of the column; it may tell Hz from mHz.
+        Of the column; it may contain Hz or mHz.
     where : str
         Name of the file, for error messages.
     nominal_hz : float, optional
-        What deviations are from.
+        Nominal frequency that deviations refer to.
     notes : Notes
 
     Raises
     ------
     ReferenceFormatError
-        When they are deviations, and nothing tells their unit or the nominal frequency.
+        If they are deviations, and their unit or the nominal frequency is unknown.
     """
     ok = values[np.isfinite(values)]
     if ok.size < MIN_VALUES:
@@ -126,7 +127,7 @@ def unit_of(
 
 
 def without_outliers(freq_hz: FloatArray, nominal_hz: float, notes: Notes) -> FloatArray:
-    """Turn what can't be a grid's frequency into gaps, and say how many there were."""
+    """Replace values that can't be a grid's frequency by NaN, and note their number."""
     out = np.isfinite(freq_hz) & (np.abs(np.nan_to_num(freq_hz, nan=0.0) - nominal_hz) > NEAR_HZ)
     notes.count(f"values over {NEAR_HZ:g} Hz from {nominal_hz:g} Hz, taken as gaps", out.sum())
     return np.where(out, np.nan, freq_hz)

@@ -1,4 +1,4 @@
-"""Read a reference from a file, whatever it looks like; say what was found and assumed."""
+"""Reads a reference from a file of any supported format, with notes on what was assumed."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ def read_reference(
     path : str or Path
         CSV, plain or gzipped; Parquet; NPZ of days; or WAV of the mains.
     grid : str
-        Name of the grid; that of the file when not given.
+        Name of the grid; that of the file if empty.
     **reading
-        As :class:`rsenf.reference.options.ReadOptions` takes them.
+        Options of :class:`rsenf.reference.options.ReadOptions`.
 
     Raises
     ------
     UsageError
-        When there is no such file, or an argument can't be meant so.
+        If there is no such file, or an argument is invalid.
     ReferenceFormatError
-        When the file can't be read as a reference.
+        If the file can't be read as a reference.
     """
     path = Path(path)
     options = ReadOptions(**reading)
@@ -73,27 +73,32 @@ def reference_of(
     nominal_hz: float | None = None,
     grid: str = "array",
 ) -> Reference:
-    """Take an array for a reference, its values treated as those of a file.
+    """Make a reference from an array, which is checked as a file is.
 
     Parameters
     ----------
     freq_hz : array_like of float, shape (n,)
-        Each the mean over a step; NaN in gaps.
+        Means over one step each; NaN in gaps.
     step_s : float
         Time between samples.
     start_utc_ns : int
         Start of the first sample, UTC since 1970; 0 for unknown.
     nominal_hz : float, optional
-        50 or 60; told from the values when not given.
+        50 or 60; found from the values if None.
     grid : str
         Name of the grid.
 
     Raises
     ------
     UsageError
-        When it has no values of a grid's frequency, or an argument can't be meant so.
+        If an argument is invalid, or the values aren't a grid's frequency.
+
+    Examples
+    --------
+    >>> reference_of([50.01, np.nan, 49.98], 1.0).gaps
+    1
     """
-    ReadOptions(step_s=step_s, nominal_hz=nominal_hz)  # refuses what can't be
+    ReadOptions(step_s=step_s, nominal_hz=nominal_hz)  # checks the arguments
     values = np.array(freq_hz, np.float64)
     if values.ndim != 1:
         raise ReferenceFormatError(f"{grid}: shape {values.shape}", "one value after the other")
@@ -114,17 +119,17 @@ def reference_of(
 
 
 def grid_name(path: Path) -> str:
-    """Name of the grid that a file is of, when nobody tells: the file's own, without endings."""
+    """Return a file's default grid name: its name without extensions."""
     return path.name.split(".")[0]
 
 
 def file_sha256(path: Path) -> str:
-    """Hash of a reference file, as hexadecimal.
+    """Return the hash of a reference file, as hexadecimal.
 
     Raises
     ------
     UsageError
-        When it can't be read.
+        If it can't be read.
     """
     try:
         with path.open("rb") as file:

@@ -1,4 +1,4 @@
-"""A file of any kind as readings, each a time and a frequency, some hundred thousand at once."""
+"""Reads a file of any format as readings, time and frequency, some 100 000 at a time."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ HEAD_VALUES = 1000
 
 
 class Stamped(NamedTuple):
-    """Times (n,) as the file gives them, and frequencies (n,), NaN where there is none."""
+    """Times (n,) as in the file, and frequencies (n,), NaN where there is none."""
 
     t_ns: Int64Array
     freq_hz: FloatArray
 
 
 class Readings:
-    """The readings of a file, to be iterated once; what it says of itself is known meanwhile.
+    """The readings of a file, to be iterated once; its properties are known after the first piece.
 
     Parameters
     ----------
     path : Path
-        CSV (plain or gzipped), Parquet, NPZ, or WAV of the mains; told apart by its ending.
+        CSV (plain or gzipped), Parquet, NPZ, or WAV of the mains; distinguished by the extension.
     options : ReadOptions
     """
 
@@ -61,7 +61,7 @@ class Readings:
 
     @property
     def dated(self) -> bool:
-        """Whether times are UTC since 1970, from the first piece on."""
+        """Whether times are UTC since 1970; known after the first piece."""
         return self._dated or bool(self._options.start_utc_ns)
 
     def __iter__(self) -> Iterator[Piece]:
@@ -70,7 +70,7 @@ class Readings:
         Raises
         ------
         ReferenceFormatError
-            When the file can't be read as a reference.
+            If the file can't be read as a reference.
         """
         return self._placed(self._plausible(_headed(self._stamped())))
 
@@ -137,7 +137,7 @@ class Readings:
             )
 
     def _plausible(self, parts: Iterable[Stamped]) -> Iterator[Stamped]:
-        """Find the nominal frequency in the first part; let no others through."""
+        """Find unit and nominal frequency in the first part; apply them to all."""
         for t_ns, freq_hz in parts:
             if np.isnan(self.nominal_hz):
                 where, options = self._path.name, self._options
@@ -149,7 +149,7 @@ class Readings:
             yield Stamped(t_ns, without_outliers(freq_hz, self.nominal_hz, self.notes))
 
     def _placed(self, parts: Iterable[Stamped]) -> Iterator[Piece]:
-        """Find the raster in the first part; move all to a start that was given."""
+        """Find the raster in the first part; shift all parts to a given start."""
         options = self._options
         raster: Raster | None = None
         move_ns = 0
@@ -165,7 +165,7 @@ class Readings:
 
 
 class TimedRows:
-    """Rows of a table with a time column, part by part.
+    """Reads rows of a table with a time column, part by part.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ class TimedRows:
     Attributes
     ----------
     rows, usable : int
-        So far; and those with a time.
+        Number of rows so far, and of those with a time.
     """
 
     def __init__(self, where: str, options: ReadOptions, notes: Notes) -> None:
@@ -188,16 +188,16 @@ class TimedRows:
 
     @property
     def dated(self) -> bool:
-        """Whether times are since 1970, from the first part on."""
+        """Whether times are since 1970; known after the first part."""
         return self._times is None or self._times.absolute
 
     def check(self) -> None:
-        """Refuse times of which day and month can't be told apart so far."""
+        """Refuse times whose day and month can't be distinguished so far."""
         if self._times is not None:
             self._times.check()
 
     def read(self, new: Columns, *, more: bool) -> Stamped:
-        """Read the next rows; with ``more`` to come, as many as they can't change any more."""
+        """Read the next rows; with ``more`` to come, only those that later rows can't affect."""
         if self._times is None:
             self._times = TimeReader(
                 self._where,
@@ -217,13 +217,13 @@ class TimedRows:
 
 
 def counted(freq_hz: FloatArray, notes: Notes) -> FloatArray:
-    """Return frequencies as they are, and count those that aren't numbers."""
+    """Return frequencies unchanged, and note the number of those that are NaN."""
     notes.count("values that are no numbers, taken as gaps", np.isnan(freq_hz).sum())
     return freq_hz
 
 
 def _headed(parts: Iterable[Stamped]) -> Iterator[Stamped]:
-    """Join the first parts to one that has enough values to judge the whole by."""
+    """Join the first parts until there are enough values to determine unit and raster."""
     parts = iter(parts)
     head: list[Stamped] = []
     enough = 0
@@ -237,7 +237,7 @@ def _headed(parts: Iterable[Stamped]) -> Iterator[Stamped]:
 
 
 def _with_more(columns: Iterable[Columns]) -> Iterator[tuple[Columns, bool]]:
-    """Yield each with whether another follows."""
+    """Yield each part, with whether another follows."""
     last: Columns | None = None
     for part in columns:
         if last is not None:
@@ -248,12 +248,17 @@ def _with_more(columns: Iterable[Columns]) -> Iterator[tuple[Columns, bool]]:
 
 
 def text_blocks(path: Path) -> Iterator[str]:
-    """Yield a file's text, some whole lines at a time, each line ended by a line feed or the file.
+    """Yield a file's text in blocks of whole lines.
+
+    Parameters
+    ----------
+    path : Path
+        Plain or gzipped; UTF-8, or UTF-16 with a byte-order mark.
 
     Raises
     ------
     ReferenceFormatError
-        When it is no text, or a gzip file that is damaged.
+        If it is no text, or a damaged gzip file.
     """
     with path.open("rb") as file:
         zipped = file.read(2) == b"\x1f\x8b"

@@ -1,4 +1,4 @@
-"""A grid's measured frequency on one uniform axis, its gaps kept as gaps."""
+"""A grid's measured frequency on one uniform axis, with its gaps."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """Samples ``k`` covering ``[t0 + k·step, t0 + (k + 1)·step)``; nothing is interpolated.
+    """A reference: sample ``k`` covers ``[t0 + k·step, t0 + (k + 1)·step)``, not interpolated.
 
     Parameters
     ----------
@@ -27,15 +27,15 @@ class Reference:
     nominal_hz : float
         50 or 60.
     t0_ns : int
-        Start of the first sample, UTC since 1970; 0 when unknown.
+        Start of the first sample, UTC since 1970; 0 if unknown.
     step_s : float
         Time between samples.
     freq_hz : ndarray of float, shape (n,)
         NaN in gaps.
     readings : ndarray of uint32, shape (n,)
-        Readings behind each sample: 0 a gap, above 1 duplicates.
+        Number of readings of each sample: 0 is a gap, above 1 are duplicates.
     notes : tuple of str
-        One line for each thing that was found and assumed.
+        One line for each thing found or assumed.
     sha256 : str
         Of the file, as hexadecimal.
     name : str
@@ -57,32 +57,32 @@ class Reference:
 
     @property
     def duration_s(self) -> float:
-        """From the first sample's start to the last one's end."""
+        """Time from the first sample's start to the last one's end."""
         return self.freq_hz.size * self.step_s
 
     @property
     def end_ns(self) -> int:
-        """End of the last sample, UTC since 1970; 0 when unknown."""
+        """End of the last sample, UTC since 1970; 0 if unknown."""
         return self.t0_ns + nanoseconds(self.duration_s) if self.t0_ns else 0
 
     @property
     def zone_unknown(self) -> bool:
-        """Whether its times told no zone, and nobody said which: they were taken as UTC."""
+        """Whether its times have no zone and none was given: they were taken as UTC."""
         return NO_ZONE in self.notes
 
     @property
     def valid_samples(self) -> int:
-        """Samples that aren't gaps."""
+        """Number of samples that aren't gaps."""
         return int(np.isfinite(self.freq_hz).sum())
 
     @property
     def gaps(self) -> int:
-        """How many stretches have no sample."""
+        """Number of gaps."""
         return len(gap_lengths(self.freq_hz))
 
     @property
     def duplicates(self) -> int:
-        """Samples with more than one reading."""
+        """Number of samples with more than one reading."""
         return int((self.readings > 1).sum())
 
     @classmethod
@@ -92,7 +92,7 @@ class Reference:
         Raises
         ------
         ValueError
-            When there is no block.
+            If there is no block.
         """
         parts = list(blocks)
         total = max(max(b.total, b.first + b.samples) for b in parts)
@@ -141,6 +141,12 @@ def reference_blocks(
 
 
 def gap_lengths(freq_hz: FloatArray) -> list[int]:
-    """Length of every stretch of NaN, in samples and in order."""
+    """Length of each run of NaN in samples, in order.
+
+    Examples
+    --------
+    >>> gap_lengths(np.array([50.0, np.nan, np.nan, 50.0, np.nan]))
+    [2, 1]
+    """
     edges = np.flatnonzero(np.diff(np.isnan(freq_hz), prepend=False, append=False))
     return [int(n) for n in edges[1::2] - edges[::2]]

@@ -1,4 +1,4 @@
-"""Samples of a WAV file in pieces: PCM of 8, 16, 24 and 32 bits, and 32-bit float.
+"""Reads samples of a WAV file in pieces: PCM of 8, 16, 24 and 32 bits, and 32-bit float.
 
 The standard library's reader refuses the extensible header that most 24-bit recorders write.
 """
@@ -21,7 +21,7 @@ PCM, FLOAT, EXTENSIBLE = 1, 3, 0xFFFE
 
 @dataclass(frozen=True)
 class WavFile:
-    """Where a WAV file's samples are, and what they are like."""
+    """Position and format of a WAV file's samples; ``start`` is their byte offset."""
 
     path: Path
     rate_hz: int
@@ -33,11 +33,11 @@ class WavFile:
 
     @property
     def frame_bytes(self) -> int:
-        """Bytes of a sample of all channels."""
+        """Bytes of one sample of all channels."""
         return self.bits // 8 * self.channels
 
     def first_channel(self, frames: int, begin: int = 0) -> Iterator[FloatArray]:
-        """Yield the first channel from a sample on, full scale 1, so many samples at a time."""
+        """Yield the first channel from sample ``begin`` on, ``frames`` at a time; full scale 1."""
         width = self.bits // 8
         with self.path.open("rb") as file:
             file.seek(self.start + begin * self.frame_bytes)
@@ -54,7 +54,7 @@ class WavFile:
             return np.frombuffer(cells.tobytes(), "<f4").astype(np.float64)
         if self.bits == 8:
             return (cells[:, 0].astype(np.float64) - 128.0) / 128.0
-        # Left-aligned in 32 bits, any width has one sign bit and one full scale.
+        # Left-aligned in 32 bits, all widths have the same sign bit and full scale.
         wide = np.zeros((cells.shape[0], 4), np.uint8)
         wide[:, 4 - cells.shape[1] :] = cells
         return np.frombuffer(wide.tobytes(), "<i4") / 2.0**31
@@ -66,7 +66,7 @@ def open_wav(path: Path) -> WavFile:
     Raises
     ------
     ReferenceFormatError
-        When it is none, or of a coding other than PCM or 32-bit float.
+        If it is no WAV file, or has a coding other than PCM or 32-bit float.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -86,7 +86,7 @@ def open_wav(path: Path) -> WavFile:
                 file.seek(length + length % 2, 1)
         start = file.tell()
     coding, channels, rate_hz, bits = layout
-    # A recorder that was cut off leaves the length at 0 or at its maximum.
+    # A recorder that was interrupted leaves the length at 0 or at its maximum.
     available = size - start
     length = min(length, available) if length else available
     frames = length // (channels * bits // 8)
@@ -94,7 +94,7 @@ def open_wav(path: Path) -> WavFile:
 
 
 def _layout(file: BinaryIO, length: int, where: str) -> tuple[int, int, int, int]:
-    """Coding, channels, rate and bits of a format chunk."""
+    """Read coding, channels, rate and bits from a format chunk."""
     chunk = file.read(length + length % 2)
     if len(chunk) < 16:
         raise ReferenceFormatError(f"{where}: its header is cut off")

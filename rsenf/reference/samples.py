@@ -1,8 +1,7 @@
-"""Readings gathered by the sample they belong to: one rule for duplicates, wherever they meet.
+"""Aggregates readings by sample: one rule for duplicates, within a file and between files.
 
-A sample keeps how many readings it has, their sum, and the least and the greatest of them. Two sets
-of samples merge into the same, in whichever order and however often they are cut: what a file says
-twice and what two files say of one time are one and the same case.
+A sample keeps the number of its readings and their sum, minimum and maximum. Sets of samples merge
+to the same result in any order and however they are split.
 """
 
 from __future__ import annotations
@@ -17,16 +16,16 @@ from numpy.typing import NDArray
 from rsenf.messages.schema import FloatArray, Int64Array, UInt32Array
 from rsenf.reference.notes import Notes
 
-AGREE_HZ = 0.005  # readings further apart contradict each other
-_ROUNDING_HZ = 1e-9  # so that 49.995 and 50.000 are 5 mHz apart, as they are on paper
+AGREE_HZ = 0.005  # readings further apart disagree
+_ROUNDING_HZ = 1e-9  # so that 49.995 and 50.000 count as exactly 5 mHz apart
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
     """Samples that have a reading, in the order of time.
 
-    ``index`` (n,) increases; ``total``, ``low`` and ``high`` (n,) are the readings' sum, least and
-    greatest, in units of ``unit_hz``; ``readings`` (n,) says how many there are.
+    ``index`` (n,) increases; ``total``, ``low`` and ``high`` (n,) are the sum, minimum and maximum
+    of the readings, in units of ``unit_hz``; ``readings`` (n,) is their number.
     """
 
     index: Int64Array
@@ -46,7 +45,7 @@ class Samples:
 
     @property
     def agree(self) -> NDArray[np.bool_]:
-        """Which samples' readings agree; the others are no better than gaps."""
+        """Which samples' readings agree; the others count as gaps."""
         if self._once:
             return np.ones(len(self), np.bool_)
         apart_hz: FloatArray = (self.high - self.low) * self.unit_hz
@@ -54,16 +53,16 @@ class Samples:
 
     @property
     def mean(self) -> FloatArray:
-        """Mean reading of each sample, one reading to the last bit."""
+        """Mean reading of each sample; exact for a single reading."""
         return self.total / self.readings
 
     @property
     def _once(self) -> bool:
-        """Whether every sample is known to have one reading."""
+        """Whether every sample is known to have a single reading."""
         return self.high is self.low
 
     def part(self, chosen: Any) -> Samples:
-        """Return some of the samples, by a slice, a mask or in an order."""
+        """Return the samples chosen by a slice, a mask or an index array."""
         return Samples(
             self.index[chosen],
             self.total[chosen],
@@ -74,7 +73,7 @@ class Samples:
         )
 
     def dense(self, first: int, total: int) -> tuple[FloatArray, UInt32Array]:
-        """Return mean, NaN in gaps, and readings of ``total`` samples from the ``first`` on."""
+        """Return mean (NaN in gaps) and number of readings of ``total`` samples from ``first``."""
         freq, readings = np.full(total, np.nan), np.zeros(total, np.uint32)
         if not len(self):
             return freq, readings
@@ -85,7 +84,7 @@ class Samples:
         return freq, readings
 
     def note(self, notes: Notes) -> None:
-        """Say how many have several readings, and how many of these contradict each other."""
+        """Note how many samples have several readings, and how many of these disagree."""
         notes.count("samples with more than one reading, averaged", self.repeated.sum())
         notes.count(
             f"samples whose readings disagree by more than {AGREE_HZ * 1e3:g} mHz, taken as gaps",
@@ -94,13 +93,26 @@ class Samples:
 
 
 def gathered(index: Int64Array, values: NDArray[Any], unit_hz: float = 1.0) -> Samples:
-    """Gather readings, given the sample that each belongs to."""
+    """Aggregate readings by the sample that each belongs to.
+
+    Parameters
+    ----------
+    index : ndarray of int64, shape (n,)
+    values : ndarray, shape (n,)
+    unit_hz : float
+        Unit of the values.
+
+    Examples
+    --------
+    >>> gathered(np.array([3, 1, 3]), np.array([50.000, 50.010, 50.002])).mean.round(4).tolist()
+    [50.01, 50.001]
+    """
     ones = np.ones(index.size, np.uint32)
     return merged([Samples(index, values, ones, values, values, unit_hz)])
 
 
 def merged(parts: Sequence[Samples]) -> Samples:
-    """Merge samples, at least one part: those of one index become one."""
+    """Merge sets of samples, at least one: samples of the same index become one."""
     s = parts[0] if len(parts) == 1 else _joined(parts)
     if np.any(np.diff(s.index) < 0):
         s = s.part(np.argsort(s.index, kind="stable"))

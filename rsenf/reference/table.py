@@ -1,4 +1,4 @@
-"""Text to columns: separators, decimal commas, headers, and which column is which."""
+"""Splits text into columns: separators, decimal commas, headers, and the columns' meaning."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ HEAD_ROWS = 100
 _TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?(\s?[AaPp][Mm])?")
 _DATE = re.compile(r"\d{1,4}([./-])\d{1,2}\1\d{1,4}")
 _SEPARATOR = re.compile(r'"?sep=(.)"?', re.IGNORECASE)  # a first line for spreadsheets
-LEAST_UNIX = 1e8  # of numbers that are times since 1970
+LEAST_UNIX = 1e8  # smallest number that is taken as a time since 1970
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where in a line its cells are; ``date`` goes before a time that is a time of day only."""
+    """Positions of the cells in a line; ``date`` is joined with ``time`` if that has no date."""
 
     separator: str
     width: int
@@ -54,15 +54,15 @@ def table_columns(
     where : str
         Its name, for error messages.
     column : str, optional
-        Name of the frequency column; looked for among the usual names when not given.
+        Name of the frequency column; one of the usual names if None.
     notes : Notes
     time_column : str, optional
-        Name of the time column; looked for by its name, then by what is in it, when not given.
+        Name of the time column; found by its name, then by its content, if None.
 
     Raises
     ------
     ReferenceFormatError
-        When there is nothing in it, or no such column.
+        If there is nothing in it, or no such column.
     """
     layout = None
     rows = 0
@@ -93,7 +93,7 @@ def _rows(lines: list[str], separator: str) -> list[list[str]]:
 def _layout(
     lines: list[str], where: str, column: str | None, time_column: str | None, notes: Notes
 ) -> tuple[Layout, int]:
-    """Return where the cells are, and how many of the lines are before the values."""
+    """Return the positions of the cells, and the number of lines before the values."""
     told = _SEPARATOR.fullmatch(lines[0].rstrip())
     above = 1 if told else 0
     lines = lines[above:]
@@ -109,13 +109,13 @@ def _layout(
 
 
 def _separator(lines: list[str]) -> str:
-    """Return the separator of the first rows: a decimal comma never beats ; or tab."""
+    """Return the separator of the first rows: ; or tab if all have it, as commas may be decimal."""
     head = lines[:3]
     return next((s for s in ";\t" if all(s in line for line in head)), ",")
 
 
 def _is_header(row: list[str]) -> bool:
-    """Whether a first row holds names: it has a letter where no number or time has one."""
+    """Whether a first row holds names: cells that begin with a letter and aren't numbers."""
     return any(c[:1].isalpha() and np.isnan(number(c)) for c in (cell.strip() for cell in row))
 
 
@@ -152,7 +152,7 @@ def _is_time(cell: str) -> bool:
 
 
 def _without_header(rows: list[list[str]], separator: str, where: str, notes: Notes) -> Layout:
-    """One column of values; or a column of times and one of values."""
+    """Layout of a single column of values, or of a column of times and one of values."""
     widths = {len(row) for row in rows}
     if widths == {1}:
         return Layout(separator, 1, 0)
@@ -179,13 +179,13 @@ def _split(text: str, layout: Layout) -> Columns:
 
 
 def _split_plain(text: str, layout: Layout, wanted: list[int]) -> dict[int, pa.Array] | None:
-    """Split lines without quotes, remarks and the like, ten times as fast; None for others."""
+    """Split lines without quotes and comments, ten times as fast; None for others."""
     import pyarrow as pa
     from pyarrow import csv as arrow_csv
 
     if layout.width == 1 or '"' in text or "#" in text or not text:
         return None
-    pa.enable_signal_handlers(False)  # it would take a node's word to stop for an error of its own
+    pa.enable_signal_handlers(False)  # or it would raise an error on a node's stop signal
     names = [str(i) for i in range(layout.width)]
     data = text.encode()
     try:

@@ -1,4 +1,4 @@
-"""A column of times to UTC: written with or without a zone, Unix time, or seconds from a start."""
+"""Converts a column of times to UTC: text with or without a zone, Unix time, or seconds."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from rsenf.timebase import NO_ZONE, NS_PER_S
 if TYPE_CHECKING:
     import pyarrow as pa
 
-ENDS_NS = 2 * 3600 * NS_PER_S  # of a piece, looked at with the next: a doubled hour may be cut
+ENDS_NS = 2 * 3600 * NS_PER_S  # end of a piece kept for the next: it may split a repeated hour
 _ZONED = rf"^(?P<local>.*:\d\d(?:[.,]\d+)?(?:\s?[AaPp][Mm])?)\s*(?P<zone>{ZONE})$"
-# From this size on a number counts so many ns since 1970; smaller ones are seconds from a start.
+# Units of Unix times (ns), by their least size; smaller numbers are seconds from a start.
 _UNITS = ((1e17, 1), (1e14, 1_000), (1e11, 1_000_000), (1e8, NS_PER_S))
 
 
@@ -30,7 +30,7 @@ _UNITS = ((1e17, 1), (1e14, 1_000), (1e11, 1_000_000), (1e8, NS_PER_S))
 class Times:
     """Times in ns, and which of them could be read.
 
-    They may be fewer than the cells: the last ones wait for what follows them.
+    They may be fewer than the cells: the last ones may depend on those that follow.
     """
 
     t_ns: Int64Array
@@ -38,19 +38,19 @@ class Times:
 
 
 class TimeReader:
-    """Reads a column of times, piece by piece; of which form they are the first piece tells.
+    """Reads a column of times, piece by piece; the first piece determines their form.
 
     Parameters
     ----------
     where : str
         Name of the file, for error messages.
     timezone : str, optional
-        IANA name of the zone of times that don't tell their own; UTC when not given.
+        IANA name of the zone of times that have none; UTC if None.
     notes : Notes
     time_format : str, optional
-        Of ``strptime``; told from the cells when not given.
+        Of ``strptime``; found from the cells if None.
     utc : bool
-        Whether their column is called so; a zone that is given or written goes before it.
+        Whether the column's name says UTC; a zone that is given or written overrides it.
     """
 
     def __init__(
@@ -74,13 +74,13 @@ class TimeReader:
         """Whether times are since 1970, rather than since an unknown start."""
 
     def read(self, cells: pa.Array, *, more: bool = False) -> Times:
-        """Read the next cells; with ``more`` to come, as many as they can't change any more.
+        """Read the next cells; with ``more`` to come, only those that later cells can't affect.
 
         Raises
         ------
         ReferenceFormatError
-            When hardly any of the first piece is a time, when day and month can't be told apart,
-            or when times without a zone jump as daylight saving does.
+            If hardly any cell of the first piece is a time, if day and month can't be
+            distinguished, or if times without a zone jump as daylight saving does.
         """
         if not self._form:
             self._form = "text" if self._format else _form_of(cells)
@@ -100,7 +100,7 @@ class TimeReader:
         return self._from_local(local, offset_s, cells, more)
 
     def check(self) -> None:
-        """Refuse times of which day and month can't be told apart so far."""
+        """Refuse times whose day and month can't be distinguished so far."""
         if self._form == "text" and not self._written.known:
             raise self._written.ambiguity
 
@@ -113,7 +113,7 @@ class TimeReader:
 
     def _from_numbers(self, values: FloatArray) -> Times:
         ok = np.isfinite(values)
-        # Whole and fractional units apart: a double holds Unix nanoseconds to a quarter of a µs.
+        # Split into whole and fractional units: a double resolves Unix ns only to 0.25 µs.
         whole = np.floor(np.where(ok, values, 0.0))
         scale = self._unit_ns or NS_PER_S
         part = np.rint((np.where(ok, values, 0.0) - whole) * scale)
@@ -149,7 +149,7 @@ class TimeReader:
         return Times(t_ns[:end], ok[:end])
 
     def _check_jumps(self, local_ns: Int64Array) -> None:
-        """Refuse times that nobody gave a zone and that can't be UTC."""
+        """Refuse times without a zone that can't be UTC."""
         joined = np.concatenate([self._before_ns, local_ns])
         if jump := find_jump(joined):
             at = str(np.datetime64(jump.local_ns, "ns").astype("datetime64[m]")).replace("T", " ")
@@ -184,7 +184,7 @@ def _from_stamps(cells: pa.Array) -> tuple[NDArray[np.datetime64], FloatArray]:
 
 
 def _without_zones(cells: pa.Array) -> tuple[pa.Array, FloatArray]:
-    """Return cells of local times, and their zones as seconds east; NaN for none."""
+    """Return cells of local times, and their zones' offsets (s, positive east); NaN for none."""
     import pyarrow.compute as pc
 
     offset_s = np.full(len(cells), np.nan)

@@ -1,9 +1,9 @@
-"""A recording of the mains voltage to one frequency a second.
+"""Estimates one frequency a second from a recording of the mains voltage.
 
-The signal is mixed down by a nominal frequency and summed over tenths of a second, whose nulls lie
-on every harmonic of 50 and 60 Hz; the slope of the phase over the ten sums of a second is that
-second's frequency. The scatter of the phases about the slope tells its standard error: a second
-without a tone has none worth having.
+The signal is mixed down by a nominal frequency and summed over tenths of a second; the nulls of
+such sums lie on all other harmonics of 50 and 60 Hz. The least-squares slope of the unwrapped phase
+over the ten sums of a second is its frequency. The scatter of the phases about the line gives the
+standard error, which is large in a second without a tone.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ TONES = ((50.0, 1), (60.0, 1), (50.0, 2), (60.0, 2))
 
 @dataclass(frozen=True, eq=False)
 class Demodulated:
-    """One frequency for every whole second, NaN where no tone stands out."""
+    """One frequency per whole second, NaN where there is no clear tone."""
 
     freq_hz: FloatArray
     nominal_hz: float
@@ -37,19 +37,19 @@ class Demodulated:
 
 
 def demodulate(path: Path, nominal_hz: float | None = None) -> Demodulated:
-    """Read the grid's frequency out of a recording of the mains, or of its hum.
+    """Estimate the grid's frequency from a recording of the mains, or of its hum.
 
     Parameters
     ----------
     path : Path
         WAV, PCM or 32-bit float, any rate of at least 250 Hz; the first channel is used.
     nominal_hz : float, optional
-        50 or 60; the one that is there when not given.
+        50 or 60; the one that is found if None.
 
     Raises
     ------
     ReferenceFormatError
-        When it can't be read, is shorter than two seconds, or no mains tone is in it.
+        If it can't be read, is shorter than two seconds, or has no mains tone.
     """
     wav = open_wav(path)
     tones = tones_within(wav.rate_hz, nominal_hz)
@@ -59,7 +59,7 @@ def demodulate(path: Path, nominal_hz: float | None = None) -> Demodulated:
             "the recording must last 2 s at 250 Hz or more",
         )
     found = [frequencies(z) for z in _basebands(wav, [n * h for n, h in tones])]
-    # Standard error as ENF, by which the second harmonic counts half.
+    # Standard error of the ENF: half that of the second harmonic.
     errors = [std / h for (_, std), (_, h) in zip(found, tones, strict=True)]
     best = int(np.argmin([np.median(e) for e in errors]))
     (nominal, harmonic), offset_hz = tones[best], found[best][0]
@@ -79,7 +79,19 @@ def demodulate(path: Path, nominal_hz: float | None = None) -> Demodulated:
 
 
 def tones_within(rate_hz: float, nominal_hz: float | None) -> list[tuple[float, int]]:
-    """Return nominal frequencies and harmonics that a signal of this rate may hold."""
+    """Return the nominal frequencies and harmonics that a sampling rate allows.
+
+    Parameters
+    ----------
+    rate_hz : float
+    nominal_hz : float, optional
+        50 or 60; both if None.
+
+    Examples
+    --------
+    >>> tones_within(250.0, 50.0)
+    [(50.0, 1), (50.0, 2)]
+    """
     return [(n, h) for n, h in TONES if nominal_hz in (None, n) and 2.5 * n * h <= rate_hz]
 
 
@@ -90,7 +102,7 @@ def _basebands(wav: WavFile, carriers_hz: list[float]) -> NDArray[np.complex128]
     -------
     ndarray of complex, shape (carriers, tenths)
     """
-    # Whole minutes hold whole periods of every carrier: each block starts at phase zero.
+    # A block of 60 s holds whole periods of every carrier, so each starts at phase zero.
     blocks = wav.first_channel(BLOCK_S * wav.rate_hz)
     return np.concatenate([tenths(x, wav.rate_hz, carriers_hz) for x in blocks], axis=1)
 
@@ -98,16 +110,16 @@ def _basebands(wav: WavFile, carriers_hz: list[float]) -> NDArray[np.complex128]
 def tenths(
     samples: FloatArray, rate_hz: int, carriers_hz: Sequence[float]
 ) -> NDArray[np.complex128]:
-    """Sum a signal, mixed down by each carrier, over the whole tenths of a second in it.
+    """Mix a signal down by each carrier, and sum it over whole tenths of a second.
 
     Parameters
     ----------
     samples : ndarray of float, shape (n,)
         They begin with a whole second.
     rate_hz : int
-        Samples a second.
+        Sampling rate.
     carriers_hz : sequence of float
-        Whole numbers, so that they begin each second at phase zero.
+        Whole numbers, so that their phase is zero at each second.
 
     Returns
     -------
@@ -126,7 +138,17 @@ def tenths(
 def frequencies(sums: NDArray[np.complex128]) -> tuple[FloatArray, FloatArray]:
     """Offset from the carrier in each whole second, and its standard error (Hz).
 
-    ``sums`` (n,) are of one carrier, by :func:`tenths`.
+    Parameters
+    ----------
+    sums : ndarray of complex, shape (n,)
+        Of one carrier, by :func:`tenths`.
+
+    Examples
+    --------
+    >>> t_s = np.arange(10) / 10
+    >>> offset_hz, _ = frequencies(np.exp(2j * np.pi * 0.02 * t_s))
+    >>> offset_hz.round(6).tolist()
+    [0.02]
     """
     whole = sums[: sums.size // SUMS_HZ * SUMS_HZ].reshape(-1, SUMS_HZ)
     phase = np.unwrap(np.angle(whole), axis=1)

@@ -1,4 +1,4 @@
-"""Times as loggers and spreadsheets write them: by which format, and whether day and month tell."""
+"""Parses times as loggers and spreadsheets write them: format, and order of day and month."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ DAY = np.timedelta64(1, "D")
 
 
 def checked_format(text: str) -> None:
-    """Refuse a format of times that tells no day.
+    """Refuse a format of times that doesn't determine the day.
 
     Raises
     ------
@@ -44,19 +44,19 @@ def checked_format(text: str) -> None:
 
 
 def looks_written(cell: str) -> bool:
-    """Whether a cell is a date with a time of day, in whichever order, with or without a zone."""
+    """Whether a cell is a date with a time of day, in any order, with or without a zone."""
     return bool(re.fullmatch(rf"(?:{_WRITTEN.pattern})(?:\s*(?:{ZONE}))?", cell))
 
 
 class WrittenTimes:
-    """Reads a column of text, piece by piece, by the format of its first piece that tells it.
+    """Reads a column of text, piece by piece, by the format that the first conclusive piece has.
 
     Parameters
     ----------
     where : str
         Name of the file, for error messages.
     time_format : str, optional
-        Of ``strptime``; told from the cells when not given.
+        Of ``strptime``; found from the cells if None.
     notes : Notes
     """
 
@@ -68,7 +68,7 @@ class WrittenTimes:
         """Whether the format is, or that it is none of these."""
 
     def knows_format(self, cells: pa.Array) -> bool:
-        """Whether these cells, or earlier ones, tell the format; False for day or month."""
+        """Whether these or earlier cells fix the format; False if day and month may be swapped."""
         if not self.known:
             self._formats, self._example = _formats_of(cells)
             self.known = len(self._formats) < 2
@@ -78,7 +78,7 @@ class WrittenTimes:
 
     @property
     def ambiguity(self) -> ReferenceFormatError:
-        """What to say where day and month can't be told apart."""
+        """The error to raise if day and month can't be distinguished."""
         either = " or ".join(f"'{text}'" for text in self._formats)
         return ReferenceFormatError(
             f"{self._where}: {self._example!r} may be day or month first: give --time-format "
@@ -86,10 +86,10 @@ class WrittenTimes:
         )
 
     def read(self, cells: pa.Array) -> NDArray[np.datetime64]:
-        """Read cells; those that are no such time are NaT."""
+        """Read cells; NaT for those that are no such time."""
         import pyarrow as pa
 
-        if not self._formats or self._formats[0] in _ISO:  # Arrow's own reader is the fastest
+        if not self._formats or self._formats[0] in _ISO:  # Arrow's own parser is the fastest
             try:
                 return np.asarray(cells.cast(pa.timestamp("ns")).to_numpy(zero_copy_only=False))
             except pa.ArrowInvalid:
@@ -100,7 +100,7 @@ class WrittenTimes:
 
 
 def _plain(text: str) -> str:
-    """Return a format without fractions of seconds and zone, which are read apart."""
+    """Return a format without fractions of seconds and zone, which are read separately."""
     return re.sub(r"[.,]%f|\s*%z", "", text)
 
 
@@ -125,10 +125,10 @@ def _read(cells: pa.Array, text: str) -> NDArray[np.datetime64]:
 
 
 def _formats_of(cells: pa.Array) -> tuple[list[str], str]:
-    """Return the formats that go with cells, and one of them; two where nothing tells.
+    """Return the possible formats of cells, and one cell; two formats if ambiguous.
 
-    Day and month are told apart by one that is above 12, by the days that follow each other, or by
-    dots: nobody writes the month first with these.
+    Day and month are distinguished by a number above 12, by consecutive days, or by dots, which are
+    written only with the day first.
     """
     head = (cell for cell in cells[:HEAD_CELLS].to_pylist() if cell)
     written, example = next(((m, c) for c in head if (m := _WRITTEN.fullmatch(c))), (None, ""))
@@ -142,7 +142,7 @@ def _formats_of(cells: pa.Array) -> tuple[list[str], str]:
     if len(first) == 4:
         return [f"%Y{mark}%m{mark}%d{tail}"], example
     if len(last) != 4:
-        return [], example  # 26/01/15: two digits may be anything
+        return [], example  # 26/01/15: two digits may be day, month or year
     formats = [f"%d{mark}%m{mark}%Y{tail}", f"%m{mark}%d{mark}%Y{tail}"]
     day_first, month_first = (_read(cells, text) for text in formats)
     lost = [int(np.isnat(times).sum()) for times in (day_first, month_first)]

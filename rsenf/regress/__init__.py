@@ -1,10 +1,11 @@
-"""Regression: every stage run again on its recorded input, and compared with its recorded output.
+"""Regression test: runs every stage on its recorded input and compares with its recorded output.
 
-The parts, in the order of the work: ``plan`` (which stages a recording can be asked for, with the
-settings that are in it), ``history`` (what a stage was given beside messages), ``pictures``
-(recorded video back to frames), ``rerun`` (each stage fed with its recorded input), ``tolerance``
-and ``fields`` (what counts as moved), ``verdict`` (what did), ``versions`` (whether bits can be
-expected to agree) and ``accept`` (record the outputs anew, with a reason).
+In: a recording with its graph. Out: a :class:`Regression`, one :class:`TopicVerdict` per stage.
+
+Read in the order of the work: ``plan`` (the stages of a recording, with its settings), ``history``
+(what a stage got besides messages), ``pictures`` (recorded video to frames), ``rerun`` (feeds the
+stages), ``tolerance`` and ``fields`` (comparison), ``verdict`` (results), ``versions`` (whether
+results must agree bit for bit) and ``accept`` (records the outputs again, with a reason).
 """
 
 from rsenf.regress.accept import accept

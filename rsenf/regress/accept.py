@@ -1,4 +1,4 @@
-"""Records the outputs of a recording's stages anew, with the reason why they may have moved."""
+"""Records the outputs of a recording's stages again, with the reason why they may have changed."""
 
 from __future__ import annotations
 
@@ -25,20 +25,23 @@ ACCEPTED = "rsenf.accepted."
 
 
 def accept(result: Regression, reason: str) -> None:
-    """Record the outputs of a recording anew, in its place.
+    """Record the outputs of a recording again, in its place.
 
-    What came from outside stays as it is: video, references, all that no stage can make again.
-    From there each stage is given what the one before it makes now. The reason, what moved, and
-    the versions that had made it before go into a metadata record ``rsenf.accepted.N``, which
-    stays in all later ones.
+    What came from outside is kept: video, references, and everything that no stage produces. Each
+    stage gets the new output of the stage before it. The reason, what changed, and the previous
+    versions are written to a metadata record ``rsenf.accepted.N``, which later records keep.
+
+    Parameters
+    ----------
+    result : Regression
+    reason : str
 
     Raises
     ------
     InputError
-        When the recording isn't whole, or its video isn't, so that its outputs can't all be made
-        again.
+        If the recording or its video is incomplete, so that not all outputs can be produced again.
     RecordingError
-        When it can't be written; the recording is then as it was.
+        If it can't be written; the recording is then unchanged.
     """
     recording = open_recording(result.recording)
     if not result.whole:
@@ -55,7 +58,7 @@ def accept(result: Regression, reason: str) -> None:
 
 
 def complete(path: Path) -> None:
-    """Run every stage of the graph of a recording that holds no more than their inputs.
+    """Run every stage of the graph of a recording that holds only their inputs.
 
     The same recording gives the same file, byte for byte, on the same versions.
     """
@@ -64,7 +67,7 @@ def complete(path: Path) -> None:
 
 
 def _record_anew(recording: Recording, steps: list[Step], note: dict[str, str]) -> None:
-    """Replace a recording by one in which some stages' outputs are what they are now."""
+    """Replace a recording by one with the present outputs of some stages."""
     about = recording.metadata[ABOUT]
     kept = {k: v for k, v in about.items() if k in BESIDE or k not in program_facts()}
     clock = _Clock(recording)
@@ -88,7 +91,7 @@ def _record_anew(recording: Recording, steps: list[Step], note: dict[str, str]) 
 
 
 class _Clock:
-    """Tells the time at which what has no stream time was recorded, so that it stays there."""
+    """Recording time of messages without stream time, so that they keep their place."""
 
     def __init__(self, recording: Recording) -> None:
         self._now_ns = min(topic.first_ns for topic in recording.topics.values())
@@ -102,7 +105,7 @@ class _Clock:
 
 
 class _Lane(NamedTuple):
-    """A stage under way."""
+    """A running stage."""
 
     step: Step
     runner: Runner
@@ -110,7 +113,7 @@ class _Lane(NamedTuple):
 
 
 class _Chain:
-    """The stages one after the other, between what came from outside."""
+    """The stages in sequence, fed with what came from outside."""
 
     def __init__(self, steps: list[Step], history: History) -> None:
         self._lanes = [
@@ -118,17 +121,17 @@ class _Chain:
             for step in steps
         ]
         self._made = {step.topic for step in steps}
-        self._ends: dict[str, Header] = {}  # of what was made before
+        self._ends: dict[str, Header] = {}  # END marks of the recorded outputs
 
     def feed(self, topic: str, message: Any) -> Iterator[tuple[str, Any]]:
-        """Yield a recorded message, and all that follows from it; nothing for one made anew."""
+        """Yield a recorded message and all that follows from it; nothing for one produced again."""
         if topic not in self._made:
             yield from self._passed_on(topic, message)
         elif message.header.is_end:
             self._ends[topic] = message.header
 
     def finish(self) -> Iterator[tuple[str, Any]]:
-        """Yield what comes of ending those stages whose sender was gone: it sent no END mark."""
+        """Yield what stages send at their end, if their sender was lost and sent no END mark."""
         for lane in self._lanes:
             yield from self._fed(lane, lane.pictures.rest())
             while not lane.runner.ended:
@@ -152,7 +155,7 @@ class _Chain:
 
 
 def _moved(result: Regression) -> dict[str, str]:
-    """Say what moved, topic by topic."""
+    """Describe what changed, topic by topic."""
     return {
         f"moved {t.topic}": f"{t.differing} of {t.messages} messages, by {t.max_abs_diff:.6g}"
         for t in result.topics
@@ -161,5 +164,5 @@ def _moved(result: Regression) -> dict[str, str]:
 
 
 def _before(recording: Recording) -> dict[str, str]:
-    """Versions that made what is replaced, where they weren't these."""
+    """Versions that made the replaced messages, where they differ from the present ones."""
     return {f"before {name}": then for name, (then, _) in changed_since(recording).items()}

@@ -1,4 +1,4 @@
-"""Two messages beside each other, field by field: what differs, and by how much."""
+"""Compares two messages field by field: what differs, and by how much."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from rsenf.messages.schema import FieldSpec, field_specs, message_classes
 from rsenf.regress.tolerance import Tolerance, tolerance_of
 
 _NUMBER = re.compile(r"[-+−]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
-# Who made it, and when it came: the same content has them anew in every run.
+# Run and arrival time, which differ in every run.
 _NOT_CONTENT = ("run_id", "arrival_time_ns")
-OTHER = "(bits)"  # that have no field: a number's sign of zero, or a NaN's
+OTHER = "(bits)"  # a difference in no field, such as the sign of a zero or of a NaN
 
 
 class Moved(NamedTuple):
     """A field that differs.
 
-    ``by`` is the largest difference, None where it isn't one of two numbers; ``allowed`` is how
-    much it might have been.
+    ``by`` is the largest difference, None if the two aren't both numbers; ``allowed`` is the
+    tolerance there.
     """
 
     field: str
@@ -36,9 +36,9 @@ def moved(then: Any, now: Any, *, exact: bool) -> list[Moved]:
     Parameters
     ----------
     then, now : messages of one class
-        Recorded, and made again.
+        Recorded, and produced again.
     exact : bool
-        Whether every bit counts; otherwise the tolerances hold.
+        Whether every bit counts; otherwise the tolerances apply.
     """
     if canonical(then) == canonical(now):
         return []
@@ -95,14 +95,14 @@ def _in_numbers(
         by = np.where(same, 0.0, np.abs(x - y))
     allowed = tolerance.allowed(then, x, y) if tolerance else np.zeros_like(by)
     if exact or not (same | (by <= allowed)).all():
-        worst = int(np.argmax(np.nan_to_num(by, nan=np.inf)))  # NaN: one is a number, one isn't
+        worst = int(np.argmax(np.nan_to_num(by, nan=np.inf)))  # NaN: only one of them is a number
         largest = float(by.flat[worst])
         limit = float(np.broadcast_to(allowed, by.shape).flat[worst])
         yield Moved(name, largest if np.isfinite(largest) else None, limit)
 
 
 def _says_the_same(then: Any, now: Any, tolerance: Tolerance | None) -> bool:
-    """Whether texts differ in numbers alone, by one in the last digit or as far as is allowed."""
+    """Whether texts differ only in numbers, by one in the last digit or within the tolerance."""
     if isinstance(then, tuple):
         pairs = zip(then, now, strict=False)
         return len(then) == len(now) and all(_says_the_same(a, b, tolerance) for a, b in pairs)

@@ -1,8 +1,8 @@
-"""What stages were given beside messages, read off what they made of it.
+"""Recovers what stages got besides messages, from their recorded outputs.
 
-Two things aren't in any message that a stage receives. Which frames of a live camera reached the
-rows stage: its blocks name them. And when the watch had no time for a verdict: the next one counts
-those left out.
+Two things are in no message that a stage receives: which frames of a live camera reached the rows
+stage (its blocks name them), and when the discovery watch had no time for a verdict (the next
+verdict counts those skipped).
 """
 
 from __future__ import annotations
@@ -21,29 +21,29 @@ Run = tuple[str, int]  # run and epoch
 
 
 def run_of(header: Header) -> Run:
-    """Return what numbers and times of a message are relative to."""
+    """Return the run and epoch of a message, to which its numbers and times are relative."""
     return header.run_id, header.epoch
 
 
 class RecordedContext(StageContext):
-    """What a stage was given when it was recorded: which verdicts it skipped, where it gave up.
+    """The environment of a stage when it was recorded: which verdicts it skipped or gave up.
 
     Parameters
     ----------
     skipped : list of int or None
-        Verdicts left out before each one; None for as fast as needed.
+        Number of verdicts skipped before each one; None if the stage skips none.
     stays : bool
-        Whether its node was to go on whatever came.
+        Whether its node had to continue after any input.
     """
 
-    is_shared = False  # each stage is run by itself
+    is_shared = False  # each stage is run alone
 
     def __init__(self, skipped: list[int] | None, *, stays: bool) -> None:
         self._left = None if skipped is None else list(skipped)
         self.stays = stays
 
     def refused(self, why: str) -> None:
-        """Go on: a node that stays says it in its state alone."""
+        """Ignore the reason: a node that stays reports it only in its state."""
 
     def is_behind(self) -> bool:
         """Whether the verdict that is due was skipped."""
@@ -53,7 +53,7 @@ class RecordedContext(StageContext):
         return True
 
     def run(self, work: Callable[[], T]) -> T | None:
-        """Do the work, unless it was given up: a graph that is stopped doesn't wait for it."""
+        """Do the work, unless it was given up because the graph was stopped."""
         if self._left is None:
             return work()
         if not self._left:
@@ -64,26 +64,26 @@ class RecordedContext(StageContext):
 
 @dataclass
 class History:
-    """What a recording tells beside its messages' content.
+    """What a recording contains besides its messages' content.
 
     Attributes
     ----------
     frames : dict
         Number of each frame that reached a rows stage, by topic, run, and time in ns.
     skipped : dict
-        Verdicts left out before each one recorded, by topic.
+        Number of verdicts skipped before each recorded one, by topic.
     """
 
     frames: dict[str, dict[Run, dict[int, int]]] = field(default_factory=dict)
     skipped: dict[str, list[int]] = field(default_factory=dict)
 
     def context(self, topic: str, *, stays: bool) -> RecordedContext:
-        """Return what the stage was given whose messages are a topic."""
+        """Return the environment of the stage that sends a topic."""
         return RecordedContext(self.skipped.get(topic), stays=stays)
 
 
 def history_of(recording: Recording, topics: list[str]) -> History:
-    """Read it off the row blocks and the verdicts among some topics."""
+    """Collect it from the row blocks and verdicts among some topics."""
     out = History()
     told = [t for t in topics if t in recording.topics and t.endswith(("/rows", "/discover"))]
     for topic, message, _ in recording.messages(told, tolerant=True) if told else ():

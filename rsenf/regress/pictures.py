@@ -1,4 +1,4 @@
-"""Recorded video back to the frames that the rows stage was given."""
+"""Decodes recorded video to the frames that the rows stage got."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from rsenf.regress.history import Run, run_of
 class Pictures:
     """Decodes the packets of one camera.
 
-    Pictures come out bit for bit as they did: decoding is exact by the codecs' standards. Each is
-    known by its presentation time.
+    The pictures are bit-identical to those of the recording, since the codecs' standards define
+    decoding exactly. Each is identified by its presentation time.
 
     Parameters
     ----------
     numbers : dict, optional
-        Numbers of the frames that reached the rows stage, by run and time in ns. Pictures that are
-        not among them are left out. Counted from 0, and none left out, when not given.
+        Numbers of the frames that reached the rows stage, by run and time in ns. Other pictures are
+        dropped. If None, all are kept and numbered from 0.
 
     Attributes
     ----------
     yielded : int
-        Frames given out.
+        Number of frames yielded.
     mistimed : bool
-        Whether the video's times turned out not to be those at which its pictures were shown.
+        Whether the video's times are not the presentation times of its pictures.
     """
 
     def __init__(self, numbers: dict[Run, dict[int, int]] | None) -> None:
@@ -44,12 +44,12 @@ class Pictures:
 
     @property
     def missing(self) -> int:
-        """Frames that the rows stage had and the video hasn't."""
+        """Number of frames that the rows stage got and the video lacks."""
         wanted = sum(map(len, self._numbers.values())) if self._numbers else self.yielded
         return wanted - self.yielded
 
     def feed(self, packet: VideoPacket) -> Iterator[Frame]:
-        """Yield the frames that a packet completes, and the END mark behind the last."""
+        """Yield the frames that a packet completes, and the END mark after the last."""
         if packet.header.is_end:
             yield from self.rest()
             yield Frame(header=packet.header)
@@ -62,7 +62,7 @@ class Pictures:
         try:
             decoded = self._decoder.decode(packet.data, packet.header, pts_ns=pts_ns)
         except av.FFmpegError:
-            return  # it was damaged then, too: the decode node left it out
+            return  # damaged when recorded, too: the decode node dropped it
         yield from self._frames(self._decoder, decoded)
 
     def _begin(self, packet: VideoPacket) -> None:
@@ -70,7 +70,7 @@ class Pictures:
         self._decoder = PacketDecoder(packet.codec)
 
     def rest(self) -> Iterator[Frame]:
-        """Yield what the decoder holds back: a video whose sender was gone has no END mark."""
+        """Yield the frames left in the decoder: after a lost sender there is no END mark."""
         if self._decoder is not None:
             with contextlib.suppress(av.FFmpegError):
                 yield from self._frames(self._decoder, self._decoder.rest())

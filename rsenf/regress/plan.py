@@ -1,4 +1,4 @@
-"""Which stages a recording can be asked for, made with the settings that are in it."""
+"""Lists the stages of a recording that can be run again, with its recorded settings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rsenf.regress.history import History
 from rsenf.run.runner import Runner
 from rsenf.stage import StageSpec
 
-# In the order of the data: who is named first was wrong first. The rest comes from outside.
+# In the order of the data flow, so the first that differs is the cause. Others are inputs.
 ORDER = [topic for topic in TOPICS if topic not in ("frames", "video", REFERENCE, "health")]
 RECORDED_AS = {"frames": "video"}
 
@@ -36,11 +36,11 @@ class Step:
     node : str
         Node of the graph that it ran in.
     topic : str
-        Where its messages went.
+        Topic of its messages.
     reads : tuple of str
-        Where those that it was given came from.
+        Topics of its input.
     make_runner : callable
-        Builds it, as it was when the recording began.
+        Builds it, in its state at the begin of the recording.
     """
 
     stage: str
@@ -56,7 +56,7 @@ def recorded_graph(recording: Recording) -> Graph:
     Raises
     ------
     InputError
-        When it doesn't say, or what it says isn't a graph to this program.
+        If the recording doesn't contain it, or it isn't valid in this version.
     """
     text = recording.metadata.get(ABOUT, {}).get("config")
     if not text:
@@ -86,20 +86,20 @@ def recorded_graph(recording: Recording) -> Graph:
 
 
 def _packages(recording: Recording) -> str:
-    """Name the packages that added to rsenf where it was recorded."""
+    """List the packages that extended rsenf where it was recorded."""
     about = recording.metadata.get(ABOUT, {})
     names = [f"{k.removeprefix(ADDED)} {v}" for k, v in about.items() if k.startswith(ADDED)]
     return f": {', '.join(names)}" if names else ""
 
 
 def steps_of(graph: Graph) -> list[Step]:
-    """Return every stage of a graph, in the order of the data."""
+    """Return every stage of a graph, in the order of the data flow."""
     found = [step for name, node in graph.nodes.items() for step in _steps(graph, name, node)]
     return sorted(found, key=lambda step: ORDER.index(step.stage))
 
 
 def not_made(graph: Graph) -> dict[str, str]:
-    """Return the topics that a graph's nodes send without a stage of rsenf, and why."""
+    """Return the topics that a graph's nodes send without a stage of rsenf, with the reasons."""
     found = {}
     for name, node in graph.nodes.items():
         why = f"it was played from {node.plays}" if node.plays else ""

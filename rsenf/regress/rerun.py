@@ -1,4 +1,4 @@
-"""Runs every stage on its recorded input, beside its recorded output."""
+"""Runs every stage on its recorded input and compares with its recorded output."""
 
 from __future__ import annotations
 
@@ -24,15 +24,19 @@ from rsenf.regress.versions import changed_since
 def regress(path: str | Path) -> Regression:
     """Run every stage of a recording again, and compare.
 
-    Each stage gets the input that was recorded, not what the stages before it make of theirs now:
-    whichever differs has moved by itself.
+    Each stage gets the recorded input, not the new output of the stages before it, so each stage
+    that differs has changed itself.
+
+    Parameters
+    ----------
+    path : str or Path
 
     Raises
     ------
     UsageError
-        When there is no such file.
+        If there is no such file.
     InputError
-        When it can't be read, doesn't hold its graph, or holds nothing that could be run again.
+        If it can't be read, doesn't contain its graph, or has no stage that can be run again.
     """
     recording = open_recording(path)
     steps, left_out = runnable(recording)
@@ -54,7 +58,7 @@ def regress(path: str | Path) -> Regression:
 
 
 def runnable(recording: Recording) -> tuple[list[Step], dict[str, str]]:
-    """Return the steps whose output and input were recorded, and why the others can't be run."""
+    """Return the steps with recorded input and output, and the reasons why others can't be run."""
     graph = recorded_graph(recording)
     all_steps = steps_of(graph)
     why = dict.fromkeys(recording.topics, "no node of its graph is said to send it")
@@ -80,7 +84,7 @@ def runnable(recording: Recording) -> tuple[list[Step], dict[str, str]]:
 
 
 def _was_recorded(graph: Graph, topic: str) -> bool:
-    """Whether a graph's recorder listened to a topic."""
+    """Whether a graph's recorder subscribed to a topic."""
     return any(
         matches(f"{ROOT}/{graph.site}/{below}", topic)
         for node in graph.nodes.values()
@@ -89,26 +93,26 @@ def _was_recorded(graph: Graph, topic: str) -> bool:
 
 
 class Numbers:
-    """Watches the numbers of the messages of some topics for those that never came."""
+    """Detects gaps in the sequence numbers of some topics."""
 
     def __init__(self) -> None:
         self._due: dict[tuple[str, Run], int] = {}
 
     def gap(self, topic: str, header: Header) -> str:
-        """Say what is missing before a message; empty for nothing."""
+        """Return which messages are missing before this one; empty for none."""
         stream = topic, run_of(header)
         due, self._due[stream] = self._due.get(stream, 0), header.seq + 1
         return f"{topic} lacks messages {due} to {header.seq - 1}" if header.seq > due else ""
 
 
 class StepRun:
-    """One stage under way: fed with what was recorded, its output beside what was recorded of it.
+    """A running stage: fed with its recorded input, its output compared with the recorded one.
 
     Parameters
     ----------
     step : Step
     history : History
-        What the recording tells beside messages.
+        What the stage got besides messages.
     exact : bool
         Whether every bit counts.
     """
@@ -118,16 +122,16 @@ class StepRun:
         self._runner = step.make_runner(history)
         self._pictures = Pictures(history.frames.get(step.topic, {}))
         self._verdict = TopicVerdict(step.topic, step.stage)
-        # With the log time of each, and what the recording lacks before it.
+        # Each with its log time, and what is missing in the recording before it.
         self._recorded: deque[tuple[Any, int, str]] = deque()
         self._again: deque[Any] = deque()
         self._numbers = Numbers()
         self._unrecorded = 0
         self._blind = False
-        self._ended: Header | None = None  # by what was recorded of it
+        self._ended: Header | None = None  # its recorded END mark
 
     def take(self, topic: str, message: Any, log_time_ns: int) -> None:
-        """Take a message of the recording: as input, as what is to come out, or not at all."""
+        """Take a message of the recording: as input, as expected output, or neither."""
         if self._blind:
             return
         if topic == self._step.topic:
@@ -142,9 +146,9 @@ class StepRun:
         self._compare()
 
     def finish(self) -> TopicVerdict:
-        """Return what came of it."""
+        """Return the result."""
         if self._ended and not self._verdict.unjudged:
-            # A stage whose sender is gone is ended without an END mark of its input.
+            # After a lost sender a stage ends without an END mark of its input.
             self._feed(self._pictures.rest())
         verdict = self._verdict
         if self._ended and not verdict.unjudged:
@@ -168,7 +172,7 @@ class StepRun:
 
     def _feed(self, inputs: Iterable[Any]) -> None:
         for one in inputs:
-            with contextlib.suppress(SchemaMismatch):  # a node goes on without such a one, too
+            with contextlib.suppress(SchemaMismatch):  # a node skips such a message, too
                 self._add(self._runner.feed(one))
         if self._pictures.mistimed and not self._blind:
             why = "an older version of rsenf recorded its video without the times of its pictures"
@@ -176,7 +180,7 @@ class StepRun:
             self._blind = True
 
     def _add(self, messages: Iterable[Any]) -> None:
-        """Keep those of its topic: a stage may have another beside."""
+        """Keep the messages of its topic: a stage may send to another one too."""
         kind = TOPICS[topic_of(self._step.topic)]
         self._again += [message for message in messages if isinstance(message, kind)]
 
@@ -184,7 +188,7 @@ class StepRun:
         while self._recorded and self._again and not self._blind:
             then, log_time_ns, lacks = self._recorded[0]
             if lacks and self._step.stage == "rows":
-                # Only its blocks tell which frames the stage was given.
+                # Only its recorded blocks say which frames the stage got.
                 self._verdict.unjudged, self._blind = lacks, True
                 return
             now = self._again.popleft()

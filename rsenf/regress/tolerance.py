@@ -1,8 +1,8 @@
-"""How far a field may move between versions, and why; between equal versions it may not at all.
+"""Tolerances of message fields between versions, with reasons; equal versions must agree exactly.
 
-Other versions and other processors add numbers up in another order. What comes of that is rounding,
-which a stage may amplify, but not to where anybody could see it: the measure is each estimate's own
-standard error, of which a hundredth is allowed. What isn't named here must be equal.
+Other versions and processors sum in another order. That gives rounding errors, which a stage may
+amplify, but not to a visible size: the scale is each estimate's own standard error, of which 1 % is
+allowed. Fields that are not listed must be equal.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rsenf.messages.schema import FloatArray
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far a field may move.
+    """Allowed difference of a field.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Tolerance:
     relative : float
         Share of the larger of the two values; in texts, of the numbers in them.
     scale : callable, optional
-        From the recorded message to what else it may move by, in the field's own unit.
+        From the recorded message to an additional tolerance, in the field's own unit.
     """
 
     why: str
@@ -38,7 +38,15 @@ class Tolerance:
     scale: Callable[[Any], Any] | None = None
 
     def allowed(self, message: Any, then: FloatArray, now: FloatArray) -> FloatArray:
-        """Return how far each value may move, given the recorded message."""
+        """Return the tolerance of each value, given the recorded message.
+
+        Parameters
+        ----------
+        message : message
+            The recorded one.
+        then, now : ndarray
+            The field's values, of one shape.
+        """
         limit = self.absolute + self.relative * np.fmax(np.abs(then), np.abs(now))
         if self.scale:
             stated = np.asarray(self.scale(message), np.float64)
@@ -47,7 +55,7 @@ class Tolerance:
 
 
 SHARE = 0.01
-ROUNDED = 1e-9  # what 2⁻⁵³ grows to in sums of millions
+ROUNDED = 1e-9  # rounding of 2⁻⁵³ after sums of millions of terms
 
 
 def _of_std(name: str, unit: float = 1.0) -> Tolerance:
@@ -191,5 +199,5 @@ TOLERANCES: dict[str, dict[str, Tolerance]] = {
 
 
 def tolerance_of(message: str, field: str) -> Tolerance | None:
-    """Return the tolerance of a message's field; None where it must be equal."""
+    """Return the tolerance of a message's field; None if it must be equal."""
     return TOLERANCES.get(message, {}).get(field)

@@ -1,4 +1,4 @@
-"""What came of a comparison: by topic, and of a recording as a whole."""
+"""Results of a comparison: per topic, and of a recording as a whole."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rsenf.timebase import NS_PER_S, utc_text
 
 @dataclass(frozen=True)
 class Since:
-    """From where on a topic isn't as it was.
+    """The first difference in a topic.
 
     Attributes
     ----------
@@ -22,9 +22,9 @@ class Since:
     frame : int
         First frame that it covers; -1 for none.
     time_s : float
-        Stream time of that, from the topic's first message.
+        Its stream time, from the topic's first message.
     utc : str or None
-        Where it lies on the recording's time line.
+        Its time in the recording.
     """
 
     message: int
@@ -35,14 +35,14 @@ class Since:
 
 @dataclass
 class MovedField:
-    """A field that moved: in how many messages, by how much, and how much was allowed there."""
+    """A field that differs: number of messages, largest difference, and the tolerance there."""
 
     messages: int = 0
     by: float = 0.0
     allowed: float = 0.0
 
     def take(self, moved: Moved) -> None:
-        """Count one message's."""
+        """Count one message."""
         self.messages += 1
         if (moved.by or 0.0) >= self.by:
             self.by, self.allowed = moved.by or 0.0, moved.allowed
@@ -50,24 +50,24 @@ class MovedField:
 
 @dataclass
 class TopicVerdict:
-    """What came of one stage.
+    """Result of one stage.
 
     Attributes
     ----------
     topic, stage : str
-        Where it sends to, and its kind; ``decode`` where it is the video that lacks frames.
+        Its topic and kind; the kind is ``decode`` if frames are missing in the video.
     messages : int
-        Recorded messages that were compared.
+        Number of recorded messages that were compared.
     differing : int
-        Of these, how many differ, with those that only one side has.
+        Number of messages that differ or that only one side has.
     missing, extra : int
-        Messages that didn't come again, and that weren't recorded.
+        Number of messages that were not produced again, and that were not recorded.
     fields : dict
-        What moved.
+        Fields that differ.
     since : Since or None
-        From where on.
+        The first difference.
     unjudged : str
-        Why a part of it can't be judged; empty when all was.
+        Why a part could not be compared; empty if all was.
     """
 
     topic: str
@@ -83,16 +83,16 @@ class TopicVerdict:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing moved."""
+        """Whether nothing differs."""
         return not self.differing
 
     @property
     def max_abs_diff(self) -> float:
-        """Largest difference of two numbers of the same field, whatever its unit."""
+        """Largest difference of two numbers of the same field, in any unit."""
         return max((f.by for f in self.fields.values()), default=0.0)
 
     def take(self, header: Header, moved: Sequence[Moved], log_time_ns: int) -> None:
-        """Count a recorded message and what differs of it."""
+        """Count a recorded message and its differences."""
         if self._first_ns is None:
             self._first_ns = header.pts_ns
         if moved:
@@ -102,13 +102,13 @@ class TopicVerdict:
         self.messages += 1
 
     def lack(self, header: Header, log_time_ns: int) -> None:
-        """Count a recorded message that didn't come again."""
+        """Count a recorded message that was not produced again."""
         self.missing += 1
         self._differs(header, log_time_ns)
         self.messages += 1
 
     def add(self, header: Header) -> None:
-        """Count a message that came again without having been recorded."""
+        """Count a message that was produced but not recorded."""
         self.extra += 1
         self._differs(header, 0)
 
@@ -126,22 +126,23 @@ class TopicVerdict:
 
 @dataclass(frozen=True)
 class Regression:
-    """What came of one recording.
+    """Result of one recording.
 
     Attributes
     ----------
     recording : str
         Its path.
     changed : dict
-        What isn't as it was when it was made: then and now, by name. Empty: bits were compared.
+        Versions that changed since it was made: then and now, by name. If empty, bits were
+        compared.
     topics : list of TopicVerdict
-        In the order of the data.
+        In the order of the data flow.
     left_out : dict
         Recorded topics whose stage could not be run again, and why.
     loss : str
-        What of the recording can't be read; empty when all can.
+        What part of the recording can't be read; empty for none.
     error : str
-        Why nothing came of it; empty when something did.
+        Why there is no result; empty if there is one.
     """
 
     recording: str
@@ -158,17 +159,17 @@ class Regression:
 
     @property
     def passed(self) -> bool:
-        """Whether it was compared, and nothing moved."""
+        """Whether it was compared, and nothing differs."""
         return not self.error and all(topic.passed for topic in self.topics)
 
     @property
     def first(self) -> TopicVerdict | None:
-        """First topic that moved: its stage was fed with what was recorded, so it is to blame."""
+        """First topic that differs; its stage had the recorded input, so it is the cause."""
         return next((topic for topic in self.topics if not topic.passed), None)
 
     @property
     def whole(self) -> bool:
-        """Whether all of it could be judged."""
+        """Whether all of it could be compared."""
         return not self.loss and not self.error and not any(topic.unjudged for topic in self.topics)
 
 

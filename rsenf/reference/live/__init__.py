@@ -1,4 +1,11 @@
-"""References that go on: a grid's frequency as it is measured, block after block."""
+"""Live references: a grid's frequency as it is measured, block after block.
+
+In: a growing table or WAV file, a sound card, the messages of a camera or of another reference.
+Out: ``ReferenceBlock`` messages that continue each other; a new epoch where time jumps.
+
+Read ``growing`` (the axis) and ``on_the_clock`` (a stream's clock to UTC) first; then the sources
+``of_file``, ``of_sound``, ``of_camera`` and ``of_topic``.
+"""
 
 from __future__ import annotations
 

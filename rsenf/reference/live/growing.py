@@ -1,4 +1,4 @@
-"""A reference that grows: every sample of its axis once, as a value or as a gap, and in order."""
+"""A growing reference: every sample of its axis once and in order, as a value or as a gap."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from rsenf.messages import Header, ReferenceBlock
 from rsenf.messages.schema import FloatArray, Int64Array
 from rsenf.timebase import NS_PER_S, nanoseconds
 
-# An axis begins anew, rather than be filled with nothing, or wait until a clock that was set back
-# has caught up. Readings that bring their own time may be told twice, as by a file written anew.
+# A new axis begins after a gap longer than a day, and when the clock was set back (waiting until it
+# has caught up would lose data). Readings with their own times may come twice, as from a rewritten
+# file, so more is allowed there.
 MAX_GAP_S, SET_BACK_S, STAMPED_BACK_S = 86400.0, 3.0, 60.0
-BLOCK = 3600  # samples of a message at most
+BLOCK = 3600  # most samples of a message
 
 
 class Growing:
-    """Turns readings with their places on a uniform axis into blocks that follow each other.
+    """Turns readings with their sample numbers into consecutive blocks.
 
     Parameters
     ----------
@@ -31,11 +32,11 @@ class Growing:
     t0_ns : int
         Start of the axis, UTC since 1970; set by :meth:`begin`.
     next : int
-        Sample that comes next.
+        Number of the next sample.
     late : int
-        Readings of samples that had been told already: left out.
+        Number of readings dropped because their sample had been sent.
     zone_unknown : bool
-        Whether their times tell no zone.
+        Whether the times have no zone.
     """
 
     def __init__(self, grid: str, step_s: float = 1.0, run_id: str = "") -> None:
@@ -46,14 +47,30 @@ class Growing:
         self._header = Header(run_id=run_id, source=f"reference/{grid}", epoch=-1)
 
     def covers(self, earliest_ns: int, latest_ns: int, back_s: float = SET_BACK_S) -> bool:
-        """Whether times can go on this axis: not if the clock was set back, or on by far."""
+        """Whether times can continue this axis: not after a step back of the clock or a long gap.
+
+        Parameters
+        ----------
+        earliest_ns, latest_ns : int
+            UTC since 1970.
+        back_s : float
+            Largest step back.
+        """
         next_ns = self.t0_ns + self.next * self.step_ns
         back = latest_ns < next_ns - nanoseconds(max(back_s, 3 * self.step_s))
         far = earliest_ns > next_ns + nanoseconds(MAX_GAP_S)
         return self._header.epoch >= 0 and not back and not far
 
     def begin(self, t0_ns: int, nominal_hz: float) -> None:
-        """Begin an axis, in an epoch of its own: the first, or one after the clock was set."""
+        """Begin an axis in a new epoch: the first, or one after a step of the clock.
+
+        Parameters
+        ----------
+        t0_ns : int
+            Its start, UTC since 1970.
+        nominal_hz : float
+            50 or 60.
+        """
         self.t0_ns, self.nominal_hz, self.next = t0_ns, nominal_hz, 0
         header = self._header
         self._header = Header(run_id=header.run_id, source=header.source, epoch=header.epoch + 1)
@@ -66,9 +83,9 @@ class Growing:
         Parameters
         ----------
         t_ns : ndarray of int, shape (n,)
-            UTC since 1970. Where it leaps, the axis begins anew.
+            UTC since 1970. After a jump a new axis begins.
         freq_hz : ndarray of float, shape (n,)
-            NaN for none.
+            NaN for no reading.
         nominal_hz : float
             50 or 60.
         """
@@ -85,14 +102,14 @@ class Growing:
         return out
 
     def append(self, index: Int64Array, freq_hz: FloatArray) -> list[ReferenceBlock]:
-        """Add readings; return them as blocks, what lies between as gaps.
+        """Add readings; return them as blocks, with gaps between them.
 
         Parameters
         ----------
         index : ndarray of int, shape (n,)
-            Their samples, in order. Of several readings of a sample the first counts.
+            Their samples, in order. The first of several readings of a sample counts.
         freq_hz : ndarray of float, shape (n,)
-            NaN for none.
+            NaN for no reading.
         """
         index, first = np.unique(index, return_index=True)
         new = index >= self.next

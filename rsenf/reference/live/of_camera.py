@@ -1,4 +1,4 @@
-"""Another camera as the reference: its ENF estimates, second by second."""
+"""Another camera as the reference: its ENF estimates, one per hop."""
 
 from __future__ import annotations
 
@@ -6,18 +6,19 @@ from rsenf.messages import EnfEstimate, ReferenceBlock, RowBlock
 from rsenf.reference.live.growing import Growing
 from rsenf.reference.live.on_the_clock import OnTheClock
 
-MAX_STD_HZ = 0.005  # a quarter of the grid's own variation: what is less certain is a gap
+MAX_STD_HZ = 0.005  # a quarter of the grid's own variation; a less certain estimate is a gap
 
 
 class CameraReference:
-    """From a camera's row blocks and estimates to a reference. A :class:`rsenf.stage.Stage`.
+    """Makes a reference from a camera's row blocks and estimates. A :class:`rsenf.stage.Stage`.
 
-    Row blocks only tell when their frames arrived; without them the estimates do, later.
+    Row blocks only supply the arrival times of their frames. Without them those of the estimates
+    are used, which are later.
 
     Parameters
     ----------
     grid : str
-        What to call the reference.
+        Name of the reference.
     step_s : float
         Time between samples; the hop of the camera's estimates.
     run_id : str
@@ -41,12 +42,12 @@ class CameraReference:
         if message.rank != 0 or not message.nominal_hz > 0:
             return []
         self._placed.note(message.end_pts_ns, header.arrival_time_ns)
-        # A sample is centred where its estimate is, however long that one's window.
+        # A sample has the same centre as its estimate, whatever the window.
         start_ns = (message.start_pts_ns + message.end_pts_ns - self._growing.step_ns) // 2
         return self._placed.sample(start_ns, _frequency_hz(message), message.nominal_hz)
 
     def flush(self) -> list[ReferenceBlock]:
-        """Return nothing: each sample is told when it is known."""
+        """Return nothing: each sample is sent as soon as it is known."""
         return []
 
 

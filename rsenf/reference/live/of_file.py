@@ -1,4 +1,4 @@
-"""A table that grows: its rows as they are written, through truncation and rotation."""
+"""Follows a growing table: yields rows as they are written, through truncation and rotation."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from rsenf.reference.table import table_columns
 from rsenf.timebase import NO_ZONE, NS_PER_S
 
 PIECE_BYTES = 1 << 22
-# A header and some rows: what the columns, and the step between rows, can be told by.
+# A header and some rows, enough to find the columns and the step between rows.
 ENOUGH_LINES = 5
-_LINE = re.compile(rb"^[^#\s].*\n", re.MULTILINE)  # but remarks
+_LINE = re.compile(rb"^[^#\s].*\n", re.MULTILINE)  # without comments
 _NO_LINES = (".gz", ".parquet", ".pq", ".npz", ".wav")
 
 Wait = Callable[[], bool]
@@ -33,14 +33,14 @@ Wait = Callable[[], bool]
 def follow_table(
     path: Path, grid: str, options: ReadOptions, wait: Wait, run_id: str = ""
 ) -> Iterator[ReferenceBlock]:
-    """Return a table's readings as blocks, and go on as it grows.
+    """Return a table's readings as blocks, and continue as it grows.
 
     Parameters
     ----------
     path : Path
-        CSV with times of day; what stands in it already comes first.
+        CSV with dated times; its present content comes first.
     grid : str
-        What to call the reference.
+        Name of the reference.
     options : ReadOptions
     wait : callable
         Called when there is nothing new; waits a while, and returns whether to stop.
@@ -50,9 +50,9 @@ def follow_table(
     Raises
     ------
     UsageError
-        When there is no such file, or it is of a kind that doesn't grow line by line.
+        If there is no such file, or a file of its kind doesn't grow line by line.
     ReferenceFormatError
-        When it can't be read as a reference, or tells no times of day.
+        If it can't be read as a reference, or has no dated times.
     """
     if not path.is_file():
         raise UsageError(f"no reference file {path}", "look for a misspelling")
@@ -98,7 +98,7 @@ def _begun(
     t_ns: Int64Array,
     freq_hz: FloatArray,
 ) -> Growing:
-    """Begin a reference by what the first rows tell: nominal frequency, step, and raster."""
+    """Begin a reference from its first rows: nominal frequency, step, and raster."""
     nominal_hz = nominal_of(freq_hz, path.name, options.nominal_hz)
     raster = find_raster(t_ns, options.step_s, path.name)
     growing = Growing(grid, raster.step_ns / NS_PER_S, run_id)
@@ -114,7 +114,7 @@ def _undated(path: Path) -> ReferenceFormatError:
 
 
 def _generations(path: Path, wait: Wait) -> Iterator[Iterator[str]]:
-    """Yield the file's text, and again whenever it was truncated or another took its name."""
+    """Yield the file's text, and again after each truncation or replacement."""
     stopped = False
 
     def pause() -> bool:
@@ -125,7 +125,7 @@ def _generations(path: Path, wait: Wait) -> Iterator[Iterator[str]]:
     while not stopped:
         try:
             file = path.open("rb")
-        except OSError:  # between two of one name
+        except OSError:  # removed, and not yet replaced
             pause()
             continue
         with file:
@@ -135,7 +135,7 @@ def _generations(path: Path, wait: Wait) -> Iterator[Iterator[str]]:
 
 
 def _whole_lines(file: BinaryIO, path: Path, pause: Wait) -> Iterator[str]:
-    """Yield what is new of a file in whole lines, until it is another file or to stop."""
+    """Yield new text of a file in whole lines, until the file is replaced or the caller stops."""
     rest, enough = b"", False
     while True:
         new = file.read(PIECE_BYTES)
@@ -150,10 +150,18 @@ def _whole_lines(file: BinaryIO, path: Path, pause: Wait) -> Iterator[str]:
 
 
 def is_another(path: Path, file: BinaryIO, least_bytes: int) -> bool:
-    """Whether a file, open, was truncated below a size, or another has taken its name."""
+    """Whether an open file was truncated, or replaced by another of that name.
+
+    Parameters
+    ----------
+    path : Path
+    file : BinaryIO
+    least_bytes : int
+        Size below which it was truncated.
+    """
     ours = os.fstat(file.fileno())
     try:
         now = path.stat()
     except OSError:
-        return False  # taken away; the next may come
+        return False  # removed; a new one may follow
     return now.st_ino != ours.st_ino or now.st_size < least_bytes

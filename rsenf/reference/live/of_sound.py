@@ -1,4 +1,4 @@
-"""The mains as a sound: from a sound card, or a WAV file that grows, to one frequency a second."""
+"""Mains sound as a reference: from a sound card or a growing WAV file, one frequency a second."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from rsenf.reference.riff import WavFile, open_wav
 from rsenf.reference.wav import MAX_STD_HZ, frequencies, tenths, tones_within
 from rsenf.timebase import NS_PER_S
 
-SETTLE_S = 5  # of sound, by which the tone is chosen
+SETTLE_S = 5  # of sound, from which the tone is chosen
 CHUNK_S = 60
 
 
 class SoundReference:
-    """Reads the grid's frequency out of a recording of the mains while it is made.
+    """Estimates the grid's frequency from a recording of the mains while it is made.
 
-    The estimator is that of :mod:`rsenf.reference.wav`. Which tone carries the frequency, of 50 or
-    60 Hz and their second harmonics, the first seconds tell that have one.
+    The estimator is that of :mod:`rsenf.reference.wav`. The first seconds with a clear tone select
+    the tone to follow: 50 or 60 Hz, or the second harmonic of one of them.
 
     Parameters
     ----------
     growing : Growing
-        Where the seconds go.
+        Receives the samples.
     rate_hz : int
-        Samples a second, at least 250.
+        Sampling rate, at least 250.
     nominal_hz : float, optional
-        50 or 60; the one that is there when not given.
+        50 or 60; the one that is found if None.
 
     Raises
     ------
     ReferenceFormatError
-        When no tone of the mains fits into so low a rate.
+        If the sampling rate is too low for any tone of the mains.
     """
 
     def __init__(self, growing: Growing, rate_hz: int, nominal_hz: float | None = None) -> None:
@@ -59,13 +59,13 @@ class SoundReference:
         self._held: list[tuple[FloatArray, FloatArray]] = []
 
     def lost(self) -> None:
-        """Take in that samples were lost: seconds begin anew, on the clock of the day."""
+        """Restart after lost samples: the next second is placed by the wall clock."""
         self._lost()
         self._placed.new_stream()
 
     @property
     def tone(self) -> str:
-        """Which tone is followed; empty while none was found."""
+        """The tone that is followed; empty until one is found."""
         if self._tone is None:
             return ""
         nominal_hz, harmonic = self._tones[self._tone]
@@ -78,7 +78,7 @@ class SoundReference:
         ----------
         samples : ndarray of float, shape (n,)
         arrival_ns : int
-            When the last of them was there, UTC since 1970.
+            Arrival time of the last of them, UTC since 1970.
         """
         self._taken += samples.size
         self._placed.note(self._taken * NS_PER_S // self._rate_hz, arrival_ns)
@@ -91,7 +91,7 @@ class SoundReference:
         carriers_hz = [n * h for n, h in self._tones]
         found = [frequencies(z) for z in tenths(samples, self._rate_hz, carriers_hz)]
         offset_hz, std_hz = (np.array([f[i][0] for f in found]) for i in (0, 1))
-        # As ENF, by which the second harmonic counts half.
+        # Converted to ENF: the second harmonic deviates twice as far.
         harmonics = np.array([h for _, h in self._tones])
         self._held.append((offset_hz / harmonics, std_hz / harmonics))
         if self._tone is None and not self._choose():
@@ -104,7 +104,7 @@ class SoundReference:
         return out
 
     def _choose(self) -> bool:
-        """Choose the tone that stands out best, once it has done so for a while."""
+        """Choose the tone with the smallest standard error, after enough seconds with one."""
         errors = np.median([std for _, std in self._held], axis=0)
         best = int(np.argmin(errors))
         if len(self._held) >= SETTLE_S and errors[best] <= MAX_STD_HZ:
@@ -123,17 +123,17 @@ class SoundReference:
 def follow_wav(
     path: Path, grid: str, nominal_hz: float | None, wait: Wait, run_id: str = ""
 ) -> Iterator[ReferenceBlock]:
-    """Return the frequency of a WAV of the mains as blocks, and go on as it grows.
+    """Return the frequency of a WAV file of the mains as blocks, and continue as it grows.
 
-    When its samples were taken the file's own time of change tells.
+    The file's modification time dates its last samples.
 
     Parameters
     ----------
     path : Path
     grid : str
-        What to call the reference.
+        Name of the reference.
     nominal_hz : float, optional
-        50 or 60; the one that is there when not given.
+        50 or 60; the one that is found if None.
     wait : callable
         Called when there is nothing new; waits a while, and returns whether to stop.
     run_id : str
@@ -142,10 +142,10 @@ def follow_wav(
     Raises
     ------
     ReferenceFormatError
-        When it can't be read.
+        If the file can't be read.
     """
     growing = Growing(grid, run_id=run_id)
-    SoundReference(growing, open_wav(path).rate_hz, nominal_hz)  # refuses what can't be
+    SoundReference(growing, open_wav(path).rate_hz, nominal_hz)  # checks the arguments
     return _followed(path, growing, nominal_hz, wait)
 
 
@@ -163,13 +163,13 @@ def _followed(
                     done = max(wav.frames, done)
                     if wait():
                         return
-        except (OSError, ReferenceFormatError):  # between two of one name
+        except (OSError, ReferenceFormatError):  # removed, and not yet replaced
             if wait():
                 return
 
 
 def _new_of(wav: WavFile, done: int, sound: SoundReference) -> Iterator[ReferenceBlock]:
-    """Feed what is new, each minute with when it was there."""
+    """Feed new samples, each minute with its arrival time."""
     changed_ns = wav.path.stat().st_mtime_ns
     for samples in wav.first_channel(CHUNK_S * wav.rate_hz, done):
         done += samples.size

@@ -1,4 +1,4 @@
-"""Somebody's live reference, under a name of one's own: checked, on an axis of one's own."""
+"""Relays another node's live reference under a name and on an axis of this node."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from rsenf.reference.plausible import NOMINALS_HZ, without_outliers
 from rsenf.timebase import NS_PER_S
 
 MAX_SAMPLES = 1_000_000  # of a message
-# A gap of a day is filled sample by sample: finer ones would fill the memory.
+# A gap of up to a day is filled sample by sample: a finer step would fill the memory.
 MIN_STEP_NS, MAX_STEP_NS = NS_PER_S // 100, 60 * NS_PER_S
 
 
 class RelayedReference:
-    """From a reference to a reference. A :class:`rsenf.stage.Stage`.
+    """Makes a reference from another one's blocks. A :class:`rsenf.stage.Stage`.
 
-    Blocks that can't be a grid's frequency, tell no time, or are of another step than the first
-    are left out and counted.
+    Blocks that can't be a grid's frequency, have no time, or have another step than the first are
+    dropped and counted.
 
     Parameters
     ----------
     grid : str
-        What to call it.
+        Name of the new reference.
     run_id : str
         Identity of the run.
     nominal_hz : float, optional
-        What it must be; 50 or 60, as the first block says, when not given.
+        Required nominal frequency; that of the first block (50 or 60) if None.
 
     Attributes
     ----------
     notes : Notes
-        What was left out.
+        Number of dropped blocks by reason, and of outliers.
     """
 
     def __init__(self, grid: str, run_id: str = "", nominal_hz: float | None = None) -> None:
@@ -42,7 +42,7 @@ class RelayedReference:
         self.notes = Notes()
 
     def update(self, message: ReferenceBlock) -> list[ReferenceBlock]:
-        """Take a block; return it as one of this reference."""
+        """Take a block; return it as blocks of this reference."""
         if why := self._why_not(message):
             self.notes.count(f"blocks left out: {why}", 1)
             return []
@@ -56,7 +56,7 @@ class RelayedReference:
         return self._growing.stamped(t_ns, freq_hz, message.nominal_hz)
 
     def flush(self) -> list[ReferenceBlock]:
-        """Return nothing: each sample is told when it comes."""
+        """Return nothing: each sample is sent when it arrives."""
         return []
 
     def _why_not(self, block: ReferenceBlock) -> str:

@@ -1,8 +1,9 @@
-"""Seconds of a stream, of a camera or a sound card, on the clock of the day.
+"""Puts the seconds of a stream, of a camera or a sound card, on the wall clock.
 
-Arrivals tell what lies between a stream's clock and that of the day. The two part in the long run,
-as the stream's clock is some parts per million off: then a second is left as a gap, or one of the
-stream's is left out, and every second of the reference is told once.
+Arrival times give the offset between the stream's clock and the wall clock. They drift apart, as
+the stream's clock is off by some parts per million. When they differ by most of a sample, one
+sample becomes a gap, or one of the stream's is dropped, so that each sample of the reference is
+sent once.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ from rsenf.messages import ReferenceBlock
 from rsenf.reference.live.growing import Growing
 from rsenf.timebase import ArrivalClock
 
-# Samples by which the clocks must part before one is left out or put in, so that rounding to and
-# fro can't do it.
+# Samples by which the clocks must differ before one is dropped or inserted. More than a half, for
+# hysteresis against jitter.
 PART_SAMPLES = 0.75
 
 
@@ -31,16 +32,16 @@ class OnTheClock:
         self.new_stream()
 
     def new_stream(self) -> None:
-        """Begin another stream: its clock has nothing to do with that before."""
+        """Begin another stream, whose clock is unrelated to the one before."""
         self._clock = ArrivalClock()
-        self._last: tuple[int, int] | None = None  # start and place of the sample told last
+        self._last: tuple[int, int] | None = None  # start and number of the last sample
 
     def note(self, pts_ns: int, arrival_ns: int) -> None:
-        """Take in that data of this time on the stream's clock arrived then; 0 is unknown."""
+        """Record the arrival time of data at ``pts_ns`` on the stream's clock; 0 is unknown."""
         self._clock.note(pts_ns, arrival_ns)
 
     def sample(self, start_ns: int, freq_hz: float, nominal_hz: float) -> list[ReferenceBlock]:
-        """Add the sample that begins then on the stream's clock; return what it completes."""
+        """Add the sample that begins at ``start_ns`` on the stream's clock; return its blocks."""
         growing = self._growing
         time_ns = start_ns + (self._clock.offset_ns or 0)
         if not growing.covers(time_ns, time_ns):
@@ -50,7 +51,7 @@ class OnTheClock:
         return growing.append(np.array([index]), np.array([freq_hz]))
 
     def _index(self, start_ns: int, by_clock: float) -> int:
-        """Count on from the sample before, unless that has left the clock of the day behind."""
+        """Count on from the last sample, unless this has drifted too far from the wall clock."""
         if self._last is None:
             return round(by_clock)
         last_ns, last = self._last

@@ -2,13 +2,16 @@
 
 ::
 
-    STORE/ce/1s/3f9a60c2d1e47b58.parquet      grid, step, and the hash of the file that was imported
+    STORE/ce/1s/3f9a60c2d1e47b58.parquet      grid, step, and the hash of the imported file
     STORE/ce/0.1s/…
 
-Each import is a file of its own and never changes: what was read, how, and out of which file. Where
-imports overlap they are merged as they are read, by the rule for duplicates within a file. So
-importing a file again changes nothing, an import that is killed leaves the store as it was, and to
-take an import back is to remove its file.
+Each import is one file that never changes; it records what was read, how, and from which file.
+Overlapping imports are merged on reading, by the rule for duplicates within a file. So importing a
+file again changes nothing, a killed import leaves the store as it was, and removing its file undoes
+an import.
+
+Read ``record`` and ``sample_file`` (one import) first; then ``folder`` (series), ``writer`` and
+``importer``; ``stored`` reads slices, ``facts`` and ``export`` serve the command line.
 """
 
 from __future__ import annotations

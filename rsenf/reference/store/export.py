@@ -1,4 +1,4 @@
-"""A series of the store as a file, which reads back to the same values."""
+"""Exports a series of the store as a file that reads back to the same values."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ENDINGS = (".csv", ".parquet")
 
 
 def export(reference: StoredReference, path: Path) -> int:
-    """Write the times and values of a reference; its gaps are rows that aren't there.
+    """Write the times and values of a reference; gaps have no rows.
 
     Parameters
     ----------
@@ -33,14 +33,14 @@ def export(reference: StoredReference, path: Path) -> int:
     Returns
     -------
     int
-        Values written.
+        Number of values written.
 
     Raises
     ------
     UsageError
-        For another ending.
+        For another extension.
     RecordingError
-        When it can't be written.
+        If it can't be written.
     """
     if path.suffix.lower() not in ENDINGS:
         raise UsageError(f"{path}: neither {' nor '.join(ENDINGS)}", "name the file so")
@@ -65,7 +65,7 @@ def _values(reference: StoredReference) -> Iterator[tuple[Any, Any]]:
 
 
 def _schema(reference: StoredReference) -> pa.Schema:
-    """Times in the coarsest unit that holds them."""
+    """Schema with times in the coarsest unit that represents them exactly."""
     import pyarrow as pa
 
     parts = (reference.t0_ns, nanoseconds(reference.step_s))
@@ -86,5 +86,5 @@ def _writer(path: Path, schema: pa.Schema) -> Any:
 
     if path.suffix.lower() == ".csv":
         return csv.CSVWriter(path, schema)
-    # Parquet has no whole seconds; milliseconds are the nearest.
+    # Parquet has no unit of seconds; it stores them as milliseconds.
     return parquet.ParquetWriter(path, schema, compression="zstd")

@@ -1,4 +1,4 @@
-"""What is known of a series: what is missing, what was said twice, and what contradicts itself."""
+"""Statistics of a series: gaps, repeated and contradictory samples, mean and spread."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LONGEST_GAPS = 5
 
 
 class Gap(NamedTuple):
-    """So many samples without a value, and the number of the first."""
+    """Length of a gap in samples, and the number of its first sample."""
 
     samples: int
     first: int
@@ -23,11 +23,11 @@ class Gap(NamedTuple):
 
 @dataclass(frozen=True)
 class Facts:
-    """Of all samples of a series, from the first that was measured to the last.
+    """Statistics of a series, from its first to its last measured sample.
 
-    ``valid`` of ``total`` have a value; ``gaps`` stretches have none, the ``longest`` are named.
-    ``repeated`` have several readings, ``contradicted`` readings that disagree, and so no value.
-    ``mean_hz`` and ``std_hz`` are over the values.
+    ``valid`` of ``total`` samples have a value; there are ``gaps`` gaps, of which ``longest`` are
+    listed. ``repeated`` samples have several readings; ``contradicted`` ones have readings that
+    disagree, and therefore no value. ``mean_hz`` and ``std_hz`` are over the values.
     """
 
     total: int
@@ -41,7 +41,7 @@ class Facts:
 
 
 class _Gaps:
-    """Counts gaps and keeps the longest, as samples with a value come by."""
+    """Counts gaps and keeps the longest, from the samples with a value in order."""
 
     def __init__(self, first: int) -> None:
         self._next = first
@@ -61,7 +61,7 @@ class _Gaps:
 
 
 def facts(series: Series) -> Facts:
-    """Go through a series once, block by block."""
+    """Compute the statistics of a series in one pass, block by block."""
     valid = repeated = contradicted = 0
     total_units = total_squares = 0.0
     gaps = _Gaps(series.first)
@@ -76,7 +76,7 @@ def facts(series: Series) -> Facts:
         valid += index.size
         total_units += float(units.sum())
         total_squares += float(units @ units)
-    # A last sample without a value ends a gap like any other that follows it would.
+    # A gap at the end counts like any other.
     gaps.add(np.array([series.last + 1]))
     mean = total_units / valid if valid else np.nan
     variance = total_squares / valid - mean**2 if valid else np.nan
@@ -93,7 +93,7 @@ def facts(series: Series) -> Facts:
 
 
 def coverage(series: Series) -> float:
-    """Share of a series' samples that were measured at all, mostly without reading them."""
+    """Share of a series' samples that were measured, mostly from metadata alone."""
     measured = 0
     for number, groups in series.groups.items():
         measured += groups[0].rows if len(groups) == 1 else len(series.block(number))

@@ -1,4 +1,4 @@
-"""What the store holds, and where: series of one grid at one step, made of imports."""
+"""Folders of the store: each holds a series, the imports of one grid at one step."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Series:
     Raises
     ------
     ReferenceFormatError
-        When the files don't belong together.
+        If the files don't belong to one series.
     """
 
     files: tuple[SampleFile, ...]
@@ -54,7 +54,7 @@ class Series:
 
     @property
     def raster(self) -> Raster:
-        """When samples begin."""
+        """The times at which samples begin."""
         return self.files[0].record.raster
 
     @property
@@ -64,12 +64,12 @@ class Series:
 
     @property
     def name(self) -> str:
-        """Grid and step, as they are asked for."""
+        """Grid and step, in the form that users give."""
         return f"{self.grid}@{self.step_s:g}"
 
     @cached_property
     def groups(self) -> dict[int, list[Group]]:
-        """Row groups by the block that they are of, in the order of time."""
+        """Row groups by their block number, in the order of time."""
         found: dict[int, list[Group]] = {}
         for file in self.files:
             for group in file.groups:
@@ -88,11 +88,11 @@ class Series:
 
     @property
     def span_ns(self) -> tuple[int, int]:
-        """When the first sample begins and the last one ends, UTC since 1970."""
+        """Start of the first and end of the last sample, UTC since 1970."""
         return self.raster.time_ns(self.first), self.raster.time_ns(self.last + 1)
 
     def block(self, number: int) -> Samples:
-        """Read one of the blocks that :attr:`groups` has."""
+        """Read one of the blocks in :attr:`groups`."""
         parts = [group.read() for group in self.groups[number]]
         return merged(parts) if len(parts) > 1 else parts[0]
 
@@ -102,7 +102,7 @@ class Series:
 
 
 def default_store() -> Path:
-    """Folder of the store when none is named: ``$RSENF_STORE``, or where the user's data goes."""
+    """Default folder of the store: ``$RSENF_STORE``, or the platform's folder for user data."""
     if named := os.environ.get("RSENF_STORE"):
         return Path(named)
     if sys.platform == "darwin":
@@ -115,17 +115,17 @@ def default_store() -> Path:
 
 
 def series_folder(store: Path, grid: str, step_ns: int) -> Path:
-    """Where the imports of a grid at a step are."""
+    """Return the folder of a grid's imports at one step."""
     return store / grid / f"{step_ns / NS_PER_S:g}s"
 
 
 def checked_name(grid: str) -> str:
-    """Return the name of a grid.
+    """Return the name of a grid, if it is valid.
 
     Raises
     ------
     UsageError
-        When it can't be that of a folder.
+        If it can't be the name of a folder.
     """
     if not _NAME.fullmatch(grid):
         raise UsageError(
@@ -135,20 +135,20 @@ def checked_name(grid: str) -> str:
 
 
 def all_series(store: Path, grid: str = "*") -> list[Series]:
-    """Open everything there is of a grid, or of all of them, by name and from fine to coarse."""
+    """Open all series of a grid, or of all grids, sorted by name and from the finest step."""
     folders = sorted({path.parent for path in store.glob(f"{grid}/*/*.parquet")})
     found = [series for folder in folders if (series := open_series(folder))]
     return sorted(found, key=lambda s: (s.grid, s.raster.step_ns))
 
 
 def any_records(store: Path, grid: str) -> list[Record]:
-    """Return one record of each series of a grid: what its imports have in common."""
+    """Return one record per series of a grid, for what its imports have in common."""
     files = (next(_imports(folder), None) for folder in sorted((store / grid).glob("*")))
     return [SampleFile(path).record for path in files if path]
 
 
 def open_series(folder: Path) -> Series | None:
-    """Open the imports in a folder; None without any."""
+    """Open the imports in a folder; None if there are none."""
     files = tuple(SampleFile(path) for path in _imports(folder))
     return Series(files) if files else None
 
@@ -159,7 +159,7 @@ def find_series(store: Path, name: str) -> list[Series]:
     Raises
     ------
     UsageError
-        When there is none; says what there is.
+        If there is none; the message lists those that exist.
     """
     grid, _, step = name.partition("@")
     step_s = _seconds(step, name) if step else None
@@ -187,5 +187,5 @@ def _seconds(step: str, name: str) -> float:
 
 
 def _imports(folder: Path) -> Iterator[Path]:
-    """Finished imports; an unfinished one begins with a dot."""
+    """Finished imports; the name of an unfinished one begins with a dot."""
     return (p for p in sorted(folder.glob("*.parquet")) if not p.name.startswith("."))

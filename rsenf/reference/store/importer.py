@@ -1,4 +1,4 @@
-"""Bring a file into the store: read in pieces, kept as a file of its own, whole or not at all."""
+"""Imports a file into the store: read in pieces, written to one file, completely or not at all."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from rsenf.reference.store.writer import SampleWriter
 from rsenf.timebase import NS_PER_S
 from rsenf.whole_file import whole_file
 
-MAX_OFF_RATIO = 0.25  # of the step: that far times may be moved to those of the series
+MAX_OFF_RATIO = 0.25  # of the step: largest shift of times to those of the series
 NAME_DIGITS = 16  # of the file's hash
 _LEFT_OVER = re.compile(r"\..*\.(\d+)\.part\.parquet")
 
 
 @dataclass(frozen=True)
 class Imported:
-    """What an import came to; ``new`` is False when the store had that file already."""
+    """Result of an import; ``new`` is False if the store had that file already."""
 
     record: Record
     path: Path
@@ -54,25 +54,25 @@ def import_file(
     Parameters
     ----------
     store : Path
-        Folder of the store; made when it isn't there.
+        Folder of the store; created if it doesn't exist.
     path : Path
         Any file that :func:`rsenf.reference.read_reference` reads.
     grid : str
-        Name of the grid that it is of.
+        Name of its grid.
     options : ReadOptions
     imported_utc : str
         Today, for the record.
     progress : callable, optional
-        Called with the rows read so far.
+        Called with the number of rows read so far.
 
     Raises
     ------
     UsageError
-        When the store has that file, read otherwise; or it doesn't fit what the store has.
+        If the store has that file, read with other options; or it doesn't fit the store's series.
     ReferenceFormatError
-        When it can't be read as a reference, or has no dates.
+        If it can't be read as a reference, or has no dates.
     RecordingError
-        When the store can't be written.
+        If the store can't be written.
     """
     if store.exists() and not store.is_dir():
         raise UsageError(f"the store {store} is no folder", "name one with --store DIR")
@@ -120,7 +120,7 @@ def import_file(
 def _already(
     store: Path, path: Path, grid: str, sha256: str, options: ReadOptions
 ) -> Imported | None:
-    """Find an earlier import of the same file."""
+    """Return an earlier import of the same file, if there is one."""
     for there in sorted((store / grid).glob(f"*/{sha256[:NAME_DIGITS]}.parquet")):
         record = SampleFile(there).record
         if record.options != asdict(options):
@@ -133,7 +133,7 @@ def _already(
 
 
 def _raster(store: Path, grid: str, nominal_hz: float, first: Piece, where: str) -> Raster:
-    """When samples begin: as the series' do already, or as those of its first file."""
+    """Return the raster of the samples: that of the series, or else that of this file."""
     beside = any_records(store, grid)
     other = next((r for r in beside if r.nominal_hz != nominal_hz), None)
     if other:
@@ -156,7 +156,7 @@ def _raster(store: Path, grid: str, nominal_hz: float, first: Piece, where: str)
 
 
 def _samples(piece: Piece, placing: Placing, nominal_hz: float) -> Samples:
-    """Gather readings, as whole microhertz off the nominal frequency."""
+    """Aggregate readings, as whole microhertz from the nominal frequency."""
     index, ok = placing.place(piece.t_ns), np.isfinite(piece.freq_hz)
     units = np.rint((piece.freq_hz[ok] - nominal_hz) * UNITS_PER_HZ).astype(np.int64)
     return gathered(index[ok], units, UNIT_HZ)
@@ -164,7 +164,7 @@ def _samples(piece: Piece, placing: Placing, nominal_hz: float) -> Samples:
 
 @contextmanager
 def _folder_of(target: Path) -> Iterator[Path]:
-    """Give a temporary file to write; leave no folder behind that has nothing in it."""
+    """Yield a temporary file to write; remove folders that stay empty."""
     folder = target.parent
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -177,13 +177,13 @@ def _folder_of(target: Path) -> Iterator[Path]:
         with whole_file(target) as part:
             yield part
     finally:
-        with suppress(OSError):  # not empty: as it should be
+        with suppress(OSError):  # not empty, the usual case
             folder.rmdir()
             folder.parent.rmdir()
 
 
 def _remove_left_overs(folder: Path) -> None:
-    """Remove what imports that were killed had begun."""
+    """Remove unfinished files of killed imports."""
     for path in folder.glob(".*.part.parquet"):
         number = _LEFT_OVER.fullmatch(path.name)
         if number and not psutil.pid_exists(int(number[1])):

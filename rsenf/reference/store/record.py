@@ -1,4 +1,4 @@
-"""Where an import comes from, as it stands in its file."""
+"""The provenance of an import, stored in its file."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ TAKEN_AS_UTC = "times without a zone taken as UTC"
 
 @dataclass(frozen=True, kw_only=True)
 class Record:
-    """Where an import comes from.
+    """Provenance of an import.
 
-    ``phase_ns`` is when samples begin, after a whole number of steps since 1970. ``name``,
-    ``sha256`` and ``size_bytes`` are the file's; ``options`` are those it was read with, ``notes``
+    ``phase_ns`` is the start of the samples modulo the step, counted from 1970. ``name``,
+    ``sha256`` and ``size_bytes`` are those of the file, ``options`` those of reading, and ``notes``
     what was found and assumed; ``rows`` were read, ``samples`` have a reading.
     """
 
@@ -42,28 +42,28 @@ class Record:
 
     @property
     def raster(self) -> Raster:
-        """When samples begin; they are numbered from 1970."""
+        """The times at which samples begin, numbered from 1970."""
         return Raster(self.phase_ns, self.step_ns)
 
     @property
     def zone_unknown(self) -> bool:
-        """Whether its times told no zone, and nobody said which."""
+        """Whether its times have no zone and none was given."""
         return NO_ZONE in self.notes
 
     def metadata(self) -> dict[str, str]:
-        """Return it as Parquet's metadata."""
+        """Return it as Parquet metadata."""
         return {KEY: json.dumps({"version": VERSION, **asdict(self)})}
 
 
 def record_in(metadata: dict[bytes, bytes] | None, path: Path) -> Record:
-    """Read it from Parquet's metadata.
+    """Read the record in the Parquet metadata of a file.
 
     Raises
     ------
     ReferenceFormatError
-        When the file isn't of the store.
+        If the file doesn't belong to the store.
     SchemaMismatch
-        When it is of another version.
+        If it has another version.
     """
     text = (metadata or {}).get(KEY.encode())
     if text is None:
@@ -75,7 +75,7 @@ def record_in(metadata: dict[bytes, bytes] | None, path: Path) -> Record:
             f"{path}: version {version} of the store's format, not {VERSION}",
             "written by another rsenf: use that one, or import the original again",
         )
-    # Of before these were told: options that weren't there, and times that were silently UTC.
+    # Older files lack newer options, and the note on times taken as UTC.
     options, notes = asdict(ReadOptions()) | held["options"], tuple(held["notes"])
     if options["timezone"] is None and TAKEN_AS_UTC in notes and NO_ZONE not in notes:
         notes = (*notes, NO_ZONE)

@@ -1,9 +1,9 @@
 """One import as a Parquet file.
 
-Each row is a sample that has a reading: when it begins, the sum of its readings' deviations from
-the nominal frequency in whole microhertz, how many they are, and, where there are several, the
-least and the greatest of them. Gaps have no rows. A row group holds samples of one block of the
-axis, so that a slice is read without the rest; blocks may come in any order, and more than once.
+Each row is a sample that has a reading: its start time, the sum of its readings' deviations from
+the nominal frequency in whole microhertz, their number and, if there are several, their minimum and
+maximum. Gaps have no rows. A row group holds samples of one block of the axis, so that a slice can
+be read alone; blocks may come in any order, and more than once.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 UNIT_HZ = 1e-6
 UNITS_PER_HZ = 1_000_000
 BLOCK = 1 << 18  # samples: three days at 1 s
-_READINGS = 2  # number of that column
+_READINGS = 2  # index of that column
 _OF_SEVERAL = ("readings", "low_uhz", "high_uhz")  # columns of samples with more than one reading
 
 
 class Group(NamedTuple):
-    """A row group: samples of one block, ``first`` to ``last``, with ``rows`` of them there."""
+    """A row group: ``rows`` samples of one block, from ``first`` to ``last``."""
 
     file: SampleFile
     number: int
@@ -50,9 +50,9 @@ class SampleFile:
     Raises
     ------
     ReferenceFormatError
-        When it is damaged.
+        If it is damaged.
     SchemaMismatch
-        When it is of another version.
+        If it has another version.
     """
 
     def __init__(self, path: Path) -> None:
@@ -70,7 +70,7 @@ class SampleFile:
 
     @property
     def span_ns(self) -> tuple[int, int]:
-        """When the first sample begins and the last one ends, UTC since 1970."""
+        """Start of the first and end of the last sample, UTC since 1970."""
         first = min(group.first for group in self.groups)
         last = max(group.last for group in self.groups)
         raster = self.record.raster
@@ -84,7 +84,7 @@ class SampleFile:
         return Group(self, number, first, last, group.num_rows)
 
     def read(self, number: int) -> Samples:
-        """Read a row group: of its columns those that its statistics don't tell."""
+        """Read a row group: only the columns that its statistics don't determine."""
         from pyarrow import parquet
 
         group, raster = self.groups[number], self.record.raster
@@ -121,7 +121,7 @@ def schema() -> pa.Schema:
 
 
 def _or_total(column: pa.ChunkedArray, total: Any) -> Any:
-    """Return least or greatest readings; where a sample has one only, they aren't written."""
+    """Return minimum or maximum readings; they are stored only if a sample has several."""
     values = column.to_numpy()
     return np.where(np.isnan(values), total, values).astype(np.int64)
 

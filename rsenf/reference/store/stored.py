@@ -1,7 +1,4 @@
-"""A series of the store as a reference: what isn't asked for isn't read.
-
-Samples of the store, read in slices.
-"""
+"""A series of the store as a reference whose samples are read lazily, in slices."""
 
 from __future__ import annotations
 
@@ -27,21 +24,21 @@ T = TypeVar("T", np.float64, np.uint32)
 
 
 class Blocks:
-    """Dense blocks of a series, the last few kept."""
+    """Dense blocks of a series, with a cache of the last few."""
 
     def __init__(self, series: Series) -> None:
         self.series = series
         self._kept: OrderedDict[int, tuple[FloatArray, UInt32Array]] = OrderedDict()
 
     def __getitem__(self, number: int) -> tuple[FloatArray, UInt32Array] | None:
-        """Frequency (Hz, NaN in gaps) and readings of a block; None where nothing was measured."""
+        """Frequency (Hz, NaN in gaps) and readings of a block; None if it has no samples."""
         if number in self._kept:
             self._kept.move_to_end(number)
             return self._kept[number]
         if number not in self.series.groups:
             return None
         freq_hz, readings = self.series.block(number).dense(number * BLOCK, BLOCK)
-        # Whole units, so that a frequency is the double nearest to its six decimals.
+        # In whole units, so that a frequency is the double nearest to its six decimals.
         np.rint(freq_hz, out=freq_hz)
         freq_hz += self.series.nominal_hz * UNITS_PER_HZ
         freq_hz /= UNITS_PER_HZ
@@ -52,9 +49,9 @@ class Blocks:
 
 
 class StoredSamples(Generic[T]):
-    """One value for every sample, read as it is asked for: by slices, or as a whole array.
+    """One value per sample, read on access: by slices, or as a whole array.
 
-    Like a read-only ndarray of shape (n,), but a slice of it is an array of its own.
+    Like a read-only ndarray of shape (n,), except that a slice is a copy.
     """
 
     ndim = 1
@@ -101,10 +98,10 @@ class StoredSamples(Generic[T]):
 
 @dataclass(frozen=True, eq=False)
 class StoredReference:
-    """What :class:`rsenf.reference.Reference` is for a file; ``freq_hz`` and ``readings`` are lazy.
+    """Lazy form of :class:`rsenf.reference.Reference`, with ``freq_hz``, ``readings`` on disk.
 
-    ``measured`` (k, 2) are the stretches, first sample and one past the last, in which there is
-    anything at all; between them are long holes. ``imports`` are the files it was made from.
+    ``measured`` (k, 2) are the ranges (first sample, one past the last) that contain samples, with
+    long gaps between them. ``imports`` are the records of the files that it was made from.
     """
 
     grid: str
@@ -118,11 +115,11 @@ class StoredReference:
     notes: tuple[str, ...]
     sha256: str
     name: str
-    size_bytes: int | None = None  # it is no single file
+    size_bytes: int | None = None  # not a single file
 
     @property
     def duration_s(self) -> float:
-        """From the first sample's start to the last one's end."""
+        """Time from the first sample's start to the last one's end."""
         return self.freq_hz.size * self.step_s
 
     @property
@@ -132,25 +129,25 @@ class StoredReference:
 
     @property
     def zone_unknown(self) -> bool:
-        """Whether one of its imports told no zone, and nobody said which."""
+        """Whether the times of one of its imports have no zone and none was given."""
         return NO_ZONE in self.notes
 
 
 def stored_reference(
     series: Series, from_ns: int | None = None, to_ns: int | None = None
 ) -> StoredReference:
-    """Open a series, or what it has of a span of time.
+    """Open a series, or its part in a time span.
 
     Parameters
     ----------
     series : Series
     from_ns, to_ns : int, optional
-        UTC since 1970; samples that begin at or after the one and before the other.
+        UTC since 1970; samples that begin at or after the first and before the second.
 
     Raises
     ------
     UsageError
-        When it has nothing there.
+        If it has nothing there.
     """
     raster = series.raster
     low = series.first if from_ns is None else -((raster.t0_ns - from_ns) // raster.step_ns)
@@ -191,12 +188,12 @@ def stored_reference(
 def open_grid(
     store: Path, name: str, from_ns: int | None = None, to_ns: int | None = None
 ) -> StoredReference:
-    """Open ``GRID@STEP``, or the finest step of ``GRID``, or what it has of a span of time.
+    """Open ``GRID@STEP``, or the finest step of ``GRID``; times as for :func:`stored_reference`.
 
     Raises
     ------
     UsageError
-        When there is no such grid, or nothing then.
+        If there is no such grid, or it has nothing there.
     """
     series, *others = find_series(store, name)
     reference = stored_reference(series, from_ns, to_ns)
@@ -208,7 +205,7 @@ def open_grid(
 
 
 def _joined(spans: list[tuple[int, int]]) -> Int64Array:
-    """Unite spans that overlap or touch."""
+    """Merge ranges that overlap or touch."""
     joined: list[list[int]] = []
     for a, b in sorted(spans):
         if joined and a <= joined[-1][1]:

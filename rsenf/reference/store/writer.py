@@ -12,7 +12,7 @@ from rsenf.reference.samples import Samples, merged
 from rsenf.reference.store.record import Record
 from rsenf.reference.store.sample_file import BLOCK, schema
 
-PENDING_ROWS = 1 << 21  # samples held back, 70 MB, for more of their blocks to come
+PENDING_ROWS = 1 << 21  # most samples that wait for the rest of their blocks, 70 MB
 
 
 class SampleWriter:
@@ -22,7 +22,7 @@ class SampleWriter:
     ----------
     path : Path
     raster : Raster
-        When samples begin; they are numbered from its ``t0_ns``.
+        The times at which samples begin, numbered from its ``t0_ns``.
     """
 
     def __init__(self, path: Path, raster: Raster) -> None:
@@ -32,7 +32,7 @@ class SampleWriter:
         self._pending: dict[int, list[Samples]] = {}
         self._pending_rows = self.samples = 0
         self.notes = Notes()
-        # Times that follow each other cost nothing as differences; neighbouring values are alike.
+        # Delta encoding: consecutive times take no space, and neighbouring values are similar.
         self._writer = parquet.ParquetWriter(
             path,
             schema(),
@@ -42,7 +42,7 @@ class SampleWriter:
         )
 
     def add(self, samples: Samples) -> None:
-        """Add samples."""
+        """Add samples; write blocks when too many are pending."""
         blocks = samples.index // BLOCK
         starts = np.flatnonzero(np.diff(blocks, prepend=blocks[:1] - 1)).tolist()
         for a, b in zip(starts, [*starts[1:], len(samples)], strict=True):
@@ -54,16 +54,16 @@ class SampleWriter:
                 self._write(block)
 
     def flush(self) -> None:
-        """Write what is left."""
+        """Write all pending blocks."""
         for block in list(self._pending):
             self._write(block)
 
     def finish(self, record: Record) -> None:
-        """Write where it all comes from."""
+        """Write the record."""
         self._writer.add_key_value_metadata(record.metadata())
 
     def close(self) -> None:
-        """Close the file, finished or not."""
+        """Close the file, complete or not."""
         self._writer.close()
 
     def _write(self, block: int) -> None:
