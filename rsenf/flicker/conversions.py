@@ -1,9 +1,21 @@
 """Was a stream converted to another frame rate? By its pictures, and where these don't tell, light.
 
 One decision for all who go by frame times: who can undo a conversion does so, others say nothing.
+
+Is the frame rate another one, 0.1 % off, such as 29.97 frames/s for 30?
+
+Converted between such rates a recording loses a frame, or shows one twice, every 1001 frames, and
+in between its light's frequency is off by 0.1 %, as a grid's may be by itself. So where a grid is
+likelier to be where the other rate would put it, what is said waits until more frames than that
+were seen in a row without one that slips; or it isn't said.
 """
 
 from __future__ import annotations
+
+import dataclasses
+import math
+from collections import deque
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -11,6 +23,9 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import acquire
 from rsenf.flicker.frame_clock import RegularClock
+from rsenf.flicker.frame_slips import HALVES, LEAST_LEAP_RAD, LEAST_LOG_RATIO, FrameSlip
+from rsenf.flicker.lines import SURE_LOG_ODDS, usual_log_odds
+from rsenf.flicker.phase_tracker import CHECK_S
 from rsenf.flicker.picture_news import LAGS, PictureChange, find_remade
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.rate_conversion import (
@@ -20,6 +35,7 @@ from rsenf.flicker.rate_conversion import (
     find_conversion,
     round_rate,
 )
+from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.messages import RowBlock
 
@@ -35,6 +51,22 @@ DRIFT_BLOCKS = 8  # of time, which have to agree
 SAME_PICTURE, MOST_DOUBLED = 0.02, 0.1
 MUCH_CLEARER = 2.0  # by which the light's power over noise has to be more for stamps to be wrong
 AGAIN_S = 60.0  # after which it is looked whether there is one, where there was none
+NTSC = 1.001
+WHOLE_HZ = (24.0, 30.0, 48.0, 60.0, 120.0)
+RATE_RATIO = 1e-4  # of a rate's distance from a usual one
+BEAT_FRAMES = 1001
+SLACK_FRAMES = 8  # by which a place may be wrong
+# Logarithm of the odds of the rate by the stamps, by the frequency alone. One recording in twenty
+# may be converted so: below the first that is likelier than one in five, and seconds wait; below
+# the second it is even, and they aren't told in the end. Where a frame slipped it has to be sure.
+WAIT_LOG_ODDS, LEAST_LOG_ODDS = -1.4, -3.0
+SAME_TURNS = 0.05  # between leaps of the phase that are the same
+CLEARLY = 2.0  # times the likelihood that a slip takes to be found
+HOLD_S = 60  # seconds wait at most so long
+SEAMS = (
+    "the frequency is off by 0.1 %, as where the frame rate was converted between 29.97 and 30 or "
+    "alike, and no stretch of frames shows that it wasn't"
+)
 
 
 class Conversions:
@@ -200,3 +232,110 @@ def words_of(conversion: Conversion) -> str:
         "frames were dropped or doubled to convert the rate from "
         f"{conversion.source_hz:.6g} frames/s: only projection undoes that"
     )  # fmt: skip
+
+
+class SeamWatch:
+    """Seconds in; out they come once their frame rate isn't in doubt any more, or unusable."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[FlickerSecond] = deque()
+        self._whole = 0  # frames in a row of which none slipped
+        self._is_told = False  # whether one that slips would be seen
+        self._is_clear = False
+        self._slips: list[int] = []  # numbers of the first frames after what may be seams
+        self._off_hz, self._seconds = [0.0, 0.0], 0  # by the stamps and by the other rate, summed
+
+    def update(self, seconds: Iterable[FlickerSecond]) -> list[FlickerSecond]:
+        """Take seconds; return those that are due."""
+        out: list[FlickerSecond] = []
+        for second in seconds:
+            self._waiting.append(second)
+            self._take(second)
+            wait = SURE_LOG_ODDS if self._is_slipped else WAIT_LOG_ODDS
+            if not self._is_told or self._log_odds > wait:
+                out += self.flush()
+            elif second.index - self._waiting[0].index >= HOLD_S:
+                out.append(self._judged(self._waiting.popleft()))
+        return out
+
+    def flush(self) -> list[FlickerSecond]:
+        """Return the seconds that wait."""
+        out = [self._judged(second) for second in self._waiting]
+        self._waiting.clear()
+        return out
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether the frame rate may as well be another, by all seconds so far."""
+        return self._log_odds < (SURE_LOG_ODDS if self._is_slipped else LEAST_LOG_ODDS)
+
+    def _judged(self, second: FlickerSecond) -> FlickerSecond:
+        if not (second.usable and self.is_doubtful):
+            return second
+        return dataclasses.replace(second, usable=False, reason=SEAMS)
+
+    @property
+    def _is_slipped(self) -> bool:
+        """Whether frames slipped as they do at seams, whole numbers of beats apart.
+
+        A beat is half as long where every other frame is shown.
+        """
+        return bool(self._slips) and all(
+            abs(math.remainder(slip - self._slips[0], BEAT_FRAMES / 2.0)) <= SLACK_FRAMES
+            for slip in self._slips
+        )
+
+    @property
+    def _log_odds(self) -> float:
+        """Logarithm of the odds of the frame rate by the stamps."""
+        if self._is_clear or not self._seconds:
+            return math.inf
+        off_hz, other_hz = (off / self._seconds for off in self._off_hz)
+        return usual_log_odds(off_hz, other_hz)
+
+    def _take(self, second: FlickerSecond) -> None:
+        """Learn from a second."""
+        other = _other_ratio(second.frame_rate_hz)
+        if not second.usable or second.converted or not other:
+            self._whole = 0
+            return
+        nominal_hz = 2.0 * second.nominal_hz
+        self._seconds += 1
+        self._off_hz[0] += second.f0_hz - nominal_hz
+        self._off_hz[1] += second.f0_hz * other - nominal_hz
+        slips = [slip.frame_number for slip in second.slips if _is_seam(slip, second, other)]
+        self._is_told = _tells_slips(second)
+        if second.doubled is not None and other < 1.0:
+            slips += second.doubled  # none where every other frame of twice the rate is shown
+        self._slips += slips
+        if second.doubled and other > 1.0:  # a picture shown twice isn't a frame lost
+            self._slips = [s for s in self._slips if min(abs(s - d) for d in second.doubled) > 1]
+        after = int((second.frame_number >= max(slips, default=-1)).sum())
+        self._whole = (after if slips else self._whole + after) if self._is_told else 0
+        self._is_clear |= self._whole > BEAT_FRAMES + SLACK_FRAMES
+
+
+def _other_ratio(rate_hz: float) -> float:
+    """Rate that may be the camera's over that by the stamps; 0 where there is none."""
+    for whole_hz in WHOLE_HZ:
+        for usual_hz, other in ((whole_hz, 1.0 / NTSC), (whole_hz / NTSC, NTSC)):
+            if abs(rate_hz / usual_hz - 1.0) < RATE_RATIO:
+                return other
+    return 0.0
+
+
+def _is_seam(slip: FrameSlip, second: FlickerSecond, other: float) -> bool:
+    """Whether the light leaps as at a seam: by a frame, or half, where every other one is shown."""
+    turns, sign = second.f0_hz / second.frame_rate_hz, 1.0 if other > 1.0 else -1.0
+    return any(
+        abs(math.remainder((slip.frames - sign * part) * turns, 1.0)) < SAME_TURNS
+        for part in (1.0, 0.5)
+    )
+
+
+def _tells_slips(second: FlickerSecond) -> bool:
+    """Whether a frame that slips is sure to be found by the light's phase."""
+    leap_rad = 2.0 * math.pi * abs(math.remainder(second.f0_hz / second.frame_rate_hz, 1.0))
+    frame_var = CHECK_S * second.frame_rate_hz / 2.0 / 10.0 ** (second.snr_db / 10.0)
+    gain = HALVES[-1] * 2.0 * (1.0 - math.cos(leap_rad / 2.0)) / frame_var
+    return leap_rad > LEAST_LEAP_RAD and gain > CLEARLY * LEAST_LOG_RATIO

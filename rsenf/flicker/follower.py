@@ -222,9 +222,6 @@ class FlickerFollower:
             frame_rate_hz=self._rate_hz,
             converted=self._buffer.conversion is not None,
             slips=tuple(slip for slip in self._buffer.slips if slip.frame_number in own),
-            slips_ahead=tuple(
-                slip for slip in self._buffer.slips if slip.frame_number > max(own, default=-1)
-            ),
             doubled=self._conversions.doubled(index) if self._conversions else None,
             frame_number=numbers,
         )

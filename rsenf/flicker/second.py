@@ -37,8 +37,6 @@ class FlickerSecond:
     slips : tuple of FrameSlip
         Frames of this second before which some were lost, or which are shown again, although the
         time stamps don't say so; that is undone from there on.
-    slips_ahead : tuple of FrameSlip
-        Those of later seconds that are known already.
     doubled : tuple of int or None
         Frames of this second whose picture is that of the frame before, noise and all; None where
         pictures don't tell.
@@ -80,7 +78,6 @@ class FlickerSecond:
     frame_rate_hz: float = NAN
     converted: bool = False
     slips: tuple[FrameSlip, ...] = ()
-    slips_ahead: tuple[FrameSlip, ...] = ()
     doubled: tuple[int, ...] | None = None
     jitter_s: float = 0.0
     f0_hz: float = NAN

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.flicker.conversions import SeamWatch
 from rsenf.flicker.follower import FlickerFollower
 from rsenf.flicker.frame_slips import FrameSlip
 from rsenf.flicker.second import FlickerSecond
@@ -54,6 +55,8 @@ class Pairing:
         Of time stamps that frames aren't gone by, rms.
     slips : list of FrameSlip
         Frames lost or shown again though time stamps are silent, which the phase takes account of.
+    seams : SeamWatch
+        Whether the frame rate may be another one, 0.1 % off.
     """
 
     def __init__(self, nominal_hz: float | None, follower: Follower | None = None) -> None:
@@ -69,6 +72,7 @@ class Pairing:
         self.camera_hz = float("nan")
         self.jitter_s = 0.0
         self.slips: list[FrameSlip] = []
+        self.seams = SeamWatch()
 
     @property
     def f0_hz(self) -> float:
@@ -106,6 +110,7 @@ class Pairing:
 
     def _hear(self, second: FlickerSecond) -> None:
         self.seconds += 1
+        self.seams.update([second])
         self.slips += second.slips
         if second.converted:
             self.camera_hz = second.frame_rate_hz

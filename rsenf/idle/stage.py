@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.flicker.conversions import NTSC, SEAMS
 from rsenf.flicker.frame_clock import FrameClock
 from rsenf.flicker.frame_rate import (
     DOUBTFUL,
@@ -204,6 +205,11 @@ class IdleStage:
         if finding.verdict == "estimated" and is_mirrored:
             finding = finding.undirected(seen.mirror_hz)
         finding = checked(seen, finding)
+        if finding.verdict == "estimated" and self._pairing.seams.is_doubtful:
+            var = finding.turns_var + (abs(NTSC - 1.0) * finding.turns) ** 2
+            finding = dataclasses.replace(
+                finding, turns_var=var, warnings=(*finding.warnings, SEAMS)
+            )
         claims = finding.verdict in ("estimated", "ambiguous")
         if claims and self._settings.nominal_hz is None and are_alike(rate_hz):
             return look_alike(rate_hz)

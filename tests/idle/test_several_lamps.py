@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from rsenf.flicker.conversions import SEAMS
 from rsenf.flicker.phase_tracker import HALF
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import Header, IdleEstimate
@@ -60,3 +61,16 @@ def test_what_is_followed_and_doubted_is_not_taken_for_the_other_grids() -> None
     said, _ = idle_of("half-wave part", 46208, "30000/1001", 50.0, "continental")
     assert said.verdict == "no_signal"
     assert said.reason == HALF
+
+
+def test_a_doubtful_frame_rate_is_an_error_of_the_read_out() -> None:
+    """59.94 frames/s brought to 30, of which every other one is shown."""
+    filmed = film(trial("converted", 50270, rate="60000/1001", nominal_hz=50.0, grid="continental"))
+    stage = make_idle(IdleSettings(method="coherent"))
+    for block in blocks_from_luminance(filmed.level, filmed.stamp_s, Header()):
+        stage.update(block)
+    said = stage.flush()[-1]
+    assert SEAMS in said.warnings
+    std = said.idle_ratio_var**0.5
+    assert min(abs(said.idle_ratio - true) for true in filmed.truth["idle_ratios"]) < 3.0 * std
+    assert std < 1e-3

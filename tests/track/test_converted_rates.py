@@ -12,7 +12,6 @@ from rsenf.flicker.rate_conversion import BLENDED, DOUBTFUL
 from rsenf.messages import EnfEstimate, Header
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
-from rsenf.track.projection import SEAMS
 from tests.discrepancy.foreign_camera import Case, film
 from tests.discrepancy.foreign_camera.trials import trial
 from tests.flicker.foreign_rows import follow
@@ -72,12 +71,3 @@ def test_the_rate_of_a_camera_that_is_off_is_doubted() -> None:
     )
     assert made.off_hz.size > 20
     assert made.rms_z < 2.0
-
-
-def test_seconds_before_the_first_seam_are_held_back_as_well() -> None:
-    """59.94 frames/s to 30: the seam at 8.4 s is known when the first second is due."""
-    filmed = film(trial("converted", 50270, rate="60000/1001", nominal_hz=50.0, grid="continental"))
-    tracker = make_tracker(TrackSettings(method="projection"))
-    blocks = blocks_from_luminance(filmed.level, filmed.stamp_s, Header())
-    said = [*itertools.chain.from_iterable(map(tracker.update, blocks)), *tracker.flush()]
-    assert {m.reason for m in said if m.start_pts_ns < 8e9} == {SEAMS}

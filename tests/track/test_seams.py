@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from rsenf.flicker.conversions import SEAMS, SeamWatch
 from rsenf.flicker.frame_slips import FrameSlip
 from rsenf.flicker.second import FlickerSecond
-from rsenf.track.projection import SEAMS, SeamWatch
 
 NTSC_HZ = 30e3 / 1001
 
