@@ -1,9 +1,10 @@
-"""Is there mains flicker in these seconds, of which grid, and how does it run down the rows?
+"""Detects mains flicker in a window: which grid, which ramp down the rows, which frequency.
 
-For each nominal frequency and each number of turns that its harmonic may make down the rows, the
-tone near the alias: the same periodogram, and the same strictness, as the paper's estimator. Of
-what stands out the strongest is taken, with its drift over the window: the flicker's overtones, and
-what leaks into ramps with little noise, may stand out more than the flicker itself.
+The statistic is the floating-mean periodogram (:mod:`rsenf.flicker.tone`) near the alias, for each
+nominal frequency and each number of phase turns down the rows, with the same threshold as the
+paper's estimator (:mod:`rsenf.track.stft`). Of the tones above it the one of largest amplitude is
+taken: overtones, and leakage into ramps with little noise, may have a higher signal-to-noise ratio
+than the flicker itself. Its drift over the window is searched last.
 """
 
 from __future__ import annotations
@@ -21,23 +22,30 @@ from rsenf.flicker.tone import AT_EDGE, Tone, ToneFinder
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-SEARCH_HZ = 1.0  # of the illumination's frequency
+SEARCH_HZ = 1.0  # half-width of the search band, illumination frequency
 MIN_SNR = 40.0
-LIKELY_HZ = 0.1  # standard deviation of the illumination's frequency that is taken for likely
-TIED_HZ = 0.05  # mirror images that are so much farther off are less likely
+LIKELY_HZ = 0.1  # prior standard deviation of the illumination frequency
+TIED_HZ = 0.05  # mirror images whose distances from the nominal differ by less are tied
 TURNS_STEP = 0.25
 NO_FLICKER = "no mains flicker stands out"
-# Drifts of the illumination's frequency tried, Hz/s: grids drift by 3e-3 now and then.
+# Drifts of the illumination frequency that are tried, Hz/s: grids reach 3e-3 now and then.
 DRIFTS_HZ_S = np.arange(-4, 5) * 1.5e-3
-NEAR_HZ = 0.1  # of the peak, where drifts are tried
+NEAR_HZ = 0.1  # drifts are tried for offsets this near to the peak
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Flicker that was found.
+    """Flicker detected in a window.
 
-    ``psi_rad`` is its phase relative to the nominal frequency's at nodes ``NODE_S`` apart from the
-    window's start; ``turns`` those of its first harmonic down the rows.
+    Attributes
+    ----------
+    nominal_hz : float
+    turns : float
+        Phase turns of the first harmonic down the rows.
+    tone : Tone
+    psi_rad : ndarray, shape (nodes,)
+        Phase relative to the nominal frequency's, at nodes ``NODE_S`` apart from the window's
+        start.
     """
 
     nominal_hz: float
@@ -55,12 +63,12 @@ def acquire(
     span_s: tuple[int, int],
     min_snr: float = MIN_SNR,
 ) -> Found | str:
-    """Look for flicker in a window; say why there is none.
+    """Detect flicker in a window; return the reason in words if there is none.
 
     Parameters
     ----------
     nominals_hz : tuple of float
-        Grids to look for.
+        Nominal grid frequencies to look for.
     basis : ProfileBasis
     t_s : ndarray, shape (frames,)
         Times since the first frame of the stream.
@@ -70,7 +78,7 @@ def acquire(
     span_s : tuple of int
         Start and end of the window.
     min_snr : float
-        Tone power over noise power in a resolution cell, below which there is nothing.
+        Least tone power over the noise power in a resolution cell.
     """
     length_s = float(span_s[1] - span_s[0])
     finder = ToneFinder(length_s, SEARCH_HZ)
@@ -78,7 +86,7 @@ def acquire(
     best: tuple[float, float, Tone, Complex] | None = None
     for nominal_hz in nominals_hz:
         if abs(alias_hz(2.0 * nominal_hz, frame_rate_hz)) < SEARCH_HZ:
-            continue  # where brightness drifts, a tone tells nothing
+            continue  # near 0 Hz a brightness drift looks like a tone
         carrier = np.exp(-4j * np.pi * nominal_hz * t_s)
         turns = turns_grid(basis, nominal_hz, frame_rate_hz)
         series = columns @ basis.ramps(turns).conj()
@@ -105,11 +113,11 @@ def acquire(
 def _mirrored_hz(
     offset_hz: float, turns: float, nominal_hz: float, frame_rate_hz: float
 ) -> float | None:
-    """Offset of a tone's mirror image where that is the better reading of the same data.
+    """Offset of a tone's mirror image, if the image is the better interpretation; else None.
 
-    Near half the frame rate a tone down the rows and its mirror image up the rows are both
-    searched, and fit alike. The one nearer to the nominal frequency is taken, and where both are
-    as near, the one down: the first row is read first.
+    Near half the frame rate a tone with a ramp down the rows and its mirror image with the ramp up
+    the rows fit equally well. The one nearer to the nominal frequency is taken; on a tie the ramp
+    down, since the first row is usually read first.
     """
     mirrored_hz = alias_hz(-4.0 * nominal_hz - offset_hz, frame_rate_hz)
     if turns == 0.0 or abs(mirrored_hz) > SEARCH_HZ:
@@ -120,9 +128,9 @@ def _mirrored_hz(
 
 
 def strongest(finder: ToneFinder, power: Float, t_s: Float) -> Tone:
-    """Strongest tone, over the noise beside it or in the whole band, whichever is more.
+    """Strongest tone; its SNR refers to the larger of the noise beside it and in the whole band.
 
-    So many ramps are tried that one with little noise beside it is sure to come by.
+    With so many ramps tried, some have little noise beside the tone by chance.
     """
     tone = finder.strongest(power, t_s)
     noise = float(np.median(power)) / np.log(2.0)
@@ -131,21 +139,21 @@ def strongest(finder: ToneFinder, power: Float, t_s: Float) -> Tone:
 
 
 def _rank(tone: Tone, min_snr: float) -> tuple[bool, float]:
-    """What stands out first, the strongest of it; else what nearly does."""
+    """Sort key: tones above the threshold first, by amplitude; the others by SNR."""
     clear = stands_out(tone, min_snr) and not tone.at_edge
     return clear, tone.amplitude if clear else tone.snr
 
 
 def stands_out(tone: Tone, min_snr: float) -> bool:
-    """Whether a tone is more than noise: the farther from the nominal frequency, the more it takes.
+    """Whether a tone exceeds a threshold that grows with its distance from the nominal frequency.
 
-    Logarithms of odds: noise reaches a power with a chance that falls exponentially with it.
+    In log odds: noise power is exponentially distributed, the prior of the offset Gaussian.
     """
     return tone.snr >= min_snr + (tone.offset_hz / LIKELY_HZ) ** 2 / 2.0
 
 
 def turns_grid(basis: ProfileBasis, nominal_hz: float, frame_rate_hz: float) -> Float:
-    """Turns worth trying: all read-out times up to a frame's, both ways; one without rows."""
+    """Turns to try: read-out times up to a frame period in both directions; 0 for a single row."""
     if basis.rows == 1:
         return np.zeros(1)
     most = int(np.ceil(2.0 * nominal_hz / frame_rate_hz / TURNS_STEP))
@@ -155,7 +163,7 @@ def turns_grid(basis: ProfileBasis, nominal_hz: float, frame_rate_hz: float) -> 
 def _with_drift(
     baseband: Complex, t_s: Float, offset_hz: float, finder: ToneFinder
 ) -> tuple[float, float]:
-    """Frequency offset (Hz) and drift (Hz/s) that gather the most power near a peak."""
+    """Frequency offset (Hz) and drift (Hz/s) of largest power near a peak."""
     near = np.abs(finder.offsets_hz - offset_hz) <= NEAR_HZ
     offsets = finder.offsets_hz[near]
     straight = np.exp(-2j * np.pi * np.outer(offsets, t_s)) * finder.window(t_s)

@@ -1,11 +1,11 @@
-"""Which way the sensor was read out: along rows or along columns.
+"""Finds the read-out axis of the sensor: along rows or along columns.
 
-Flicker runs along the read-out axis as a ramp of phase (:mod:`rsenf.flicker.lines`). Across it,
-every line holds the same mean of all phases: the flicker may show there, but it stands still. What
-all lines have in common is therefore left out, and the ramp must turn one way: a standing pattern
-whose brightness changes is as strong on the ramp that turns the other way. Where the frame rate
-divides the flicker's frequency the ramp hardly moves and both ways look alike; there, that it is
-much stronger along one axis has to do.
+Along the read-out axis flicker is a phase ramp (:mod:`rsenf.flicker.lines`). Across it every line
+averages the same mixture of phases: flicker may show, but with one phase everywhere. So the part
+common to all lines is subtracted, and the ramp must be stronger than the one that turns the other
+way: a standing pattern of varying brightness is equally strong on both. Where the frame rate
+divides the flicker's frequency the ramp hardly moves and both ways look alike; there only the
+power along the two axes is compared.
 """
 
 from __future__ import annotations
@@ -21,33 +21,37 @@ from rsenf.timebase import NS_PER_S
 
 Float = NDArray[np.float64]
 
-# Means along the axis that are looked at: five for each turn at 10 frames/s and 60 Hz.
+# Means along the axis: five for each turn at 10 frames/s and 60 Hz.
 BANDS = 64
 # Half-width of the band searched around the flicker's alias: half a hertz of the grid.
 SEARCH_HZ = 1.0
-# Between the ramps tried, and between the frequencies in units of 1 / duration.
+# Steps between the ramps tried, and between the frequencies in units of 1 / duration.
 TURNS_STEP, FREQUENCY_STEP = 0.25, 0.25
-# Of a ramp over the noise in a cell: noise alone reaches it in one search of 10^7.
+# Least power of a ramp over the noise in a cell: noise alone reaches it in one search of 10^7.
 MIN_SNR = 25.0
-# Of the ramp over the one that turns the other way, over those beside it (from so many cells on),
-# and of one axis over the other.
+# Least power ratio of the ramp to the one that turns the other way, to those at other frequencies
+# (at least so many cells away), and of one axis to the other.
 MIN_CONTRAST, BESIDE = 4.0, 2.5
-# Power of a ramp with an amplitude of two thousandths of the light: less may be a codec's doing.
+# Power of a ramp with an amplitude of 0.002 of the light: weaker ones may come from a codec.
 MIN_POWER = 4e-6
-# Darker than this (levels) a band is noise over nothing.
+# Bands darker than this (levels) are mostly noise, and ignored.
 MIN_LEVEL = 1.0
 
 
 def find_axis(by_rows: Sequence[RowBlock], by_columns: Sequence[RowBlock]) -> str:
-    """Tell the read-out axis by the same frames, sampled along both.
+    """Find the read-out axis from the same frames, sampled along both axes.
+
+    Parameters
+    ----------
+    by_rows, by_columns : sequence of RowBlock
 
     Returns
     -------
     str
-        'rows' or 'columns'; empty when no ramp of flicker shows along either, or when both are
-        about as strong.
+        'rows' or 'columns'; empty if no flicker ramp shows along either, or both are about as
+        strong.
     """
-    # What moves may look like a ramp that stands still, but hardly like one that turns.
+    # Turning ramps first: motion may look like a static ramp, but hardly like a turning one.
     for rows, columns in zip(ramp_powers(by_rows), ramp_powers(by_columns), strict=True):
         if columns > MIN_CONTRAST * rows:
             return "columns"
@@ -57,16 +61,16 @@ def find_axis(by_rows: Sequence[RowBlock], by_columns: Sequence[RowBlock]) -> st
 
 
 def ramp_powers(blocks: Sequence[RowBlock]) -> tuple[float, float]:
-    """Power of the strongest ramps of flicker that surely are some, relative to the light's; or 0.
+    """Power of the strongest significant flicker ramps relative to the light's power; 0 for none.
 
-    Of one that turns from frame to frame, and of one that may stand still.
+    First of ramps that turn from frame to frame, then of those whose alias is near 0 Hz.
     """
     t_s, level = _bands(blocks)
     if t_s.size < 2 or t_s[-1] <= 0 or level.shape[1] < 4:
         return 0.0, 0.0
     frame_rate_hz = (t_s.size - 1) / float(t_s[-1])
     mean = level.mean(axis=0)
-    # Relative to each band's mean: what the scene reflects is divided out.
+    # Relative to each band's mean, which divides out the scene's reflectance.
     relative = np.where(mean > MIN_LEVEL, level / np.maximum(mean, MIN_LEVEL) - 1.0, 0.0)
     turning = standing = 0.0
     for line in (Line(50.0, 1, 0), Line(60.0, 1, 0)):
@@ -93,7 +97,7 @@ def _bands(blocks: Sequence[RowBlock]) -> tuple[Float, Float]:
 def _at_grid(
     line: Line, relative: Float, t_s: Float, frame_rate_hz: float, *, stands_still: bool
 ) -> float:
-    """Power of the strongest ramp near a grid's alias; 0 for none that surely is one."""
+    """Power of the strongest significant ramp near a grid's alias; 0 for none."""
     duration_s = float(t_s[-1])
     weights = np.sin(np.pi * t_s / duration_s) ** 2
     weights /= weights.sum()
@@ -106,7 +110,7 @@ def _at_grid(
     found = 0.0
     for power, mirrored in ((down, up), (up, down)):
         at = np.unravel_index(np.argmax(power), power.shape)
-        # What moves makes ramps as well, but at all frequencies.
+        # Motion makes ramps as well, but at all frequencies.
         beside = power[np.abs(offsets_hz - offsets_hz[at[0]]) > BESIDE / duration_s, at[1]]
         rival = max(0.0 if stands_still else float(mirrored[at]), float(beside.max(initial=0.0)))
         if power[at] > max(MIN_SNR * noise, MIN_CONTRAST * rival, MIN_POWER):
@@ -115,7 +119,7 @@ def _at_grid(
 
 
 def _ramps(bands: int, most_turns: float) -> NDArray[np.complex128]:
-    """Conjugated ramps of up to so many turns, blind to what all bands share, (bands, ramps)."""
+    """Conjugated ramps of up to ``most_turns`` turns, less their mean, shape (bands, ramps)."""
     turns = np.arange(2 * TURNS_STEP, most_turns + TURNS_STEP, TURNS_STEP)
     place = (np.arange(bands) + 0.5) / bands
     ramps = np.exp(-2j * np.pi * np.outer(place, turns)) / bands

@@ -1,9 +1,10 @@
-"""What cells of the picture show of a light: is it one, and does it multiply or add?
+"""Statistics of picture cells: is a periodic signal one light, and does it multiply or add?
 
-The picture is cut into cells, some bands of rows in each strip. Of what turns with a phase it is
-asked how much is *one light with smooth shares in the picture* (:func:`light_of`), with the
-texture and without it, how many turns it makes down the rows, and how far it strays from one ramp.
-:mod:`rsenf.flicker.mains` decides by that.
+The picture is cut into cells: bands of rows in each strip. The cells' complex amplitudes at a given
+phase are fitted by *texture × phase ramp down the rows × smooth complex shares* (:func:`light_of`),
+the model of one light, and by the same without texture, that of a pattern added to the picture.
+Also measured are the turns of the ramp, and the phase's deviation from a single ramp.
+:mod:`rsenf.flicker.mains` decides from these.
 """
 
 from __future__ import annotations
@@ -21,43 +22,45 @@ Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 BANDS = 24
-ORDER = 2  # of the polynomials, in place, by which a light's share varies over the picture
-# Turns beside the phase, over the window, at which the noise is looked up.
+ORDER = 2  # degree of the polynomials of place for a light's share
+# Offsets from the phase, in turns over the window, at which noise is measured.
 BESIDE = np.array([m for m in range(-8, 9) if abs(m) >= 3])
 TURNS_STEP = 0.05
-GROUP, LINES = 4, 3  # bands that share a phase; and how many phases, and rounds, make a line
-# Farther than this from 0 Hz, and from half the frame rate, a tone is told from its mirror image.
+GROUP, LINES = 4, 3  # bands averaged for a phase; fewest phases, and iterations, of a line fit
+# Farther than this from 0 Hz and half the frame rate, a tone and its mirror image are separable.
 APART_HZ = 0.5
-BRIEF_S = 8.0  # shorter windows seldom tell whether a phase wanders
-# A pattern that is added leaves so much less unexplained without the texture, and no light does;
-# light that shows on bright and dark leaves so much less with it. Below a share neither counts.
+BRIEF_S = 8.0  # shorter windows seldom show whether a phase wanders
+# Ratios of unexplained shares: with over without texture, above which a pattern is added (no light
+# exceeds it); without over with, above which light multiplies. And the least unexplained shares.
 ADDED, MULTIPLIED = 1.5, 2.0
 LEAST_ADDED, LEAST_MULTIPLIED = 0.04, 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
 class Light:
-    """What cells show that turns with a phase.
+    """What the cells show of the signal at a given phase.
 
     Attributes
     ----------
     turns : float
-        Down the rows of a frame.
+        Phase turns down the rows of a frame.
     explained, explained_std : float
-        Share of it that one light explains: the texture times a ramp times smooth complex shares.
+        Share of the signal's power that one light explains (texture × ramp × smooth shares), and
+        its standard error.
     added : float
-        The same of a pattern that is added to the picture: without the texture.
+        Share that a pattern added to the picture explains: the same model without texture.
     snr : float
-        Power of that light over what noise has of it.
+        Power in the light model over that of noise in it.
     hz_std : float
-        How well its frequency is known, by that and the time (Cramér–Rao).
+        Cramér-Rao bound of its frequency, for this SNR and duration.
     apart_turns : float
-        By how much its phase strays from one ramp that all strips share, rms: where the light of
-        several lamps in several phases mixes differently.
+        Rms deviation of the phase from one ramp that all strips share: not 0 where the light of
+        several lamps with different phases mixes unevenly.
     in_phase : float
-        Share of it that has the phase of that ramp, however much of it each cell shows.
+        Share of the signal's power with the phase of one ramp, whatever the amplitudes of the
+        cells.
     is_brief : bool
-        Whether hardly any time was looked at.
+        Whether the window is shorter than ``BRIEF_S``.
     """
 
     turns: float
@@ -72,32 +75,32 @@ class Light:
 
     @property
     def is_added(self) -> bool:
-        """Whether it is likelier added to the picture than its light."""
+        """Whether it is more likely a pattern added to the picture than light."""
         left = 1.0 - self.explained
         least = max(LEAST_ADDED, 3.0 * self.explained_std)
         return left > max(ADDED * (1.0 - self.added), least)
 
     @property
     def is_multiplied(self) -> bool:
-        """Whether it is shown to multiply bright and dark, not only let pass."""
+        """Whether it is shown to multiply bright and dark texture, not merely not excluded."""
         least = max(LEAST_MULTIPLIED, 3.0 * self.explained_std)
         return 1.0 - self.added > max(MULTIPLIED * (1.0 - self.explained), least)
 
 
 def tells_cells(f0_hz: float, frame_rate_hz: float) -> bool:
-    """Whether a tone is far enough from its mirror image for cells to tell what it is."""
+    """Whether the alias is far enough from 0 Hz and half the rate to exclude its mirror image."""
     seen_hz = abs(alias_hz(f0_hz, frame_rate_hz))
     return APART_HZ <= seen_hz <= frame_rate_hz / 2.0 - APART_HZ
 
 
 def bands_of(rows: int) -> int:
-    """How many bands there are of so many rows."""
+    """Number of bands for a number of rows."""
     return min(rows, BANDS)
 
 
 @functools.lru_cache(maxsize=8)
 def _bands(rows: int) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
-    """First row of each band, and one over how many it has."""
+    """First row of each band, and one over its number of rows."""
     edges = np.linspace(0, rows, bands_of(rows) + 1).astype(np.intp)
     return edges[:-1], (1.0 / np.diff(edges)[:, None]).astype(np.float32)
 
@@ -118,14 +121,16 @@ def look_at(
     f0_hz: float,
     frame_rate_hz: float,
 ) -> Light:
-    """Look at what turns with a phase, beside the texture where it hardly turns.
+    """Analyse the cells' signal at a phase, by the estimator that suits the alias.
+
+    :func:`light_of` where :func:`tells_cells`, else :func:`still_light_of`.
 
     Parameters
     ----------
     seen, t_s, phase_rad, bands
-        As :func:`light_of` takes them.
+        As for :func:`light_of`.
     f0_hz, frame_rate_hz : float
-        Of the harmonic that is followed, and of the frames.
+        Frequency of the tracked harmonic; frame rate.
     """
     look = light_of if tells_cells(f0_hz, frame_rate_hz) else still_light_of
     return look(seen, t_s, phase_rad, bands, f0_hz / frame_rate_hz)
@@ -134,17 +139,17 @@ def look_at(
 def light_of(
     seen: NDArray[np.floating], t_s: Float, phase_rad: Float, bands: int, most_turns: float
 ) -> Light:
-    """Look at what turns with a phase.
+    """Analyse the cells' signal at a phase; level and linear drift are removed first.
 
     Parameters
     ----------
     seen : ndarray, shape (frames, bands · strips)
-        Cells, as :func:`cell_means` has them.
+        Cell means, as of :func:`cell_means`.
     t_s, phase_rad : ndarray, shape (frames,)
-        Times, and the phase of the harmonic that is followed.
+        Times, and phase of the tracked harmonic.
     bands : int
     most_turns : float
-        Of that harmonic, for a read-out that takes all of a frame.
+        Turns of that harmonic for a read-out over the whole frame period.
     """
     level, tone, beside = _tones(seen.astype(np.float64), t_s, phase_rad)
     return _light(level, tone, beside, bands, most_turns, t_s)
@@ -153,12 +158,12 @@ def light_of(
 def still_light_of(
     seen: NDArray[np.floating], t_s: Float, phase_rad: Float, bands: int, most_turns: float
 ) -> Light:
-    """Look at what turns with a phase that hardly turns: with the texture, and not beside it.
+    """Analyse the cells' signal at a phase that hardly turns: fitted jointly with the texture.
 
     Parameters
     ----------
     seen : ndarray, shape (bins, bands · strips)
-        Means of cells over bins of time.
+        Cell means over time bins.
     t_s, phase_rad : ndarray, shape (bins,)
     bands : int
     most_turns : float
@@ -173,9 +178,9 @@ def still_light_of(
 def _light(
     level: Float, tone: Complex, beside: Complex, bands: int, most_turns: float, t_s: Float
 ) -> Light:
-    """Judge the tones of cells: (cells,), (cells,), (beside, cells).
+    """Derive the statistics from levels (cells,), tones (cells,) and noise (beside, cells).
 
-    Each cell counts by how little noise it has, up to what is usual.
+    Cells are weighted by 1/σ, with the median variance added so that none dominates.
     """
     place, shape = (np.arange(bands) + 0.5) / bands, (bands, level.size // bands)
     var = np.mean(np.abs(beside) ** 2, axis=0)
@@ -189,14 +194,14 @@ def _light(
     own = max(float(_power(tone) - _power(beside).mean()), 1e-9)
 
     def explained(basis: Complex) -> tuple[float, float]:
-        """Share of what turns that a basis explains, and its power over the noise's."""
+        """Share of the signal's power that a basis explains, and its power over the noise's."""
         axes, _ = np.linalg.qr(basis.reshape(len(basis), -1).T)
         power, noises = (_power(of @ axes.conj()) for of in (tone, beside))
         return float(power - noises.mean()) / own, float(power / max(noises.mean(), 1e-9))
 
     straight = level * ramp.conj()
     by_light, snr = explained(shares * (ramp * level))
-    # One strip's texture may be anybody's: it doesn't say what is added.
+    # With a single strip the texture can't tell an added pattern from light.
     return Light(
         turns=turns,
         explained=by_light,
@@ -213,7 +218,7 @@ def _light(
 
 
 def _apart_turns(light: Complex, noise: Complex, place: Float) -> float:
-    """Stray of a light's phase, (bands, strips), from a line down the rows, rms, without noise's.
+    """Rms deviation of a light's phase, (bands, strips), from a line down the rows, less noise.
 
     Noise has the shape (beside, bands, strips).
     """
@@ -233,9 +238,9 @@ def _apart_turns(light: Complex, noise: Complex, place: Float) -> float:
 
 
 def _in_phase(tone: Complex, beside: Complex, ramp: Complex, place: Float) -> float:
-    """Share of what turns, (bands, strips), that has the phase of one line down the rows.
+    """Share of the signal, (bands, strips), in phase with one line down the rows.
 
-    However much of it each cell shows: a codec keeps the flicker of some blocks back.
+    Amplitudes don't matter: a codec suppresses the flicker of some blocks.
     """
     straight = tone * ramp.conj()
     line = np.ones_like(ramp)
@@ -256,7 +261,7 @@ def _in_phase(tone: Complex, beside: Complex, ramp: Complex, place: Float) -> fl
 def _tones(seen: Float, t_s: Float, phase_rad: Float) -> tuple[Float, Complex, Complex]:
     """Mean levels, tones at the phase, and tones beside it: (cells,), (cells,), (beside, cells).
 
-    Under a Hann window, drifts taken off.
+    Under a Hann window, with linear drift removed.
     """
     x = (t_s - t_s[0]) / (t_s[-1] - t_s[0]) - 0.5
     weight = np.cos(np.pi * x) ** 2
@@ -271,14 +276,14 @@ def _tones(seen: Float, t_s: Float, phase_rad: Float) -> tuple[Float, Complex, C
 
 
 def _turns(tone: Complex, place: Float, most: float) -> float:
-    """Turns down the rows, whatever the phase of each strip is."""
+    """Turns down the rows of largest power, with a free phase in each strip."""
     half = np.ceil(most / TURNS_STEP)
     turns = np.arange(-half, half + 1) * TURNS_STEP
     return float(turns[np.argmax(_power(np.exp(-2j * np.pi * np.outer(turns, place)) @ tone))])
 
 
 def _shares(place: Float, strips: int) -> Float:
-    """Smooth shares over the picture, shape (shares, bands, strips)."""
+    """Polynomials of place over the picture, shape (shares, bands, strips)."""
     down = (2.0 * place - 1.0)[:, None]
     across = np.linspace(-1.0, 1.0, strips)[None, :] if strips > 1 else np.zeros((1, 1))
     orders = [(i, j) for i in range(ORDER + 1) for j in range(min(ORDER - i, strips - 1) + 1)]

@@ -1,13 +1,12 @@
-"""Was a stream converted to another frame rate? By its pictures, and where these don't tell, light.
+"""Detects frame-rate conversion of a stream: from its pictures, else from its light.
 
-One decision for all who go by frame times: who can undo a conversion does so, others say nothing.
+All stages that rely on frame times share this decision: those that can undo a conversion do so, the
+others give no estimate.
 
-Is the frame rate another one, 0.1 % off, such as 29.97 frames/s for 30?
-
-Converted between such rates a recording loses a frame, or shows one twice, every 1001 frames, and
-in between its light's frequency is off by 0.1 %, as a grid's may be by itself. So where a grid is
-likelier to be where the other rate would put it, what is said waits until more frames than that
-were seen in a row without one that slips; or it isn't said.
+:class:`SeamWatch` asks whether the frame rate is another one, 0.1 % off, such as 29.97 frames/s for
+30. Converted between such rates, a recording loses or repeats a frame every 1001 frames, and its
+light's frequency is off by 0.1 % in between, as a grid's may be by itself. Where the other rate
+gives the more usual frequency, seconds wait until a longer stretch without a slip is seen.
 """
 
 from __future__ import annotations
@@ -42,27 +41,27 @@ from rsenf.messages import RowBlock
 Float = NDArray[np.float64]
 
 HARMONICS = 3
-# Length of the course's filter, places of the beat that are tried, and what a conversion that shows
-# in what drifts must have: standard errors from 0, and a factor near 1.
+# Length of the smoothing filter, beat phases tried; and for a conversion found by drift, the least
+# factor in standard errors, and its largest distance from 1.
 SMOOTH_S, DRIFT_PLACES, MIN_STDS, MOST_OFF_FACTOR = 2.0, 32, 10.0, 0.2
-DRIFT_BLOCKS = 8  # of time, which have to agree
-# Share of the usual difference between two pictures below which they are the same; and of frames
-# that are the same as the last, beyond which a codec makes them so.
+DRIFT_BLOCKS = 8  # blocks of time, whose spread enters the factor's standard error
+# Difference between two pictures, relative to the usual one, below which they are the same; and
+# share of frames that repeat the last above which a codec causes it.
 SAME_PICTURE, MOST_DOUBLED = 0.02, 0.1
-MUCH_CLEARER = 2.0  # by which the light's power over noise has to be more for stamps to be wrong
-AGAIN_S = 60.0  # after which it is looked whether there is one, where there was none
+MUCH_CLEARER = 2.0  # ratio of the light's SNRs above which even times replace the stamps
+AGAIN_S = 60.0  # interval between searches in :meth:`Conversions.why_not`
 NTSC = 1.001
 WHOLE_HZ = (24.0, 30.0, 48.0, 60.0, 120.0)
-RATE_RATIO = 1e-4  # of a rate's distance from a usual one
+RATE_RATIO = 1e-4  # largest relative distance from a usual rate
 BEAT_FRAMES = 1001
-SLACK_FRAMES = 8  # by which a place may be wrong
-# Logarithm of the odds of the rate by the stamps, by the frequency alone. One recording in twenty
-# may be converted so: below the first that is likelier than one in five, and seconds wait; below
-# the second it is even, and they aren't told in the end. Where a frame slipped it has to be sure.
+SLACK_FRAMES = 8  # tolerance of a seam's place
+# Log odds of the rate by the stamps, from the frequency alone; one recording in twenty may be
+# converted. Below the first, a conversion is likelier than one in five, and seconds wait; below the
+# second it is even, and they are refused in the end. After a slip SURE_LOG_ODDS is needed.
 WAIT_LOG_ODDS, LEAST_LOG_ODDS = -1.4, -3.0
-SAME_TURNS = 0.05  # between leaps of the phase that are the same
-CLEARLY = 2.0  # times the likelihood that a slip takes to be found
-HOLD_S = 60  # seconds wait at most so long
+SAME_TURNS = 0.05  # largest difference between equal leaps of the phase
+CLEARLY = 2.0  # times the log likelihood ratio that a slip needs to be found
+HOLD_S = 60  # longest wait of a second
 SEAMS = (
     "the frequency is off by 0.1 %, as where the frame rate was converted between 29.97 and 30 or "
     "alike, and no stretch of frames shows that it wasn't"
@@ -70,16 +69,16 @@ SEAMS = (
 
 
 class Conversions:
-    """Looks for conversions in a stream of rows, which it keeps.
+    """Buffers a stream of rows, and searches it for frame-rate conversion.
 
     Parameters
     ----------
     nominals_hz : tuple of float
-        Grids whose light is looked for.
+        Nominal frequencies of the grids whose light is sought.
     first : RowBlock
-        First of the stream.
+        First block of the stream.
     rate_hz : float
-        Frame rate by the stamps.
+        Frame rate by the time stamps.
 
     Attributes
     ----------
@@ -97,7 +96,7 @@ class Conversions:
         self._again_s, self._why = -np.inf, ""
 
     def add(self, block: RowBlock) -> None:
-        """Take a block of as many rows as the first."""
+        """Append a block with as many rows as the first."""
         self.columns.append(block, self.basis.reduce(block))
         self._new.append(block, self._news.of(block.level))
 
@@ -107,10 +106,21 @@ class Conversions:
             values.forget_before(t_s)
 
     def find(self, start_s: float, end_s: float) -> tuple[Conversion | None, bool]:
-        """Find how a stretch was converted, if it was; whether pictures prove it, or light only."""
+        """Find how a time span was converted.
+
+        Parameters
+        ----------
+        start_s, end_s : float
+
+        Returns
+        -------
+        conversion : Conversion or None
+        is_proven : bool
+            Whether pictures or their slow drift show it; else only the light's tone does.
+        """
         part = self.columns.between(start_s, end_s)
         if RegularClock.fit(self.columns.numbers(part), self.columns.times(part)) is not None:
-            return None, False  # converters write even stamps
+            return None, False  # stamps jitter, and converters write even ones
         stamp_s, news = self._new.usable_of(start_s, end_s)
         proven = find_remade(stamp_s, news, self._rate_hz, self._news.chance)
         if proven is not None:
@@ -122,7 +132,7 @@ class Conversions:
         return find_conversion(self._nominals_hz, t_s, columns, self._rate_hz), False
 
     def why_not(self, start_s: float, end_s: float) -> str:
-        """Say why frame times can't be gone by; '' where they can. Looked up now and then."""
+        """Return why frame times are unreliable, or ''; searched again every ``AGAIN_S`` s."""
         if end_s >= self._again_s:
             found, _ = self.find(start_s, end_s)
             self._again_s = end_s + AGAIN_S
@@ -130,20 +140,18 @@ class Conversions:
         return self._why
 
     def doubled(self, second: int) -> tuple[int, ...] | None:
-        """Frames of a second that show the picture before again; None where noise doesn't tell."""
+        """Frames of a second that repeat the picture before; None where noise can't show it."""
         part = self._new.between(second, second + 1)
         news = self._new.values(part)[:, 0]
         usual = float(np.median(news)) if news.size else 0.0
-        # The first has none before.
-        same = (news < SAME_PICTURE * usual) & (
-            self._new.times(part) > 0.0
-        )  # the first has no last
+        # The stream's first frame has no predecessor.
+        same = (news < SAME_PICTURE * usual) & (self._new.times(part) > 0.0)
         if not usual > 0.0 or same.sum() > MOST_DOUBLED * news.size:
             return None
         return tuple(self._new.numbers(part)[same].tolist())
 
     def clock_of(self, start_s: int, end_s: int, min_snr: float) -> RegularClock | None:
-        """Return a clock by which the light stands out much more than by the time stamps."""
+        """Return an even clock if the light's SNR is much higher by it than by the stamps."""
         part = self.columns.between(start_s, end_s)
         own = self.columns.usable(part)
         numbers, t_s = self.columns.numbers(part)[own], self.columns.times(part)[own]
@@ -160,23 +168,24 @@ class Conversions:
         return clock if snr[0] > MUCH_CLEARER * snr[1] else None
 
     def go_by(self, clock: RegularClock) -> None:
-        """Go by even times instead of the frames' stamps so far."""
+        """Replace the time stamps of all frames so far by a regular clock's."""
         self._rate_hz = clock.frame_rate_hz
         for values in (self.columns, self._new):
             values.go_by(clock)
 
     def undo(self, conversion: Conversion) -> None:
-        """Go by the times at which frames were taken from now on."""
+        """Replace time stamps by the times at which the camera took the frames."""
         for values in (self.columns, self._new):
             values.convert(conversion)
 
 
 def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | None:
-    """Find a conversion by what changes slowly: the frames show it at uneven times.
+    """Detect a conversion by slow changes, which the frames then show at uneven times.
 
-    Light that stands still from frame to frame, by the camera's rate and by the stamps, still
-    drifts with the grid. Each frame is off the smooth course by the course's slope times how late
-    its stamp is: of a conversion that is known, and its factor is 1 (a regression through 0).
+    Light with an alias at 0 Hz, both at the camera's rate and at that of the stamps, still drifts
+    with the grid. The residual of each frame from the smooth course is the course's slope times the
+    lateness of its stamp. A hypothetical conversion predicts the lateness, so the regression of one
+    on the other, through the origin, has the factor 1 for the right one.
 
     Parameters
     ----------
@@ -190,7 +199,7 @@ def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | N
     shown = round_rate(shown_hz)
     half = int(SMOOTH_S * shown) // 2
     if t_s.size < 8 * half or np.ptp(np.rint(np.diff(t_s) * shown)) > 0:
-        return None  # a filter needs frames in a row
+        return None  # the filter needs consecutive frames
     rough, slope = _course(columns, half)
     slope *= shown
     weight = 1.0 / np.maximum(rough.var(axis=0), np.finfo(float).tiny)
@@ -208,7 +217,7 @@ def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | N
                 continue
             told = np.add.reduceat(power * late_s, blocks)
             factor = float(told.sum() / size.sum())
-            # What a codec holds back has a factor of its own in each block.
+            # What a codec suppresses has a different factor in each block.
             std = max(size.sum() ** -0.5, float(np.std(told / size)) / DRIFT_BLOCKS**0.5)
             if abs(factor - 1.0) < MOST_OFF_FACTOR and factor / std > best:
                 best, found = factor / std, made
@@ -216,9 +225,10 @@ def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | N
 
 
 def _course(values: Float, half: int) -> tuple[Float, Float]:
-    """What a smooth course leaves of values, and its slope a frame (Savitzky & Golay 1964).
+    """Residual of values from their smooth course, and its slope per frame; without the ends.
 
-    Anal. Chem. 36, 1627: a parabola through ``half`` frames on either side, but for the ends.
+    Savitzky-Golay filter: a parabola through ``half`` frames on either side (Savitzky, A. and
+    Golay, M. J. E. (1964), Anal. Chem. 36, 1627).
     """
     place = np.arange(-half, half + 1)
     level, slope, _ = np.linalg.pinv(np.vander(place, 3, increasing=True))
@@ -227,7 +237,7 @@ def _course(values: Float, half: int) -> tuple[Float, Float]:
 
 
 def words_of(conversion: Conversion) -> str:
-    """Say to a reader why frame times can't be gone by."""
+    """Return in words why frame times are unreliable."""
     return conversion.why_not_undone or (
         "frames were dropped or doubled to convert the rate from "
         f"{conversion.source_hz:.6g} frames/s: only projection undoes that"

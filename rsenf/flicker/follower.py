@@ -1,7 +1,8 @@
-"""Follows the flicker's phase through a stream of row blocks, second by second.
+"""Tracks the flicker's phase through a stream of row blocks, second by second.
 
-First it looks for flicker, window by window; what is found is followed from there, backwards to
-the first second that isn't out yet, and onwards (:mod:`rsenf.flicker.phase_tracker`).
+Detection tests one window after another. From a detection the phase is tracked backwards to the
+first second that isn't out yet, then forwards (:mod:`rsenf.flicker.phase_tracker`). While nothing
+is detected, an alias near 0 Hz is tried as well (:mod:`rsenf.flicker.near_dc_tracker`).
 """
 
 from __future__ import annotations
@@ -40,14 +41,14 @@ from rsenf.timebase import nanoseconds
 Float = NDArray[np.float64]
 
 NOMINALS_HZ = (50.0, 60.0)
-# Frames held back until the frame rate is known well enough.
+# Frames held back to measure the frame rate.
 RATE_NEEDS_S = 1.0
 LEAST_RATE_HZ, MOST_RATE_HZ = 0.1, 1e5  # beyond these it is no camera's
-LOOK_S = 20  # window in which flicker is looked for, if the clip isn't shorter
-HOLD_S = 60  # seconds are held back so long while nothing is found
-LONG_EVERY_S = 10  # and all of them are looked at so often, where that may tell light
-YOUNG_S = 30  # and so long while it isn't known which way the read-out runs
-GIVE_UP_S = 30  # seconds without the tone after which it is looked for anew
+LOOK_S = 20  # detection window, unless the clip is shorter
+HOLD_S = 60  # seconds held back while nothing is detected
+LONG_EVERY_S = 10  # interval at which all of them are tested, where a window leaves doubt
+YOUNG_S = 30  # seconds held back while the read-out direction is unknown
+GIVE_UP_S = 30  # seconds without the tone after which detection starts again
 MIN_FILL_RATIO = 0.8
 TOO_SHORT = "too short to tell which frame rate this one was made of"
 
@@ -58,10 +59,9 @@ class FlickerFollower:
     Parameters
     ----------
     nominal_hz : float, optional
-        50 or 60; found from the data when not given.
+        Nominal grid frequency, 50 or 60; found from the data if not given.
     min_snr : float
-        Tone power over noise power in a resolution cell of a 20 s window, below which there is no
-        signal.
+        Detection threshold: tone power over noise power in a resolution cell of a 20 s window.
     """
 
     def __init__(self, nominal_hz: float | None = None, *, min_snr: float = MIN_SNR) -> None:
@@ -71,19 +71,19 @@ class FlickerFollower:
         self._basis: ProfileBasis | None = None
         self._buffer = self._cells = SlowTime(1, 0)
         self._conversions: Conversions | None = None
-        self._rate_hz = float("nan")  # of the camera
-        self._come_hz = float("nan")  # of the frames that came
-        self._reached = 0  # whole seconds that have been looked at
-        self._next = 0  # second to be looked at next
-        self._ready: deque[FlickerSecond] = deque()  # by a fit already, but not due yet
+        self._rate_hz = float("nan")  # frame rate of the camera
+        self._come_hz = float("nan")  # frame rate as received
+        self._reached = 0  # whole seconds received
+        self._next = 0  # next second to compute
+        self._ready: deque[FlickerSecond] = deque()  # computed, but not due yet
         self._lock: PhaseTracker | None = None
         self._still: NearDcTracker | None = None  # where an alias may be at 0 Hz
         self._still_until = 0  # second up to which its phase is known
         self._ramp: NDArray[np.complex128] | None = None
         self._why = NO_FLICKER
-        self._try_again = 0  # second from which on a converted frame rate is looked for again
-        self._why_remade = ""  # why frame times can't be had back
-        self._clock: RegularClock | None = None  # where stamps jitter
+        self._try_again = 0  # second of the next search for a converted frame rate
+        self._why_remade = ""  # why a conversion can't be undone
+        self._clock: RegularClock | None = None  # replaces stamps that jitter
 
     def update(self, block: RowBlock) -> list[FlickerSecond]:
         """Take a block of rows; return the seconds that it completes."""
@@ -109,7 +109,7 @@ class FlickerFollower:
         return self._buffer.origin_ns
 
     def _begin(self, *, final: bool) -> bool:
-        """Set up when the frame rate is known: from the first frames up to a second."""
+        """Set up once the frame rate is known, from up to a second of frames."""
         pts = np.concatenate([b.frame_pts_ns for b in self._waiting])
         numbers = np.concatenate([b.frame_number for b in self._waiting])
         enough = int(np.searchsorted(pts, pts[0] + nanoseconds(RATE_NEEDS_S)))
@@ -120,7 +120,7 @@ class FlickerFollower:
         lasted_ns = pts[enough] - pts[0]
         frames = int(numbers[enough] - numbers[0])
         if not LEAST_RATE_HZ * lasted_ns < frames * 1e9 < MOST_RATE_HZ * lasted_ns:
-            del self._waiting[0]  # a clock that stood still or leapt: begin after it
+            del self._waiting[0]  # the clock stood still or jumped: begin after that
             return False
         self._come_hz = float(frames * 1e9 / lasted_ns)
         pts, numbers = pts[: enough + 1], numbers[: enough + 1]
@@ -149,7 +149,7 @@ class FlickerFollower:
             self._still.add(block, self._buffer.origin_ns)
 
     def _advance(self, *, final: bool) -> list[FlickerSecond]:
-        """Look at every second that is full, then, at the end, at what is left."""
+        """Process every complete second; at the end, the rest as well."""
         out: list[FlickerSecond] = []
         while self._reached + 1 <= self._buffer.last_t_s:
             self._reached += 1
@@ -159,7 +159,7 @@ class FlickerFollower:
         return out
 
     def _at(self, end: int, *, final: bool) -> list[FlickerSecond]:
-        """Do what can be done with the frames before second ``end``; at the end, all of it."""
+        """Process the frames before second ``end``; at the end, all that remain."""
         look_s = min(LOOK_S, end)
         if self._lock is None and (look_s == LOOK_S or (final and look_s >= self._shortest_s)):
             self._look(end - look_s, end, is_long=final or end % LONG_EVERY_S == 0)
@@ -168,7 +168,7 @@ class FlickerFollower:
             known = end - AHEAD_S + TOGETHER_S - 1 if _fits(end) else 0
         else:
             self._look_still(end, final=final)
-            # A young stream may still tell which way its read-out runs.
+            # Early in a stream the read-out direction may still become known.
             is_settled = end > YOUNG_S or (self._still is not None and self._still.knows_direction)
             known = max(self._still_until - AHEAD_S if is_settled else 0, end - HOLD_S)
         while self._next < (end if final else known):
@@ -186,7 +186,7 @@ class FlickerFollower:
         return out
 
     def _look_still(self, end: int, *, final: bool) -> None:
-        """Look, now and then, for flicker that stands nearly still."""
+        """Look for an alias near 0 Hz, every ``EVERY_S`` seconds."""
         if self._still is None or self._why_remade or end < SHORTEST_S:
             return
         self._still.forget_before(end - SPAN_S)
@@ -200,7 +200,7 @@ class FlickerFollower:
     def _second(self, index: int, end: int) -> FlickerSecond:
         if self._lock is not None:
             self._lock.settled_s = self._next
-            self._lock.around(self._buffer, index, end)  # which frames are this second's
+            self._lock.around(self._buffer, index, end)  # slips move frames between seconds
             second = self._lock.second(self._buffer, self._blank(index), end)
             if self._lock.failed >= GIVE_UP_S:
                 self._lock, self._why = None, second.reason
@@ -227,7 +227,7 @@ class FlickerFollower:
         )
 
     def _look(self, start: int, end: int, *, is_long: bool) -> None:
-        """Look for flicker, and go back along it to the first second that isn't out yet."""
+        """Detect flicker in a window, and track it back to the first second that isn't out yet."""
         assert self._basis is not None
         t_s, columns = self._buffer.usable_of(start, end)
         if t_s.size < MIN_FILL_RATIO * self._shown_hz * (end - start):
@@ -246,7 +246,7 @@ class FlickerFollower:
         lock.settled_s = self._next
         self._why = lock.why_not_mains(start, end)
         first = int(self._buffer.first_t_s)
-        if self._why in (CREEPS, TOO_BRIEF, PATCHY):  # unless a fit shows that it moves as a grid
+        if self._why in (CREEPS, TOO_BRIEF, PATCHY):  # a fit may show a grid's wander
             lock.extend(self._buffer, start, end)
             self._why = lock.why_not_mains(start, end)
         if self._why == PATCHY and is_long:
@@ -260,12 +260,12 @@ class FlickerFollower:
         self._go_back(lock, start, first)
 
     def _go_back(self, lock: PhaseTracker, start: int, first: int) -> None:
-        """Follow the flicker from a window that begins at ``start`` back to second ``first``."""
+        """Track from a window that begins at ``start`` back to second ``first``."""
         for before in range(start - 1, first - 1, -1):
             lock.extend(self._buffer, before, before + LOOK_S)
 
     def _goes_by_a_clock(self, start: int, end: int) -> bool:
-        """Go by even frame times where the light is much clearer by them than by stamps."""
+        """Switch to even frame times if they make the light's SNR much higher."""
         assert self._conversions is not None
         clock = self._conversions.clock_of(start, end, self._min_snr)
         if clock is None:
@@ -277,17 +277,17 @@ class FlickerFollower:
 
     @property
     def _shortest_s(self) -> float:
-        """Least time that flicker is looked for in: more where no rows say what it is."""
+        """Shortest window for detection: longer without rows to test the light by."""
         return SHORT_S if self._basis and self._basis.rows > 1 else BRIEF_S
 
     @property
     def _shown_hz(self) -> float:
-        """Rate at which frames come of which each is a new one."""
+        """Rate of distinct frames received."""
         conversion = self._buffer.conversion
         return min(conversion.source_hz, conversion.shown_hz) if conversion else self._come_hz
 
     def _found(self, t_s: Float, columns: Float, span_s: tuple[int, int]) -> Found | str:
-        """Look for flicker by the times at which frames were taken; say why there is none."""
+        """Detect flicker at the times at which frames were taken, or say why there is none."""
         assert self._basis is not None
         assert self._conversions is not None
         if self._buffer.conversion is None and span_s[1] >= self._try_again:
@@ -315,5 +315,5 @@ class FlickerFollower:
 
 
 def _fits(end: int) -> bool:
-    """Whether a window is fitted that ends here; one is as long as can be."""
+    """Whether a window of full length is fitted that ends at this second."""
     return end >= WINDOW_S and (end - WINDOW_S) % TOGETHER_S == 0

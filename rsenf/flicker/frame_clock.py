@@ -1,9 +1,9 @@
-"""The camera's frame rate, whatever frames are missing from its stream and however stamps jitter.
+"""Frame clock: the camera's frame rate despite missing frames and jittering time stamps.
 
 A free-running sensor begins its frames at even times; a driver or a network stamps them when they
-arrive. Jitter of 4 ms turns the phase of light at 100 Hz by 2.5 rad, and nothing of it is left. By
-the straight line through the stamps over the frame numbers it is there again. What remains is the
-error of the line's slope, which all frequencies share.
+arrive. Jitter of 4 ms turns the phase of 100 Hz light by 2.5 rad, and the tone is lost. A straight
+line through the stamps over the frame numbers restores it. What remains is the error of its slope,
+a scale error that all frequencies share.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from rsenf.timebase import NS_PER_S
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
-MIN_FRAMES = 16  # fewer don't tell a frame that is missing from stamps that jitter
+MIN_FRAMES = 16  # with fewer, a missing frame and jitter look alike
 COUNTED_FRAMES = 32  # whose periods are counted together
 MIN_JITTER_S = 5e-4  # rms; less turns the light's phase by a third of a radian at most
-MOST_OFF = 0.5  # frame periods by which a stamp may be off the line: beyond, a frame is missing
-MOST_ALIKE = 0.5  # correlation of neighbouring stamps' errors; more is a rate that varies
+MOST_OFF = 0.5  # frame periods; a stamp farther off the line means a missing frame
+MOST_ALIKE = 0.5  # lag-1 autocorrelation of the residuals; above it the rate varies
 
 
 class RegularClock:
     """Line through time stamps over frame numbers (ordinary least squares, running sums).
 
-    Frames keep to the line that was known when the clock was made: a later one would move what is
-    out already. By how much the light's frequency is off for that, ``rate_ratio`` says.
+    Frame times stay on the line known when the clock was made, since a new line would move results
+    that are already out. ``rate_ratio`` is the correction of frequencies that this requires.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class RegularClock:
 
     @classmethod
     def fit(cls, number: Int, stamp_s: Float) -> Self | None:
-        """Fit a clock to stamps that jitter; None where they don't, or aren't of even frames."""
+        """Fit a clock to jittering stamps; None if they don't jitter, or frames aren't even."""
         if number.size < MIN_FRAMES or not number[-1] > number[0]:
             return None
         clock = cls(number, stamp_s)
@@ -65,29 +65,29 @@ class RegularClock:
 
     @property
     def frame_rate_hz(self) -> float:
-        """Frames a second that the clock was made with."""
+        """Frame rate at which the clock was made."""
         return 1.0 / self._period_s
 
     @property
     def rate_ratio(self) -> tuple[float, float]:
-        """Frame rate by all stamps so far over that of the clock, and its standard error."""
+        """Frame rate by all stamps so far over the clock's, and its standard error."""
         count, n, _, nn, _ = self._sums
         period_s, _ = self._line()
         variance = self._left_power / max(count - 2.0, 1.0) / (nn - n * n / count)
         return self._period_s / period_s, float(np.sqrt(variance)) / period_s
 
     def times(self, number: Int) -> Float:
-        """When frames were taken, since the first, shape (frames,)."""
+        """Times at which frames were taken since the first, shape (frames,)."""
         place = number - self._first + self._missing
         return np.asarray(self._begin_s + self._period_s * place)
 
     def regular(self, block: RowBlock, origin_ns: int) -> RowBlock:
-        """Give a block's frames even times, and learn from their stamps."""
+        """Return a block with even frame times, and add its stamps to the fit."""
         stamp_s = (block.frame_pts_ns - origin_ns) / NS_PER_S
         place = (block.frame_number - self._first + self._missing).astype(np.float64)
         period_s, begin_s = self._line()
         left = stamp_s - begin_s - period_s * place
-        # A gap that the numbers don't tell of: all that follow are late by whole frames.
+        # A gap that frame numbers don't show: all later frames are late by whole periods.
         if late := round(float(np.median(left)) / period_s):
             self._missing += late
             place, left = place + late, left - late * period_s
@@ -111,43 +111,48 @@ class RegularClock:
 
 
 def usual_gap_ns(pts_ns: Int64Array) -> float:
-    """Median time from a frame to the next; 0 where no clock runs."""
+    """Median time from a frame to the next; 0 if the clock stands still."""
     gaps_ns = np.diff(pts_ns)
     return float(np.median(gaps_ns[gaps_ns > 0])) if np.any(gaps_ns > 0) else 0.0
 
 
 def frame_periods(pts_ns: Int64Array, number: Int64Array, usual_ns: float) -> int:
-    """Count the frame periods from the first frame to the last.
+    """Count the frame periods from the first frame to the last, missing frames included.
 
-    A frame that never came counts all the same: by the jump in frame numbers, or, in a file whose
-    frames are only counted, by an interval that is twice as long as usual.
+    A frame that never came shows as a jump in frame numbers or, where the numbers only count the
+    frames received, as an interval about twice as long as usual.
 
     Parameters
     ----------
     pts_ns, number : ndarray, shape (frames,)
         Time and number of each frame.
     usual_ns : float
-        Time that most frames take; 0 is unknown.
+        Usual time between frames; 0 if unknown.
+
+    Examples
+    --------
+    >>> frame_periods(np.array([0, 40, 120]) * 10**6, np.array([0, 1, 2]), 40e6)
+    3
     """
     if RegularClock.fit(number, pts_ns / NS_PER_S) is not None:
-        return int(number[-1] - number[0])  # long intervals are but late stamps
+        return int(number[-1] - number[0])  # long intervals are jitter
     jumps = np.diff(number)
     by_time = np.rint(np.diff(pts_ns) / usual_ns) if usual_ns else jumps
     return int(np.maximum(jumps, by_time).sum())
 
 
 class FrameClock:
-    """Counts frame periods and the time they take, over all of a stream."""
+    """Counts frame periods, and the time they take, over a whole stream."""
 
     def __init__(self) -> None:
         self._first_ns: int | None = None  # a stream's clock may begin below zero
-        # Frames since those whose periods were counted, with the last of these.
+        # Frames not yet counted, preceded by the last counted one.
         self._pts_ns, self._number = np.empty((2, 0), np.int64)
         self._usual_ns = 0.0
         self._periods = 0
 
     def add(self, block: RowBlock) -> None:
-        """Take the times of a block's frames."""
+        """Add the times of a block's frames."""
         if self._first_ns is None:
             self._first_ns = int(block.frame_pts_ns[0])
         self._pts_ns = np.concatenate([self._pts_ns, block.frame_pts_ns])
@@ -159,7 +164,7 @@ class FrameClock:
 
     @property
     def _waiting(self) -> int:
-        """Periods of the frames that aren't counted yet."""
+        """Periods of the frames not yet counted."""
         return frame_periods(self._pts_ns, self._number, self._usual_ns)
 
     @property

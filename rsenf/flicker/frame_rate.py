@@ -1,10 +1,10 @@
-"""Which frame rates would the flicker go with, where frames have no times?
+"""Frame-rate hypotheses from the light, for rows without frame times.
 
-Rows without times tell two things of mains light: the cycles ``a`` by which its phase advances
-from frame to frame, whole cycles left out and the sign unknown, and the turns ``q`` of its phase
-down the rows. Light at ``f_0`` in truth advances by ``c = f_0/F = k + a`` cycles at ``F`` frames/s,
-or by ``c = k − a`` with the ramp the other way. A read-out of ``|q|/f_0`` must fit in the frame's
-time, so that the idle ratio ``1 − |q|/c`` is not below 0; it needs ``k``, and no frame rate.
+Without frame times, rows under mains light yield two quantities: the cycles ``a`` by which the
+phase advances from frame to frame, modulo 1 and without sign, and the turns ``q`` of the phase down
+the rows. Light at ``f_0`` truly advances by ``c = f_0/F = k + a`` cycles at ``F`` frames/s, or by
+``c = k − a`` with the ramp the other way. The read-out time ``|q|/f_0`` must fit in the frame
+period: the idle ratio ``1 − |q|/c`` isn't negative. It depends on ``k``, but on no frame rate.
 """
 
 from __future__ import annotations
@@ -27,32 +27,32 @@ Complex = NDArray[np.complex128]
 
 MIN_FRAMES, MOST_FRAMES = 120, 600
 MIN_ROWS = 16
-RESTING = Wander(known=min(STEADY))  # of what may be anything's
-MOST_TURNS = 8.0  # 120 Hz, read out in all of a frame at 15 frames/s
-TRIED = 6  # tones looked at, the strongest first
-PEAK_CELLS = 1e-3  # error of a peak's interpolation
-APART_CELLS = 2.0  # between them; and from 0 and half a cycle a frame, where mirror images meet
+RESTING = Wander(known=min(STEADY))  # counts as steady, for the strictest test
+MOST_TURNS = 8.0  # 120 Hz, read out over the whole frame at 15 frames/s
+TRIED = 6  # tones tested, the strongest first
+PEAK_CELLS = 1e-3  # error of the peak interpolation
+APART_CELLS = 2.0  # between tones; and from 0 and half a cycle a frame, where mirror images meet
 COMMON_HZ = (24 / 1.001, 24.0, 25.0, 30 / 1.001, 30.0, 50.0, 60 / 1.001, 60.0)
 COMMON_RATIO = 2e-3
 LEAST_HZ, MOST_HZ = 5.0, 240.0
-SLACK_RATIO = 0.02  # of the frame's time, by which a read-out may seem too long
-SHOWN = 4  # hypotheses in words
+SLACK_RATIO = 0.02  # of the frame period, by which a read-out may exceed it
+SHOWN = 4  # hypotheses listed in words
 UNTIMED = "no frame times, so that the frame rate is only assumed"
 GIVE_RATE, IS_IT_WRONG = "give --frame-rate", "is the frame rate wrong?"
-# Reasons that a wrong frame rate gives.
+# Reasons that a wrong frame rate may cause.
 DOUBTFUL = (NO_FLICKER, AT_EDGE, NO_GRID, TOO_LONG)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PerFrame:
-    """What rows tell of the light without frame times, and the frame rates that go with it.
+    """What rows show of the light without frame times, and the frame rates that fit.
 
     Attributes
     ----------
     cycles, cycles_std : float
-        By which the light's phase advances from frame to frame, 0 to 0.5; its standard error.
+        Phase advance from frame to frame, 0 to 0.5 cycles, and its standard error.
     turns, turns_std : float
-        Of the same phase down the rows of a frame.
+        Turns of the same phase down the rows of a frame.
     hypotheses : tuple of RateHypothesis
         Common rates first, then by how near they are to the rate by the frames' times.
     """
@@ -65,7 +65,7 @@ class PerFrame:
 
     @property
     def words(self) -> str:
-        """What was measured, for a person."""
+        """The measured quantities in words."""
         return (
             f"the light turns {self.cycles:.5f} ± {self.cycles_std:.1g} cycles a frame, "
             f"{self.turns:.3f} ± {self.turns_std:.1g} turns down the rows"
@@ -73,7 +73,7 @@ class PerFrame:
 
 
 def likely(rates: tuple[RateHypothesis, ...]) -> str:
-    """Say the first of some hypotheses to a person."""
+    """Return the first few hypotheses in words."""
     said = [
         f"{2 * h.nominal_hz:.0f} Hz if the rate is {h.frame_rate_hz:.2f} (idle "
         f"{100 * h.idle_ratio:.1f} %, {h.direction})"
@@ -84,23 +84,23 @@ def likely(rates: tuple[RateHypothesis, ...]) -> str:
 
 
 class FrameRateFinder:
-    """Keeps the first frames of a stream, and looks for light in them when asked.
+    """Keeps the first frames of a stream, and searches them for light on request.
 
     Parameters
     ----------
     nominal_hz : float, optional
-        Of the grid, where it is known.
+        Nominal grid frequency, if known.
     """
 
     def __init__(self, nominal_hz: float | None) -> None:
         self._nominals_hz = (nominal_hz,) if nominal_hz else (50.0, 60.0)
         self._blocks: list[RowBlock] = []
         self._frames = 0
-        self._looked = 0  # frames that were looked at
+        self._looked = 0  # frames at the last search
         self._found: PerFrame | None = None
 
     def add(self, block: RowBlock) -> None:
-        """Take a block of rows, as long as more are needed."""
+        """Add a block of rows, until there are ``MOST_FRAMES`` frames."""
         if not block.frames or not block.usable or self._frames >= MOST_FRAMES:
             return
         if self._blocks and block.level.shape[1:] != self._blocks[0].level.shape[1:]:
@@ -109,7 +109,7 @@ class FrameRateFinder:
         self._frames += block.frames
 
     def found(self) -> PerFrame | None:
-        """Return what the frames so far tell; None where no light is found."""
+        """Return what the frames so far show; None if no light is found."""
         if MIN_FRAMES <= self._frames != self._looked:
             self._looked, self._found = self._frames, self._look()
             if self._frames >= MOST_FRAMES:
@@ -117,9 +117,9 @@ class FrameRateFinder:
         return self._found
 
     def _look(self) -> PerFrame | None:
-        """Try the strongest tones of all, until one is light, or surely a pattern.
+        """Test the strongest tones until one is light, or certainly a pattern.
 
-        A pattern's overtones may pass for light by chance.
+        A pattern ends the search, since its overtones may pass for light by chance.
         """
         first = self._blocks[0]
         if first.rows < MIN_ROWS:
@@ -153,7 +153,7 @@ class FrameRateFinder:
             why_not = why_not_light(light, MOST_TURNS, RESTING)
             if why_not in (PATTERN, PATCHY):
                 return None
-            if why_not or abs(light.turns) < AT_ONCE:  # all rows at once: anything that blinks
+            if why_not or abs(light.turns) < AT_ONCE:  # rows in phase: anything that blinks
                 continue
             slope, slope_std = _slope(cells, n, phase, bands, light.turns)
             return PerFrame(
@@ -169,17 +169,23 @@ class FrameRateFinder:
 def hypotheses(
     cycles: float, turns: float, counted_hz: float, nominals_hz: tuple[float, ...]
 ) -> tuple[RateHypothesis, ...]:
-    """Frame rates at which a grid's light would show so.
+    """List the frame rates at which a grid's light would show these values.
 
     Parameters
     ----------
     cycles : float
-        A frame, between 0 and 0.5.
+        Phase advance from frame to frame, between 0 and 0.5.
     turns : float
-        Down the rows, of the phase that advances by ``cycles``.
+        Turns of that phase down the rows.
     counted_hz : float
-        Rate at which the frames' times say that they come.
+        Frame rate by the frames' times.
     nominals_hz : tuple of float
+
+    Examples
+    --------
+    >>> best = hypotheses(0.3367, 2.07, 30.0, (50.0,))[0]
+    >>> round(best.frame_rate_hz, 2), round(best.idle_ratio, 2), best.direction
+    (29.97, 0.38, 'forward')
     """
     found = []
     for nominal_hz in nominals_hz:
@@ -208,9 +214,9 @@ def hypotheses(
 
 
 def _slope(cells: Float, n: Float, phase: Float, bands: int, turns: float) -> tuple[float, float]:
-    """Turns down the rows by the cells' phases, near a guess, and their standard error.
+    """Turns down the rows from the cells' phases, near a guess, and their standard error.
 
-    Each strip's phase has a constant of its own.
+    Each strip has a constant phase of its own.
     """
     weight = np.cos(np.pi * n / (n[-1] - n[0])) ** 2 * np.exp(-1j * phase)
     tone = (weight @ (cells - cells.mean(axis=0))).reshape(bands, -1)
@@ -223,7 +229,7 @@ def _slope(cells: Float, n: Float, phase: Float, bands: int, turns: float) -> tu
     spread = np.sum(power * down**2)
     slope = np.sum(power * down * left) / spread
     left = left - (share * left).sum(axis=0) - slope * down
-    # What bends the phase of one band of a strip bends that of its others.
+    # Errors within a strip may be correlated: the larger of independent and clustered variance.
     pull = power * down * left / spread
     var = max(
         np.sum(part**2) * part.size / (part.size - 1)

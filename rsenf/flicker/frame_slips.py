@@ -1,12 +1,12 @@
-"""Frames that were lost or shown twice without their time stamps telling.
+"""Detects lost and repeated frames that the time stamps don't show.
 
-``s`` frames lost between two others turn the light's phase by ``s`` frame periods' worth from
-there on, and frames that are shown again turn it back: by hundreds of times a frame's own phase
-noise at most frame rates. So at every frame the phase of a few frames before is compared with
-that of a few after, by a generalised likelihood ratio (A. S. Willsky and H. L. Jones, "A
-generalized likelihood ratio approach to the detection and estimation of jumps in linear systems",
-IEEE Trans. Automatic Control 21, 1976) of the leap by ``s`` periods against none. Where a period
-holds a whole number of the flicker's, nothing leaps, and nothing is lost but the count.
+``s`` frames lost between two others advance the light's phase by ``s`` frame periods from there on,
+and repeated frames set it back: by hundreds of times a frame's phase noise at most frame rates. The
+statistic is a generalised likelihood ratio at every frame, of a phase jump by ``s`` periods against
+none, from the mean phasors of a few frames before and after (Willsky, A. S. and Jones, H. L.
+(1976), A generalized likelihood ratio approach to the detection and estimation of jumps in linear
+systems, IEEE Trans. Automatic Control 21). Where a frame period holds a whole number of flicker
+periods the phase doesn't jump, and only the frame count suffers.
 """
 
 from __future__ import annotations
@@ -20,46 +20,45 @@ from numpy.typing import NDArray
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# Frames before and after a place that are compared: few are enough where the flicker is strong.
+# Frames compared before and after a place: few suffice where the flicker is strong.
 HALVES = (4, 16)
-MOST = 3  # frames lost or shown again at one place
-# Natural logarithm of the likelihood ratio that a slip takes. Noise reaches it with a chance of
-# e⁻³⁰ at each of a hundred thousand frames, slips and lengths an hour: 1e-8 an hour if Gaussian.
+MOST = 3  # frames lost or repeated at one place
+# Least log likelihood ratio of a slip. Noise reaches it with a probability of e⁻³⁰ at each of a
+# hundred thousand frames, slips and lengths in an hour: 1e-8 an hour if Gaussian.
 LEAST_LOG_RATIO = 30.0
-# A leap by less than this isn't clear: grids make the like in some frames (rad).
+# Smaller phase jumps (rad) aren't clear: a grid may make them within some frames.
 LEAST_LEAP_RAD = 0.3
-# By which a leap may be off a whole number of periods: standard errors, and rad.
+# Tolerance of a jump from a whole number of periods: standard errors, plus rad.
 OFF_STDS, OFF_RAD = 4.0, 0.2
-# Of small leaps the least (rad), and the share that they may be off: one might be anything's, were
-# it not so exactly that size.
+# Small jumps: least size (rad) and relative tolerance. They count only since the size fits exactly.
 LEAST_STEP_RAD, OFF_RATIO = 5e-3, 0.15
 LEAST_STEP_LOG_RATIO = 18.0  # there are a hundred places and six sizes in half a minute
-# Variance beyond which a single frame says nothing: coding weakly repeats what it likes.
+# Variance above which a single frame shows nothing: low bit rates repeat arbitrary parts.
 CLEAR_VAR = 0.01
-MOST_AT_ONCE = 8  # places in one stretch: more is no accident
-# What is left of a frame's distance from its neighbours, once it is taken for a copy of the last.
+MOST_AT_ONCE = 8  # places in one window: more are no accident
+# Largest deviation of a frame from its neighbours as a copy of the last, relative to that without.
 STALE_RATIO = 0.6
-# Size of the flicker on both sides, relative to the stretch's, and share of the stretch in which it
-# has to be so: where light comes and goes, its phase is anything.
+# Amplitude of the flicker on both sides relative to the window's, and share of the window in which
+# it must be in this range: where light comes and goes, its phase is meaningless.
 SIZES, STEADY_RATIO = (0.5, 1.6), 0.8
-# Two frames are equal where they differ by so little of the mean square that noise accounts for.
+# Two frames are equal if their mean square difference is below this share of what noise causes.
 EQUAL_RATIO = 0.2
-NAMED = 12  # places that are named in words
-LEAST_VAR = 1e-6  # of a frame's phasor: rounding, and what no model of the light says
+NAMED = 12  # places listed in words
+LEAST_VAR = 1e-6  # of a frame's phasor: rounding, and errors of any model of the light
 
 
 @dataclass(frozen=True)
 class FrameSlip:
-    """Frames lost, or shown again, at one place.
+    """Frames lost or repeated at one place.
 
     Attributes
     ----------
     frame_number : int
-        The first frame after the place, or the first that is shown again.
+        First frame after the gap, or the first repeated one.
     frames : int
-        How many are lost; negative for those shown again. Where ``k`` periods of the frames hold
-        nearly a whole number of the flicker's, it is known up to whole multiples of ``k`` only:
-        then frames that equal the one before were shown again, and the fewest are counted.
+        Number of lost frames; negative for repeated ones. If ``k`` frame periods hold nearly a
+        whole number of flicker periods, it is known modulo ``k`` only: then it is the smallest
+        number, of repeated frames where the frame equals the one before, else of lost ones.
     """
 
     frame_number: int
@@ -69,25 +68,25 @@ class FrameSlip:
 def find_slips(
     light: Complex, step_rad: float, equal: NDArray[np.bool_], first: int = 0, apart: int = 1
 ) -> list[tuple[int, int]]:
-    """Find all places where frames slip and the phase leaps clearly, in order.
+    """Find all clear phase jumps by lost or repeated frames, in order.
 
     Parameters
     ----------
     light : ndarray of complex, shape (frames,)
-        Each frame's flicker relative to a smooth course of its phase, of about the same size.
+        Each frame's flicker relative to a smooth phase course, of roughly constant amplitude.
     step_rad : float
-        By how much the light's phase turns in a frame period.
+        Phase advance of the light in a frame period.
     equal : ndarray of bool, shape (frames,)
-        Whether a frame is equal to the one before, noise and all.
+        Whether a frame equals the one before, noise included.
     first : int
-        First frame at which to look.
+        First frame to search.
     apart : int
-        Least number of frames from one place to another.
+        Least number of frames between two places.
 
     Returns
     -------
     list of tuple of int
-        The frame, and how many are lost before it; negative for those shown again.
+        The frame, and the number of frames lost before it; negative for repeated ones.
     """
     slips = np.array([s for s in range(-MOST, MOST + 1) if s])
     leap = np.angle(np.exp(1j * slips * step_rad))
@@ -97,7 +96,7 @@ def find_slips(
         return []
     half = HALVES[-1]
     sizes = np.abs(light[: light.size // half * half].reshape(-1, half).mean(axis=1))
-    # A fit that leaps have bent takes the flicker for smaller than it is.
+    # A fit that jumps have bent underestimates the flicker's amplitude.
     usual = float(np.median(sizes)) if sizes.size else 0.0
     if not (usual > 0.0 and np.mean(_is_usual(sizes / usual)) >= STEADY_RATIO):
         return []
@@ -109,7 +108,7 @@ def find_slips(
             break
         found.append(one)
         light[one[0] :] *= np.exp(-1j * one[1] * step_rad)
-        beside = max(apart, MOST)  # else frames might be shown again before those they are of
+        beside = max(apart, MOST)  # else frames might be repeated before their originals
         free[max(one[0] + 1 - beside, 0) : one[0] + beside] = False
     in_place = _in_place(light, step_rad, equal & free) if 1 in slips else []
     if len(found) + len(in_place) > MOST_AT_ONCE:
@@ -174,7 +173,7 @@ def _is_usual(size: Float) -> NDArray[np.bool_]:
 
 
 def _in_place(light: Complex, step_rad: float, equal: NDArray[np.bool_]) -> list[int]:
-    """Find frames that are shown again in the place of the next: they show the last one's light."""
+    """Find frames that repeat the last one instead of the next, by their light."""
     if _own_var(light) > CLEAR_VAR:
         return []
     beside = 0.5 * (light[2:] + light[:-2])
@@ -190,7 +189,7 @@ def _likeliest(
     equal: NDArray[np.bool_],
     free: NDArray[np.bool_],
 ) -> tuple[int, int] | None:
-    """Find the likeliest slip, if any is likely enough."""
+    """Find the slip of largest likelihood ratio, if it exceeds the threshold."""
     total = np.concatenate([[0.0], np.cumsum(light)])
     own_var = _own_var(light)
     best, at, frames = LEAST_LOG_RATIO, -1, 0
@@ -221,12 +220,12 @@ def _likeliest(
 
 
 def _own_var(light: Complex) -> float:
-    """Variance of a frame's real part, or imaginary part, by how it differs from the next."""
+    """Variance of a frame's real (or imaginary) part, from differences of neighbours."""
     return float(np.median(np.abs(np.diff(light)) ** 2) / (4.0 * np.log(2.0)))
 
 
 def _placed(total: Complex, at: int, leap: float) -> int:
-    """Return where a leap near a place is, by the few frames around."""
+    """Refine the place of a jump, by the few frames around it."""
     half, reach = HALVES[0], HALVES[-1]
     place = np.arange(max(at - reach, half), min(at + reach, total.size - 1 - half) + 1)
     before, after = total[place] - total[place - half], total[place + half] - total[place]
@@ -235,16 +234,21 @@ def _placed(total: Complex, at: int, leap: float) -> int:
 
 
 def frames_of_step(step: float, std: float, step_rad: float) -> int:
-    """How many frames are lost where the phase steps a little (negative: shown again).
+    """Return the number of frames lost at a small phase step (negative: repeated).
 
-    0 where none fits; clear leaps are for :func:`find_slips`.
+    0 if none fits; clear jumps are for :func:`find_slips`.
 
     Parameters
     ----------
     step, std : float
-        The phase's, and its standard error (rad).
+        Phase step and its standard error (rad).
     step_rad : float
-        By how much the light's phase turns in a frame period.
+        Phase advance of the light in a frame period.
+
+    Examples
+    --------
+    >>> frames_of_step(-0.121, 0.002, 0.06)
+    -2
     """
     slips = np.array([s for s in range(-MOST, MOST + 1) if s])
     leap = np.angle(np.exp(1j * slips * step_rad))
@@ -255,23 +259,36 @@ def frames_of_step(step: float, std: float, step_rad: float) -> int:
 
 
 def are_equal(columns: Float, noise_var: Float) -> NDArray[np.bool_]:
-    """Whether each frame is equal to the one before, noise and all, shape (frames,).
+    """Whether each frame equals the one before, noise included, shape (frames,).
 
     Parameters
     ----------
     columns : ndarray, shape (frames, columns)
         Reduced profiles.
     noise_var : ndarray, shape (columns,)
-        Of a frame's noise in each.
+        Noise variance of a frame in each column.
     """
     apart = np.sum(np.diff(columns, axis=0) ** 2, axis=1)
     return np.concatenate([[False], apart < EQUAL_RATIO * 2.0 * np.sum(noise_var)])
 
 
 def late_s(slips: list[tuple[int, int]], frames: int, period_s: float) -> Float:
-    """By how much frames are later than time stamps say, shape (frames,).
+    """Return how much later frames were taken than their stamps say, shape (frames,).
 
-    Frames that are shown again are each as old as the one before them.
+    A repeated frame is as old as the one before it.
+
+    Parameters
+    ----------
+    slips : list of tuple of int
+        As of :func:`find_slips`.
+    frames : int
+    period_s : float
+        Frame period.
+
+    Examples
+    --------
+    >>> late_s([(2, 1)], 4, 0.04).tolist()
+    [0.0, 0.0, 0.04, 0.04]
     """
     late = np.zeros(frames)
     for at, lost in slips:
@@ -281,13 +298,13 @@ def late_s(slips: list[tuple[int, int]], frames: int, period_s: float) -> Float:
 
 
 def slip_words(slips: Sequence[FrameSlip], camera_hz: float | None = None) -> list[str]:
-    """Say to a reader what was undone.
+    """Describe in words what was corrected.
 
     Parameters
     ----------
     slips : sequence of FrameSlip
     camera_hz : float, optional
-        Rate from which the recording was converted, if it was.
+        Original frame rate, if the recording was converted.
     """
     out = []
     if camera_hz:

@@ -1,11 +1,11 @@
-"""What a grid's frequency may do within half a minute, as a Gaussian process.
+"""Gaussian-process prior of a grid's frequency over half a minute.
 
 The frequency is a sum of Ornstein-Uhlenbeck processes: the slow balance of generation and load and
-the fast one of primary control, both smoothed twice by the inertia of the rotating machines; single
-loads, which are not; and the swing of one end of a grid against the other, a damped oscillation.
+the fast primary control, both low-pass filtered twice by the inertia of rotating machines; single
+loads, unfiltered; and the inter-area oscillation of one end of the grid against the other, damped.
 Fitted to the spectrum from 0.006 to 0.5 Hz of half a measured day of continental Europe (17
 September 2022); it holds in the other half. Changes over 1, 10, 60 and 300 s are 1.3, 7.5, 13 and
-21 mHz rms. How far the mean is from the nominal value is left free.
+21 mHz rms. The mean deviation from the nominal frequency is free.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from numpy.typing import NDArray
 
 Float = NDArray[np.float64]
 
-NODE_S = 0.25  # between the nodes at which the phase is kept
+NODE_S = 0.25  # between the nodes of the phase
 NODES_PER_S = round(1.0 / NODE_S)
-# Of the grid's frequency: standard deviations and memories, and the inertia.
+# Grid frequency: standard deviation (Hz) and correlation time (s) of each process; inertia (s).
 WALKS = ((0.0175, 370.0), (0.008, 9.1))
 INERTIA_S = 2.35
 LOADS = (0.001, 10.0)
 SWING, SWING_HZ = (0.00055, 8.6), 0.2
-# Free: mean deviation of the illumination's frequency, and the phase.
+# Number of free directions: phase, and mean deviation of the illumination frequency.
 FREE = 2
 MEAN_STD_HZ = 0.5
 PHASE_STD_RAD = 10.0
-# Directions in which the phase moves less than this are left out (rad).
+# Directions in which the phase has a smaller standard deviation (rad) are left out.
 NEGLIGIBLE_RAD = 2e-4
 _LAGS = 1 << 15
 
 
 @lru_cache(maxsize=1)
 def _autocovariance() -> Float:
-    """Autocovariance (Hz²) of the illumination frequency's means over the time between nodes."""
+    """Autocovariance (Hz²) of the illumination frequency, averaged from node to node."""
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(_LAGS, NODE_S), np.float64)
     spectrum = _spectrum(omega, *WALKS[0]) + _spectrum(omega, *WALKS[1])
     spectrum = spectrum / (1.0 + (omega * INERTIA_S) ** 2) ** 2 + _spectrum(omega, *LOADS)
@@ -46,20 +46,25 @@ def _autocovariance() -> Float:
 
 
 def _spectrum(omega: Float, std_hz: float, memory_s: float) -> Float:
-    """Two-sided spectrum of an Ornstein-Uhlenbeck process."""
+    """Two-sided power spectral density of an Ornstein-Uhlenbeck process."""
     return np.asarray(std_hz**2 * 2.0 * memory_s / (1.0 + (omega * memory_s) ** 2))
 
 
 def wander_rad2(t_s: Float) -> Float:
-    """Mean square by which the phase strays from a steady course over times (rad²).
+    """Mean square deviation of the phase from a constant frequency after some time (rad²).
 
     Parameters
     ----------
     t_s : ndarray
         Whole multiples of :data:`NODE_S`.
+
+    Examples
+    --------
+    >>> np.sqrt(wander_rad2(np.array([1.0, 10.0]))).round(2).tolist()
+    [0.24, 2.33]
     """
-    # Var(Σ_1^k f) = Σ_{i,j} r(i − j): its second difference is twice the autocovariance, of which
-    # nothing is left after an hour.
+    # Var(Σ_1^k f) = Σ_{i,j} r(i − j): its second difference is twice the autocovariance, which
+    # vanishes within an hour.
     r = _autocovariance()[: _LAGS // 2]
     nodes = np.rint(np.asarray(t_s) / NODE_S).astype(np.int64)
     bend = np.zeros(max(r.size, int(nodes.max(initial=0))) + 1)
@@ -70,15 +75,14 @@ def wander_rad2(t_s: Float) -> Float:
 
 @dataclass(frozen=True, eq=False)
 class PhasePrior:
-    """Phases at ``nodes`` equidistant nodes as ``basis @ a``, the ``a`` independent and of unit
-    variance.
+    """Prior of the phase at equidistant nodes: ``basis @ a``, with independent ``a`` of variance 1.
 
     Attributes
     ----------
     basis : ndarray, shape (nodes, directions)
     left_out_hz2 : ndarray, shape (nodes − 4,)
-        Variance of the mean frequency over the second that begins at each node, by the directions
-        that are left out.
+        Variance of the mean frequency over the second that begins at each node, due to the
+        directions left out.
     """
 
     basis: Float
@@ -86,11 +90,11 @@ class PhasePrior:
 
     @property
     def nodes(self) -> int:
-        """How many nodes there are."""
+        """Number of nodes."""
         return int(self.basis.shape[0])
 
     def nearest(self, psi_rad: Float) -> Float:
-        """Coefficients ``a`` of the path that is nearest to a phase at the nodes."""
+        """Coefficients ``a`` of the path nearest to a phase at the nodes (least squares)."""
         left, size, right = self._parts
         return np.asarray(((left.T @ psi_rad) / size) @ right)
 
@@ -112,22 +116,21 @@ class PhasePrior:
 
     @cached_property
     def _parts(self) -> tuple[Float, Float, Float]:
-        """Singular values of the basis, and their directions at the nodes and among the ``a``."""
+        """Singular value decomposition of the basis."""
         left, size, right = np.linalg.svd(self.basis, full_matrices=False)
         return left, size, right
 
 
 @lru_cache(maxsize=128)
 def phase_prior(nodes: int) -> PhasePrior:
-    """Return the prior of the phase, relative to the nominal frequency's, at nodes in a row.
+    """Return the prior of the phase, relative to the nominal frequency's, at equidistant nodes.
 
-    The covariance of the integrated frequency, in its principal directions (Karhunen and Loève);
-    free phase and mean frequency come first.
+    Karhunen-Loève expansion of the integrated frequency; free phase and mean frequency come first.
     """
     steps = nodes - 1
     lag = np.abs(np.subtract.outer(np.arange(steps), np.arange(steps)))
     covariance = _autocovariance()[lag]
-    # From the middle node outwards, so that no direction is large at one end only.
+    # Integrate from the middle node outwards, so that no direction is large at one end only.
     middle = steps // 2
     to_node = np.tri(nodes, steps, -1)
     to_node = 2.0 * np.pi * NODE_S * (to_node - to_node[middle])

@@ -1,20 +1,20 @@
-"""Phase, amplitudes and ramp of the flicker in one step, none of them taken for known.
+"""Joint Gauss-Newton fit of the flicker's phase, amplitudes and ramp, with none assumed known.
 
-A lamp's light is one wave at all rows, so that order ``k`` of it runs down the rows as
-``s(u)·exp(j·2π·k·q·u)``: with ``q`` turns of the first harmonic a frame, and the scene's texture
+The light of one lamp has the same waveform on all rows, so that its order ``k`` runs down the rows
+as ``s(u)·exp(j·2π·k·q·u)``: ``q`` turns of the first harmonic a frame, and the scene's texture
 ``s``. The columns' amplitudes are
 
     C_ik = a_k·T_ik(q) + D_ik
 
-with ``T`` the columns of that ramp, ``a`` and ``q`` free, and ``D`` small: other lamps, daylight
-that falls on some rows only, detail of the texture that the columns don't hold. How small is
-learned from the data. Orders whose aliases are mirror images of each other (200 Hz beside 100 Hz at
-30 frames/s) are told apart by that alone while the phase turns too little.
+with ``T`` the columns of that ramp, ``a`` and ``q`` free, and ``D`` a small random deviation: other
+lamps, daylight on some rows only, texture finer than the columns hold. Its variance is learned from
+the data. While the phase turns little, this structure alone separates orders with mirrored aliases
+(200 Hz and 100 Hz at 30 frames/s).
 
-Gauss-Newton steps in all unknowns at once; those that aren't wanted are eliminated (Schur's
-complement), so that the information that is left of the path's is marginal over all of them. How
-rough the path is, beyond what grids usually are, is learned as well (D. MacKay, "Bayesian
-interpolation", Neural Computation 4, 1992).
+The noise is Gaussian with Student-t weights per node. Nuisance unknowns are eliminated from the
+normal equations (Schur complement), so that the information about the path is marginal over them.
+How much rougher than usual the path is, is learned too (MacKay, D. J. C. (1992), Bayesian
+interpolation, Neural Computation 4).
 """
 
 from __future__ import annotations
@@ -42,37 +42,38 @@ from rsenf.flicker.profile import ProfileBasis
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# Steps taken at most, and the least that is worth another.
+# Most iterations; a smaller step (rad) is the last.
 STEPS, REST_RAD = 4, 1e-3
-# Amplitudes' relative deviation from the ramp's: at first, at least and at most; and that of any
+# Amplitudes' relative deviation from the ramp's: initial, least and largest; and the least of any
 # order relative to the loudest.
 SPREAD, LEAST_SPREAD, MOST_SPREAD, FAINTEST = 0.02, 0.002, 0.5, 2e-4
-# Of the turns down the rows, as known before (a standard deviation).
+# Prior standard deviation of the turns down the rows.
 TURNS_STD = 0.3
-# Aliases this near each other share their noise.
+# Orders with aliases nearer than this share a noise estimate.
 APART_HZ = 1.5
-# Noise is never less than this share of what would be expected from the columns one by one.
+# Least noise of the columns' sum, relative to that expected from single columns.
 LEAST_EXCESS = 1e-3
 FARTHEST_RAD = 0.5  # in one step
-# Directions of the path whose roughness is learned together, and how many of them what is usual
-# counts for.
+# Free directions; beginnings of the groups whose roughness is learned together; and number of
+# directions that the usual roughness counts for.
 FREE, BANDS, USUAL = 2, (4, 8, 18, 38), 4.0
-TAILS = 4.0
+TAILS = 4.0  # degrees of freedom of Student's t
 
 
 @dataclass(eq=False)
 class State:
-    """Where a fit is.
+    """State of the fit.
 
     Attributes
     ----------
     coefficient : ndarray, shape (directions,)
-        Of the path, by the prior's directions.
+        Path in the prior's directions.
     found : ndarray, shape (waves, columns)
-        Each wave's share of the columns; the first wave is the constant.
+        Coefficients of the waves in the columns; the first wave is the constant.
     trust, gain : ndarray, shape (nodes,)
+        Robust weight of each node, and relative amplitude of the flicker around it.
     turns : float
-        Of the first harmonic down the rows.
+        Turns of the first harmonic down the rows.
     """
 
     coefficient: Float
@@ -83,23 +84,23 @@ class State:
 
     @property
     def amplitude(self) -> Complex:
-        """``C_k``, shape (orders, columns)."""
+        """Complex amplitudes ``C_k``, shape (orders, columns)."""
         return np.asarray(self.found[1::2] - 1j * self.found[2::2])
 
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """What a fit came to.
+    """Result of the fit.
 
     Attributes
     ----------
     state : State
     noise : ndarray, shape (orders, columns)
-        Variance of a frame in each column near each order.
+        Noise variance of a frame in each column near each order.
     information : ndarray, shape (nodes,)
-        Of the phase at each node, were all else known.
+        Fisher information about the phase at each node, with all else known.
     covariance : ndarray, shape (directions, directions)
-        Of the path's coefficients.
+        Of the path's coefficients, marginal over all else.
     """
 
     state: State
@@ -109,7 +110,7 @@ class Joint:
 
 
 class JointFit:
-    """Steps towards the most probable path, amplitudes and ramp.
+    """Finds the posterior mode of path, amplitudes and ramp.
 
     Parameters
     ----------
@@ -117,7 +118,7 @@ class JointFit:
     prior : PhasePrior
     basis : ProfileBasis
     orders : tuple of float
-        Multiples of the first harmonic's phase; halves among them.
+        Multiples of the first harmonic's frequency, halves included.
     """
 
     def __init__(
@@ -128,7 +129,7 @@ class JointFit:
         band = _bands(np.append(0.0, self._order * frames.carrier_hz), frames.rate_hz)
         of_wave = np.append(band[0], np.repeat(band[1:], 2))
         self._together = (of_wave[:, None] == of_wave).astype(np.float64)
-        # Share of each order in the mean over those whose aliases are near.
+        # Matrix that averages over orders with near aliases.
         near = (band[1:, None] == band[1:]).astype(np.float64)
         self._near = near / near.sum(axis=1, keepdims=True)
         with_zero = np.flatnonzero(band[1:] == band[0])
@@ -136,7 +137,7 @@ class JointFit:
         self._spread, self._rough = SPREAD, np.ones(prior.basis.shape[1])
 
     def run(self, state: State) -> Joint:
-        """Go from a start to the end."""
+        """Iterate from a start to the posterior mode."""
         turns, directions = state.turns, state.coefficient.size
         lamp: Complex | None = None
         for taken in range(1, STEPS + 1):
@@ -171,7 +172,7 @@ class JointFit:
         return Joint(state, noise.variance, step.information, covariance[:directions, :directions])
 
     def _measure(self, state: State, told: SufficientStatistics, left: Float) -> _Noise:
-        """Noise near each order, by column and of their sum; and what follows from it."""
+        """Noise near each order, per column and of their weighted sum, and the weights from it."""
         real, imag = left[:, 1::2], left[:, 2::2]
         seen = float(told.waves[:, 0, 0].sum())
         variance = self._near @ (noise_of_turning(real, imag, COLUMNS_HZ) / seen)
@@ -205,7 +206,7 @@ class JointFit:
         )
 
     def _ramp(self, state: State, lamp: Complex | None) -> _Ramp:
-        """What amplitudes a lamp would have that shines on all rows alike."""
+        """Expected amplitudes, and their derivatives, for one lamp that lights all rows alike."""
         of_ramp, by_turns = self._basis.lit(state.found[0], state.turns * self._order)
         power = np.abs(of_ramp) ** 2
         if lamp is None:
@@ -230,7 +231,7 @@ class JointFit:
     def _equations(
         self, state: State, told: SufficientStatistics, left: Float, noise: _Noise, ramp: _Ramp
     ) -> _Equations:
-        """Normal equations of path, lamp and turns, the amplitudes' own deviations eliminated."""
+        """Normal equations of path, lamp and turns; the amplitudes' deviations are eliminated."""
         nodes, waves, columns = left.shape
         basis, root = self._prior.basis, noise.root
         sums = told.waves * self._together
@@ -256,7 +257,7 @@ class JointFit:
         normal = -cross.reshape(-1, cross.shape[2]).T @ theirs.reshape(-1, cross.shape[2])
         along = basis.T @ (information[:, None] * basis)
         normal[:paths, :paths] += along
-        normal[0, 0] += along[0, 0]  # which phase is 0 is for the amplitudes to say
+        normal[0, 0] += along[0, 0]  # the zero of phase is degenerate with the amplitudes
         normal[range(paths), range(paths)] += 1.0 / self._rough**2
         normal[paths:, paths:] += np.einsum("cwb,cwd->bd", ramp.slope, held)
         normal.flat[:: len(normal) + 1] *= 1.0 + 1e-10
@@ -270,7 +271,7 @@ class JointFit:
         return _Equations(normal, outer, information, theirs, alone, inverse[:, every, every].T)
 
     def _learn_spread(self, ramp: _Ramp, apart: Float, own_var: Float) -> None:
-        """How far amplitudes are from the ramp's, by the loudest order."""
+        """Update the amplitudes' deviation from the ramp, from the loudest order."""
         size2 = np.abs(ramp.lamp) ** 2
         loud = int(np.argmax(size2))
         off = (apart**2 + own_var)[1 + 2 * loud : 3 + 2 * loud].sum()
@@ -279,7 +280,7 @@ class JointFit:
         self._spread = min(max(spread, LEAST_SPREAD), MOST_SPREAD)
 
     def _learn_roughness(self, coefficient: Float, variance: Float) -> None:
-        """How much rougher than usual the path is; beyond what the data show, as rough as there."""
+        """Update how much rougher than usual the path is; finer directions no less than coarser."""
         known = 1.0 - variance / self._rough**2
         least = 1.0
         for first, end in zip(BANDS, (*BANDS[1:], coefficient.size), strict=True):
@@ -292,7 +293,7 @@ class JointFit:
 @dataclass(frozen=True, eq=False)
 class _Noise:
     variance: Float  # (orders, columns)
-    root: Float  # of the weights, (waves, columns)
+    root: Float  # square root of the weights, (waves, columns)
     trust: Float
     gain: Float
 
@@ -301,7 +302,7 @@ class _Noise:
 class _Ramp:
     lamp: Complex  # (orders,)
     mean: Float  # (waves, columns)
-    slope: Float  # by the lamp's parts and the turns, (columns, waves, unknowns)
+    slope: Float  # derivatives by the lamp's parts and the turns, (columns, waves, unknowns)
     precision: Float  # (waves, columns)
     even: Float  # (orders, columns)
 
@@ -311,17 +312,17 @@ class _Equations:
     normal: Float
     pull: Float
     information: Float  # (nodes,)
-    theirs: Float  # how amplitudes answer to the other unknowns, (columns, waves, unknowns)
-    own: Float  # where they go by themselves, (columns, waves)
+    theirs: Float  # response of the amplitudes to the other unknowns, (columns, waves, unknowns)
+    own: Float  # step of the amplitudes with the others fixed, (columns, waves)
     own_var: Float  # (waves, columns)
 
 
 def _disagreement(along: Float, hears: Float) -> float:
-    """How much more columns disagree about the slow phase than about what is faster; at least 1.
+    """Excess of the columns' disagreement about the slow phase over the fast phase; at least 1.
 
-    ``along`` is what is left of each column along the phase, shape (nodes, columns), and
-    ``hears`` their information. What a codec or a second lamp does to a column hangs together over
-    seconds, and noise beside the tone shows nothing of it.
+    ``along`` is the residual of each column along the phase, shape (nodes, columns), and ``hears``
+    their information. A codec or a second lamp disturbs a column for seconds, which the noise
+    beside the tone doesn't show.
     """
     share = hears / max(float(hears.sum()), 1e-30)
     apart = along - along.sum(axis=1, keepdims=True) * share
@@ -331,7 +332,7 @@ def _disagreement(along: Float, hears: Float) -> float:
 
 
 def _bands(freq_hz: Float, rate_hz: float) -> NDArray[np.intp]:
-    """Number of the band that each frequency's alias, on either side of 0 Hz, lies in."""
+    """Number of the band that each frequency's alias (absolute value) belongs to."""
     alias = np.abs([alias_hz(f, rate_hz) for f in freq_hz.tolist()])
     order = np.argsort(alias)
     band = np.empty(alias.size, np.intp)

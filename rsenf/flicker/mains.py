@@ -1,14 +1,13 @@
-"""Mains light, or something else that repeats? One decision for all that follows flicker.
+"""Decides whether a periodic signal is mains light; one decision for all that track flicker.
 
 What repeats near a grid's alias need not be mains light: stripes that move, text that scrolls, a
-shaken texture, key frames, a dimmer's pulses. Mains light multiplies all of a row alike, however
-bright or dark what it falls on is; its phase runs down the rows in a frame's time at most; and its
-frequency is near a grid's, and never rests. A moving pattern is added to the picture or hides it,
-and its phase depends on the place.
+shaken texture, key frames, a dimmer's pulses. Mains light multiplies all of a row alike, bright or
+dark; its phase runs down the rows within a frame period; its frequency is near a grid's, and never
+constant. A moving pattern is added to the picture or hides it, and its phase depends on the place.
 
-So it is looked at what cells of the picture show (:mod:`rsenf.flicker.cell_light`), and how the
-phase moves in the directions in which a grid's does (:mod:`rsenf.flicker.wander`).
-:func:`why_not` decides. No limit is on strength: a weak light passes, and a strong pattern doesn't.
+The statistics are those of picture cells (:mod:`rsenf.flicker.cell_light`) and of the phase's
+wander in the principal directions of a grid's (:mod:`rsenf.flicker.wander`). :func:`why_not`
+decides. No threshold is on strength: a weak light passes, and a strong pattern doesn't.
 """
 
 from __future__ import annotations
@@ -17,36 +16,36 @@ from rsenf.flicker.cell_light import TURNS_STEP, Light
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.wander import STEADY, Wander
 
-# Share of a true light that smooth shares explain: 0.87 to 1 in 60 films of two lamps, daylight
-# from one side and sharp shadows; 0 to 0.6 in stripes, shakes and fans but for upright ones, and
-# 0.74 in a film of dashes on a road.
+# Least share that one light explains; the second without wander. True light: 0.87 to 1 in 60 films
+# of two lamps, daylight from one side and sharp shadows. Stripes, shakes and fans: 0 to 0.6 except
+# for upright ones, and 0.74 in a film of dashes on a road.
 LEAST_EXPLAINED, USUALLY_EXPLAINED = 0.8, 0.93
 LEAST_SNR, MOST_STD = 10.0, 0.15
-# In windows too short to tell whether it wanders light has to be clear: patterns last through them.
+# In windows too short to show wander, light must be clear: patterns may last that long.
 CLEARLY_EXPLAINED, CLEAR_STD = 0.87, 0.03
-# A codec keeps the flicker of some blocks back, but hardly changes its phase: 0.86 to 0.98 of what
-# turns in films at 50 to 150 kb/s. So does a pattern that moves down, which never moves as a grid.
-# No codec leaves patchy light so far above the noise, 2300 at most, as raw pictures of monitors do.
+# A codec suppresses the flicker of some blocks, but hardly changes its phase: 0.86 to 0.98 of the
+# signal in films at 50 to 150 kb/s. So does a pattern that moves down, but it never wanders. Patchy
+# light behind a codec has an SNR of 2300 at most; raw pictures of monitors have far more.
 LEAST_IN_PHASE, MOST_PATCHY_SNR = 0.8, 1e4
-BEYOND_FRAME, TURNS_STD = 1.02, 0.1  # read-out over a frame's time; of turns
-# Alias of a nominal, about which all that moves slowly is; and near half the frame rate all that
-# alternates from frame to frame, such as what an encoder does.
+BEYOND_FRAME, TURNS_STD = 1.02, 0.1  # largest read-out over the frame period; tolerance in turns
+# An alias nearer to 0 Hz is also that of slow motion; nearer to half the frame rate, of all that
+# alternates from frame to frame, such as an encoder's effects.
 CREEPS_HZ = 1.0
-AT_ONCE = 0.15  # turns, below which rows may all show the same
-# Illumination frequencies off the nominal: more than a large grid's, even with a frame rate that is
-# taken for its neighbour, a thousandth off; and such as a second harmonic's mirror image explains.
+AT_ONCE = 0.15  # turns, below which all rows may be in phase
+# Deviations of the illumination frequency: larger than a large grid's, even if the frame rate is
+# mistaken for its neighbour 0.1 % off; and one that a second harmonic's mirror image may explain.
 FARTHEST_HZ, UNUSUAL_HZ = 0.3, 0.15
-# What quartz makes: monitors, dimmers. Hz, and their tolerance.
+# Frequencies driven by quartz (monitors, dimmers), Hz, and their tolerance.
 QUARTZ_HZ = (60 / 1.001, 60.0, 72.0, 75.0, 120 / 1.001, 120.0, 144.0, 200.0, 240.0, 250.0, 300.0,
              400.0, 480.0, 500.0, 1000.0)  # fmt: skip
 QUARTZ_RATIO, QUARTZ_OFF_HZ = 1e-4, 0.02
-KEY_FRAMES = (8, 10, 12, 15, 16, 20, 24, 25, 30, 48, 50, 60)  # usual numbers from one to the next
-KEY_FRAMES_HZ = (0.05, 0.01)  # where all rows show the same, and where some may be apart
-# Weaker flicker is nobody's: rounding, and what an exposure of a whole number of periods leaves.
+KEY_FRAMES = (8, 10, 12, 15, 16, 20, 24, 25, 30, 48, 50, 60)  # usual intervals in frames
+KEY_FRAMES_HZ = (0.05, 0.01)  # tolerance if all rows are in phase, and if some may differ
+# Weaker flicker isn't used: rounding, and what an exposure of a whole number of periods leaves.
 MIN_FLICKER_RATIO = 1e-4
-# Of a lamp that flickers by so much an exposure of a whole number of periods leaves a share that
-# goes as the grid's deviation, |f_0 − N/T_e|·T_e/N, and changes sign with it: where the grid passes
-# its nominal the phase jumps by half a turn. Nobody should rest a claim on it.
+# Strong flicker of a lamp. An exposure of N whole periods leaves |f_0 − N/T_e|·T_e/N of it, in
+# proportion to the grid's deviation, and with its sign: the phase jumps by half a turn where the
+# grid crosses its nominal frequency, so that nothing can be concluded from it.
 STRONG_RATIO = 0.4
 
 PATTERN = "a pattern that moves, not light: it doesn't brighten all of a row alike, bright and dark"
@@ -73,17 +72,17 @@ KEYED = "all rows brighten at once, every so many frames: key frames, or a globa
 def why_not(
     f0_hz: float, nominal_hz: float, frame_rate_hz: float, wander: Wander, light: Light | None
 ) -> str:
-    """Say why what was followed isn't a grid's light; '' where it may be.
+    """Return why a tracked signal isn't a grid's light; '' if it may be.
 
     Parameters
     ----------
     f0_hz : float
-        Mean frequency of the light's first harmonic.
+        Mean frequency of the signal, taken for the light's first harmonic.
     nominal_hz, frame_rate_hz : float
-        Of the grid that it is taken for, and of the frames.
+        Nominal frequency of the assumed grid; frame rate.
     wander : Wander
     light : Light, optional
-        What the cells show; none where they can't be told apart.
+        Statistics of the cells; None where cells can't be distinguished.
     """
     if light and is_second_harmonic(f0_hz, nominal_hz, frame_rate_hz, light.turns):
         return SECOND
@@ -108,15 +107,15 @@ def why_not(
 
 
 def why_not_light(light: Light, most_turns: float, wander: Wander) -> str:
-    """Say why what cells show can't be mains light; '' where it can.
+    """Return why the cells' signal can't be mains light; '' if it can.
 
     Parameters
     ----------
     light : Light
     most_turns : float
-        Of a read-out that takes all of a frame.
+        Turns for a read-out over the whole frame period.
     wander : Wander
-        How its phase strays: what moves less than most grids do has to be clearer light.
+        Of the signal's phase: one that moves less than most grids' requires clearer light.
     """
     if light.snr < LEAST_SNR or light.explained_std > (CLEAR_STD if light.is_brief else MOST_STD):
         return NOT_ONE
@@ -142,32 +141,42 @@ def is_faint(flicker_ratio: float, f0_hz: float, nominal_hz: float) -> bool:
     f0_hz : float
         Its frequency.
     nominal_hz : float
-        Of the grid.
+        Nominal grid frequency.
+
+    Examples
+    --------
+    >>> is_faint(2e-4, 100.1, 50.0), is_faint(2e-3, 100.1, 50.0)
+    (True, False)
     """
     left_ratio = STRONG_RATIO * abs(f0_hz / (2.0 * nominal_hz) - 1.0)
     return flicker_ratio < max(MIN_FLICKER_RATIO, left_ratio)
 
 
 def is_second_harmonic(f0_hz: float, nominal_hz: float, frame_rate_hz: float, turns: float) -> bool:
-    """Whether the tone that was followed is likelier the second harmonic of usual light.
+    """Whether the tracked tone is more likely the second harmonic of ordinary light.
 
-    Where ``2·f_0`` shows at, or mirrored to, where ``f_0`` of another deviation would, a lamp whose
+    If ``2·f_0``, or its mirror image, has the alias of ``f_0`` at another deviation, a lamp whose
     second harmonic survives a codec better than its first looks like light at that deviation. A
-    mirror image runs up the rows: ``turns`` of the phase down them are negative.
+    mirror image runs up the rows: ``turns``, of the phase down the rows, is negative.
+
+    Parameters
+    ----------
+    f0_hz, nominal_hz, frame_rate_hz : float
+    turns : float
     """
     carrier_hz = 2.0 * nominal_hz
     off_hz = abs(f0_hz - carrier_hz)
     for sign in (1.0, -1.0) if turns < 0.0 else (1.0,):
         times = round((2.0 * carrier_hz - sign * f0_hz) / frame_rate_hz)
         first_hz = (times * frame_rate_hz + sign * f0_hz) / 2.0
-        # A second harmonic is off by twice as much as the first, where that is it.
+        # A true second harmonic deviates by twice as much as the first.
         if off_hz > UNUSUAL_HZ and abs(first_hz - carrier_hz) < 0.6 * off_hz:
             return True
     return False
 
 
 def _is_quartz(f0_hz: float, frame_rate_hz: float) -> bool:
-    """Whether something that a quartz drives shows where this frequency does."""
+    """Whether something driven by a quartz has the same alias as this frequency."""
     seen_hz = abs(alias_hz(f0_hz, frame_rate_hz))
     return any(
         abs(abs(alias_hz(hz, frame_rate_hz)) - seen_hz) < min(QUARTZ_RATIO * hz, QUARTZ_OFF_HZ)
@@ -176,15 +185,15 @@ def _is_quartz(f0_hz: float, frame_rate_hz: float) -> bool:
 
 
 def _is_keyed(f0_hz: float, light: Light, frame_rate_hz: float, wander: Wander) -> bool:
-    """Whether all rows brighten at once, with a usual number of frames between.
+    """Whether all rows brighten at once, at a usual key-frame interval.
 
-    And it isn't seen to wander as a grid does.
+    And the phase isn't seen to wander as a grid's does.
     """
     if abs(light.turns) > AT_ONCE:
         return False
     if wander.known >= min(STEADY) and wander.squares > 1.0 and not wander.is_restless:
         return False
     seen = abs(alias_hz(f0_hz, frame_rate_hz)) / frame_rate_hz
-    # A train of pulses has lines beside each other, which bend a path that is no grid's.
+    # Neighbouring lines of a pulse train bend the path, which isn't a grid's wander.
     most_hz = KEY_FRAMES_HZ[0 if abs(light.turns) < TURNS_STEP else 1] + 2.0 * light.hz_std
     return any(abs(seen - round(seen * n) / n) * frame_rate_hz < most_hz for n in KEY_FRAMES)

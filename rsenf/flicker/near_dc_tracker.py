@@ -1,10 +1,10 @@
-"""Tracker near 0 Hz: flicker that hardly turns from frame to frame, by its slow turning.
+"""Tracker near 0 Hz: follows flicker that hardly turns from frame to frame.
 
-Where the alias is at or near 0 Hz, texture and flicker are told apart jointly over as long a span
-as there is (:mod:`rsenf.flicker.zero_alias`); here its phases, with their covariance, meet the
-grid's habits, and become seconds. The sign of the deviation rests on the direction of read-out:
-where neither the fit nor the size of the deviation tells it, the likelier one is taken, and the
-frequency about which the other one mirrors is said.
+Where the alias is at or near 0 Hz, texture and flicker are separated jointly over as long a span as
+available (:mod:`rsenf.flicker.zero_alias`). Here the phases, with their covariance, are smoothed
+under the grid prior and cut into seconds. The sign of the frequency's deviation depends on the
+read-out direction: if neither the fit nor the size of the deviation determines it, the likelier one
+is taken, and the frequency about which the other is mirrored is reported.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from rsenf.messages import RowBlock
 
 Float = NDArray[np.float64]
 
-SPAN_S = 120  # at most that long a span is separated
+SPAN_S = 120  # longest span that is separated
 SHORTEST_S = 20
 EVERY_S = 15
 BINS_PER_S = 4
 BANDS = 120
-FIELD_BANDS = 24  # in which even rows are compared with odd ones
+FIELD_BANDS = 24  # bands in which even and odd rows are compared
 TOO_STILL = "alias at 0 Hz, and the flicker's phase has turned too little to tell it from texture"
 NOT_FLICKER = "no mains flicker stands out"
 FIELDS = (
@@ -41,47 +41,53 @@ FIELDS = (
     "is left of it in both is its second harmonic"
 )
 HALF = "light at the grid's own frequency, or at twice that with a strong second harmonic: which?"
-# A lamp's second harmonic over its first: seldom more, in the logarithm of the light. Then the
-# read-out's time has to say that it is no half-wave lamp, by so much a logarithm of odds.
+# A lamp's second harmonic over its first, in the logarithm of the light, is seldom larger. If it
+# is, the read-out time has to exclude a half-wave lamp by these log odds.
 MOST_SECOND, LEAST_LOG_ODDS = 0.5, 3.0
-FORWARD_LOG_ODDS = 2.0  # prior odds, as a logarithm, that a camera reads its first row first
+FORWARD_LOG_ODDS = 2.0  # prior log odds that a camera reads its first row first
 MODEL_STD_HZ = 4e-5
-HOLE_FRAMES = 0.5  # by which time and numbers part from bin to bin where some are missing
-MOST_STRETCHES = 0.2  # over bins: holes are few
+HOLE_FRAMES = 0.5  # difference of time and numbers, from bin to bin, at missing frames
+MOST_STRETCHES = 0.2  # per bin: gaps are few
 MOST_ALIKE = 0.98  # correlation of neighbouring bins' times
-AROUND_S = 5.0  # on both sides of a bin, over which its frequency is taken
-MEDIAN_SQUARE = 0.455  # median of chi-squared of one degree of freedom
-MISFIT_S, LEAST_MISFIT = 0.5, 3.0  # seconds beside one, and the chi-squared that counts
-# Mean squares of the prior's ten and forty largest directions, beside the free ones, are 1 for a
+AROUND_S = 5.0  # on both sides of a bin, over which its frequency is averaged
+MEDIAN_SQUARE = 0.455  # median of chi-squared with one degree of freedom
+MISFIT_S, LEAST_MISFIT = 0.5, 3.0  # margin around a second; least chi-squared that counts
+# Largest mean squares of the prior's ten and forty leading directions after the free ones; 1 for a
 # grid.
 MAX_WANDER, MAX_FAST = 10.0, 5.0
 
 
 def may_stand_still(nominal_hz: float, frame_rate_hz: float, rows: int) -> bool:
-    """Whether 0 Hz lies in the band in which the alias may be, and rows enough to tell a ramp."""
+    """Whether the alias's search band includes 0 Hz, with enough rows for a ramp.
+
+    Parameters
+    ----------
+    nominal_hz, frame_rate_hz : float
+    rows : int
+    """
     return rows >= MIN_ROWS and abs(alias_hz(2.0 * nominal_hz, frame_rate_hz)) < SEARCH_HZ
 
 
 class NearDcTracker:
-    """Bins of rows, and the phase that they show.
+    """Averages rows in time bins, and tracks the phase of the flicker in them.
 
     Parameters
     ----------
     nominal_hz : float
-        The grid whose alias is near 0 Hz.
+        Nominal frequency of the grid whose alias is near 0 Hz.
     """
 
     def __init__(self, nominal_hz: float) -> None:
         self.nominal_hz = nominal_hz
-        # By bin: rows, fields, cells, then time, frame number and frames.
+        # Sums per bin: rows, fields, cells, then time, frame number and number of frames.
         self._sum: dict[int, Float] = {}
-        self._fine = self._bands = 0  # of the rows and of the cells
+        self._fine = self._bands = 0  # bands of rows, and of cells
         self._path: _Path | None = None
-        self._source_hz = 0.0  # rate from which the stream was converted, if it was
+        self._source_hz = 0.0  # original frame rate, if the stream was converted
         self.why = NOT_FLICKER
 
     def of_source(self, source_hz: float) -> NearDcTracker | None:
-        """Return what the frames tell if they were converted from another rate."""
+        """Return the tracker for a stream converted from this rate; None if no alias is near 0."""
         for nominal_hz in (50.0, 60.0):
             if self._fine and may_stand_still(nominal_hz, source_hz, self._fine):
                 self.nominal_hz, self._source_hz = nominal_hz, source_hz
@@ -89,7 +95,7 @@ class NearDcTracker:
         return None
 
     def add(self, block: RowBlock, origin_ns: int) -> None:
-        """Take a block of rows, frame by frame."""
+        """Add a block of rows, frame by frame."""
         if not block.usable:
             return
         t_s = (block.frame_pts_ns - origin_ns) / 1e9
@@ -110,7 +116,7 @@ class NearDcTracker:
             del self._sum[k]
 
     def look(self, end: int) -> bool:
-        """Separate what there is before second ``end``; whether flicker's phase is known."""
+        """Separate texture and flicker before second ``end``; return whether the phase is known."""
         start = max(end - SPAN_S, min(self._sum, default=0) // BINS_PER_S)
         keys = sorted(k for k in self._sum if start * BINS_PER_S <= k < end * BINS_PER_S)
         if len(keys) < SHORTEST_S * BINS_PER_S // 2:
@@ -148,11 +154,11 @@ class NearDcTracker:
 
     @property
     def knows_direction(self) -> bool:
-        """Whether the span last looked at told which way the read-out runs."""
+        """Whether the last span determined the read-out direction."""
         return self._path is not None and bool(np.isnan(self._path.mirror_hz))
 
     def second(self, blank: FlickerSecond, frame_t_s: Float) -> FlickerSecond:
-        """Fill in one second of the span last looked at, whose frames have these times."""
+        """Fill in one second of the last span, whose frames have these times."""
         path = self._path
         assert path is not None
         blank = dataclasses.replace(
@@ -184,7 +190,7 @@ class NearDcTracker:
 
 
 def _fields(profile: Float) -> Float:
-    """Levels of even rows, and by how much those of odd ones are less, in bands side by side."""
+    """Levels of even rows, and even less odd rows, in bands side by side."""
     pairs = profile[:, : profile.shape[1] // 2 * 2].reshape(len(profile), -1, 2)
     edges = np.linspace(0, pairs.shape[1], FIELD_BANDS, endpoint=False).astype(int)
     level, less = pairs[:, :, 0], pairs[:, :, 0] - pairs[:, :, 1]
@@ -192,7 +198,7 @@ def _fields(profile: Float) -> Float:
 
 
 def _are_opposed(rows: Float, fields: Float) -> bool:
-    """Whether even and odd rows differ by more of what varies slowly than they have in common."""
+    """Whether even and odd rows differ by more slow variation than they have in common."""
     level, less = np.split(fields, 2, axis=1)
     logs = np.log(np.maximum(rows, 1.0))
     apart = less / np.maximum(level, 1.0)
@@ -200,14 +206,20 @@ def _are_opposed(rows: Float, fields: Float) -> bool:
 
 
 def _slow_power(told: Float) -> float:
-    """Mean square over time without that of noise, by how each bin differs from the next."""
+    """Variance over time less that of the noise, from differences of neighbouring bins."""
     return float(np.mean(np.var(told, axis=0)) - np.mean(np.diff(told, axis=0) ** 2) / 2.0)
 
 
 def frame_rate(t_s: Float, numbers: Float) -> tuple[float, float]:
-    """Frames a second and its standard error, by parallel lines through stretches without a hole.
+    """Frame rate and its standard error, from parallel lines through stretches without gaps.
 
-    Sources don't number what they never got: over a hole time goes on, and numbers don't.
+    Sources don't number frames that they never received: across a gap time advances, but numbers
+    don't.
+
+    Parameters
+    ----------
+    t_s, numbers : ndarray, shape (bins,)
+        Mean time and mean frame number of each bin.
     """
     step_s, step = np.diff(t_s), np.diff(numbers)
     usual_hz = float(np.median(step / step_s))
@@ -222,8 +234,8 @@ def frame_rate(t_s: Float, numbers: Float) -> tuple[float, float]:
     left = n - rate_hz * t
     var = float(left @ left) / max(t.size - count.size - 1, 1)
     if var > HOLE_FRAMES**2 or count.size > MOST_STRETCHES * t.size:
-        return rate_hz, np.inf  # a rate that varies
-    # Of a rate that varies slowly neighbours are off alike, and tell less (an AR(1) process).
+        return rate_hz, np.inf  # the rate varies
+    # With a slowly varying rate residuals are correlated (AR(1)): fewer effective samples.
     alike = float(left[1:] @ left[:-1]) / max(float(left @ left), 1e-30)
     alike = min(max(alike, 0.0), MOST_ALIKE)
     return rate_hz, float(np.sqrt(var / square * (1.0 + alike) / (1.0 - alike)))
@@ -239,7 +251,7 @@ class _Path:
     psi_rad: Float  # at nodes, relative to the nominal frequency's
     second_var_hz2: Float
     t_s: Float  # of the bins
-    told_rad: Float  # what they say by themselves
+    told_rad: Float  # their phases before smoothing
     told_var: Float
     slips: list[tuple[float, FrameSlip]]  # and the time of the bin that they are found in
     leaps: list[tuple[float, float]]  # of the phase: when, and by how much (rad)
@@ -247,18 +259,19 @@ class _Path:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Course:
-    """Phase of the light over a span, smoothed as grids are smooth.
+    """Phase of the light over a span, smoothed under the grid prior.
 
     Attributes
     ----------
     sign : int
-        1 for a read-out from the first row to the last, −1 for the other way round.
+        1 for a read-out from the first row to the last, −1 for the reverse.
     mirror_hz : float
         Frequency about which the light's is mirrored if the read-out runs the other way; NaN where
         its direction is known.
     told_rad : ndarray, shape (bins,)
-        What the bins say by themselves, relative to the nominal frequency's.
+        Phases of the bins before smoothing, relative to the nominal frequency's.
     psi_rad : ndarray, shape (nodes,)
+        Smoothed phase at the nodes.
     second_var_hz2 : ndarray, shape (nodes − 4,)
         Variance of the mean frequency over the second that begins at each node.
     slips : list of tuple
@@ -283,23 +296,23 @@ def course_of(
     end: int,
     light: Light | None,
 ) -> Course | str:
-    """Follow a grid through a span of seconds; say why what was found is no grid's light.
+    """Smooth the phase under the grid prior; return the reason in words if it isn't mains light.
 
     Parameters
     ----------
     found : ZeroAlias
     nominal_hz, rate_hz, rate_std_hz : float
-        Of the grid, and the frame rate with its standard error: the light's frequency is known
-        beside a multiple of it.
+        Nominal grid frequency; frame rate and its standard error, which counts since the light's
+        frequency is measured relative to a multiple of the frame rate.
     start, end : int
-        Seconds, that the bins' times lie within.
+        Seconds between which the bins lie.
     light : Light, optional
-        What the cells show, if they are known.
+        Statistics of the cells, if known.
     """
     if abs(alias_hz(nominal_hz, rate_hz)) < SEARCH_HZ and _may_be_half(found):
         return HALF
     t_s = found.t_s
-    stands_hz = rate_hz * round(2.0 * nominal_hz / rate_hz)  # whose alias is exactly 0 Hz
+    stands_hz = rate_hz * round(2.0 * nominal_hz / rate_hz)  # alias at exactly 0 Hz
     sign, is_known = direction_of(found, stands_hz - 2.0 * nominal_hz)
     told = sign * found.phase_rad + 2.0 * np.pi * (stands_hz - 2.0 * nominal_hz) * t_s
     grid = phase_prior((end - start) * NODES_PER_S + 1)
@@ -337,7 +350,7 @@ def course_of(
 
 
 def _may_be_half(found: ZeroAlias) -> bool:
-    """Whether light at half the frequency may show the same ramp, in twice the time."""
+    """Whether light at half the frequency may make the same ramp, in twice the read-out time."""
     by_ramp_s = found.turns / LIGHT_HZ
     off = (abs(found.read_out_s) - by_ramp_s * np.array([1.0, 2.0])) / found.read_out_std
     log_odds = float(off[1] ** 2 - off[0] ** 2) / 2.0
@@ -346,9 +359,9 @@ def _may_be_half(found: ZeroAlias) -> bool:
 
 
 def _misfit(t_s: Float, left_rad: Float, noise: Float, nodes: int) -> Float:
-    """Reduced chi-squared of the bins around each second that begins at a node, where it is large.
+    """Reduced chi-squared of the bins around each second that begins at a node; 1 unless large.
 
-    A frame that is lost while the time stamps are silent makes a step that no smooth course fits.
+    A lost frame that the time stamps don't show makes a step that no smooth course fits.
     """
     excess = left_rad**2 / np.diag(noise)
     begins_s = np.arange(nodes)[:, None] / NODES_PER_S
@@ -365,7 +378,7 @@ def _path(
     before: _Path | None,
     slips: list[tuple[float, FrameSlip]],
 ) -> _Path:
-    """Phase of the light in a span, which goes on where that of an earlier one ends."""
+    """Phase path of a span, unwrapped to continue that of an earlier one."""
     turn, psi = 0.0, course.psi_rad
     if before is not None:
         turn = 2.0 * np.pi * round(_apart(before, psi, start) / (2.0 * np.pi))
@@ -387,18 +400,18 @@ def _path(
 
 
 def direction_of(found: ZeroAlias, stands_off_hz: float) -> tuple[int, bool]:
-    """Direction of read-out, by the fit or by which deviation is a usual one.
+    """Read-out direction, from the fit or from which deviation is the more usual.
 
     Parameters
     ----------
     found : ZeroAlias
     stands_off_hz : float
-        What light whose alias is exactly 0 Hz is off the nominal.
+        Deviation from the nominal frequency at which the alias is exactly 0 Hz.
 
     Returns
     -------
     sign : int
-        1 from the first row to the last, −1 the other way round: the likelier one.
+        1 from the first row to the last, −1 the reverse: the likelier one.
     is_known : bool
     """
     if found.direction:
@@ -410,7 +423,7 @@ def direction_of(found: ZeroAlias, stands_off_hz: float) -> tuple[int, bool]:
 
 
 def _apart(before: _Path, psi: Float, start: int) -> float:
-    """How far an earlier path is from a later one where they overlap."""
+    """Median phase difference of an earlier path from a later one where they overlap."""
     skip = (start - before.start) * NODES_PER_S
     old = before.psi_rad[skip:]
     return float(np.median(old[: psi.size] - psi[: old.size])) if old.size else 0.0

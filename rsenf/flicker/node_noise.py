@@ -1,6 +1,6 @@
-"""Noise of what is summed at the nodes: the power of its transform near, but not at, 0 Hz.
+"""Noise of sums at the nodes, from their periodogram near, but not at, 0 Hz.
 
-The median of exponentially distributed powers is ln 2 of their mean, and isn't moved by a line
+The median of exponentially distributed powers is ln 2 of their mean, and robust against a line
 nearby.
 """
 
@@ -16,34 +16,52 @@ from rsenf.medians import median_of_few
 
 Float = NDArray[np.float64]
 
-# Bands around a tone that noise is told from. What is in quadrature to the phase can be taken from
-# close by; along it, the phase has followed whatever is slow.
+# Bands beside a tone in which noise is measured. In quadrature to the phase it may start near the
+# tone; along the phase, the fit has absorbed whatever is slow.
 COLUMNS_HZ, ALONG_HZ, ACROSS_HZ = (0.3, 1.6), (0.2, 0.8), (0.05, 0.5)
-# Slower than that, a path follows what the columns agree upon.
+# In this band the path follows what the columns have in common.
 SLOW_HZ = (0.02, 0.2)
-FEWEST = 4  # frequencies for a median, for which a short window's band reaches further up
-# The flicker's size is taken over so many nodes, and held to the window's by so much of its weight.
+FEWEST = 4  # fewest frequencies for a median; a short window's band is extended upwards
+# Smoothing window of the flicker's amplitude (nodes), and weight of its shrinkage to the window's.
 GAIN_WINDOW, STEADY = np.hanning(26)[1:-1], 0.1
 
 
 def noise_of(series: Float, band_hz: tuple[float, float]) -> Float:
-    """Noise of several real series, shape (nodes, …), each as one number, shape (…)."""
+    """Noise power of several real series, shape (nodes, …), one number each, shape (…).
+
+    Parameters
+    ----------
+    series : ndarray, shape (nodes, …)
+    band_hz : tuple of float
+        Band in which the noise is measured.
+    """
     real, imag = _transforms(series, band_hz)
-    # Both sides of a real series have the same powers, and so the same median as one of them.
+    # Both sides of 0 Hz have the same powers, so one side gives the same median.
     return np.asarray(median_of_few(real**2 + imag**2) / np.log(2.0))
 
 
 def power_of(series: Float, band_hz: tuple[float, float]) -> Float:
-    """Mean power of several real series, shape (nodes, …), in a band, shape (…)."""
+    """Mean power of several real series, shape (nodes, …), in a band, shape (…).
+
+    Parameters
+    ----------
+    series : ndarray, shape (nodes, …)
+    band_hz : tuple of float
+    """
     real, imag = _transforms(series, band_hz, fewest=1)
     return np.asarray(np.mean(real**2 + imag**2, axis=-1))
 
 
 def noise_of_turning(real: Float, imag: Float, band_hz: tuple[float, float]) -> Float:
-    """Noise of several complex series by their parts, shapes (nodes, …).
+    """Noise power of several complex series, given by their parts, shapes (nodes, …).
 
-    With ``A`` and ``B`` the transforms of the parts, that of the series is ``A + j·B`` on one side
-    of 0 Hz, and the conjugate of ``A − j·B`` on the other.
+    With ``A`` and ``B`` the transforms of the parts, that of the series is ``A + j·B`` above 0 Hz,
+    and the conjugate of ``A − j·B`` below.
+
+    Parameters
+    ----------
+    real, imag : ndarray, shape (nodes, …)
+    band_hz : tuple of float
     """
     a_re, a_im = _transforms(real, band_hz)
     b_re, b_im = _transforms(imag, band_hz)
@@ -65,7 +83,7 @@ def _transforms(
 
 @functools.cache
 def _waves(nodes: int, band_hz: tuple[float, float], fewest: int) -> Float:
-    """Columns of the discrete Fourier transform that lie in a band: far fewer than all.
+    """Vectors of the discrete Fourier transform in a band: far fewer than all.
 
     Cosines first, then as many sines: shape (nodes, 2·frequencies).
     """
@@ -78,14 +96,14 @@ def _waves(nodes: int, band_hz: tuple[float, float], fewest: int) -> Float:
 
 
 def gain_around(across: Float, expected: Float) -> Float:
-    """Size of the flicker around each node relative to the window's, at most one and a half.
+    """Amplitude of the flicker around each node relative to the window's, from 0 to 1.5.
 
     Parameters
     ----------
     across : ndarray, shape (nodes, …)
-        What is left along the flicker's size, weighted as the flicker is.
+        Residual along the flicker's amplitude, weighted as the flicker is.
     expected : ndarray, shape (nodes, …)
-        The flicker itself, weighted so.
+        The flicker itself, with the same weights.
     """
     around = _around(across.shape[0])
     beyond, share = around @ across, around @ expected
@@ -96,6 +114,6 @@ def gain_around(across: Float, expected: Float) -> Float:
 
 @functools.cache
 def _around(nodes: int) -> Float:
-    """Matrix that sums over the nodes around each, by :data:`GAIN_WINDOW`."""
+    """Matrix that smooths over nodes by :data:`GAIN_WINDOW`."""
     half = (GAIN_WINDOW.size - 1) // 2
     return np.array([np.convolve(one, GAIN_WINDOW)[half:][:nodes] for one in np.eye(nodes)]).T

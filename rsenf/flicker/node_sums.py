@@ -1,8 +1,8 @@
-"""Frames gathered by the node that is nearest to each, and summed there.
+"""Frames grouped by their nearest node, and the sums over them that a fit needs.
 
-The phase is kept at nodes a quarter of a second apart, and whatever a fit has to know of the frames
-are sums over those around each node: of the columns times the waves, and of the waves times each
-other. All nodes have room for as many frames as the fullest; where there is none, waves are zero.
+The nodes of the phase are a quarter of a second apart. The sufficient statistics of a fit are sums
+over the frames around each node: of waves times columns, and of waves times waves. All nodes have
+as many places as the fullest one; in places without a frame, waves are zero.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Frames of one window, in order; their times may go back where one was shown again.
+    """Frames of one window, in order; times may go back where a frame was repeated.
 
     Attributes
     ----------
     t_s : ndarray, shape (frames,)
         Times since the window's first node.
     carrier_rad : ndarray, shape (frames,)
-        Phase of the nominal illumination frequency at each.
+        Phase of the nominal illumination frequency.
     columns : ndarray, shape (frames, columns)
         Reduced profiles.
     """
@@ -39,7 +39,19 @@ class Frames:
 
 
 def at_frames(t_s: Float, values: Float) -> Float:
-    """Values at nodes, linear in between, at times of any shape since the first node."""
+    """Interpolate values at nodes linearly.
+
+    Parameters
+    ----------
+    t_s : ndarray
+        Times since the first node, of any shape.
+    values : ndarray, shape (nodes,)
+
+    Examples
+    --------
+    >>> at_frames(np.array([0.125, 0.25]), np.array([0.0, 1.0, 4.0])).tolist()
+    [0.5, 1.0]
+    """
     left, beyond = _between(t_s, values.size)
     return _linear(values, left, beyond)
 
@@ -51,30 +63,30 @@ class SufficientStatistics:
     Attributes
     ----------
     columns : ndarray, shape (nodes, waves, columns)
-        Of waves times columns.
+        Sums of waves times columns.
     waves : ndarray, shape (nodes, waves, waves)
-        Of waves times waves.
+        Sums of waves times waves.
     """
 
     columns: Float
     waves: Float
 
     def weighted(self, trust: Float) -> SufficientStatistics:
-        """Return what nodes tell by how far each is trusted."""
+        """Return the sums with the nodes' robust weights, shape (nodes,)."""
         by_node = trust[:, None, None]
         return SufficientStatistics(by_node * self.columns, by_node * self.waves)
 
     def left(self, found: Float) -> Float:
-        """Sums of waves times what is left of the columns, shape (nodes, waves, columns).
+        """Sums of waves times the columns' residuals, shape (nodes, waves, columns).
 
-        ``found`` is each wave's share of the columns, shape (waves, columns).
+        ``found`` holds the waves' coefficients in the columns, shape (waves, columns).
         """
         modelled = self.waves.reshape(-1, len(found)) @ found
         return self.columns - modelled.reshape(self.columns.shape)
 
 
 class Gathered:
-    """Frames by their nearest nodes.
+    """Frames grouped by their nearest nodes.
 
     Parameters
     ----------
@@ -84,17 +96,17 @@ class Gathered:
     Attributes
     ----------
     there : ndarray of bool, shape (nodes, places)
-        Where there is a frame.
+        Whether a place holds a frame.
     columns : ndarray, shape (nodes, places, columns)
     carrier_rad : ndarray, shape (nodes, places)
     carrier_hz, rate_hz : float
-        Frequency of the carrier, and frames a second.
+        Frequency of the carrier; frame rate.
     """
 
     def __init__(self, frames: Frames, nodes: int) -> None:
         nearest = np.clip(np.rint(frames.t_s / NODE_S).astype(np.intp), 0, nodes - 1)
         count = np.bincount(nearest, minlength=nodes)
-        place = np.empty_like(nearest)  # where a frame was shown again, times go back
+        place = np.empty_like(nearest)  # among the node's frames; times may go back
         by_node = np.argsort(nearest, kind="stable")
         place[by_node] = np.arange(nearest.size) - np.repeat(np.cumsum(count) - count, count)
         self.there = np.arange(max(int(count.max()), 1)) < count[:, None]
@@ -111,21 +123,26 @@ class Gathered:
 
     @property
     def frames(self) -> int:
-        """How many frames there are."""
+        """Number of frames."""
         return int(self._place[0].size)
 
     def phase_rad(self, psi_rad: Float) -> Float:
-        """Phase at every place, by that at the nodes relative to the carrier's."""
+        """Phase at every place, from the nodes' phase relative to the carrier."""
         return self.carrier_rad + _linear(psi_rad, self._left, self._beyond)
 
     def in_order(self, values: NDArray[np.complex128]) -> Complex:
-        """What is known at every place, of the frames alone, in the order of time."""
+        """Values of the frames in the order of time, from those at all places."""
         return np.asarray(values[self._place])
 
     def waves(self, phase_rad: Float, orders: tuple[float, ...]) -> Float:
         """A constant, and cosine and sine of some orders of a phase, shape (nodes, waves, places).
 
         All are 0 where there is no frame.
+
+        Parameters
+        ----------
+        phase_rad : ndarray, shape (nodes, places)
+        orders : tuple of float
         """
         out = np.empty((self.there.shape[0], 1 + 2 * len(orders), self.there.shape[1]))
         out[:, 0] = self.there
@@ -147,7 +164,7 @@ class Gathered:
 
 
 def _between(t_s: Float, nodes: int) -> tuple[NDArray[np.intp], Float]:
-    """Node to the left of each time, and how far beyond it, in nodes."""
+    """Node to the left of each time, and the distance beyond it in nodes."""
     left = np.clip((t_s / NODE_S).astype(np.intp), 0, nodes - 2)
     return left, t_s / NODE_S - left
 

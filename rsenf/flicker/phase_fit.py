@@ -1,16 +1,17 @@
-"""The flicker's phase over one window: its posterior mode, given the grid's prior and the frames.
+"""Posterior mode of the flicker's phase in one window, given the grid's prior and the frames.
 
-Each column of the reduced profiles is a constant plus the flicker's harmonics, of which only the
-common phase moves::
+Each column of the reduced profiles is a constant plus the flicker's harmonics, which share one
+phase::
 
     r_i(n) = c_i + Re Σ_k C_ik·exp(j·k·φ(t_n)) + noise
 
-Constants and amplitudes follow from the phase by least squares, the phase from them by
-Gauss-Newton steps under the Gaussian-process prior of :mod:`rsenf.flicker.grid_prior`; in turn,
-until the phase rests. The prior lets the phase follow no faster than grids do, so how long the
-data are averaged is settled by how noisy they are. Noise is measured at each harmonic's alias,
-from what the model leaves there: after a codec it is far from white. Where it is known what the
-columns are made of, the last steps are in all unknowns at once (:mod:`rsenf.flicker.joint_fit`).
+Constants and amplitudes follow from the phase by linear least squares; the phase follows from them
+by a Gauss-Newton step under the Gaussian-process prior of :mod:`rsenf.flicker.grid_prior`; the two
+alternate until the phase converges. The prior limits how fast the phase may change, so that the
+averaging time adapts to the noise. The noise is measured at each harmonic's alias, from the
+residual: after a codec it is far from white. It is Gaussian with Student-t weights per node. If the
+basis of the columns is given, the last steps are joint in all unknowns
+(:mod:`rsenf.flicker.joint_fit`).
 """
 
 from __future__ import annotations
@@ -39,34 +40,35 @@ Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 HARMONICS = 3
-# Further ones hardly tell the phase, but they lie near the first: a codec makes overtones, and
-# half waves that differ, in ageing lamps and half-wave rectifiers, make odd halves.
+# Further ones hardly inform the phase, but their aliases are near the first's: codecs make
+# overtones, and unequal half waves (ageing lamps, half-wave rectifiers) odd halves.
 NUISANCES = 7
-# Still further ones, where their aliases are apart from all of these.
+# Still further ones, used if their aliases are this far from all of these.
 FAR, FAR_APART_HZ = 12, 0.2
 HALVES = (0.5, 1.5, 2.5, 3.5)
-# Relative size that harmonics may have a priori: where two of them share an alias (one mirrored),
-# the first is believed first.
+# Prior relative amplitude of harmonics: where two share an alias (one mirrored), the first one
+# takes precedence.
 HARMONIC_SIZE = {1.0: 3.0, 2.0: 0.3}
 FURTHER_SIZE = 0.1
 RIDGE = 1e-4
-# Power over noise at which they are taken in.
+# Power over noise from which they are included.
 STANDS_OUT = 20.0
-# Degrees of freedom of Student's distribution: key frames and cuts are rare and far out.
+# Degrees of freedom of Student's t: key frames and cuts are rare outliers.
 TAILS = 4.0
-# Of all steps, and those after which further orders are looked for at the latest.
+# Most steps; and the step after which further orders are searched at the latest.
 MAX_STEPS, LOOK_AFTER = 16, 4
+# Convergence, and near convergence: squared step in standard errors; largest step.
 REST, NEARLY = 1e-2, 1.0
 REST_RAD, NEARLY_RAD = 2e-4, 2e-3
-# What turns slower than a hertz keeps so much of its length in a node's mean.
+# Mean length over a node of a phasor that turns at 1 Hz; longer for slower ones.
 SLOW = float(np.sinc(NODE_S))
-# A column's amplitude counts as far as it is beyond this many of its variances.
+# A column's amplitude is shrunk (positive part) by this many of its variances.
 SIGNIFICANT = 4.0
 
 
 @dataclass(frozen=True, eq=False)
 class PhaseFit:
-    """The phase in a window, relative to the nominal frequency's.
+    """Phase in a window, relative to the nominal frequency's.
 
     Attributes
     ----------
@@ -76,20 +78,20 @@ class PhaseFit:
     template : ndarray of complex, shape (columns,)
         Amplitudes ``C_1`` of the first harmonic in each column.
     weights : ndarray, shape (columns,)
-        One over the noise variance of a frame in each column near the first harmonic.
+        Inverse noise variance of a frame in each column near the first harmonic.
     information : ndarray, shape (nodes,)
         Fisher information of the data about each node's phase.
     gain : ndarray, shape (nodes,)
-        Size of the first harmonic around each node, relative to the window's.
+        Amplitude of the first harmonic around each node, relative to the window's.
     t_s : ndarray, shape (frames,)
         Times of the frames since the window's first node.
     deviation : ndarray of complex, shape (frames,)
-        What each frame says beyond the fit, relative to the first harmonic: its real part is a
-        change of size, its imaginary part of phase.
+        Residual of each frame relative to the first harmonic: its real part is a change of
+        amplitude, its imaginary part of phase (rad).
     second_ratio : float
-        Size of the second harmonic relative to the first.
+        Amplitude of the second harmonic relative to the first.
     half_ratio : float
-        The same of the part at half its frequency.
+        Amplitude of the part at half the frequency relative to the first harmonic.
     """
 
     psi_rad: Float
@@ -107,7 +109,7 @@ class PhaseFit:
 def fit_phase(
     frames: Frames, psi_rad: Float, basis: ProfileBasis | None = None, turns: float = 0.0
 ) -> PhaseFit:
-    """Find the most probable phase near a first guess.
+    """Find the posterior mode of the phase near a first guess.
 
     Parameters
     ----------
@@ -115,17 +117,16 @@ def fit_phase(
     psi_rad : ndarray, shape (nodes,)
         First guess of the phase at nodes ``NODE_S`` apart, relative to the nominal frequency's.
     basis : ProfileBasis, optional
-        What the columns are made of: where it is known, phase, amplitudes and ramp are fitted
-        together at the end (:mod:`rsenf.flicker.joint_fit`). Without it the variance takes the
-        amplitudes for known.
+        Basis of the columns: with it, phase, amplitudes and ramp are fitted jointly at the end
+        (:mod:`rsenf.flicker.joint_fit`). Without it, the variance is conditional on the amplitudes.
     turns : float
         First guess of the first harmonic's turns down the rows.
     """
     gathered = Gathered(frames, psi_rad.size)
-    to_rest = basis is None  # else the joint fit goes on from what is near
+    to_rest = basis is None  # else the joint fit continues from near the mode
     settled = _settle(gathered, psi_rad, to_rest=to_rest)
     if settled.loudest != 1:
-        # What is taken for an overtone is louder than the flicker itself: it is the flicker.
+        # A supposed overtone louder than the flicker is the flicker itself.
         nearer = _as_first(gathered, settled.prior.basis @ settled.coefficient, settled.loudest)
         other = settled if nearer is None else _settle(gathered, nearer, to_rest=to_rest)
         settled = other if other.loudest == 1 else settled
@@ -136,7 +137,7 @@ def fit_phase(
 
 @dataclass(frozen=True, eq=False)
 class _Settled:
-    """A phase at rest, and what follows from it; ``covariance`` is the coefficients'."""
+    """A converged phase, and what follows from it; ``covariance`` is the coefficients'."""
 
     prior: PhasePrior
     coefficient: Float
@@ -149,12 +150,12 @@ class _Settled:
 
     @property
     def loudest(self) -> int:
-        """Which of the first harmonics is the loudest."""
+        """Order of the loudest among the first harmonics."""
         return 1 + int(np.argmax(np.sum(np.abs(self.amplitude.harmonic) ** 2, axis=1)))
 
 
 def _alone(frames: Frames, gathered: Gathered, settled: _Settled) -> PhaseFit:
-    """Return what has settled, with its amplitudes taken for known."""
+    """Return the converged phase as the result, conditional on its amplitudes."""
     amplitude = settled.amplitude
     psi_rad = settled.prior.basis @ settled.coefficient
     return PhaseFit(
@@ -180,7 +181,7 @@ def _alone(frames: Frames, gathered: Gathered, settled: _Settled) -> PhaseFit:
 def _together(
     frames: Frames, gathered: Gathered, settled: _Settled, basis: ProfileBasis, turns: float
 ) -> PhaseFit:
-    """Return the joint fit from where the phase has settled."""
+    """Return the joint fit, started from the converged phase."""
     start = State(settled.coefficient, settled.amplitude.found, settled.trust, settled.gain, turns)
     joint = JointFit(gathered, settled.prior, basis, settled.orders).run(start)
     psi_rad = settled.prior.basis @ joint.state.coefficient
@@ -203,7 +204,7 @@ def _together(
 
 
 def _size_ratio(amplitude: Complex, orders: tuple[float, ...], order: float) -> float:
-    """Size of an order relative to the first harmonic; 0 where it isn't fitted."""
+    """Amplitude of an order relative to the first harmonic; 0 if it isn't fitted."""
     if order not in orders:
         return 0.0
     first, other = (np.linalg.norm(amplitude[orders.index(k)]) for k in (1, order))
@@ -211,11 +212,11 @@ def _size_ratio(amplitude: Complex, orders: tuple[float, ...], order: float) -> 
 
 
 def _as_first(frames: Gathered, psi_rad: Float, order: int) -> Float | None:
-    """Phase by which a harmonic of this path is the first; None where its alias is elsewhere.
+    """Phase by which a harmonic of this path is the first; None if its alias is elsewhere.
 
-    Where the alias is a third of the frame rate, the second harmonic's mirror image lies on it.
-    A path that takes the flicker for that image wanders half as much, the other way, and grids
-    are more likely to wander less.
+    If the alias is a third of the frame rate, the second harmonic's mirror image coincides with it.
+    A path fitted to that image wanders half as much, the other way, and the prior prefers less
+    wander.
     """
     phase = order * frames.phase_rad(psi_rad)
     frames_at = frames.there.sum(axis=1)
@@ -230,7 +231,7 @@ def _as_first(frames: Gathered, psi_rad: Float, order: int) -> Float | None:
 
 
 def _settle(gathered: Gathered, psi_rad: Float, *, to_rest: bool) -> _Settled:
-    """Most probable phase near a first guess, and amplitudes by turns."""
+    """Posterior mode near a first guess, with phase and amplitudes estimated in turn."""
     prior = phase_prior(psi_rad.size)
     coefficient = prior.nearest(psi_rad)
     trust = np.ones(psi_rad.size)
@@ -246,7 +247,7 @@ def _settle(gathered: Gathered, psi_rad: Float, *, to_rest: bool) -> _Settled:
         step = np.linalg.solve(precision, prior.basis.T @ gradient - coefficient)
         moved = prior.basis @ step
         shape = moved - moved.mean()
-        # How far the step goes, in standard errors all told, and in rad.
+        # Size of the step: squared, in standard errors in total; and largest, in rad.
         far, farthest = float(shape @ (information * shape)), float(np.abs(shape).max())
         coefficient = coefficient + step * min(1.0, 1.0 / max(farthest, 1e-12))
         near = far < (REST if settled else NEARLY)
@@ -260,7 +261,7 @@ def _settle(gathered: Gathered, psi_rad: Float, *, to_rest: bool) -> _Settled:
             if not (more or to_rest):
                 break
             if any(order % 1 for order in more):
-                trust = np.ones(psi_rad.size)  # nodes were doubted for what is known now
+                trust = np.ones(psi_rad.size)  # nodes were down-weighted for lack of these
     return _Settled(
         prior=prior,
         coefficient=coefficient,
@@ -275,20 +276,20 @@ def _settle(gathered: Gathered, psi_rad: Float, *, to_rest: bool) -> _Settled:
 
 @dataclass(frozen=True, eq=False)
 class Amplitudes:
-    """What follows from a phase by least squares.
+    """Least-squares amplitudes for a given phase.
 
     Attributes
     ----------
     harmonic : ndarray of complex, shape (HARMONICS, columns)
-        ``C_k``.
+        ``C_k``, with insignificant ones shrunk to 0.
     weights : ndarray, shape (HARMONICS, columns)
-        One over the columns' noise near each harmonic.
+        Inverse noise variance of the columns near each harmonic.
     found : ndarray, shape (waves, columns)
-        Each wave's share of the columns.
+        Coefficients of the waves in the columns.
     told : SufficientStatistics
-        The sums that it follows from.
+        The sums that they follow from.
     left : ndarray, shape (nodes, HARMONICS, columns)
-        Sums of what the model leaves times ``exp(j·k·φ)``.
+        Sums of the residual times ``exp(j·k·φ)``.
     """
 
     harmonic: Complex
@@ -315,14 +316,14 @@ def _amplitudes(told: SufficientStatistics, trust: Float, orders: tuple[float, .
 
 
 def _weighted(trust: Float, sums: Float) -> Float:
-    """Add up sums at the nodes, each by how far it is trusted."""
+    """Sum over the nodes with their robust weights."""
     return (trust @ sums.reshape(trust.size, -1)).reshape(sums.shape[1:])
 
 
 def _left(told: SufficientStatistics, found: Float) -> tuple[Float, Float]:
-    """Sums of what is left of the columns times cosine and sine of the harmonics.
+    """Sums of the columns' residual times cosine and sine of the harmonics.
 
-    Shapes (nodes, harmonics, columns): what the waves found would have added up to is taken away.
+    Both of shape (nodes, harmonics, columns).
     """
     own = slice(1, 1 + 2 * HARMONICS)
     modelled = told.waves[:, own].reshape(-1, len(found)) @ found
@@ -333,7 +334,7 @@ def _left(told: SufficientStatistics, found: Float) -> tuple[Float, Float]:
 def _nuisances(
     frames: Gathered, phase_rad: Float, waves: Float, amplitude: Amplitudes
 ) -> tuple[float, ...]:
-    """Further orders that stand out of what the first ones leave of some column."""
+    """Further orders that stand out of the first ones' residual in some column."""
     near_hz, *far_hz = np.split(
         np.abs([alias_hz(k * frames.carrier_hz, frames.rate_hz) for k in range(1, FAR + 1)]),
         range(NUISANCES, FAR),
@@ -360,7 +361,7 @@ def _deviation(
     template: Complex,
     weights: Float,
 ) -> Complex:
-    """What frames say beyond a model, relative to the first harmonic."""
+    """Residual of each frame from a model, relative to the first harmonic."""
     weighted = weights * template.conj()
     power = float(np.sum(weighted * template).real)
     if power <= 0.0:
@@ -373,15 +374,15 @@ def _deviation(
 
 
 def _likelihood(amplitude: Amplitudes, trust: Float) -> tuple[Float, Float, Float, Float]:
-    """Gradient and information of the phase at each node, from all harmonics.
+    """Gradient and Fisher information of the phase at each node, from all harmonics.
 
-    Also how far each node is trusted next time, and the first harmonic's gain.
+    Also the next robust weight of each node, and the first harmonic's gain.
     """
     order = np.arange(1, HARMONICS + 1)
     weighted = amplitude.weights * amplitude.harmonic
     left = order * np.einsum("nkc,kc->nk", amplitude.left, weighted)
     told, across = -left.imag, left.real
-    # The sum over the columns of a wave's square, along the phase: Σ w·(k·Im turn·C)².
+    # Sum over the columns of a wave's square along the phase: Σ w·(k·Im turn·C)².
     power = (weighted * amplitude.harmonic.conj()).sum(axis=1).real
     turned = (weighted * amplitude.harmonic).sum(axis=1)
     frames_at, squared = _squares(amplitude.told)
@@ -389,7 +390,7 @@ def _likelihood(amplitude: Amplitudes, trust: Float) -> tuple[Float, Float, Floa
     hears = expected.sum(axis=0) > 0.0
     own = trust[:, None]
     total = np.where(hears, (own * expected).sum(axis=0), 1.0)
-    # The columns' noise may go together: what is left of their sum says how much.
+    # Noise may be correlated between columns: it is measured on their weighted sum.
     noise = np.maximum(noise_of(own * told, ALONG_HZ), noise_of(own * across, ACROSS_HZ))
     excess = np.maximum(noise / total, 1e-3)
     gain = gain_around(own * across, own * expected)
@@ -403,7 +404,7 @@ def _likelihood(amplitude: Amplitudes, trust: Float) -> tuple[Float, Float, Floa
 
 
 def _squares(told: SufficientStatistics) -> tuple[Float, Complex]:
-    """How many frames are around each node, (nodes, 1), and the sums of ``exp(2j·k·φ)``."""
+    """Number of frames around each node, (nodes, 1), and the sums of ``exp(2j·k·φ)``."""
     cosine, sine = (range(first, 2 * HARMONICS + 1, 2) for first in (1, 2))
     of = told.waves
     squared = of[:, cosine, cosine] - of[:, sine, sine] + 2j * of[:, cosine, sine]

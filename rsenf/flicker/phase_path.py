@@ -1,4 +1,4 @@
-"""What is known of the phase so far, at the nodes of a stretch of seconds."""
+"""The phase known so far, at the nodes of consecutive seconds."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class PhasePath:
         self._psi, self.first = psi_rad, first
 
     def between(self, start: int, end: int) -> Float:
-        """Phase at the nodes of some seconds; beyond what is known it runs on as it was."""
+        """Phase at the nodes of a span of seconds; extrapolated linearly beyond what is known."""
         before = (self.first - start) * NODES_PER_S
         if before > 0:
             slope = self._psi[1] - self._psi[0]
@@ -38,7 +38,7 @@ class PhasePath:
         return self._psi[a : b + 1].copy()
 
     def set(self, start: int, psi_rad: Float) -> None:
-        """Take over what a fit has found from second ``start`` on."""
+        """Replace the phase from second ``start`` on by a fit's."""
         a = (start - self.first) * NODES_PER_S
         self._psi[a : a + psi_rad.size] = psi_rad
 

@@ -1,8 +1,8 @@
-"""Phase tracker: flicker that was found is followed from second to second.
+"""Phase tracker: follows detected flicker from second to second.
 
-Each second's phase is that of the window around it, fitted anew from what was known before, and
-checked: the tone must stand out where the fit says it is. Some seconds in a row share a window, for
-fits are most of the work.
+Each second's phase is that of a window around it, refitted from the previous estimate, and checked:
+the tone must stand out at the fitted frequency. Several consecutive seconds share a window, since
+the fits are most of the work.
 """
 
 from __future__ import annotations
@@ -34,58 +34,59 @@ from rsenf.flicker.wander import Wander, wander_of
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-WINDOW_S = 31  # that a second's phase is fitted in
-AHEAD_S = 15  # of it, after the first second that it is fitted for
-TOGETHER_S = 6  # seconds that share a window
-SHORT_S = 3  # the shortest that anything is fitted in
-JUDGED_S = 12  # windows that begin within so many share a look at whether it is mains light
+WINDOW_S = 31  # length of a fit
+AHEAD_S = 15  # part of it after the first second that it serves
+TOGETHER_S = 6  # seconds that share a fit
+SHORT_S = 3  # shortest fit
+JUDGED_S = 12  # windows that begin within this time share one test for mains light
 CHECK_S = 20  # window in which the tone has to stand out
 MIN_FILL_RATIO = 0.5
 TOO_FEW = "too few frames are usable"
-# How far the tone may be from where the fit says it is, in resolution cells.
+# Largest distance of the tone from the fitted frequency, in resolution cells.
 MAX_OFF_CELLS = 1.0
-# What has been found needs less to be believed: it is looked for in one place only.
+# Factor of the detection threshold once locked: the tone is sought in one place only.
 HELD = 0.8
-MEMORY = 0.1  # share of a new second in the template that the check looks with
-# The phase is linear between nodes, which real grids aren't quite: what that leaves, Hz.
+MEMORY = 0.1  # weight of a new second in the template of the check
+# Model error (Hz): the phase is linear between nodes, a real grid's isn't quite.
 MODEL_STD_HZ = 4e-5
-# Where a codec lets through more or less of the flicker than around, it turns its phase as well:
-# the standard error grows by so much for a change by a factor e, and below a size nothing is said.
+# A codec that passes more or less of the flicker than around also turns its phase: the standard
+# error grows by this factor per unit of |ln gain|. Below the least gain nothing is reported.
 UNSETTLED, MIN_GAIN = 4.0, 0.6
-# At the ends of the data a phase is known from one side only, and noise there is seldom like that
-# in the middle, by which it is judged: more than so many times the least variance isn't used,
-# unless it is small (Hz).
+# At the ends of the data the phase is constrained from one side only, and the noise may differ from
+# that in the middle, which its variance rests on: more than this multiple of the least variance
+# isn't used, unless it is small (Hz). And how far an end reaches.
 LEAST_SURE, SURE_STD_HZ = 3.0, 1e-3
 END_S = 5
-# Second harmonic of a lamp over its first: rarely more, and half of light at half the frequency.
+# A lamp's second harmonic over its first: rarely larger, but about half for light at half f_0.
 MOST_SECOND = 0.35
-# Of light at the grid's own frequency, where that may as well be the first harmonic.
+# Part at half the frequency (the grid's own) over the first harmonic: beyond, it may be the first.
 MOST_HALF = 0.1
-APART_CELLS = 1.0  # by which two tones are told apart
-# Between a ramp by bands of rows and by smooth profiles: what is finer than bands shows another.
+APART_CELLS = 1.0  # resolution cells between separable tones
+# Largest difference between turns by bands of rows and by smooth profiles: finer texture differs.
 MOST_TURNS_APART = 0.75
 HALF = "light at the grid's own frequency, or a read-out from the last row to the first: which?"
 
 
 class PhaseTracker:
-    """Follows flicker from where it was found.
+    """Tracks flicker from where it was detected.
 
     Parameters
     ----------
     found : Found
-        Where that was.
+        The detection.
     start : int
-        Second at which its window begins.
+        First second of its window.
     basis : ProfileBasis
     frame_rate_hz : float
-        Of the camera.
+        Frame rate of the camera.
     shown_hz : float
-        Rate at which frames come of which each is a new one.
+        Rate of distinct frames received.
     min_snr : float
+        Detection threshold.
     cells : SlowTime
-        What :func:`rsenf.flicker.cell_light.cell_means` tells of the same frames.
+        Cell means of the same frames (:func:`rsenf.flicker.cell_light.cell_means`).
     ramp : ndarray of complex, shape (columns,), optional
-        What the phase is measured against: that of an earlier lock on the same light.
+        Reference of the phase: that of an earlier lock on the same light.
     """
 
     def __init__(
@@ -110,14 +111,14 @@ class PhaseTracker:
         self._fit: tuple[tuple[int, int], PhaseFit | None] = (0, 0), None
         self._checked: tuple[tuple[int, int], tuple[Tone, str]] = (0, 0), (_NO_TONE, TOO_FEW)
         self._alternates: tuple[tuple[int, int], str] = (0, 0), ""
-        self.failed = 0  # seconds in a row in which the tone didn't stand out
-        self.settled_s = 0  # nothing slips any more before this second
+        self.failed = 0  # consecutive seconds in which the tone didn't stand out
+        self.settled_s = 0  # no new slips are sought before this second
         self._apart_turns = 0.0
-        self._is_grids = False  # whether it has been seen to move as a grid's light does
-        self._judged: tuple[int, str] = -JUDGED_S, ""  # when it was last asked whether it is mains
+        self._is_grids = False  # whether a grid's wander has been seen
+        self._judged: tuple[int, str] = -JUDGED_S, ""  # last test for mains light: start, result
 
     def extend(self, buffer: SlowTime, start: int, end: int) -> PhaseFit | None:
-        """Fit the phase over some seconds, from what is known of it; None without frames."""
+        """Fit the phase over a span, from the path known so far; None without enough frames."""
         if self._fit[0] == (start, end):
             return self._fit[1]
         fit = self._fitted(buffer, start, end, self._path.between(start, end))
@@ -128,7 +129,7 @@ class PhaseTracker:
         return fit
 
     def _fitted(self, buffer: SlowTime, start: int, end: int, guess_rad: Float) -> PhaseFit | None:
-        """Fit the phase near a guess; find the frames that slip, until both go together."""
+        """Fit the phase near a guess, jointly with frame slips, which are then corrected."""
         t_s, columns = buffer.usable_of(start, end)
         if t_s.size <= (end - start) / 2:
             return None
@@ -147,15 +148,15 @@ class PhaseTracker:
     def around(self, buffer: SlowTime, index: int, end: int) -> tuple[int, int, PhaseFit | None]:
         """Fit the window around one second, of the frames before second ``end``.
 
-        Its start and stop, and the fit. What frames slip in it is undone.
+        Returns its start and stop, and the fit. Frame slips in it are corrected.
         """
         start = max(min(index + 1 + AHEAD_S, end) - WINDOW_S, int(buffer.first_t_s))
         stop = min(start + WINDOW_S, end)
-        # After a long gap, what is left of the buffer may begin where the window ends, or later.
+        # After a long gap the buffer may begin at the window's end, or later.
         return start, stop, self.extend(buffer, start, stop) if stop - start >= SHORT_S else None
 
     def second(self, buffer: SlowTime, blank: FlickerSecond, end: int) -> FlickerSecond:
-        """Fill in one second, by the window around it, of the frames before second ``end``."""
+        """Fill in one second from the window around it, of the frames before second ``end``."""
         index = blank.index
         start, stop, fit = self.around(buffer, index, end)
         blank = dataclasses.replace(blank, nominal_hz=self.nominal_hz, turns=self.turns)
@@ -210,14 +211,14 @@ class PhaseTracker:
         )
 
     def _mirror_hz(self, off_hz: float) -> float:
-        """Frequency that the light's is mirrored about; NaN where the other one is unlikely."""
+        """Frequency about which the light's is mirrored; NaN if the mirror image is unlikely."""
         about_hz = mirror_hz(self.nominal_hz, self._rate_hz)
         other_off_hz = 2.0 * (about_hz - 2.0 * self.nominal_hz) - off_hz
         is_known = abs(usual_log_odds(off_hz, other_off_hz)) > SURE_LOG_ODDS
         return math.nan if is_known else about_hz
 
     def _amplitude(self, index: int, fit: PhaseFit, start: int) -> dict[str, Any]:
-        """Amplitude over one second of a fit's window: its model's, and what frames say beyond."""
+        """Amplitude over one second: the model's, and the residual of the second's frames."""
         first, stop = fit.t_s.searchsorted([index - start, index + 1 - start])
         told = fit.information[(index - start) * NODES_PER_S :][:NODES_PER_S].sum()
         if first == stop or not told > 0.0:
@@ -233,7 +234,7 @@ class PhaseTracker:
         }
 
     def _check(self, buffer: SlowTime, start: int, end: int) -> tuple[Tone, str]:
-        """Whether the tone stands out in a window, where the fit says it is; looked up once."""
+        """Tone in a window, and why it doesn't count or ''; the last result is cached."""
         if self._checked[0] != (start, end):
             self._checked = (start, end), self._checked_anew(buffer, start, end)
         return self._checked[1]
@@ -260,7 +261,7 @@ class PhaseTracker:
         return tone, self._judged[1]
 
     def why_not_mains(self, start: int, end: int) -> str:
-        """Say why what is followed in a window isn't mains light; '' where it may be."""
+        """Return why the signal tracked in a window isn't mains light; '' if it may be."""
         psi = self._path.between(start, end)
         f0_hz = 2.0 * self.nominal_hz + float(psi[-1] - psi[0]) / (2.0 * np.pi * (end - start))
         light = None
@@ -271,14 +272,14 @@ class PhaseTracker:
             light = look_at(seen, t_s, phase, bands, f0_hz, self._rate_hz)
             self._apart_turns = light.apart_turns
             if abs(light.turns - self.turns) > MOST_TURNS_APART:
-                return PATTERN  # as fine as bands of rows: it shows another ramp in each
+                return PATTERN  # as fine as the bands: their ramp is another one
         wander = self._wander()
         self._is_grids |= wander.is_grids
         reason = why_not(f0_hz, self.nominal_hz, self._rate_hz, wander, light)
         return "" if reason == PATCHY and self._is_grids else reason
 
     def _wander(self) -> Wander:
-        """How the phase of the last fit moves."""
+        """Wander of the last fit's phase."""
         fit = self._fit[1]
         if fit is None:
             return Wander()
@@ -288,12 +289,12 @@ class PhaseTracker:
         return wander_of(prior.nearest(fit.psi_rad), precision, prior.nodes)
 
     def _why_mirrored(self, fit: PhaseFit) -> str:
-        """Say why another order of the light may be followed, in a mirror.
+        """Return why another order of the light may be tracked, mirrored; else ''.
 
-        At 30 frames/s light at 50 Hz has the alias of 100 Hz with its sign reversed, and makes half
-        the turns: it looks like flicker read out from the last row to the first, the true flicker
-        like its second harmonic. So does light at 200 Hz, of twice the turns, and the true flicker
-        like a part at half its frequency.
+        At 30 frames/s light at 50 Hz has the alias of 100 Hz with its sign reversed, and half the
+        turns: it looks like flicker read out from the last row to the first, and the true flicker
+        like its second harmonic. The same holds for light at 200 Hz, with twice the turns, and the
+        true flicker then looks like a part at half its frequency.
         """
         if self.turns >= 0.0:
             return ""
@@ -307,10 +308,10 @@ class PhaseTracker:
         return ""
 
     def _why_alternates(self, buffer: SlowTime, fit: PhaseFit, start: int, stop: int) -> str:
-        """Say why the true flicker may be half of what is followed; '' where it isn't.
+        """Return why the true flicker may be at half the tracked frequency; else ''.
 
         At 60 frames/s light at 200 Hz has the alias of 100 Hz with its sign reversed. The true
-        flicker is then at half the followed frequency, its sign changed from frame to frame.
+        flicker is then at half the tracked frequency, with a sign that alternates between frames.
         """
         sum_hz = 6.0 * self.nominal_hz  # of light at 2·f_0, and of the mirrored f_0
         apart_hz, is_odd = alias_hz(sum_hz, self._rate_hz) / 2.0, round(sum_hz / self._rate_hz) % 2
@@ -327,7 +328,7 @@ class PhaseTracker:
         return SECOND if half - noise > MOST_HALF**2 * first else ""
 
     def _aligned(self, fit: PhaseFit) -> PhaseFit:
-        """Return a fit whose template is in phase with the ramp: what no fit can know by itself."""
+        """Return a fit with its template in phase with the ramp: a constant no fit can know."""
         turn = np.sum(fit.weights * self.ramp.conj() * fit.template)
         if not abs(turn) > 0.0:
             return fit
@@ -336,7 +337,7 @@ class PhaseTracker:
         return dataclasses.replace(fit, psi_rad=psi, template=fit.template * turn.conjugate())
 
     def _learn(self, fit: PhaseFit) -> None:
-        """Let a good second into the memory of how the flicker shows in the columns."""
+        """Update the turns, and the template of the check, with a good second."""
         self._seen = self._seen + fit.template
         if self._basis.rows > 1:
             self.turns = self._basis.turns_of(self._seen)
@@ -351,7 +352,7 @@ _NO_TONE = Tone(0.0, np.inf, 0.0, 0.0, at_edge=False)
 
 
 def _middle(index: int) -> int:
-    """Middle of the seconds that share a window with one of them, wherever one ends."""
+    """Middle of the seconds that share a fit window with this one."""
     first = index - (index + 1 + AHEAD_S - WINDOW_S) % TOGETHER_S
     return first + TOGETHER_S // 2
 

@@ -1,10 +1,11 @@
-"""How new each picture is, by its noise: what tells doubled and blended frames without any light.
+"""Detects repeated and blended frames by the noise of pictures, without any light.
 
-Two pictures that a sensor takes differ by noise, always as much. A converter to a higher frame rate
-shows some pictures twice, that don't differ at all; one that blends neighbours shows less noise the
-more evenly it mixes them, and neighbours that have a picture in common differ by less. Either
-follows the beat between the two rates, which nothing else does. So what pictures differ by is
-compared with what each usual conversion would make of them.
+Two pictures of a sensor always differ by the same amount of noise. A converter to a higher frame
+rate repeats some pictures, which don't differ at all; one that blends neighbours reduces the noise,
+most where it mixes them evenly, and neighbours that share a source picture differ by less. Either
+follows the beat between the two rates, which nothing else does. So the mean square differences
+between pictures are compared with those expected of each usual conversion; the statistic is the
+share of their variation that it explains.
 """
 
 from __future__ import annotations
@@ -19,31 +20,31 @@ from rsenf.flicker.rate_conversion import OFF_RATIO, RATES_HZ, Conversion, round
 Float = NDArray[np.float64]
 
 LAGS = (1, 2)  # frames between the pictures that are compared
-ORDER = 4  # of the difference from row to row, in which flicker is nothing beside noise
-BLENDED_PLACES, DOUBLED_PLACES = 24, 240  # of the beat that are tried
-LEAST_LEVEL = 1.0  # of a row that is brought to another brightness
-SAME = 1e-3  # share by which places are no better than others: where the beat is short
+ORDER = 4  # of the difference from row to row, which suppresses flicker below the noise
+BLENDED_PLACES, DOUBLED_PLACES = 24, 240  # beat phases tried
+LEAST_LEVEL = 1.0  # floor of the level when rows are scaled to constant brightness
+SAME = 1e-3  # relative difference below which places are equally good: short beats have many
 SAME_RATIO = 3e-4  # rates that differ by less beat too slowly
-# Variance of a mean square of so many differences times their number: neighbours share rows.
+# Relative variance of a mean square of n differences, times n: neighbours share rows.
 CHANCE = 5.3
-# Share of what changes, beyond chance, that doubled or blended frames have to explain, and how much
-# there has to be of it: codecs make changes of their own.
+# Least share of the variation beyond chance that a conversion has to explain, and least rms
+# variation: codecs cause changes as well.
 MIN_EXPLAINED, MIN_CHANGE = 0.6, 0.05
-# And where they beat as slowly as levels and gains change.
+# Beats as slow as changes of level and gain have to explain more.
 SLOW_RATIO, MIN_OF_SLOW = 3e-3, 0.85
-MOST = 4.0  # times the median: what differs by more is a cut, or a key frame
+MOST = 4.0  # times the median: larger differences are cuts or key frames
 
 
 class PictureChange:
-    """By how much each picture differs from those just before, in a stream of rows."""
+    """Measures how much each picture differs from those just before, in a stream of rows."""
 
     def __init__(self) -> None:
         self._last: NDArray[np.float32] | None = None
         self._first: NDArray[np.float32] | None = None  # levels of the first picture
-        self.chance = 0.0  # variance of what comes out, relative to its square, by chance alone
+        self.chance = 0.0  # relative variance of the results by noise alone
 
     def of(self, level: NDArray[np.floating]) -> Float:
-        """Take pictures in; return the mean squares by which they differ, shape (frames, lags).
+        """Return the mean square differences from the pictures before, shape (frames, lags).
 
         Parameters
         ----------
@@ -51,8 +52,8 @@ class PictureChange:
         """
         if level.shape[1] <= ORDER:  # too few rows to tell
             return np.zeros((len(level), len(LAGS)))
-        # What is left of a texture beats with the flicker's alias, as conversions beat, unless
-        # each row is brought to the same brightness.
+        # Residual texture beats with the flicker's alias, as conversions do, unless each row is
+        # scaled to constant brightness.
         level = np.asarray(level, np.float32)
         bright = np.maximum(level[:, ORDER // 2 : -ORDER // 2], np.float32(LEAST_LEVEL))
         if self._first is None or self._first.shape != bright.shape[1:]:
@@ -71,17 +72,18 @@ class PictureChange:
 
 
 def find_remade(stamp_s: Float, news: Float, shown_hz: float, chance: float) -> Conversion | None:
-    """Find how pictures were doubled or blended to give their rate, if they were.
+    """Find how pictures were repeated or blended to give their rate, if they were.
 
     Parameters
     ----------
     stamp_s : ndarray, shape (frames,)
-        Since the stream's first frame.
+        Time stamps since the stream's first frame.
     news : ndarray, shape (frames, lags)
+        As of :meth:`PictureChange.of`.
     shown_hz : float
         Frame rate by the stamps.
     chance : float
-        Variance of news, relative to their square, by chance alone.
+        Relative variance of ``news`` by noise alone.
     """
     shown_hz = round_rate(shown_hz)
     usual = np.median(news, axis=0)
@@ -111,7 +113,7 @@ def find_remade(stamp_s: Float, news: Float, shown_hz: float, chance: float) -> 
 
 
 def _tried(shown_hz: float) -> Iterator[tuple[float, bool]]:
-    """Rates, and whether pictures are blended."""
+    """Yield source rates, and whether pictures are blended."""
     for source_hz in RATES_HZ:
         if abs(source_hz / shown_hz - 1.0) < SAME_RATIO:
             continue
@@ -122,17 +124,17 @@ def _tried(shown_hz: float) -> Iterator[tuple[float, bool]]:
 
 
 def _middle(same: NDArray[np.bool_]) -> float:
-    """Middle of those places round the circle that are the same, and in a row."""
-    first = int(same.argmin())  # one that isn't; where all are, any will do
+    """Middle of the run of equally good places on the circle."""
+    first = int(same.argmin())  # outside the run; any place if all are equal
     turned = np.flatnonzero(np.roll(same, -first))
     row = turned[: int(np.argmax(np.append(np.diff(turned), 2) > 1)) + 1]
     return float((row.mean() + first) % same.size)
 
 
 def _expected(source: Float, *, blended: bool) -> Float:
-    """Mean squares by which pictures differ, of those that come from a source's frames.
+    """Expected mean square differences of pictures made of a source's frames.
 
-    Of shape (places, frames, lags) for frames of shape (places, frames).
+    Shape (places, frames, lags) for frames of shape (places, frames).
     """
     whole = np.floor(source)
     share = source - whole if blended else np.zeros(source.shape)
@@ -141,7 +143,7 @@ def _expected(source: Float, *, blended: bool) -> Float:
         apart = np.full(source.shape, 9.0)
         apart[:, lag:] = whole[:, lag:] - whole[:, :-lag]
         before = np.concatenate([share[:, :lag], share[:, :-lag]], axis=1)
-        # Weights 1 − s and s of a frame and the next: their own, less what both have in common.
+        # Weights 1 − s and s of a frame and the next: both pictures' noise, less what they share.
         alone = (1 - share) ** 2 + share**2 + (1 - before) ** 2 + before**2
         common = (apart == 0) * ((1 - share) * (1 - before) + share * before)
         common += (apart == 1) * (1 - share) * before

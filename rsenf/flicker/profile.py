@@ -1,9 +1,9 @@
-"""A frame's row profile in a few numbers: all that flicker can do down the rows.
+"""Reduces a frame's row profile to the few coefficients in which flicker can show.
 
-A harmonic of the flicker runs down the rows with some number of turns, not a whole one, and the
-scene's reflectance bends that ramp. Both are smooth: a few cosines and sines down the rows hold
-them, whatever the read-out time is. They are real and orthogonal, so white noise of the rows stays
-white, and a tone's mirror image at the negative frequency can be told by its turning the other way.
+A harmonic of the flicker is a phase ramp down the rows, of a non-integer number of turns, which the
+scene's reflectance modulates. Both are smooth: a few cosines and sines down the rows represent
+them, whatever the read-out time is. These are real and orthogonal, so that white noise of the rows
+stays white, and a tone's mirror image at the negative frequency shows by its ramp the other way.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from rsenf.messages import RowBlock
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# Turns kept beyond those of the fastest ramp, for what texture does to it.
+# Turns kept beyond those of the fastest ramp, for its modulation by texture.
 SPARE_TURNS = 2
 TURNS_STEP = 0.05
 
@@ -29,6 +29,12 @@ class ProfileBasis:
     rows : int
     max_turns : float
         Most turns of any harmonic down one frame.
+
+    Examples
+    --------
+    >>> basis = ProfileBasis(100, 4.0)
+    >>> round(basis.turns_of(basis.ramps(np.array([2.5]))[:, 0]), 3)
+    2.5
     """
 
     def __init__(self, rows: int, max_turns: float) -> None:
@@ -44,30 +50,38 @@ class ProfileBasis:
 
     @property
     def columns(self) -> int:
-        """How many numbers a frame becomes."""
+        """Number of coefficients per frame."""
         return int(self._waves.shape[1])
 
     def reduce(self, block: RowBlock) -> Float:
-        """Columns of every frame of a block, shape (frames, columns); strips are averaged.
+        """Coefficients of every frame of a block, shape (frames, columns); strips are averaged.
 
-        Frame by frame, so that how frames were cut into blocks changes no bit.
+        Frame by frame, so that the division into blocks doesn't change a bit of the result.
         """
         profile = block.profiles()
         return np.asarray((profile[:, None, :] @ self._waves)[:, 0, :] / self.rows)
 
     def ramps(self, turns: Float) -> Complex:
-        """Columns of ramps ``exp(j·2π·turns·x)`` down the frame, shape (columns, ramps)."""
+        """Coefficients of ramps ``exp(j·2π·turns·x)`` down the frame, shape (columns, ramps)."""
         place = (np.arange(self.rows) + 0.5) / self.rows
         angle = 2.0 * np.pi * np.outer(place, turns)
-        # Real products: a complex one would make all the waves complex first.
+        # Real products: a complex one would first convert all the waves to complex.
         return np.asarray(
             (self._waves.T @ np.cos(angle) + 1j * (self._waves.T @ np.sin(angle))) / self.rows
         )
 
     def lit(self, texture: Float, turns: Float) -> tuple[Complex, Complex]:
-        """Columns of ramps on a texture, given by its columns, and their derivatives by the turns.
+        """Coefficients of ramps times a texture, and their derivatives by the turns.
 
-        Both of shape (ramps, columns).
+        Parameters
+        ----------
+        texture : ndarray, shape (columns,)
+            Coefficients of the texture.
+        turns : ndarray, shape (ramps,)
+
+        Returns
+        -------
+        columns, derivatives : ndarray of complex, shape (ramps, columns)
         """
         place = (np.arange(self.rows) + 0.5) / self.rows
         scene = self._waves @ texture / self.rows
@@ -79,7 +93,7 @@ class ProfileBasis:
         return real + 1j * imag, real_by + 1j * imag_by
 
     def turns_of(self, template: Complex) -> float:
-        """Turns of the ramp that is most like a template, shape (columns,)."""
+        """Turns of the ramp that best matches a template, shape (columns,)."""
         power = np.abs(template.conj() @ self._grid) ** 2 / self._grid_power
         peak = min(max(int(power.argmax()), 1), power.size - 2)
         a, b, c = power[peak - 1 : peak + 2].tolist()

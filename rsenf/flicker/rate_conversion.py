@@ -1,12 +1,11 @@
-"""Clips converted to another frame rate by dropping, doubling or blending frames.
+"""Detects clips that were converted to another frame rate, by their light, and undoes it.
 
 A converter shows, at each of its own times, the newest frame that the camera had taken by then: of
-``F`` frames a second that are shown at a rate ``R``, picture ``m`` is number ``⌊m·F/R + a⌋``. What
-its time stamp says is late by up to a frame period of the camera's, at a regular beat, and light
-that is one tone by the frames' own times is several by the stamps. So it is where neighbours are
-blended, by how near each is. So the light is looked for by the times that each usual camera's rate
-would give, and by the stamps as they are: whichever leaves much less of the pictures' change
-unexplained is right (a likelihood ratio with the noise unknown).
+``F`` frames/s shown at a rate ``R``, picture ``m`` is number ``⌊m·F/R + a⌋``. Its time stamp is
+late by up to a frame period of the camera, with a regular beat, so that light which is one tone by
+the frames' own times is several by the stamps. Blending neighbours has a similar effect. The
+statistic is the power of the pictures' change that light explains at the times of each usual camera
+rate, against that by the stamps as they are: a likelihood ratio with unknown noise variance.
 """
 
 from __future__ import annotations
@@ -25,29 +24,29 @@ Complex = NDArray[np.complex128]
 
 RATES_HZ = (24e3 / 1001, 24.0, 25.0, 30e3 / 1001, 30.0, 48.0, 50.0, 60e3 / 1001, 60.0)
 SAME_RATE_RATIO = 3e-3  # rates that differ by less drift apart too slowly for a window
-PARTS = 4  # of the pictures' change, the strongest, in which light is looked for
-OFFSETS_HZ = 0.4  # of the illumination's frequency from its nominal
-PLACES, FINE = 16, 33  # of the beat that are tried, and around the best
-OFF_RATIO = (0.0, -3e-4, 3e-4)  # by which cameras are off their nominal rate
-OFF_STD_RATIO = 5e-5  # how well the rate of one that is off is known
-PADDED = 4  # length of a spectrum over that of the stretch
+PARTS = 4  # principal components of the pictures' change in which light is sought
+OFFSETS_HZ = 0.4  # half-width of the search around the nominal illumination frequency
+PLACES, FINE = 16, 33  # beat phases tried, and around the best
+OFF_RATIO = (0.0, -3e-4, 3e-4)  # deviations of cameras from their nominal rate
+OFF_STD_RATIO = 5e-5  # standard error of a deviating rate
+PADDED = 4  # zero padding of a spectrum
 ORDERS = (1.0, 2.0, 3.0, 0.5, 1.5)  # harmonics; half-wave lamps have halves of the first
-STILL_HZ = 1.0  # light whose alias is nearer to 0 Hz stands nearly still
-ROUNDS, BLOCKS = 3, 12  # of following how the phase strays, and parts of the stretch for that
-# By the stamps light may leave so much unexplained: overtones, and what moves. The strongest of
-# the tones that a usual conversion makes holds the more part.
+STILL_HZ = 1.0  # light whose alias is nearer to 0 Hz is nearly static
+ROUNDS, BLOCKS = 3, 12  # iterations of the phase course, and blocks of time for it
+# Share that light leaves unexplained by the stamps if unconverted: overtones, motion. And the least
+# share it explains by the stamps: a usual conversion's strongest tone holds most of it.
 CLEAN_RATIO, MIN_BY_STAMPS = 0.015, 0.4
-# Where the beat is as short as a few frames, its tones look like overtones by the stamps, of which
-# a lamp has few. A conversion then has to show nearly all of the light as the first harmonic.
+# At a beat of a few frames its tones look like overtones by the stamps, of which a lamp has few. A
+# conversion then has to show nearly all of the light as the first harmonic.
 MIN_BY_ONE = 0.9
-# What a conversion has to explain: so much of all that is no noise, by the first harmonic and by
-# all, and of what the stamps leave.
+# Least shares that a conversion explains: of the signal power by the first harmonic, by all, and of
+# what the stamps leave.
 MIN_FIRST, MIN_EXPLAINED, MIN_OF_REST = 0.5, 0.7, 0.5
-MIN_BLENDED = 0.95  # of all that is no noise: a lost frame looks a little like a blend
+MIN_BLENDED = 0.95  # of the signal power: a lost frame looks a little like a blend
 SAME_POWER = 1e-9
-# A beat of so few frames has its tones where a lamp's overtones are: neither can be ruled out.
+# A beat of so few frames has its tones where a lamp's overtones are: neither can be excluded.
 SHORT_BEAT = 3
-EDGE = 4e-3  # of a frame: so near to the next one it isn't sure which is shown
+EDGE = 4e-3  # of a frame: nearer to the next one it is uncertain which is shown
 
 
 BLENDED = "neighbouring frames are blended: another frame rate was made of them"
@@ -61,15 +60,20 @@ class Conversion:
     Attributes
     ----------
     source_hz : float
-        Rate at which the camera took its frames.
+        Frame rate of the camera.
     shown_hz : float
-        Rate at which they are shown.
+        Frame rate of the clip.
     place : float
-        The beat's: ``a``, 0 to 1.
+        Phase ``a`` of the beat, 0 to 1.
     blended : bool
-        Whether neighbours are mixed; else whole frames are dropped or doubled.
+        Whether neighbours are mixed; else whole frames are dropped or repeated.
     doubtful : bool
-        Whether it is known by light that overtones explain as well.
+        Whether overtones of the light explain it as well.
+
+    Examples
+    --------
+    >>> Conversion(30.0, 25.0, 0.5).taken_s(np.array([0.0, 0.04, 0.08])).round(4).tolist()
+    [0.0, 0.0333, 0.0667]
     """
 
     source_hz: float
@@ -80,7 +84,7 @@ class Conversion:
 
     @property
     def why_not_undone(self) -> str:
-        """Why frame times can't be had back; '' where they can."""
+        """Why true frame times can't be recovered; '' where they can."""
         return BLENDED if self.blended else DOUBTFUL if self.doubtful else ""
 
     @property
@@ -89,25 +93,25 @@ class Conversion:
         return 0.0 if self.source_hz in RATES_HZ else OFF_STD_RATIO * self.source_hz
 
     def source_frames(self, stamp_s: Float) -> Float:
-        """Frames of the camera since the first one shown, not yet rounded down."""
+        """Camera frames since the first one shown, before rounding down."""
         shown = np.rint(stamp_s * self.shown_hz)
         return np.asarray(shown * (self.source_hz / self.shown_hz) + self.place)
 
     def taken_s(self, stamp_s: Float) -> Float:
-        """When frames were taken, since the first one, by their time stamps since the first."""
+        """Times at which frames were taken, by their stamps; both since the first frame."""
         return np.asarray(np.floor(self.source_frames(stamp_s)) / self.source_hz)
 
     def shares(self, stamp_s: Float) -> Float:
-        """Share of the frame after the one taken then, in what is shown."""
+        """Share of the following camera frame in each picture; 0 unless blended."""
         return self.source_frames(stamp_s) % 1.0 if self.blended else np.zeros(stamp_s.size)
 
     def seen(self, stamp_s: Float, light_rad: Float, step_rad: float) -> Complex:
-        """Return what is seen of light with a phase at the frames, and a step to the next."""
+        """Phasor seen of light with a phase at the frames, and a phase step to the next."""
         share = self.shares(stamp_s)
         return np.asarray(np.exp(1j * light_rad) * (1.0 - share + share * np.exp(1j * step_rad)))
 
     def unsure(self, stamp_s: Float) -> NDArray[np.bool_]:
-        """Whether it is uncertain which frame is shown."""
+        """Whether it is uncertain which frame each picture shows."""
         beyond = self.source_frames(stamp_s) % 1.0
         return np.asarray((beyond < EDGE) | (beyond > 1.0 - EDGE))
 
@@ -115,12 +119,12 @@ class Conversion:
 def find_conversion(
     nominals_hz: tuple[float, ...], t_s: Float, columns: Float, shown_hz: float
 ) -> Conversion | None:
-    """Find how a stretch was converted, if it was.
+    """Find how a time span was converted, if it was.
 
     Parameters
     ----------
     nominals_hz : tuple of float
-        Grids whose light is looked for.
+        Nominal frequencies of the grids whose light is sought.
     t_s : ndarray, shape (frames,)
         Time stamps since the stream's first frame.
     columns : ndarray, shape (frames, columns)
@@ -149,7 +153,7 @@ def find_conversion(
     for source_hz, blended, nominal_hz in product(RATES_HZ, (False, True), nominals_hz):
         ratio = source_hz / shown
         if abs(ratio - max(round(ratio), 1)) < SAME_RATE_RATIO:
-            continue  # every frame, or every so manieth: no beat
+            continue  # a whole ratio: no beat
         if is_clean and (blended or source_hz < shown):
             continue
         tries = [Conversion(source_hz, shown, k / PLACES, blended) for k in range(PLACES)]
@@ -166,25 +170,25 @@ def find_conversion(
             explained = _explained(parts, light_rad, waves_of)
             if blended and explained < MIN_BLENDED * seen:
                 continue
-            # One that is off has to beat a nominal one clearly.
+            # A deviating rate has to explain clearly more than a nominal one.
             if explained > best + (MIN_OF_REST * (seen - best) if off and found else 0.0):
                 best, found = explained, tries[top]
     return replace(found, doubtful=_is_short(found)) if found else None
 
 
 def _middle_of_best(power: Float) -> int:
-    """Return which place is best: where the beat is short, all between two of its steps are."""
+    """Index of the best place; the middle one where a short beat makes several equal."""
     same = np.flatnonzero(power > (1.0 - SAME_POWER) * power.max())
     return int(same[same.size // 2])
 
 
 def _is_short(found: Conversion) -> bool:
-    """Whether the beat is no longer than a few of the frames shown."""
+    """Whether the beat is only a few of the frames shown."""
     return not found.blended and _beat_frames(found) <= SHORT_BEAT
 
 
 def _beat_frames(found: Conversion) -> int:
-    """Frames shown until the beat of the nominal rates comes again."""
+    """Period of the nominal rates' beat, in frames shown."""
     source_hz, shown_hz = (
         min(RATES_HZ, key=lambda usual: abs(usual - rate_hz))
         for rate_hz in (found.source_hz, found.shown_hz)
@@ -193,13 +197,19 @@ def _beat_frames(found: Conversion) -> int:
 
 
 def round_rate(rate_hz: float) -> float:
-    """Return the usual rate that a measured one is, or that as it is."""
+    """Return the usual rate within 0.03 % of a measured one, else the measured one.
+
+    Examples
+    --------
+    >>> round(round_rate(29.969), 3), round_rate(27.0)
+    (29.97, 27.0)
+    """
     nearest = min(RATES_HZ, key=lambda usual: abs(usual - rate_hz))
     return nearest if abs(nearest - rate_hz) < 3e-4 * rate_hz else rate_hz
 
 
 def _parts(columns: Float) -> tuple[Float, float]:
-    """Strongest parts of the pictures' change over time, and how much of their power is noise."""
+    """Principal components of the pictures' change over time, and the noise power in them."""
     change = columns - columns.mean(axis=0)
     power, shape = np.linalg.eigh(change.T @ change)
     kept = min(PARTS, power.size)
@@ -209,7 +219,7 @@ def _parts(columns: Float) -> tuple[Float, float]:
 
 
 def _strongest_tone(parts: Float, t_s: Float, place: NDArray[np.int64], shown_hz: float) -> Float:
-    """Phase of the strongest tone by the stamps, of any frequency, shape (frames,)."""
+    """Phase of the strongest tone by the stamps, at any frequency, shape (frames,)."""
     size = PADDED * (int(place[-1]) + 1)
     held = np.zeros((parts.shape[1], int(place[-1]) + 1))
     held[:, place] = parts.T
@@ -218,7 +228,7 @@ def _strongest_tone(parts: Float, t_s: Float, place: NDArray[np.int64], shown_hz
 
 
 def _nearly_still(parts: Float, place: NDArray[np.int64], shown_hz: float) -> float:
-    """Power of what stands nearly still by the stamps, from picture to picture or every other."""
+    """Power near 0 Hz and half the frame rate, by the stamps."""
     held = np.zeros((parts.shape[1], int(place[-1]) + 1))
     held[:, place] = parts.T
     power = np.abs(np.fft.fft(held)) ** 2
@@ -228,9 +238,9 @@ def _nearly_still(parts: Float, place: NDArray[np.int64], shown_hz: float) -> fl
 
 
 def _around(near: Conversion, off_ratio: float, middle: float) -> list[Conversion]:
-    """Conversions from a slightly other rate, of nearly the same place in the stretch's middle.
+    """Conversions from a slightly different rate, with nearly the same place in mid-span.
 
-    All places between two steps of the beat are the same for a nominal rate, not for others.
+    All places between two steps of the beat are equivalent for a nominal rate, not for others.
     """
     moved = near.place - off_ratio * near.source_hz / near.shown_hz * middle
     reach = max(1.0 / _beat_frames(near), 1.0 / PLACES)
@@ -243,7 +253,7 @@ def _around(near: Conversion, off_ratio: float, middle: float) -> list[Conversio
 def _first_harmonic(
     parts: Float, t_s: Float, place: NDArray[np.int64], tries: list[Conversion], nominal_hz: float
 ) -> tuple[Float, Float]:
-    """Power and frequency (Hz) of the light's first harmonic by each conversion."""
+    """Power and frequency (Hz) of the light's first harmonic under each conversion."""
     shown_hz = tries[0].shown_hz
     size = PADDED * (int(place[-1]) + 1)
     turn = np.array([
@@ -265,13 +275,13 @@ def _first_harmonic(
 
 
 def _converted(how: Conversion, stamp_s: Float, hz: float, light_rad: Float) -> list[Complex]:
-    """Waves that converted light shows, harmonic by harmonic."""
+    """Phasors of converted light, harmonic by harmonic."""
     step_rad = 2.0 * np.pi * hz / how.source_hz
     return [how.seen(stamp_s, order * light_rad, order * step_rad) for order in ORDERS]
 
 
 def _by_stamps(odd: NDArray[np.int64], light_rad: Float) -> list[Complex]:
-    """Waves of light by its alias: of that, a half is known up to half the frame rate only."""
+    """Phasors of light by its alias, which defines half orders only up to half the frame rate."""
     waves = [np.exp(1j * order * light_rad) for order in ORDERS]
     other = 1.0 - 2.0 * odd
     return [*waves, *(w * other for w, order in zip(waves, ORDERS, strict=True) if order % 1.0)]
@@ -285,7 +295,7 @@ def _explained(parts: Float, light_rad: Float, waves_of: Callable[[Float], list[
     parts : ndarray, shape (frames, parts)
     light_rad : ndarray, shape (frames,)
     waves_of : callable
-        Waves that light of some phase shows, its first harmonic before others.
+        Phasors of light with a given phase, the first harmonic before others.
     """
     x = np.linspace(-1.0, 1.0, light_rad.size)
     explained = 0.0
@@ -294,7 +304,7 @@ def _explained(parts: Float, light_rad: Float, waves_of: Callable[[Float], list[
         waves = np.column_stack([f for w in (first, *others) for f in (w.real, w.imag)])
         share = np.linalg.lstsq(waves, parts, rcond=1e-6)[0]
         explained = float(np.sum(parts**2) - np.sum((parts - waves @ share) ** 2))
-        # How the first harmonic's phase strays: the grid drifts.
+        # Follow the first harmonic's phase, since the grid drifts.
         own = parts - waves[:, 2:] @ share[2:]
         light = (own @ (share[0] + 1j * share[1])) * first.conj()
         blocks = np.array_split(np.arange(x.size), BLOCKS)

@@ -1,4 +1,4 @@
-"""What is known of the flicker over one second of a stream."""
+"""Result of flicker tracking over one second of a stream."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ class FlickerSecond:
     index : int
         Seconds since the epoch's first frame.
     start_s, end_s : float
-        What it covers, from the epoch's first frame.
+        Interval covered, from the epoch's first frame.
     usable : bool
         Whether phase and frequency may be used.
     reason : str
         Why not; empty when usable.
     nominal_hz : float
-        Nominal grid frequency, 50 or 60; NaN while it isn't known.
+        Nominal grid frequency, 50 or 60; NaN while unknown.
     frame_rate_hz : float
         Measured around this second; of a converted stream the camera's own.
     converted : bool
-        Whether the stream was converted to the rate by its stamps from ``frame_rate_hz``, by
-        frames dropped or doubled, which is undone.
+        Whether frames were dropped or repeated to convert the stream from ``frame_rate_hz`` to the
+        rate of its stamps, which is undone.
     slips : tuple of FrameSlip
-        Frames of this second before which some were lost, or which are shown again, although the
-        time stamps don't say so; that is undone from there on.
+        Lost and repeated frames at frames of this second that the time stamps don't show; corrected
+        from there on.
     doubled : tuple of int or None
-        Frames of this second whose picture is that of the frame before, noise and all; None where
-        pictures don't tell.
+        Frames of this second that repeat the picture before, noise included; None where pictures
+        can't show it.
     jitter_s : float
-        Of time stamps that frames aren't gone by, rms: they are taken to be even. 0 where they are.
+        Rms jitter of the time stamps where even frame times replace them; else 0.
     f0_hz : float
         Mean illumination frequency (twice the ENF) over the second.
     f0_var_hz2 : float
@@ -51,20 +51,20 @@ class FlickerSecond:
         its direction is known.
     turns : float
         Turns of the first harmonic's phase down the rows of one frame, as known by then:
-        ``f_0·T_ro``; negative where the read-out runs from the last row to the first.
+        ``f_0·T_ro``; negative for a read-out from the last row to the first.
     apart_turns : float
-        By how much the light's phase strays from one ramp that all strips share, rms.
+        Rms deviation of the light's phase from one ramp that all strips share.
     snr_db : float
         Power of the tone over the noise in a resolution cell of the window.
     frame_number : ndarray of int64, shape (frames,)
         The frames that begin in this second.
     phase_rad : ndarray, shape (frames,)
-        Phase of the first harmonic at the time stamp of each of them, ``2π∫f_0 dt`` plus a
-        constant of the epoch; it continues from second to second without jumps of 2π.
+        Unwrapped phase of the first harmonic at the time stamp of each of them, ``2π∫f_0 dt`` plus
+        a constant of the epoch.
     amplitude : complex
         The first harmonic in the middle of the second by that second's own frames, levels,
         relative to ``exp(j·2π·2·nominal_hz·t)``. Unlike the phase it isn't smoothed: its errors in
-        different seconds have nothing to do with each other.
+        different seconds are independent.
     amplitude_var : float
         Variance of its real part, and of its imaginary part, levels².
     """
@@ -92,7 +92,7 @@ class FlickerSecond:
     amplitude_var: float = NAN
 
     def by_clock(self, clock: RegularClock) -> FlickerSecond:
-        """Return it with frequencies by what is known of the frames' rate by now."""
+        """Return a copy with frequencies rescaled to the clock's present frame rate."""
         ratio, std = clock.rate_ratio
         return replace(
             self,

@@ -1,7 +1,7 @@
-"""One follower for two stages of a process, which are given the same blocks one after the other.
+"""One follower for two stages of a process, which receive the same blocks one after the other.
 
-Following the flicker is most of the work of a tracker and of an idle estimator, and both follow it
-in the same way: who is given a block first has it followed, and the other is told what came of it.
+Tracking the flicker is most of the work of a tracker and of an idle estimator, and identical in
+both: the stage that receives a block first has it tracked, the other gets the cached result.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from rsenf.flicker.follower import FlickerFollower
 from rsenf.flicker.second import FlickerSecond
 from rsenf.messages import RowBlock
 
-Heard = tuple[RowBlock | None, list[FlickerSecond]]  # a block, or the end, and what it completed
+Heard = tuple[RowBlock | None, list[FlickerSecond]]  # a block (None: end), and its seconds
 
 
 class Follower(Protocol):
@@ -35,7 +35,7 @@ class Follower(Protocol):
 
 
 def shared(follower: FlickerFollower) -> tuple[Follower, Follower]:
-    """Return two that tell the same, and follow once. Both must be given the very same blocks."""
+    """Return two readers of one follower. Both must be given the very same blocks."""
     one, other = _Reader(follower), _Reader(follower)
     one.other, other.other = other, one
     return one, other
@@ -44,7 +44,7 @@ def shared(follower: FlickerFollower) -> tuple[Follower, Follower]:
 @dataclass(eq=False)
 class _Reader:
     follower: FlickerFollower
-    told: deque[Heard] = field(default_factory=deque)  # by the other, and not yet asked for
+    told: deque[Heard] = field(default_factory=deque)  # results queued by the other reader
 
     def __post_init__(self) -> None:
         self.other = self

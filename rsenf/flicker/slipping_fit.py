@@ -1,17 +1,14 @@
-"""The phase in a window in which frames may be lost or shown again: both are found together.
+"""Joint fit of a window's phase and of frames lost or repeated in it.
 
-Where frames slip the phase leaps, and a fit bends to follow; so what slips is looked for, undone
-and fitted again, until nothing new is found: clear leaps first, by frames
-(:mod:`rsenf.flicker.frame_slips`), then small ones, by what the bent fit leaves
-(:mod:`rsenf.flicker.slipping_fit`).
+At such a slip the phase jumps, and a fit bends to follow. So slips are detected and corrected, and
+the fit repeated, until no new one is found: first clear jumps, frame by frame
+(:mod:`rsenf.flicker.frame_slips`), then small ones, from what the bent fit leaves.
 
-Steps in a phase that should be smooth: the score test of a linear model with known noise.
-
-Of data with a known covariance, that of the noise and that of a smooth course together, a step at
-a place is best estimated by generalised least squares, and its square over its variance is twice
-the logarithm of the likelihood ratio against no step (C. R. Rao, Proc. Camb. Phil. Soc. 44, 50,
-1948). A course that wanders more than it is believed to makes steps out of nothing; so all is
-taken relative to what is usual in the same stretch.
+The small ones use the score test of a linear model with known noise. With the covariance of noise
+and smooth course together, a step at a place is estimated by generalised least squares; its square
+over its variance is twice the log likelihood ratio against no step (Rao, C. R. (1948), Proc. Camb.
+Phil. Soc. 44, 50). A course that wanders more than its prior makes spurious steps; so the statistic
+is relative to its median in the window.
 """
 
 from __future__ import annotations
@@ -37,19 +34,19 @@ from rsenf.flicker.profile import ProfileBasis
 
 Float = NDArray[np.float64]
 
-PARTS = 8  # of the time between points, at which a step may be
+PARTS = 8  # places within a point at which a step may be
 # Median of chi-squared with one degree of freedom.
 USUAL = 0.455
 
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Steps at all places: before a part of each point.
+    """Step estimates at ``PARTS`` places within each point.
 
     Attributes
     ----------
     size, std : ndarray, shape (points, PARTS)
-        The step before the last ``k/PARTS`` of what a point is the mean of, and its standard error.
+        The step before the last ``k/PARTS`` of what a point averages, and its standard error.
     """
 
     size: Float
@@ -57,23 +54,24 @@ class Steps:
 
     @property
     def log_ratio(self) -> Float:
-        """Logarithm of the likelihood ratio against none, shape (points, PARTS)."""
+        """Log likelihood ratio against no step, shape (points, PARTS)."""
         return np.asarray(0.5 * (self.size / self.std) ** 2)
 
 
 def steps_in(told: Float, precision: Float) -> Steps:
-    """Estimate the steps in a course.
+    """Estimate a step in a course at every place.
 
     Parameters
     ----------
     told : ndarray, shape (points,)
+        The course.
     precision : ndarray, shape (points, points)
         Inverse of the covariance of noise and course together.
     """
     score = precision @ told
     after = np.triu(precision, 1)
     beside = after.sum(axis=1)
-    later = _later(np.diag(precision) + 2.0 * beside)  # of all pairs of points that come later
+    later = _later(np.diag(precision) + 2.0 * beside)  # over all pairs of later points
     share = np.arange(PARTS) / PARTS
     top = _later(score)[:, None] + share * score[:, None]
     own = np.diag(precision)[:, None]
@@ -84,14 +82,14 @@ def steps_in(told: Float, precision: Float) -> Steps:
 
 
 def precision_of(information: Float, course: Float) -> Float:
-    """Inverse covariance of independent noise and a course of independent directions.
+    """Inverse covariance of noise plus a course in independent directions (Woodbury identity).
 
     Parameters
     ----------
     information : ndarray, shape (points,) or (points, points)
-        Inverse of the noise's covariance.
+        Inverse covariance of the noise; one dimension if independent.
     course : ndarray, shape (points, directions)
-        Each direction, of unit variance.
+        The directions, each of unit variance.
     """
     inverse = np.diag(information) if information.ndim == 1 else information
     heard = inverse @ course
@@ -108,9 +106,9 @@ def _later(values: Float) -> Float:
 Complex = NDArray[np.complex128]
 Slips = list[tuple[int, int]]
 
-# Least frames between places, try by try: at first the phase is bent where one is.
+# Least frames between places, attempt by attempt: at first each slip bends the phase around it.
 APART = (32, 1, 1, 1)
-BESIDE = 16  # least frames between small leaps and others, or the end
+BESIDE = 16  # least frames between small jumps and other slips, or the ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,9 +124,9 @@ class Window:
     start : int
         Second at which the window begins.
     period_s : float
-        Of the frames.
+        Frame period.
     nominal_hz : float
-        Of the grid.
+        Nominal grid frequency.
     guess_rad : ndarray, shape (nodes,)
         Guess of the phase, relative to the nominal frequency's.
     basis : ProfileBasis
@@ -146,9 +144,9 @@ class Window:
     turns: float
 
     def fit(self, first: int) -> tuple[PhaseFit, Slips]:
-        """Fit the phase; find the frames from one on that slip, until both go together.
+        """Fit the phase, and find the slips from frame ``first`` on, until both are consistent.
 
-        Where they don't, it is as if nothing slipped.
+        If they never are, the result is that without slips.
         """
         settled = self._settled(self._tried([], self.guess_rad), first)
         for _ in range(MOST_AT_ONCE):
@@ -160,7 +158,7 @@ class Window:
         return settled.fit, settled.slips
 
     def _settled(self, as_if: _Tried, first: int) -> _Tried:
-        """Undo clear leaps."""
+        """Correct clear jumps."""
         tried = as_if
         for apart in APART:
             slips = find_slips(tried.seen, tried.step_rad, tried.equal, first, apart)
@@ -173,11 +171,11 @@ class Window:
         return as_if
 
     def _is_disordered(self, slips: Slips) -> bool:
-        """Whether some frame would be older than one that came before it."""
+        """Whether some frame would be older than the one before it."""
         return bool(np.diff(self.t_s + self._late(slips)).min() < -0.5 * self.period_s)
 
     def _tried(self, slips: Slips, nearer_rad: Float) -> _Tried:
-        """Fit near a guess that may bend; what light is compared with must not."""
+        """Fit near a guess that may bend; the reference of the comparison must not."""
         late = self._late(slips)
         carrier_rad = 4.0 * np.pi * self.nominal_hz * (self.t_s + late)
         frames = Frames(self.t_s + late - self.start, carrier_rad, self.columns)
@@ -192,7 +190,7 @@ class Window:
         return late_s(slips, self.t_s.size, self.period_s)
 
     def _at_nodes(self, light: Complex) -> Float:
-        """Phase at the nodes of what frames show, without leaps."""
+        """Unwrapped phase of the frames' light, at the nodes."""
         nodes = self.guess_rad.size
         nearest = np.clip(
             np.rint((self.t_s - self.start) * NODES_PER_S).astype(np.intp), 0, nodes - 1
@@ -205,7 +203,7 @@ class Window:
 
 @dataclass(frozen=True, eq=False)
 class _Tried:
-    """A fit with some frames slipping, and each frame's flicker beside the guess without any."""
+    """A fit with assumed slips, and each frame's flicker relative to the guess without any."""
 
     fit: PhaseFit
     slips: Slips
@@ -214,7 +212,7 @@ class _Tried:
     equal: NDArray[np.bool_]
 
     def step(self, first: int) -> Slips:
-        """Find the likeliest small leap from a frame on, if any is likely enough."""
+        """Find the likeliest small jump from a frame on, if it exceeds the threshold."""
         fit, nodes = self.fit, self.fit.psi_rad.size
         nearest = np.clip(np.rint(fit.t_s * NODES_PER_S).astype(np.intp), 0, nodes - 1)
         beyond = np.bincount(nearest, fit.deviation.imag, nodes)

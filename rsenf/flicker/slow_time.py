@@ -1,4 +1,4 @@
-"""The last seconds of slow-time values: a bounded buffer that knows exact frame times."""
+"""Bounded buffer of slow-time values (one a frame) of the last seconds, with exact frame times."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rsenf.timebase import NS_PER_S
 class SlowTime:
     """Slow-time values of several lines, with frame times, numbers and usability.
 
-    Rows are appended block by block and forgotten from the front; storage doubles when needed and
+    Values are appended block by block and dropped from the front; storage doubles when needed and
     never shrinks below one window.
 
     Parameters
@@ -27,12 +27,12 @@ class SlowTime:
     origin_ns : int
         Stream clock at the first frame.
     dtype : data type
-        Of the values: complex, or real where nothing else comes.
+        Of the values: complex, or real.
 
     Attributes
     ----------
     slips : list of FrameSlip
-        Frames lost or shown again that time stamps didn't tell of, in the order of their finding.
+        Lost and repeated frames that were corrected, in the order of their detection.
     conversion : Conversion, optional
         How the stream was converted from another frame rate.
     """
@@ -42,14 +42,14 @@ class SlowTime:
         self._start, self._stop = 0, 0
         self.slips: list[FrameSlip] = []
         self.conversion: Conversion | None = None
-        self._slipped_s = 0.0  # by all of them
+        self._slipped_s = 0.0  # sum of all slips
         self._t_s, self._stamp_s, self._late_s = np.empty((3, 1024))
         self._number = np.empty(1024, np.int64)
         self._usable = np.empty(1024, bool)
         self._value = np.empty((1024, lines), dtype)
 
     def append(self, block: RowBlock, value: NDArray[Any]) -> None:
-        """Add one value per frame and line, shape (frames, lines)."""
+        """Append the values of a block's frames, shape (frames, lines)."""
         self._make_room(block.frames)
         new = slice(self._stop, self._stop + block.frames)
         self._stamp_s[new] = (block.frame_pts_ns - self.origin_ns) / NS_PER_S
@@ -81,11 +81,11 @@ class SlowTime:
 
     @property
     def first_t_s(self) -> float:
-        """Time of the first frame that is still there; infinite without any."""
+        """Time of the first frame in the buffer; infinite without any."""
         return float(self._t_s[self._start]) if self._stop > self._start else np.inf
 
     def between(self, start_s: float, end_s: float) -> slice:
-        """Frames with ``start_s ≤ t < end_s``, as a slice for the accessors below."""
+        """Slice for the accessors below, of the frames with ``start_s ≤ t < end_s``."""
         t = self._t_s[self._start : self._stop]
         a, b = (self._start + int(t.searchsorted(t_s)) for t_s in (start_s, end_s))
         return slice(a, b)
@@ -95,11 +95,18 @@ class SlowTime:
         self._start = self.between(-np.inf, t_s).stop
 
     def slip(self, slip: FrameSlip, period_s: float) -> None:
-        """Undo the leap of time by frames lost, or shown again, before or at one of the frames."""
+        """Correct the frame times for lost or repeated frames.
+
+        Parameters
+        ----------
+        slip : FrameSlip
+        period_s : float
+            Frame period.
+        """
         self.slips.append(slip)
         step_s = period_s if slip.frames > 0 else -period_s
         for k in range(abs(slip.frames)):
-            # Frames that are shown again are each as old as the one before.
+            # Repeated frames are each as old as the one before.
             first = slip.frame_number + (k if slip.frames < 0 else 0)
             own = slice(self._start, self._stop)
             later = slice(self._start + int(self._number[own].searchsorted(first)), self._stop)
@@ -108,7 +115,7 @@ class SlowTime:
             self._t_s[later] = self._stamp_s[later] + self._late_s[later]
 
     def times(self, part: slice) -> NDArray[np.float64]:
-        """Seconds since the first frame, by time stamps and whatever slips were found."""
+        """Seconds since the first frame, by time stamps and corrected slips."""
         return self._t_s[part]
 
     def values(self, part: slice) -> NDArray[Any]:
@@ -124,7 +131,7 @@ class SlowTime:
         return self._number[part].copy()
 
     def usable_of(self, start_s: float, end_s: float) -> tuple[NDArray[np.float64], NDArray[Any]]:
-        """Times and values of the usable frames of a stretch."""
+        """Times and values of the usable frames of a time span."""
         part = self.between(start_s, end_s)
         usable = self._usable[part]
         return self._t_s[part][usable], self._value[part][usable]
@@ -134,12 +141,12 @@ class SlowTime:
         return float(np.mean(self._usable[part])) if part.stop > part.start else 0.0
 
     def convert(self, conversion: Conversion) -> None:
-        """Go by the times at which frames were taken from now on, and use each of them once."""
+        """Use the times at which the camera took the frames, and each camera frame once."""
         self.conversion = conversion
         self._undo(conversion, slice(self._start, self._stop))
 
     def go_by(self, clock: RegularClock) -> None:
-        """Go by even times instead of the frames' stamps so far."""
+        """Replace the time stamps of all frames so far by a regular clock's."""
         own = slice(self._start, self._stop)
         self._stamp_s[own] = clock.times(self._number[own])
         self._t_s[own] = self._stamp_s[own] + self._late_s[own]
@@ -153,7 +160,7 @@ class SlowTime:
         self._t_s[part] = self._stamp_s[part] + self._late_s[part]
 
     def period_s(self, part: slice) -> float:
-        """Time from frame to frame by time stamps; frames that never came count as well."""
+        """Frame period by time stamps; missing frames count as well."""
         if self.conversion is not None:
             return 1.0 / self.conversion.source_hz
         t, n = self._stamp_s[part], self._number[part]
@@ -166,7 +173,7 @@ class SlowTime:
         return int(self._number[part.start]), int(self._number[part.stop - 1])
 
     def frame_rate_hz(self, part: slice) -> float:
-        """Frames per second by exact times; frames that never came are counted by their number."""
+        """Frame rate by exact times; missing frames count by their numbers."""
         if part.stop - part.start < 2:
             return float("nan")
         t, n = self._t_s[part], self._number[part]

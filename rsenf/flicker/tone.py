@@ -1,9 +1,9 @@
-"""One tone in a gappy complex series: its frequency, its amplitude and their errors.
+"""Frequency and amplitude of one tone in a complex series with gaps, with their errors.
 
 Frame times need not be uniform: the sums run over exact times. A constant beside the tone (the
-picture's texture, which projects onto every line) is fitted together with it, as in the
-floating-mean periodogram (Zechmeister & Kürster, A&A 496, 577, 2009), so that an alias near 0 Hz
-costs certainty instead of giving a wrong frequency.
+picture's texture, which projects onto every line) is fitted jointly, as in the floating-mean
+periodogram (Zechmeister, M. and Kürster, M. (2009), A&A 496, 577): an alias near 0 Hz then costs
+precision instead of giving a wrong frequency.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ Float = NDArray[np.float64]
 # Bins of the grid per resolution cell of a Hann window of the same length: fine enough for the
 # error of quadratic interpolation to be below 1e-3 of a cell.
 OVERSAMPLING = 4
-GROUP = 12  # near the root of how many offsets there are
-# Cells on either side of the tone that tell the noise.
+GROUP = 12  # near the square root of the number of offsets
+# Cells on either side of the tone in which noise is measured.
 NOISE_CELLS = 10
-# Neighbours of a peak of a Hann window are this close to it at least; else it is no such peak.
+# Least power of a Hann peak's neighbours on the grid, relative to it; else it is no such peak.
 MIN_NEIGHBOUR = 0.25
 AT_EDGE = "strongest at the edge of the search band: played at another speed, or wrong frame times?"
 
@@ -33,7 +33,7 @@ AT_EDGE = "strongest at the edge of the search band: played at another speed, or
 class Tone:
     """Strongest tone within the search band.
 
-    ``snr`` is its power over the noise power in one resolution cell; infinite when the
+    ``snr`` is its power over the noise power in one resolution cell; infinite if the
     neighbourhood is exactly empty. ``offset_var_hz2`` is the variance of ``offset_hz`` by the
     linearised least-squares fit under the window.
     """
@@ -54,6 +54,16 @@ class ToneFinder:
         Length of the Hann window.
     search_hz : float
         Half-width of the band searched around the carrier.
+
+    Examples
+    --------
+    >>> t_s = np.arange(-250, 251) / 25.0
+    >>> finder = ToneFinder(20.0, 1.0)
+    >>> series = 0.3 * np.exp(2j * np.pi * 0.32 * t_s)
+    >>> _, power = finder.periodograms(series[:, None], np.exp(-2j * np.pi * 10.0 * t_s), t_s)
+    >>> tone = finder.strongest(power[:, 0], t_s)
+    >>> round(tone.offset_hz, 3), round(tone.amplitude, 3)
+    (0.32, 0.3)
     """
 
     def __init__(self, window_s: float, search_hz: float) -> None:
@@ -77,7 +87,7 @@ class ToneFinder:
         baseband : ndarray of complex, shape (samples, series)
             Series times ``carrier``.
         carrier : ndarray of complex, shape (samples,)
-            ``exp(−j·2π·f·t)``: what a constant has become.
+            ``exp(−j·2π·f·t)``: a constant's image in baseband.
         t_s : ndarray, shape (samples,)
             Times relative to the window's centre.
 
@@ -85,7 +95,7 @@ class ToneFinder:
         -------
         amplitude : ndarray of complex, shape (offsets, series)
         power : ndarray, shape (offsets, series)
-            ``|amplitude|²`` times what the constant leaves independent of the tone.
+            ``|amplitude|²`` times the share of the tone that is orthogonal to the constant.
         """
         weights = self.window(t_s)
         turns = self._rotations(t_s, weights)
@@ -99,8 +109,8 @@ class ToneFinder:
     def _rotations(self, t_s: Float, weights: Float) -> Complex:
         """``exp(−j·2π·offset·t)`` times the weights, shape (offsets, samples).
 
-        The offsets are equidistant: a turn by each is one by the first of its group times one
-        within the group, and those are the same in all groups.
+        Offsets are equidistant: each rotation is the first of its group times one within the group,
+        the same in all groups.
         """
         step_hz = self.offsets_hz[1] - self.offsets_hz[0]
         within = turning(-2.0 * np.pi * np.outer(np.arange(GROUP) * step_hz, t_s))
@@ -135,8 +145,8 @@ class ToneFinder:
     def _noise(power: Float, peak: int) -> float:
         """Mean noise power of a cell, from the cells on either side of the Hann main lobe.
 
-        Noise power is exponentially distributed, so its mean is its median over ln 2; a median
-        isn't moved by a second line nearby. Only near cells count: noise is seldom white.
+        Noise power is exponentially distributed: its mean is its median over ln 2, which is robust
+        against a second line nearby. Only near cells count, since noise is seldom white.
         """
         away = np.abs(np.arange(power.size) - peak)
         near = (away > 2 * OVERSAMPLING) & (away <= NOISE_CELLS * OVERSAMPLING)

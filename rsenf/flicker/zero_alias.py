@@ -1,10 +1,11 @@
-"""Texture and flicker told apart where the flicker stands still from frame to frame.
+"""Separates texture from flicker whose alias is at or near 0 Hz.
 
-At 25 frames a second under 50 Hz mains every frame begins at the same phase of the flicker, but
-for the grid's slow deviation: a static picture and static flicker look alike, and the mean of a
-row over time holds both. What tells them apart is that the deviation turns the flicker's phase,
-and all rows on one ramp together. So texture, ramp, waveform and phases are fitted jointly; where
-the phase hardly turns, nothing can tell them apart, and the result says so.
+At 25 frames/s under 50 Hz mains every frame begins at the same phase of the flicker, except for the
+grid's slow deviation: a static picture and static flicker look alike, and a row's mean over time
+holds both. They differ in that the deviation turns the flicker's phase, and all rows on one ramp
+together. So texture, ramp, waveform and phases are fitted jointly (model and likelihood:
+:mod:`rsenf.flicker.zero_alias_fit`). Where the phase hardly turns they aren't identifiable, and the
+result says so.
 """
 
 from __future__ import annotations
@@ -24,36 +25,36 @@ MAX_BINS = 500
 MIN_BINS, MIN_ROWS = 8, 16
 HARMONICS = 8
 STEPS = 12
-# Improvement of chi-squared, for its two numbers, that a further harmonic must bring.
+# Least decrease of chi-squared by a further harmonic, of two parameters.
 WORTH = 20.0
-# Orders of a lamp's share that varies down the rows; and what it must leave of the residual.
+# Orders of a lamp's share that varies down the rows; largest residual power relative to without.
 SHARES, SHARES_WORTH = 4, 0.7
-# What light of half the phase must leave of the residual.
+# Largest residual power with light at half the phase, relative to without.
 HALF_WORTH = 0.5
-# The phase must have turned this far, and the circle's radius be known this well.
+# Least range of the phase, largest error of the turns, and least SNR of the amplitude.
 MIN_SPAN_RAD = 1.0
 MAX_TURNS_STD = 0.02  # half a point of the idle period at 25 frames a second
 MIN_AMPLITUDE_SNR = 8.0
-SIMPLE = 0.1  # overtones over the first harmonic of light that is nearly sinusoidal
-# Of what varies slowly, the least that one ramp must explain to be flicker, and to be a result.
+SIMPLE = 0.1  # largest overtone, relative to the first harmonic, of nearly sinusoidal light
+# Least share of the slow variation that one ramp must explain: as flicker; for any result.
 MIN_EXPLAINED, HOPELESS = 0.9, 0.5
-# No lamp's logarithm swings further in its first harmonic.
+# No lamp has a larger first harmonic in the logarithm of its light.
 MAX_AMPLITUDE = 5.0
-# Standard errors from zero that make a sign sure, and between two read-out times that agree.
+# Standard errors from zero of a certain sign, and between two read-out times that agree.
 SURE_SIGN, PLAUSIBLE = 5.0, 3.0
-# Half a turn and less looks like drift: the waveform can take some of the ramp's change upon it.
+# Half a turn and less looks like drift: the waveform can absorb part of the ramp's change.
 LEAST_TURNS = 0.75
-CYCLE = 64  # phases at which a cycle's light is summed
-LIGHT_HZ, LIGHT_RATIO = 110.0, 0.1  # illumination frequencies of either grid, roughly
+CYCLE = 64  # phases over which a cycle's light is averaged
+LIGHT_HZ, LIGHT_RATIO = 110.0, 0.1  # illumination frequency of either grid, and its tolerance
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ZeroAlias:
-    """Flicker that stands nearly still from frame to frame, told apart from the texture.
+    """Flicker that hardly turns from frame to frame, separated from the texture.
 
-    The mirror image, all phases and the ramp with their signs reversed, fits equally well but for
-    ``read_out_s``: ``turns`` is given positive, and the deviation of the frequency has either sign,
-    ``f_0 = f_alias ± ψ'/2π``, with minus where the read-out runs from the last row to the first.
+    The mirror image (all phases and the ramp with reversed sign) fits equally well, except for
+    ``read_out_s``: ``turns`` is given positive, and the frequency deviates with either sign,
+    ``f_0 = f_alias ± ψ'/2π``, with minus for a read-out from the last row to the first.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ class ZeroAlias:
     t_s : ndarray, shape (bins,)
         Times of the bins.
     phase_rad : ndarray, shape (bins,)
-        Phase of each bin, continuous and up to a constant, half a read-out after ``t_s``.
+        Unwrapped phase of each bin, up to a constant, half a read-out after ``t_s``.
     phase_cov : ndarray, shape (bins, bins)
         Covariance of the phases.
     amplitude, amplitude_std : float
@@ -71,17 +72,17 @@ class ZeroAlias:
     series : ndarray of complex, shape (harmonics,)
         All harmonics of the logarithm of the light, the first real.
     share : ndarray, shape (orders,)
-        How the lamp's share in the light varies down the rows, by Chebyshev polynomials from order
-        1 on: daylight that falls on some rows more than on others. Empty where it doesn't vary.
+        Chebyshev coefficients, from order 1, of the lamp's share in the light down the rows:
+        daylight falls on some rows more than on others. Empty where it is uniform.
     read_out_s, read_out_std : float
-        Signed read-out time as the ramp's change with the frequency shows it: negative where the
-        mirror image is the right one. Seldom known well.
+        Signed read-out time, from the ramp's change with the frequency: negative where the mirror
+        image is the right one. Seldom known well.
     explained : float
-        Share of what varies, beyond a common gain and noise, that the flicker explains.
+        Share of the variation, beyond a common gain and noise, that the flicker explains.
     noise_ratio : float
-        Noise where the flicker is, over white noise of the same power; 1 for a clean recording.
+        Noise at the flicker over white noise of the same power; 1 for a clean recording.
     flicker : Flicker
-        As the fit knows it.
+        The fitted model.
     """
 
     turns: float
@@ -106,7 +107,7 @@ class ZeroAlias:
 
     @property
     def span_rad(self) -> float:
-        """How far the phase has turned between its extremes."""
+        """Range of the phase."""
         return float(np.ptp(self.phase_rad))
 
     def rate_hz(self, edges_s: Float) -> tuple[Float, Float]:
@@ -115,7 +116,7 @@ class ZeroAlias:
         Parameters
         ----------
         edges_s : ndarray, shape (edges,)
-            Increasing; phases between bins lie on lines through the nearest two.
+            Increasing; phases are interpolated linearly between bins.
         """
         after = np.clip(np.searchsorted(self.t_s, edges_s), 1, self.t_s.size - 1)
         step_s = self.t_s[after] - self.t_s[after - 1]
@@ -128,16 +129,16 @@ class ZeroAlias:
 
     @property
     def is_flicker(self) -> bool:
-        """Whether it is one ramp of constant modulus: drift, shake and noise are not."""
+        """Whether one ramp of constant modulus explains it, unlike drift, shake and noise."""
         known = self.amplitude > MIN_AMPLITUDE_SNR * self.amplitude_std
         return known and self.explained > MIN_EXPLAINED
 
     @property
     def determined(self) -> bool:
-        """Whether it is flicker whose phase has turned enough for its ramp to be relied on.
+        """Whether it is flicker whose phase has turned enough to rely on its ramp.
 
-        Ramp and phases have to show a whole period between them: part of one fits any length, but
-        for nearly sinusoidal light.
+        Ramp and phases together must cover a whole period, unless the light is nearly sinusoidal:
+        part of a period fits any length.
         """
         known = self.turns_std < MAX_TURNS_STD
         seen_rad = self.span_rad + 2.0 * np.pi * self.turns
@@ -146,12 +147,12 @@ class ZeroAlias:
         return self.is_flicker and known and self.span_rad >= MIN_SPAN_RAD and bool(is_whole)
 
     def texture(self, level: Float, weight: Float) -> Float:
-        """Levels under the light's mean over a cycle; over time, the flicker's phases are uneven.
+        """Levels under the light's mean over a cycle; the mean over time covers phases unevenly.
 
         Parameters
         ----------
         level, weight : ndarray
-            Those that it was told apart in.
+            As given to :func:`separate`.
 
         Returns
         -------
@@ -171,9 +172,9 @@ class ZeroAlias:
 
     @property
     def direction(self) -> int:
-        """Direction of the read-out: 1 first row first, -1 last row first, 0 if it isn't known.
+        """Direction of the read-out: 1 first row first, -1 last row first, 0 if unknown.
 
-        Known where the sign of ``read_out_s`` is sure, and its size is that of the ramp.
+        Known if the sign of ``read_out_s`` is certain, and its size agrees with the ramp.
         """
         by_ramp_s = self.turns / LIGHT_HZ
         amiss_s = abs(abs(self.read_out_s) - by_ramp_s)
@@ -186,7 +187,7 @@ class ZeroAlias:
 def separate(
     level: NDArray[np.floating], t_s: NDArray[np.floating], weight: Float | None = None
 ) -> ZeroAlias | None:
-    """Tell texture and flicker apart.
+    """Separate texture and flicker.
 
     Parameters
     ----------
@@ -202,7 +203,7 @@ def separate(
     Returns
     -------
     ZeroAlias or None
-        None where nothing varies along a ramp, or by no lamp's waveform.
+        None if nothing varies along a ramp, or not by a lamp's waveform.
 
     Raises
     ------
@@ -241,10 +242,10 @@ def separate(
 
 
 def _with_share(even: Point, uneven: Point) -> Point:
-    """Let the lamp's share vary down the rows where that explains much more than harmonics do.
+    """Let the lamp's share vary down the rows if that explains much more than harmonics do.
 
-    Not where the noise is white without it, nor instead of harmonics, whose part it could play
-    where the ramp is short.
+    Not if the noise is white without it, nor in place of harmonics, which it can imitate on a
+    short ramp.
     """
     if noise_ratio(even) <= 1.0:
         return even
@@ -253,7 +254,7 @@ def _with_share(even: Point, uneven: Point) -> Point:
 
 
 def _with_harmonics(point: Point) -> Point:
-    """Add harmonics for as long as each brings something."""
+    """Add harmonics as long as each improves the fit."""
     for harmonics in range(point.flicker.series.size + 1, HARMONICS + 1):
         more = refine(point.data, point.flicker.with_harmonics(harmonics), STEPS)
         enough = point.power - more.power < WORTH * more.noise_var * noise_ratio(more)
@@ -264,7 +265,7 @@ def _with_harmonics(point: Point) -> Point:
 
 
 def _at_half(point: Point) -> Point:
-    """Take the light for the second harmonic of one of half its phase, where that explains more."""
+    """Take the light for the second harmonic of light at half the phase, if that explains more."""
     data, flicker = point.data, point.flicker
     half = replace(flicker, phase_rad=flicker.phase_rad / 2.0, turns=flicker.turns / 2.0)
     first = half.waves(data.t_s, data.place)[0]

@@ -1,4 +1,4 @@
-"""Rows of a stream averaged in bins of time: as many as are needed, and never more."""
+"""Averages a stream's rows in time bins, whose number is bounded."""
 
 from __future__ import annotations
 
@@ -8,21 +8,29 @@ from numpy.typing import NDArray
 from rsenf.flicker.zero_alias_rows import Float
 
 BIN_S = 0.25
-MOST_BINS = 480  # an even number: they merge in pairs
+MOST_BINS = 480  # even, since they merge in pairs
 
 
 class RowBins:
-    """Sums of rows in equal bins of time, merged in pairs when there are too many.
+    """Sums of rows in equal time bins, merged in pairs when there are too many.
 
     Two minutes in quarter seconds, four in half seconds, and so on. Frames are added one after
-    the other, so how they come in blocks changes nothing.
+    the other, so that their division into blocks changes nothing.
 
     Parameters
     ----------
     start_s : float
-        Where the first bin begins.
+        Start of the first bin.
     bin_s : float, optional
-        Length of a bin, to begin with.
+        Initial length of a bin.
+
+    Examples
+    --------
+    >>> bins = RowBins(0.0)
+    >>> bins.add(np.array([0.0, 0.2, 0.3]), np.array([2.0, 4.0, 5.0])[:, None, None])
+    >>> level, t_s, frames = bins.means()
+    >>> level[:, 0, 0].tolist(), frames.tolist()
+    ([3.0, 5.0], [2.0, 1.0])
     """
 
     def __init__(self, start_s: float, bin_s: float = BIN_S) -> None:
@@ -41,7 +49,7 @@ class RowBins:
             Mean levels of their rows.
         """
         if not self._level.size:
-            # All in one piece: what isn't reached yet costs nothing, and all of it goes back.
+            # One allocation: untouched pages cost nothing, and it is freed as a whole.
             self._level = np.zeros((MOST_BINS, *level.shape[1:]))
         for t, rows in zip(t_s.tolist(), level, strict=True):
             while (k := max(int((t - self.start_s) // self.bin_s), 0)) >= MOST_BINS:
@@ -59,7 +67,7 @@ class RowBins:
 
     @property
     def count(self) -> int:
-        """How many bins have frames."""
+        """Number of bins with frames."""
         return int(np.count_nonzero(self._frames))
 
     def means(self) -> tuple[Float, Float, Float]:

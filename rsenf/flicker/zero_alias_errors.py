@@ -1,9 +1,8 @@
-"""What a fit may be wrong by, where the noise is neither white nor noise.
+"""Standard errors of the zero-alias fit when the residual is neither white nor random.
 
-A codec, a shaken camera or something that moves leave traces that hang together over rows and
-time; an error by the white noise's rule would be much too small. What they do to the ramp of the
-flicker can't be seen, since the fit takes it for flicker. What they do to ramps nearby, where
-there is no flicker, can.
+A codec, a shaken camera or motion leave residuals that are correlated over rows and time; the
+white-noise formula would give much too small an error. Their effect on the flicker's own ramp is
+invisible, since the fit takes it for flicker. It is measured on ramps nearby, without flicker.
 """
 
 from __future__ import annotations
@@ -15,21 +14,21 @@ from rsenf.flicker.zero_alias_rows import Float
 
 NEAR_TURNS = np.array([-2.0, -1.75, -1.5, -1.25, -1.0, 1.0, 1.25, 1.5, 1.75, 2.0])
 ASIDE_TURNS = np.array([0.75, 1.0, 1.25, 1.5, 2.0])
-LEAST_TURNS = 0.5  # a slower ramp is hardly more than the gain
-# What holds the picture back, as a codec does, works against the phase more than on what is seen:
-# errors after x264 at 50 and 150 kbit/s are this many times what the residual alone would give.
+LEAST_TURNS = 0.5  # a slower ramp is hardly distinct from the gain
+# A codec that delays changes affects the phase more than the visible residual: errors after x264 at
+# 50 and 150 kbit/s are this many times what the residual alone would give.
 HARM = 2.0
-# Bins over which what a codec leaves of one picture in the next hangs together.
+# Bins over which a codec's remains of one picture in the next are correlated.
 SLOW_BINS = 8
-# Blocks of the residual that may hang together, as shares of the bins and of the rows; all
-# bins at once, since what a codec does to some rows may stay as long as the clip lasts.
+# Blocks of residual that may be correlated, as their numbers over bins and over rows; one block of
+# all bins, since a codec's effect on some rows may last as long as the clip.
 BLOCKS = ((1, 12), (10, 12), (20, 12), (30, 24), (240, 12))
 
 
 def explained(point: Point) -> float:
-    """Share that the flicker explains of what varies slowly; at most 1.
+    """Share of the slow variation that the flicker explains; at most 1.
 
-    What differs from one bin to the next is noise, half of the mean squared difference.
+    The noise is taken as half of the mean squared difference between neighbouring bins.
     """
     data = point.data
     step = np.diff(point.residual, axis=0) ** 2 @ data.row_weight
@@ -39,11 +38,11 @@ def explained(point: Point) -> float:
 
 
 def noise_ratio(point: Point) -> float:
-    """Variance of the noise that acts on the phases, over white noise's of the same power.
+    """Variance of the noise that acts on the phases, over that of white noise of the same power.
 
-    By the largest of three: the residual along ramps nearby, and along the flicker itself, where
-    its modulus isn't constant; and along ramps nearby that turn with the flicker, over several bins
-    together. 1 where they are no larger than chance makes them.
+    The largest of three: of the residual along ramps nearby; along the flicker itself, where its
+    modulus varies; and along ramps nearby that turn with the flicker, summed over several bins. 1
+    unless they are larger than by chance.
     """
     data, residual = point.data, point.residual
     variance = point.power / data.freedom(0)
@@ -65,10 +64,11 @@ def noise_ratio(point: Point) -> float:
 
 
 def standard_error(point: Point, covariance: Float, parameter: int, ratio: float) -> float:
-    """Standard error of one parameter that isn't a phase, by its place behind the phases.
+    """Standard error of a parameter other than the phases.
 
-    By the covariance, unless these say more together: how the parts of the residual that act on the
-    parameter add up over blocks, and how they would act on it were the flicker's ramp another.
+    From the covariance, unless two others together are larger: how the parts of the residual that
+    act on the parameter add up over blocks, and how they would act if the flicker's ramp were
+    another.
 
     Parameters
     ----------
@@ -77,9 +77,9 @@ def standard_error(point: Point, covariance: Float, parameter: int, ratio: float
     covariance : ndarray
         Its covariance.
     parameter : int
-        0 is ``q``, 1 is ``τ``, 2 is ``c_1``.
+        Place after the phases: 0 is ``q``, 1 is ``τ``, 2 is ``c_1``.
     ratio : float
-        Of :func:`noise_ratio`, as it went into the covariance.
+        Of :func:`noise_ratio`, as included in the covariance.
     """
     bins = point.flicker.phase_rad.size
     white = float(np.sqrt(covariance[bins + parameter, bins + parameter]))

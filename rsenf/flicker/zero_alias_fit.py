@@ -1,15 +1,15 @@
-"""Least squares of flicker on texture, all unknowns at once.
+"""Nonlinear least squares of flicker on texture, in all unknowns at once.
 
-The logarithm of a picture's rows is a sum: texture, common gain, and the flicker as a function of
+The logarithm of a picture's rows is a sum of texture, common gain, and the flicker as a function of
 its phase, ``z[i,r] = b_r + γ_i + s_r·Σ_k Re c_k·exp(j·k·φ_ir)`` with
-``φ_ir = ψ_i + 2π·q·u_r + (ψ'_i − mean ψ')·τ·(u_r − ½)``. Texture and gain are linear and many, so
-both are projected out of the data and of every derivative (variable projection, Golub & Pereyra,
-SIAM J. Numer. Anal. 10, 413, 1973): nothing is subtracted that the flicker can't claim back. What
-is left, each bin's phase, ``q``, ``τ`` and a few ``c_k``, is found by damped Gauss-Newton steps
-(Levenberg-Marquardt).
+``φ_ir = ψ_i + 2π·q·u_r + (ψ'_i − mean ψ')·τ·(u_r − ½)``, in weighted Gaussian noise. Texture and
+gain are linear and many, so both are projected out of the data and of every derivative (variable
+projection: Golub, G. H. and Pereyra, V. (1973), SIAM J. Numer. Anal. 10, 413), which takes nothing
+from the flicker. The rest, each bin's phase, ``q``, ``τ`` and a few ``c_k``, is found by damped
+Gauss-Newton steps (Levenberg-Marquardt).
 
 The term with ``τ``: rows further down are exposed later, when the phase has moved on, so the ramp
-follows the frequency. That is a thousandth of the ramp, and still more than the noise of a clean
+depends on the frequency. That is a thousandth of the ramp, and still more than the noise of a clean
 recording.
 """
 
@@ -22,18 +22,18 @@ import numpy as np
 
 from rsenf.flicker.zero_alias_rows import Complex, Float, RowLogs
 
-# A grid's deviation wanders by some millihertz in a second. This is several times more, in rad/s
-# per square root of a second, so it only holds where noise would wander further.
+# A grid's deviation wanders by some millihertz in a second. This prior is several times wider, in
+# rad/s per square root of a second, so it only binds where noise would wander further.
 RATE_WANDER = 0.05
-# No read-out takes longer than about a frame: standard deviation of what τ may be, s.
+# Prior standard deviation of τ (s): no read-out takes longer than about a frame.
 READ_OUT_S = 0.05
-ENOUGH = 0.01  # a step that improves chi-squared by less is the last
-STIFFEST = 1e6  # damping beyond which no step will help
+ENOUGH = 0.01  # a step that decreases chi-squared by less is the last
+STIFFEST = 1e6  # largest damping
 
 
 @dataclass(frozen=True, eq=False)
 class Flicker:
-    """Flicker as the fit knows it: each bin's phase, ``q``, ``τ``, ``s`` and ``c_k``.
+    """Parameters of the flicker: each bin's phase, ``q``, ``τ``, ``c_k`` and ``s``.
 
     ``c_1`` is real. ``s = 1 + Σ_p share_p·T_p(2u − 1)`` is the lamp's share in the light of each
     row, where daylight falls on some more than on others; ``share`` may be empty.
@@ -47,7 +47,7 @@ class Flicker:
 
     @property
     def unknowns(self) -> int:
-        """How many numbers it is."""
+        """Number of unknowns."""
         return self.phase_rad.size + 1 + 2 * self.series.size + self.share.size
 
     def with_harmonics(self, harmonics: int) -> Flicker:
@@ -61,7 +61,7 @@ class Flicker:
         return replace(self, share=np.zeros(order))
 
     def moved(self, step: Float) -> Flicker:
-        """Return the flicker one step further, in the order of the normal equations."""
+        """Return the flicker after a step, in the order of the normal equations."""
         bins = self.phase_rad.size
         pairs, shares = np.split(step[bins + 3 :], [2 * self.series.size - 2])
         change = np.concatenate(([step[bins + 2]], pairs[::2] + 1j * pairs[1::2]))
@@ -74,7 +74,7 @@ class Flicker:
         )
 
     def stretch(self, t_s: Float, place: Float) -> Float:
-        """What ``τ`` multiplies, shape (bins, rows)."""
+        """Derivative of the phase by ``τ``, shape (bins, rows)."""
         rate = np.gradient(self.phase_rad, t_s)
         return np.asarray((rate - rate.mean())[:, None] * (place - 0.5))
 
@@ -82,7 +82,7 @@ class Flicker:
         """``exp(j·k·φ)``, shape (harmonics, bins, rows)."""
         first = np.exp(1j * self.phase_rad)[:, None] * np.exp(2j * np.pi * self.turns * place)
         if self.read_out_s:
-            # A few milliradians: the square is what the exponential has beyond.
+            # A few milliradians: the expansion to second order suffices.
             small = 1j * self.read_out_s * self.stretch(t_s, place)
             first *= 1.0 + small + small * small / 2.0
         out = np.empty((self.series.size, *first.shape), np.complex128)
@@ -96,28 +96,27 @@ class Flicker:
         return np.asarray(1.0 + self.share @ polynomials(place, self.share.size))
 
     def light(self, waves: Complex, place: Float) -> Float:
-        """Its part of the logarithms, shape (bins, rows)."""
+        """Flicker in the logarithms, shape (bins, rows)."""
         return np.asarray(np.tensordot(self.series, waves, 1).real * self.shares(place))
 
 
 class Point:
-    """A flicker, and what the data say of it.
+    """A flicker, its residual on the data, and the derivatives there.
 
     Parameters
     ----------
     data : RowLogs
-        What is to be explained.
+        The data.
     flicker : Flicker
-        What it is explained by.
+        The model.
     noise_ratio : float
         Variance of the noise that acts on the phases over that of the residual.
 
     Attributes
     ----------
     residual : ndarray, shape (bins, rows)
-        What is left of the data.
     power : float
-        Its weighted sum of squares.
+        Weighted sum of squares of the residual.
     noise_var : float
         Variance of one logarithm of weight 1, times ``noise_ratio``.
     """
@@ -131,7 +130,7 @@ class Point:
         self.noise_var = noise_ratio * self.power / data.freedom(spent)
 
     def cost(self, noise_var: float, prior: Float) -> float:
-        """Sum of squares, and the price of what is unlikely beforehand."""
+        """Weighted sum of squares, plus the prior's penalty."""
         known = self._known(len(prior))
         return self.power + noise_var * float(known @ prior @ known)
 
@@ -151,7 +150,7 @@ class Point:
         return self.data.centred(out)
 
     def _derivatives(self) -> Iterator[Float]:
-        """One after the other: all of them are megabytes."""
+        """Yield one after the other: all of them are megabytes."""
         data, flicker = self.data, self.flicker
         slope, shares = self.slope(), flicker.shares(data.place)
         yield slope * (2.0 * np.pi * data.place)
@@ -165,10 +164,10 @@ class Point:
             yield plain * p
 
     def equations(self, prior: Float) -> tuple[Float, Float]:
-        """Normal matrix and right-hand side, texture and gain projected out.
+        """Normal matrix and right-hand side, with texture and gain projected out.
 
-        A bin's phase changes that bin's rows alone, so without texture the phases' block is
-        diagonal; projecting the texture out takes a product of rank ``rows`` from it.
+        A bin's phase affects that bin's rows alone, so without texture the phases' block is
+        diagonal; projecting the texture out subtracts a product of rank ``rows``.
         """
         data, bins = self.data, self.flicker.phase_rad.size
         slope = data.without_gain(self.slope())
@@ -193,7 +192,7 @@ class Point:
         return np.asarray(self.noise_var * np.linalg.pinv(normal, hermitian=True), np.float64)
 
     def _known(self, size: int) -> Float:
-        """Those unknowns that something is known of beforehand, else 0."""
+        """Unknowns that have a prior; 0 for the others."""
         known = np.zeros(size)
         known[: self.flicker.phase_rad.size] = self.flicker.phase_rad
         known[self.flicker.phase_rad.size + 1] = self.flicker.read_out_s
@@ -201,16 +200,16 @@ class Point:
 
 
 def refine(data: RowLogs, start: Flicker, steps: int, noise_ratio: float = 1.0) -> Point:
-    """Descend from a start to the least squares near it.
+    """Descend from a start to the least squares near it (Levenberg-Marquardt).
 
     Parameters
     ----------
     data : RowLogs
-        What is to be explained.
+        The data.
     start : Flicker
-        Where to begin; it says how many harmonics there are.
+        Initial values, and the number of harmonics.
     steps : int
-        No more than these.
+        Most steps.
     noise_ratio : float
         As for :class:`Point`.
     """
@@ -223,7 +222,7 @@ def refine(data: RowLogs, start: Flicker, steps: int, noise_ratio: float = 1.0) 
         try:
             step = np.asarray(np.linalg.solve(stiff, gradient), np.float64)
         except np.linalg.LinAlgError:
-            break  # nothing tells these unknowns apart: a picture that is the same for a minute
+            break  # singular: a picture that is the same for a minute
         tried = Point(data, now.flicker.moved(step), noise_ratio)
         gain = now.cost(now.noise_var, prior) - tried.cost(now.noise_var, prior)
         if gain <= 0.0:
@@ -246,9 +245,9 @@ def polynomials(place: Float, count: int) -> Float:
 
 
 def prior_precision(t_s: Float, unknowns: int) -> Float:
-    """Inverse covariance known beforehand: a rate that wanders, and a read-out within a frame.
+    """Prior precision of the unknowns: a random walk of the rate, and a read-out within a frame.
 
-    It is blind to the phases' level and slope, and to all else.
+    The phases' level and slope, and all else, are free.
     """
     step = np.diff(t_s)
     change = np.zeros((t_s.size - 2, t_s.size))

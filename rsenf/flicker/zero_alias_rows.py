@@ -1,4 +1,4 @@
-"""Rows as logarithms, in which texture, gain and flicker add instead of multiplying."""
+"""Logarithms of row means, in which texture, gain and flicker add instead of multiplying."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# Bands of rows: a turn of the eighth harmonic of six turns a frame still has more than two.
+# Bands of rows: more than two per turn of the eighth harmonic at six turns a frame.
 BANDS = 120
-DARK = 1.0  # level below which rows tell nothing, and their logarithm too much
+DARK = 1.0  # darker rows (levels) are ignored, since their logarithm is mostly noise
 
 
 @dataclass(frozen=True, eq=False)
 class RowLogs:
-    """Logarithms of row means, free of everything linear.
+    """Logarithms of row means, without texture and gain.
 
     Parameters
     ----------
@@ -40,24 +40,24 @@ class RowLogs:
     place: Float
 
     def centred(self, part: Float) -> Float:
-        """Return what texture and gain don't explain of something of shape (…, bins, rows)."""
+        """Return an array of shape (…, bins, rows) less texture and gain."""
         out = self.without_gain(part)
         out -= self._texture(out)
         return out
 
     def without_gain(self, part: Float) -> Float:
-        """Take the weighted mean over rows from each bin."""
+        """Subtract each bin's weighted mean over rows."""
         return np.asarray(part - (part @ self.row_weight / self.place.size)[..., None])
 
     def without_texture(self, part: Float) -> Float:
-        """Take the weighted mean over time from each row."""
+        """Subtract each row's weighted mean over time."""
         return np.asarray(part - self._texture(part))
 
     def _texture(self, part: Float) -> Float:
         return np.asarray((self.weight @ part / self.weight.sum())[..., None, :])
 
     def weighted(self, part: Float) -> Float:
-        """Times the weights of bins and rows."""
+        """Multiply by the weights of bins and rows."""
         out = np.asarray(part * self.row_weight)
         out *= self.weight[:, None]
         return out
@@ -67,7 +67,7 @@ class RowLogs:
         return float(np.vdot(part, self.weighted(part)))
 
     def freedom(self, spent: int) -> int:
-        """How many independent numbers are left when some have been spent."""
+        """Degrees of freedom left after estimating ``spent`` parameters."""
         bins, rows = self.value.shape
         return int(max((bins - 1) * (rows - 1) - spent, 1))
 
@@ -75,14 +75,15 @@ class RowLogs:
 def row_logs(level: Float, t_s: Float, weight: Float) -> RowLogs:
     """Take logarithms of row means, average them in bands, and centre them.
 
-    The noise of a logarithm goes as one over the level: bands are weighted by its square.
+    The noise of a logarithm is inversely proportional to the level: bands are weighted by its
+    square.
 
     Parameters
     ----------
     level : ndarray, shape (bins, rows)
         Mean levels.
     t_s, weight : ndarray, shape (bins,)
-        Times, and how many frames each bin is the mean of.
+        Times, and number of frames that each bin averages.
     """
     rows = level.shape[1]
     edges = np.unique(np.round(np.linspace(0, rows, min(rows, BANDS) + 1)).astype(int))

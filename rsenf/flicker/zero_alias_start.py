@@ -1,9 +1,9 @@
-"""Where to begin: which ramp down the rows, and on which circle the light goes round.
+"""Initial values of the zero-alias fit: the ramp down the rows, and the circle of the light.
 
 Without texture and gain, a first harmonic lies in the plane of two functions of the row, the
-cosine and the sine of its ramp, whatever its phases are. So how much of the data lies in that
-plane tells ``q`` before anything else is known; and the points in the plane lie on a circle, since
-the lamp flickers by the same amount at all times.
+cosine and the sine of its ramp, whatever its phases are. So the power of the data in that plane
+shows ``q`` before anything else is known; and the points in the plane lie on a circle, since the
+lamp's amplitude is constant.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from rsenf.flicker.zero_alias_rows import Complex, Float, RowLogs
 TURNS = (0.2, 6.0)  # 120 Hz light at 24 frames a second is 5 turns a frame
 TURNS_STEP = 0.05
 PEAKS = 3
-SHARE = 0.2  # of the highest peak: lower ones aren't tried
-# A peak of noise holds as much as its neighbours, give or take this over the root of the bins.
+SHARE = 0.2  # of the highest peak; lower ones aren't tried
+# A noise peak exceeds the mean noise power by less than this over the root of the bins.
 CHANCE = 6.0
 
 
 def starts(data: RowLogs) -> list[Flicker]:
-    """Starts worth trying, the most promising ramp first.
+    """Initial values to try, the most promising ramp first.
 
     Each ramp comes with two circles: the one that fits its points best, and its mirror image on
-    the other side of them, which noise can make of a short arc.
+    the other side of them, since noise can bend a short arc the other way.
     """
     found: list[Flicker] = []
     if not data.power(data.value) > 0.0:
@@ -48,13 +48,13 @@ def _plane(data: RowLogs, turns: float) -> Complex:
 
 
 def _power(data: RowLogs, turns: float) -> float:
-    """How much of the data lies in the plane of a ramp."""
+    """Power of the data in the plane of a ramp."""
     seen, gram = _seen(data, turns)
     return float(np.sum(seen * np.linalg.solve(gram, seen) * data.weight))
 
 
 def _seen(data: RowLogs, turns: float) -> tuple[Float, Float]:
-    """Each bin seen through cosine and sine of a ramp, (2, bins), and their Gram matrix."""
+    """Projection of each bin on cosine and sine of a ramp, (2, bins), and their Gram matrix."""
     angle = 2.0 * np.pi * turns * data.place
     ramp = data.without_gain(np.stack([np.cos(angle), np.sin(angle)]))
     weighted = ramp * data.row_weight
@@ -62,7 +62,7 @@ def _seen(data: RowLogs, turns: float) -> tuple[Float, Float]:
 
 
 def _peaks(data: RowLogs) -> list[float]:
-    """Ramps whose planes hold more of the data than noise would, the fullest first."""
+    """Ramps whose planes hold more power than noise would, the strongest first."""
     grid = np.arange(TURNS[0], TURNS[1], TURNS_STEP)
     power = np.array([_power(data, turns) for turns in grid])
     bins = data.t_s.size
@@ -74,7 +74,7 @@ def _peaks(data: RowLogs) -> list[float]:
 
 
 def _circle(points: Complex, weight: Float) -> tuple[complex, float]:
-    """Centre and radius of the circle through noisy points (Taubin, PAMI 13, 1115, 1991)."""
+    """Centre and radius of the circle through noisy points (Taubin (1991), IEEE PAMI 13, 1115)."""
     middle = np.average(points, weights=weight)
     x, y = (points - middle).real, (points - middle).imag
     z = x * x + y * y
