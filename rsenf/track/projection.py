@@ -1,15 +1,14 @@
-"""Coherent projection: the phase of the flicker, followed frame by frame by all of its lines.
+"""Coherent projection: tracks the phase of the flicker frame by frame, from all of its lines.
 
-All lines ``f_0 + m·F_r`` of the row-luminance series (paper Eq. 20) are one tone of the frames'
-row profiles. :class:`rsenf.flicker.follower.FlickerFollower` follows its phase; here each second's
-share of it becomes an estimate of the grid's mean frequency over just that second.
+All lines ``f_0 + m·F_r`` of the row-luminance series (paper, Eq. 21) are one tone of the frames'
+row profiles. :class:`rsenf.flicker.follower.FlickerFollower` tracks its phase; here the phase
+advance over each second becomes an estimate of the grid's mean frequency over just that second.
 
-Is the frame rate another one, 0.1 % off, such as 29.97 frames/s for 30?
-
-Converted between such rates a recording loses a frame, or shows one twice, every 1001 frames, and
-in between its light's frequency is off by 0.1 %, as a grid's may be by itself. So where a grid is
-likelier to be where the other rate would put it, what is said waits until more frames than that
-were seen in a row without one that slips; or it isn't said.
+:class:`SeamWatch` checks for a frame rate that is wrong by 0.1 %, such as 29.97 frames/s for 30. A
+recording converted between such rates loses or repeats a frame every 1001 frames (a seam), and in
+between its light's frequency is off by 0.1 %, as a grid's own may be. So if the other rate would
+put the grid at a likelier frequency, seconds are held back until more than 1001 consecutive frames
+show no seam; otherwise they become unusable.
 """
 
 from __future__ import annotations
@@ -36,16 +35,16 @@ from rsenf.track.settings import TrackSettings
 
 NTSC = 1.001
 WHOLE_HZ = (24.0, 30.0, 48.0, 60.0, 120.0)
-RATE_RATIO = 1e-4  # of a rate's distance from a usual one
+RATE_RATIO = 1e-4  # tolerance of a rate from a usual one
 BEAT_FRAMES = 1001
-SLACK_FRAMES = 8  # by which a place may be wrong
-# Logarithm of the odds of the rate by the stamps, by the frequency alone. One recording in twenty
-# may be converted so: below the first that is likelier than one in five, and seconds wait; below
-# the second it is even, and they aren't told in the end. Where a frame slipped it has to be sure.
+SLACK_FRAMES = 8  # tolerance of a seam's place
+# Log odds of the frame rate by the stamps, from the frequency alone. One recording in twenty may be
+# converted so: below the first value a conversion is likelier than one in five, and seconds wait;
+# below the second it is even, and they become unusable. After a slip the odds must be certain.
 WAIT_LOG_ODDS, LEAST_LOG_ODDS = -1.4, -3.0
-SAME_TURNS = 0.05  # between leaps of the phase that are the same
-CLEARLY = 2.0  # times the likelihood that a slip takes to be found
-HOLD_S = 60  # seconds wait at most so long
+SAME_TURNS = 0.05  # tolerance between equal phase jumps
+CLEARLY = 2.0  # factor of a slip's threshold for certain detection
+HOLD_S = 60  # longest wait of a second
 SEAMS = (
     "the frequency is off by 0.1 %, as where the frame rate was converted between 29.97 and 30 or "
     "alike, and no stretch of frames shows that it wasn't"
@@ -53,18 +52,18 @@ SEAMS = (
 
 
 class SeamWatch:
-    """Seconds in; out they come once their frame rate isn't in doubt any more, or unusable."""
+    """Holds seconds back until their frame rate isn't in doubt; else returns them as unusable."""
 
     def __init__(self) -> None:
         self._waiting: deque[FlickerSecond] = deque()
-        self._whole = 0  # frames in a row of which none slipped
-        self._is_told = False  # whether one that slips would be seen
+        self._whole = 0  # consecutive frames without a slip
+        self._is_told = False  # whether a slip would be detected
         self._is_clear = False
-        self._slips: list[int] = []  # numbers of the first frames after what may be seams
-        self._off_hz, self._seconds = [0.0, 0.0], 0  # by the stamps and by the other rate, summed
+        self._slips: list[int] = []  # numbers of the first frames after possible seams
+        self._off_hz, self._seconds = [0.0, 0.0], 0  # summed deviations, by stamps and other rate
 
     def update(self, seconds: Iterable[FlickerSecond]) -> list[FlickerSecond]:
-        """Take seconds; return those that are due."""
+        """Add seconds; return those that are due."""
         out: list[FlickerSecond] = []
         for second in seconds:
             self._waiting.append(second)
@@ -77,7 +76,7 @@ class SeamWatch:
         return out
 
     def flush(self) -> list[FlickerSecond]:
-        """Return the seconds that wait."""
+        """Return the seconds held back."""
         out = [self._judged(second) for second in self._waiting]
         self._waiting.clear()
         return out
@@ -90,7 +89,7 @@ class SeamWatch:
 
     @property
     def _is_slipped(self) -> bool:
-        """Whether frames slipped as they do at seams, whole numbers of beats apart.
+        """Whether slips are whole numbers of beats apart, as seams are.
 
         A beat is half as long where every other frame is shown.
         """
@@ -101,14 +100,14 @@ class SeamWatch:
 
     @property
     def _log_odds(self) -> float:
-        """Logarithm of the odds of the frame rate by the stamps."""
+        """Log odds of the frame rate by the stamps."""
         if self._is_clear or not self._seconds:
             return math.inf
         off_hz, other_hz = (off / self._seconds for off in self._off_hz)
         return usual_log_odds(off_hz, other_hz)
 
     def _take(self, second: FlickerSecond) -> None:
-        """Learn from a second."""
+        """Update the statistics with a second."""
         other = _other_ratio(second.frame_rate_hz)
         if not second.usable or second.converted or not other:
             self._whole = 0
@@ -122,7 +121,7 @@ class SeamWatch:
         if second.doubled is not None and other < 1.0:
             slips += second.doubled  # none where every other frame of twice the rate is shown
         self._slips += slips
-        if second.doubled and other > 1.0:  # a picture shown twice isn't a frame lost
+        if second.doubled and other > 1.0:  # a repeated picture isn't a lost frame
             self._slips = [s for s in self._slips if min(abs(s - d) for d in second.doubled) > 1]
         after = int((second.frame_number >= max(slips, default=-1)).sum())
         self._whole = (after if slips else self._whole + after) if self._is_told else 0
@@ -130,7 +129,7 @@ class SeamWatch:
 
 
 def _other_ratio(rate_hz: float) -> float:
-    """Rate that may be the camera's over that by the stamps; 0 where there is none."""
+    """Possible rate of the camera over that by the stamps; 0 if there is none."""
     for whole_hz in WHOLE_HZ:
         for usual_hz, other in ((whole_hz, 1.0 / NTSC), (whole_hz / NTSC, NTSC)):
             if abs(rate_hz / usual_hz - 1.0) < RATE_RATIO:
@@ -139,7 +138,7 @@ def _other_ratio(rate_hz: float) -> float:
 
 
 def _is_seam(slip: FrameSlip, second: FlickerSecond, other: float) -> bool:
-    """Whether the light leaps as at a seam: by a frame, or half, where every other one is shown."""
+    """Whether the phase jumps as at a seam: by a frame, or half if every other one is shown."""
     turns, sign = second.f0_hz / second.frame_rate_hz, 1.0 if other > 1.0 else -1.0
     return any(
         abs(math.remainder((slip.frames - sign * part) * turns, 1.0)) < SAME_TURNS
@@ -148,7 +147,7 @@ def _is_seam(slip: FrameSlip, second: FlickerSecond, other: float) -> bool:
 
 
 def _tells_slips(second: FlickerSecond) -> bool:
-    """Whether a frame that slips is sure to be found by the light's phase."""
+    """Whether the light's phase would certainly reveal a slip."""
     leap_rad = 2.0 * math.pi * abs(math.remainder(second.f0_hz / second.frame_rate_hz, 1.0))
     frame_var = CHECK_S * second.frame_rate_hz / 2.0 / 10.0 ** (second.snr_db / 10.0)
     gain = HALVES[-1] * 2.0 * (1.0 - math.cos(leap_rad / 2.0)) / frame_var
@@ -156,14 +155,14 @@ def _tells_slips(second: FlickerSecond) -> bool:
 
 
 class ProjectionTracker(EnfMethod):
-    """Coherent projection.
+    """ENF by coherent projection.
 
     Parameters
     ----------
     settings : TrackSettings, optional
-        The window is the signal's own choice: ``window_s`` and ``hop_s`` aren't used.
+        The window adapts to the signal: ``window_s`` and ``hop_s`` aren't used.
     follower : Follower, optional
-        One that is shared with another stage; of its own without.
+        Flicker follower shared with another stage; by default its own.
     """
 
     name = "projection"
@@ -216,7 +215,7 @@ class ProjectionTracker(EnfMethod):
         )
 
     def _blank(self, second: FlickerSecond) -> EnfEstimate:
-        """Return what is known of a second without its frequency."""
+        """Return an estimate of a second with all but its frequency."""
         assert self._header is not None
         newest, origin_ns = self._header, self._follower.origin_ns
         start_ns, end_ns = (origin_ns + nanoseconds(t) for t in (second.start_s, second.end_s))
@@ -248,7 +247,7 @@ class ProjectionTracker(EnfMethod):
 
 
 def _idle_ratio(second: FlickerSecond) -> float:
-    """Idle ratio by the turns down the rows; NaN for a shutter that doesn't roll."""
+    """Idle ratio from the turns down the rows; NaN without a rolling shutter."""
     idle = 1.0 - abs(second.turns) * second.frame_rate_hz / second.f0_hz
     return min(max(idle, 0.0), 1.0) if second.turns else float("nan")
 
