@@ -1,4 +1,15 @@
-"""Track: from row blocks to ENF estimates, by a method chosen by name."""
+"""Track: ENF estimates from row blocks, by a method chosen by name.
+
+In: row blocks of one stream, and :class:`TrackSettings`. Out: ``EnfEstimate`` messages, as a rule
+one a second. Read in this order::
+
+    settings, method            settings; interface of a method projection                  the
+    default method, by coherent tracking (``rsenf.flicker``) sliding, window, course     base class
+    with sliding windows; one window's fit; its phase course stft, phase                 methods on
+    one line of the rows alias, frame_mean, row_concat, superpixel                 methods of
+    earlier publications interpolate, paper_hypotheses, paper_templates, paper_spectrum, paper
+    all of the paper's lines rate_check                  estimates whose frame rate is only assumed
+"""
 
 from __future__ import annotations
 
@@ -34,12 +45,12 @@ def make_tracker(settings: TrackSettings, follower: Follower | None = None) -> S
     ----------
     settings : TrackSettings
     follower : Follower, optional
-        One that is shared with another stage, if the method can; of its own without.
+        Flicker follower shared with another stage, if the method can use it; else it makes its own.
 
     Raises
     ------
     UsageError
-        When there is no method of that name.
+        If there is no method of that name.
     """
     method = METHODS.find(settings.method)
     shared: dict[str, Any] = {"follower": follower} if follower and method.shares_follower else {}

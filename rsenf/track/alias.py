@@ -1,4 +1,4 @@
-"""What one value a frame can show: the alias of the illumination frequency at the frame rate."""
+"""The illumination frequency's alias at the frame rate: all that one value a frame can show."""
 
 from __future__ import annotations
 
@@ -11,12 +11,18 @@ from rsenf.track.sliding import NO_FLICKER
 
 
 def check_line(settings: TrackSettings, method: str) -> None:
-    """Check that no other line is asked for than the harmonic's own.
+    """Refuse settings that ask for another line than the harmonic's own.
+
+    Parameters
+    ----------
+    settings : TrackSettings
+    method : str
+        Name of the method, for the message.
 
     Raises
     ------
     UsageError
-        When one is.
+        If they do.
     """
     if settings.line_m not in (None, 0):
         raise UsageError(
@@ -26,10 +32,22 @@ def check_line(settings: TrackSettings, method: str) -> None:
 
 
 def is_folded(line: Line, frame_rate_hz: float, search_hz: float) -> bool:
-    """Whether the band searched meets its own mirror image.
+    """Whether the search band overlaps its own mirror image.
 
     One real value a frame has the same spectrum on both sides of 0 Hz and of half the frame rate,
-    so near them the sign of the deviation can't be told.
+    so that near them the sign of the deviation is unknown.
+
+    Parameters
+    ----------
+    line : Line
+    frame_rate_hz : float
+    search_hz : float
+        Half-width of the search band.
+
+    Examples
+    --------
+    >>> is_folded(Line(50.0, 1, 0), 25.0, 1.0), is_folded(Line(50.0, 1, 0), 29.97, 1.0)
+    (True, False)
     """
     twice_hz = 2.0 * line.carrier_hz
     apart_hz = abs(twice_hz - frame_rate_hz * round(twice_hz / frame_rate_hz))
@@ -37,7 +55,15 @@ def is_folded(line: Line, frame_rate_hz: float, search_hz: float) -> bool:
 
 
 def why_nothing(lines: Sequence[Line], frame_rate_hz: float, search_hz: float) -> str:
-    """Say why nothing was found at the aliases of some lines, which may be folded."""
+    """Return why nothing was found at the aliases of some lines, which may be folded.
+
+    Parameters
+    ----------
+    lines : sequence of Line
+    frame_rate_hz : float
+    search_hz : float
+        Half-width of the search band.
+    """
     grids = [f"{x.nominal_hz:.0f}" for x in lines if is_folded(x, frame_rate_hz, search_hz)]
     if not grids:
         return NO_FLICKER

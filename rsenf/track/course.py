@@ -1,9 +1,9 @@
-"""How the phase of a window's tone runs on: evenly, as a grid's does, or in parts that disagree.
+"""Phase course of a window's tone: does it advance evenly, as under a grid, or in parts?
 
-A window's frequency is the slope of one phase through all of it. Where a frame is lost in between
-the phase jumps, and the slope is wrong though both sides are right; where another light beats with
-the tone the phase swings. So the tone's own phase is taken off, what is left is averaged over short
-times, and its mean square is held against what noise and a grid's own changes leave.
+A window's frequency is the slope of one phase through all of it. At a lost frame the phase jumps,
+and the slope is wrong though both sides are right; another light that beats with the tone makes the
+phase swing. So the tone's own phase is subtracted, the rest averaged over short times, and its mean
+square compared with that of noise and of a grid's wander (:mod:`rsenf.flicker.grid_prior`).
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 STEP_S = 2.0 * NODE_S  # half the length of the Hann windows: from one average to the next
-MIN_HALF = 5  # steps on either side of the centre, below which a course can't be told
+MIN_HALF = 5  # fewest steps on either side of the centre
 # Correlation of the noise of Hann windows that overlap by half.
 OVERLAP = 1.0 / 6.0
-# Variance of second differences of such averages' noise, over its own; and the median of squares
-# of normal values over their mean.
+# Variance of second differences of such averages' noise, over its own; and the median of
+# chi-squared with one degree of freedom.
 SECOND_DIFFERENCE, MEDIAN_SQUARE = 6.0 - 8.0 * OVERLAP, 0.455
-# Other series with so much of a tone's amplitude are asked whether they agree about it.
+# Least amplitude of another series, relative to the tone's, for a comparison of frequencies.
 MIN_SHARE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Phase of a tone beside its own steady course through a window.
+    """Phase of a tone relative to its constant frequency, through a window.
 
     Attributes
     ----------
     stray_rad : ndarray, shape (2·half + 1,)
-        At the averages.
+        Phase of the averages.
     filled : ndarray of bool, shape (2·half + 1,)
-        Which of them have their frames.
+        Whether an average has its frames.
     """
 
     stray_rad: Float
@@ -48,12 +48,12 @@ class Course:
 
     @property
     def half(self) -> int:
-        """Averages on either side of the centre."""
+        """Number of averages on either side of the centre."""
         return self.stray_rad.size // 2
 
     @functools.cached_property
     def _noise_rad2(self) -> float:
-        """Noise of an average. A median: a jump is in few of the differences."""
+        """Noise variance of an average: a median, since a jump is in few of the differences."""
         bends = np.diff(self.stray_rad, 2) ** 2
         known = self.filled[2:] & self.filled[1:-1] & self.filled[:-2]
         if not known.any():
@@ -62,7 +62,7 @@ class Course:
 
     @functools.cached_property
     def _squares_rad2(self) -> tuple[float, float]:
-        """Mean square under the window beside the nearest line, and what a grid leaves of it."""
+        """Weighted mean square about the nearest line, and that of a grid."""
         weights, line, usual_rad2 = _usual(self.half)
         weights = weights * self.filled
         root = np.sqrt(weights / weights.sum())
@@ -72,7 +72,7 @@ class Course:
 
     @property
     def excess(self) -> float:
-        """Mean square of the stray over what noise and a grid's changes explain: 1 on average."""
+        """Mean square deviation over that of noise and a grid's wander: 1 on average."""
         if self.half < MIN_HALF:
             return 1.0
         seen, usual = self._squares_rad2
@@ -80,9 +80,9 @@ class Course:
 
     @property
     def wander(self) -> Wander:
-        """How it strays in the directions in which a grid's phase does.
+        """Wander in the principal directions of a grid's phase.
 
-        What it strays more than a grid's counts as noise.
+        Deviations larger than a grid's count as noise.
         """
         if self.half < MIN_HALF:
             return Wander()
@@ -97,7 +97,7 @@ class Course:
 
 @functools.lru_cache(maxsize=8)
 def _usual(half: int) -> tuple[Float, Float, float]:
-    """Weights of a Hann window, the lines through it, and a grid's mean square beside them."""
+    """Hann weights, the lines through the window, and a grid's mean square about them."""
     t_s = np.asarray(STEP_S * np.arange(-half, half + 1), np.float64)
     weights = hann(t_s, 2.0 * STEP_S * (half + 1))
     line = np.column_stack([np.ones_like(t_s), t_s])
@@ -114,14 +114,15 @@ def hann(t_s: Float, length_s: float) -> Float:
 
 
 def course_of(series: Complex, t_s: Float, tone_hz: float, window_s: float) -> Course:
-    """Follow the phase of a series beside a tone's.
+    """Follow the phase of a series relative to a tone's.
 
     Parameters
     ----------
-    series : ndarray, shape (frames,)
+    series : ndarray of complex, shape (frames,)
     t_s : ndarray, shape (frames,)
-        From the window's centre.
+        Times from the window's centre.
     tone_hz, window_s : float
+        Frequency of the tone; length of the window.
     """
     half = int(window_s / 2.0 / STEP_S) - 1
     turning = np.exp(-2j * np.pi * tone_hz * t_s)
@@ -129,7 +130,7 @@ def course_of(series: Complex, t_s: Float, tone_hz: float, window_s: float) -> C
     z, _, filled = averages(left[:, 0] * turning, t_s, STEP_S, max(half, 0))
     if half < MIN_HALF:
         return Course(np.zeros(z.size), filled)
-    # The frequency may be that of a part: what turns on in all of the window is taken off.
+    # The frequency may be that of a part: remove the mean rotation over the whole window.
     weights = _usual(half)[0] * filled
     step = np.angle(np.sum(np.sqrt(weights[1:] * weights[:-1]) * z[1:] * z[:-1].conj()))
     z = z * np.exp(-1j * step * np.arange(-half, half + 1))
@@ -137,19 +138,20 @@ def course_of(series: Complex, t_s: Float, tone_hz: float, window_s: float) -> C
 
 
 def apart_hz2(series: Complex, own: int, t_s: Float, tone_hz: float, window_s: float) -> float:
-    """How far other series disagree with one about a tone's frequency, mean square.
+    """Mean square disagreement of other series with one about a tone's frequency (Hz²).
 
-    Ramps down the rows share the flicker, but not what overtones, their images and other lights
-    leak into it. An error of one is as much smaller in a stronger one.
+    Ramps down the rows share the flicker, but not the leakage of overtones, their images and other
+    lights. The error of a weaker series is scaled by its relative amplitude.
 
     Parameters
     ----------
-    series : ndarray, shape (frames, series)
+    series : ndarray of complex, shape (frames, series)
     own : int
-        Which of them the frequency was read from.
+        Column that the frequency was read from.
     t_s : ndarray, shape (frames,)
-        From the window's centre.
+        Times from the window's centre.
     tone_hz, window_s : float
+        Frequency of the tone; length of the window.
     """
     weights = hann(t_s, window_s)
     turning = np.exp(-2j * np.pi * tone_hz * t_s)
@@ -166,7 +168,7 @@ def apart_hz2(series: Complex, own: int, t_s: Float, tone_hz: float, window_s: f
 
 
 def _without_constant(series: Complex, turning: Complex, weights: Float) -> tuple[Complex, Complex]:
-    """Series without what is constant beside a tone, and the tone's amplitude in each."""
+    """Series less the constant fitted jointly with a tone, and the tone's amplitude in each."""
     overlap = weights @ turning
     mean, tone = weights @ series, (weights * turning) @ series
     left = max(1.0 - float(np.abs(overlap)) ** 2, 1e-12)
@@ -177,7 +179,21 @@ def _without_constant(series: Complex, turning: Complex, weights: Float) -> tupl
 def averages(
     phasors: Complex, t_s: Float, step_s: float, half: int
 ) -> tuple[Complex, Float, NDArray[np.bool_]]:
-    """Hann-weighted averages at ``−half … half`` steps: values, mean times, whether well filled."""
+    """Hann-weighted averages at ``−half … half`` steps.
+
+    Parameters
+    ----------
+    phasors : ndarray of complex, shape (frames,)
+    t_s : ndarray, shape (frames,)
+        Times from the window's centre.
+    step_s : float
+        Time from one average to the next: half the length of a Hann window.
+    half : int
+
+    Returns
+    -------
+    values, mean times, whether well filled : ndarray, shape (2·half + 1,)
+    """
     count = 2 * half + 1
     place = t_s / step_s + half
     before = np.floor(place).astype(np.int64)

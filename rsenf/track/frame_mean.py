@@ -1,11 +1,11 @@
 """Global-shutter ENF: one mean per frame, read at the alias of the illumination frequency.
 
 R. Garg, A. L. Varna, M. Wu, "Seeing ENF: natural time stamp for digital video via optical sensing
-and signal processing", ACM Multimedia 2011; the paper's Section II names it as the first of the
-methods it compares with. All steady pixels of a frame are averaged. A frame rate below twice the
-illumination frequency folds it to the alias ``k·f_0 − n·F_r``, where the spectrum is read, here in
-the same windows as the paper's own estimator. A global shutter leaves nothing else to read; under
-a rolling shutter the rows' phases differ and most of the flicker averages out.
+and signal processing", ACM Multimedia 2011; the first of the methods that the paper's Section II
+names. All steady pixels of a frame are averaged. A frame rate below twice the illumination
+frequency folds it to the alias ``k·f_0 − n·F_r``, where the spectrum is read, here in the same
+windows as the paper's own estimator. Under a global shutter that is all there is; under a rolling
+shutter the rows' phases differ and most of the flicker averages out.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from rsenf.track.window import LineFit
 class FrameMeanTracker(StftTracker):
     """Frame means at the alias. Takes blocks of rows, or of one mean per frame.
 
-    Where the alias is near 0 Hz or half the frame rate, it says that it can't tell.
+    No estimate where the alias is near 0 Hz or half the frame rate.
 
     Raises
     ------
     UsageError
-        When the settings name a line.
+        If the settings name a line.
     """
 
     name = "frame_mean"
@@ -52,7 +52,7 @@ class FrameMeanTracker(StftTracker):
         return super()._reduce(_frame_means(block))
 
     def _is_faint(self, amplitude: float, line: Line, offset_hz: float) -> bool:
-        """Whether it is too weak: that the rows' phases average out says nothing of the light."""
+        """Never: the rows' phases average out, so that the residue says nothing of the light."""
         return False
 
     def _why_unusable(self, fit: LineFit, rate_hz: float) -> str:
@@ -69,7 +69,7 @@ class FrameMeanTracker(StftTracker):
 
 
 def _frame_means(block: RowBlock) -> RowBlock:
-    """Average the rows and strips of a block; what isn't steady counts as its background."""
+    """Average the rows and strips of a block; unsteady places count as their background."""
     if block.frames == 0:
         return block
     mean = block.level.mean(axis=(1, 2), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""What an ENF method declares of itself."""
+"""Interface of an ENF method."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rsenf.errors import UsageError
 from rsenf.messages import RowBlock
 from rsenf.track.settings import TrackSettings
 
-# Settings that mean nothing to some methods, and are refused by them.
+# Settings that some methods don't use, and refuse.
 CHOICES = ("harmonic", "line_m", "interpolation")
 
 
@@ -24,16 +24,16 @@ class EnfMethod(ABC):
     Attributes
     ----------
     name : str
-        As in the registry and in its estimates.
+        Name in the registry and in its estimates.
     help : str
-        What it is, in a line.
+        Description in a line.
     obeys : frozenset of str
-        Which of :data:`CHOICES` it has a use for.
+        Those of :data:`CHOICES` that it uses.
     rows_needed : mapping
-        Fields of the rows settings that must have these values for it.
+        Fields of the rows settings, with the values that it needs.
     shares_follower : bool
-        Whether it is also made with a ``follower``, a :class:`rsenf.flicker.shared.Follower`
-        that follows the flicker for another stage, too.
+        Whether its constructor takes a ``follower``, a :class:`rsenf.flicker.shared.Follower` that
+        it shares with another stage.
     """
 
     name: ClassVar[str]
@@ -47,7 +47,7 @@ class EnfMethod(ABC):
 
     @classmethod
     def ignored(cls, settings: TrackSettings) -> list[str]:
-        """Return those of :data:`CHOICES` that are set, and that it has no use for."""
+        """Return those of :data:`CHOICES` that are set but that it doesn't use."""
         return [
             name
             for name in CHOICES
@@ -61,7 +61,7 @@ class EnfMethod(ABC):
         Raises
         ------
         UsageError
-            Naming them.
+            If there are any.
         """
         ignored = [name.removesuffix("_m") for name in cls.ignored(settings)]
         if ignored:
@@ -80,12 +80,17 @@ class EnfMethod(ABC):
 
 
 def check_method(name: str, method: type[EnfMethod]) -> None:
-    """Check that a method is one, whole, and of the name that it is added by.
+    """Check that a registered method is a complete :class:`EnfMethod`, of the name given.
+
+    Parameters
+    ----------
+    name : str
+    method : type
 
     Raises
     ------
     UsageError
-        When it isn't.
+        If it isn't.
     """
     if not (isinstance(method, type) and issubclass(method, EnfMethod)):
         raise UsageError(f"{name} is no rsenf.track.EnfMethod", "derive it from that class")

@@ -1,9 +1,10 @@
-"""The paper's time-of-recording procedure, up to its comparison: an ENF for every hypothesis.
+"""First part of the paper's time-of-recording verification: an ENF for every hypothesis.
 
-Section V of the paper: for every line and every idle ratio of 0, 5, … 95 % the missing rows are
+Paper, Section V: for every line and every idle ratio of 0, 5, … 95 % the missing rows are
 interpolated, the rows of all frames are concatenated with them, and a sliding STFT (20 s windows, a
-value a second, quadratic interpolation of the peak) reads the ENF at the line. Which hypothesis is
-right isn't asked: the matchers ``metric1`` to ``metric4`` compare all of them with the reference.
+value a second, quadratic interpolation of the peak) reads the ENF at the line. The choice between
+hypotheses is left to the matchers ``metric1`` to ``metric4``, which compare all of them with the
+reference.
 """
 
 from __future__ import annotations
@@ -32,18 +33,18 @@ UPWARD = (
 
 
 class PaperTracker(StftTracker):
-    """One estimate for each hypothesis and window, ``rank`` 1, 2, … in a fixed order, and rank 0.
+    """Estimates of each window: one per hypothesis, ``rank`` 1, 2, … in a fixed order; then rank 0.
 
-    A hypothesis claims nothing, so its value may be used wherever the window has its frames. Rank
-    0, which comes last of a window, is the tracker's own claim: the hypothesis that has stood out
-    most from the noise so far, judged as the sliding STFT is. (Not one at ``2·f_0``: where that is
-    a line of the first harmonic too, which of the two was seen isn't known.) Without a nominal
-    frequency both grids' hypotheses are published.
+    A hypothesis is no claim, so its value is usable wherever the window has its frames. Rank 0 is
+    the tracker's own claim: the hypothesis of the highest signal-to-noise ratio so far, judged as
+    the sliding STFT is. (Not one at ``2·f_0``: where that is a line of the first harmonic too, it
+    isn't known which of the two was seen.) Without a nominal frequency both grids' hypotheses are
+    published.
 
     Raises
     ------
     UsageError
-        When the window isn't a whole number of hops.
+        If the window isn't a whole number of hops.
     """
 
     name = "paper"
@@ -61,8 +62,8 @@ class PaperTracker(StftTracker):
         self._hypotheses: tuple[Hypothesis, ...] = ()
         self._spectra: list[SlidingSpectrum] = []
         self._sent = 0
-        # How far each hypothesis has stood out so far, in dB, summed over the windows.
-        self._best = 0  # the one that has most
+        # SNR of each hypothesis in dB, summed over the windows so far.
+        self._best = 0  # number of the largest
         self._standing_db: NDArray[np.float64] = np.zeros(0)
 
     def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
@@ -93,7 +94,7 @@ class PaperTracker(StftTracker):
         return self._templates.reduce(block)
 
     def _estimates(self, window: Window) -> list[EnfEstimate]:
-        # Asked for even when of no use: the spectra take every hop in its turn.
+        # Requested even if unused: the spectra need every hop in order.
         spectra = [one.of_window(window.buffer, self._hops) for one in self._spectra]
         blank, reason = self._blank(window), self._what_lacks(window)
         if not self._hypotheses:
@@ -107,9 +108,10 @@ class PaperTracker(StftTracker):
         return out
 
     def _why_not_mains(self, found: EnfEstimate, course: Course, light: Light | None) -> str:
-        """Its lines are those of a read-out downward.
+        """Return why it isn't mains light, such as a read-out upward; '' if it may be.
 
-        Of light that is read upward they show little, and its second harmonic's image instead.
+        The paper's lines are those of a read-out downward. Light that is read upward shows little
+        on them, and the image of its second harmonic instead.
         """
         image_hz = alias_hz(6.0 * found.nominal_hz, found.frame_rate_hz)
         if light and light.turns < 0.0 and abs(image_hz) < self._finder.search_hz:
@@ -119,7 +121,7 @@ class PaperTracker(StftTracker):
     def _judge_all(
         self, window: Window, blank: EnfEstimate, spectra: list[Complex]
     ) -> list[EnfEstimate]:
-        """Return the estimates of all hypotheses, and then the tracker's own."""
+        """Return the estimates of all hypotheses, then the tracker's own."""
         rate_hz = blank.frame_rate_hz
         found = Peaks(*(np.zeros(len(self._hypotheses), dtype) for dtype in "ddddd?"))
         for one, spectrum in zip(self._spectra, spectra, strict=True):
@@ -169,7 +171,7 @@ class PaperTracker(StftTracker):
 def _fill_in(
     blank: EnfEstimate, header: Header, hypothesis: Hypothesis, found: Peaks, i: int
 ) -> EnfEstimate:
-    """Fill in what was found under the hypothesis number ``i``, counted from 0."""
+    """Fill in the result under hypothesis number ``i``, counted from 0."""
     line = hypothesis.line
     scale = 2.0 * line.harmonic
     snr = float(found.snr[i])

@@ -1,9 +1,9 @@
-"""Sliding spectra of many slow-time series near one carrier, a hop at a time.
+"""Sliding Hann spectra of many slow-time series near one carrier, a hop at a time.
 
-The sum of a window is the sum of its hops', so each hop is transformed once and not once for every
-window it is in. A Hann window is a constant and two turns of one period, so its spectrum is made
-of the plain one's at three places: ``½·S(f) + ¼·S(f − 1/W)·e^(−j2πc/W) + ¼·S(f + 1/W)·e^(j2πc/W)``
-about the window's centre ``c``.
+The Fourier sum of a window is the sum of its hops', so each hop is transformed once rather than
+once for every window it is in. A Hann window is a constant plus one period of a cosine, so its
+spectrum follows from the rectangular window's at three frequencies:
+``½·S(f) + ¼·S(f − 1/W)·e^(−j2πc/W) + ¼·S(f + 1/W)·e^(j2πc/W)`` about the window's centre ``c``.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from rsenf.flicker.tone import Tone
 Complex = NDArray[np.complex128]
 Float = NDArray[np.float64]
 
-# Points of the frequency grid per 1/W, as of a transform padded to four times its length.
+# Points of the frequency grid per 1/W, as of a transform zero-padded to four times its length.
 OVERSAMPLING = 4
 
 
 class SlidingSpectrum:
-    """Hann spectra at exact frame times; frames that never came count nothing.
+    """Hann spectra at exact frame times; missing frames count nothing.
 
-    What stands still in the picture, the mean of each series over all frames so far, is taken
-    off. It shows at 0 Hz from frame to frame, where the alias of ``f_0`` is at 25 frames/s and
-    50 Hz: left in, its texture would be the strongest line there. (A mean over the window alone
-    would take the flicker with it, whose alias hardly turns within 20 s.)
+    The static part of the picture, the mean of each series over all frames so far, is subtracted.
+    It is at 0 Hz in slow time, where the alias of ``f_0`` is at 25 frames/s and 50 Hz: its texture
+    would be the strongest line there. (The mean over the window alone would remove the flicker too,
+    whose alias hardly turns within 20 s.)
 
     Parameters
     ----------
     carrier_hz : float
-        In the middle of the band.
+        Middle of the band.
     columns : ndarray of int, shape (series,)
-        Which of the buffer's values they are.
+        Columns of the buffer's values.
     window_s, hop_s : float
         The first a whole multiple of the second.
     search_hz : float
@@ -61,7 +61,7 @@ class SlidingSpectrum:
         beyond = np.arange(-half - OVERSAMPLING, half + OVERSAMPLING + 1) * step_hz
         self._grid_hz = carrier_hz + beyond
         self.unit_var_hz2 = _unit_variance(window_s)
-        # Spectra of the last hops, of the series and of a constant beside them, and their frames.
+        # Spectra of the last hops (of the series, then of a constant), and their frame counts.
         self._hops: deque[tuple[Complex, int]] = deque(maxlen=round(window_s / hop_s))
         self._taken = 0
         self._frames = 0
@@ -70,7 +70,13 @@ class SlidingSpectrum:
     def of_window(self, buffer: SlowTime, number: int) -> Complex:
         """Spectra of the window that begins with a hop, in levels, shape (offsets, series).
 
-        Windows must be asked for in order, while the buffer still has their frames.
+        Windows must be requested in order, while the buffer still has their frames.
+
+        Parameters
+        ----------
+        buffer : SlowTime
+        number : int
+            Number of the hop.
         """
         while self._taken < number + (self._hops.maxlen or 0):
             self._take(buffer)
@@ -112,7 +118,7 @@ class Peaks(NamedTuple):
     at_edge: NDArray[np.bool_]
 
     def tone(self, i: int) -> Tone:
-        """Return one of them."""
+        """Return the tone of one series."""
         return Tone(
             float(self.offset_hz[i]), float(self.offset_var_hz2[i]), float(self.amplitude[i]),
             float(self.snr[i]), bool(self.at_edge[i]),
@@ -123,6 +129,14 @@ def peaks(spectrum: Complex, of: SlidingSpectrum, alias_hz: float) -> Peaks:
     """Find the maximum of each spectrum, refined by quadratic interpolation of its logarithm.
 
     Noise power is exponentially distributed: its mean is its median over the band, over ln 2.
+
+    Parameters
+    ----------
+    spectrum : ndarray of complex, shape (offsets, series)
+    of : SlidingSpectrum
+        Where the spectrum is from.
+    alias_hz : float
+        Alias of the carrier.
     """
     power = spectrum.real**2 + spectrum.imag**2
     top = np.argmax(power, axis=0)
@@ -146,7 +160,7 @@ def peaks(spectrum: Complex, of: SlidingSpectrum, alias_hz: float) -> Peaks:
 
 
 def _ratio(power: Float, over: Float) -> Float:
-    """Return a ratio of powers: infinite over nothing, but 0 where there is no power either."""
+    """Ratio of powers: infinite over 0, but 0 if both are 0."""
     nothing = np.where(power > 0.0, np.inf, 0.0)
     return np.divide(power, over, out=nothing, where=over > 0.0)
 
@@ -154,7 +168,7 @@ def _ratio(power: Float, over: Float) -> Float:
 def _unit_variance(window_s: float) -> float:
     """Variance of a frequency (Hz²) for unit signal-to-noise power in a cell, of a full window.
 
-    As :class:`rsenf.flicker.tone.ToneFinder` has it, for frames without number.
+    As in :class:`rsenf.flicker.tone.ToneFinder`, in the limit of many frames.
     """
     t = (np.arange(1000) + 0.5) / 1000 - 0.5
     w = np.cos(np.pi * t) ** 2

@@ -1,11 +1,11 @@
-"""The interpolated series' spectrum at all hypotheses' lines, one complex number a frame each.
+"""Spectrum of the interpolated series at all hypotheses' lines, one complex number a frame each.
 
 The series has ``M`` samples a frame: its ``L`` rows and ``M − L`` interpolated ones. Its Fourier
-sum at ``f_y`` can be taken frame by frame: within a frame period a sum against a phase ramp of
-``f_y/F_r`` turns, and from frame to frame a turn that all lines of a harmonic share, since they
-are a whole number of ``F_r`` apart. The rows of a frame go into the first by one matrix product;
-the interpolated ones are linear in a few features of the frames on either side, so they go in by
-a product with those. No series is made, and no long Fourier transform.
+sum at ``f_y`` is taken frame by frame: within a frame period a sum against a phase ramp of
+``f_y/F_r`` turns, and from frame to frame a rotation that all lines of a harmonic share, since they
+are a whole number of ``F_r`` apart. The rows of a frame enter by one matrix product; the
+interpolated ones are linear in a few features of the frames on either side, so they enter by a
+product with those. No series is made, and no long Fourier transform.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ class PaperTemplates:
     rows : int
         Rows of a frame.
     interpolation : str
-        Of :data:`rsenf.track.interpolate.INTERPOLATIONS`.
+        Name in :data:`rsenf.track.interpolate.INTERPOLATIONS`.
     """
 
     def __init__(
         self, hypotheses: Sequence[Hypothesis], frame_rate_hz: float, rows: int, interpolation: str
     ) -> None:
         self._ramps = np.empty((rows, len(hypotheses)), np.complex128)
-        # Of features; those of several idle ratios are often the same.
+        # Feature matrices; several idle ratios often share one.
         blocks: list[Float] = [np.zeros((rows, 0))]
         parts: list[tuple[slice, list[int], Complex, Complex]] = []
         groups: dict[tuple[float, float], list[int]] = {}
@@ -53,7 +53,7 @@ class PaperTemplates:
             )
             turns = np.array([hypotheses[i].line.turns(frame_rate_hz) for i in members]) / period
             self._ramps[:, members] = _ramps(np.arange(rows), turns) / rows
-            # The period that a frame's value covers ends with it: the gap before, then its rows.
+            # A frame's value covers the gap before it, then its rows.
             missing = _ramps(np.arange(rows - period, 0), turns) / rows
             at = _place(blocks, fill.features)
             parts.append((at, members, fill.before.T @ missing, fill.after.T @ missing))
@@ -69,10 +69,10 @@ class PaperTemplates:
     def reduce(self, block: RowBlock) -> Complex:
         """Slow-time value of every frame and hypothesis, shape (frames, hypotheses).
 
-        Strips are averaged. Beside a frame that never came the idle period stays empty.
+        Strips are averaged. Next to a missing frame the idle period stays empty.
         """
         profile = block.profiles()
-        # A real matrix times the two parts of a complex one: half the work.
+        # A real matrix times real and imaginary parts: half the work of a complex product.
         value = np.asarray(profile @ self._ramps.view(np.float64)).view(np.complex128)
         own = profile @ self._features
         number, before = self._last or (-2, np.zeros(own.shape[1]))
@@ -84,12 +84,12 @@ class PaperTemplates:
 
 
 def _ramps(place: NDArray[np.int64], turns: Float) -> Complex:
-    """Conjugated phase ramps, shape (places, lines), of so many turns from place to place."""
+    """Conjugated phase ramps, shape (places, lines), with ``turns`` from place to place."""
     return np.asarray(np.exp(-2j * np.pi * place[:, None] * turns), np.complex128)
 
 
 def _place(blocks: list[Float], features: Float) -> slice:
-    """Where features stand among those of all fills; new ones are appended."""
+    """Columns of features among those of all fills; new ones are appended."""
     start = 0
     for known in blocks:
         if np.array_equal(known, features):

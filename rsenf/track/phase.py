@@ -1,26 +1,25 @@
-"""ENF from the phase's step down the stream: no read-out time, no concatenation.
+"""ENF from phase steps between averages of frames, over an interval that adapts to the noise.
 
 H. Han, Y. Jeon, B. Song, J. W. Yoon, "A phase-based approach for ENF signal extraction from
 rolling shutter videos", IEEE Signal Processing Letters 29, 2022: the phase of the flicker's
 pattern down the rows is compared between consecutive frames, so what happens in the idle period
 doesn't matter. Here:
 
-- A frame's phasor is its row profile's component along the strongest of the paper's ramps, less
-  the picture's texture, turned back by the nominal frequency and by the offset that the spectrum
-  of the window shows. Which ramp it is changes the phasor by a factor only, and that cancels. Rows
-  are weighted by a Hann window, or the other harmonics, which make more turns down the rows, and
-  the ramp's mirror image would leak in: at 30 frames/s the fourth has the first one's alias.
-- What is left of them turns at other rates, so frames are averaged under Hann windows, half of
-  each overlapping the next: of half a second where the flicker is strong, longer where noise
-  would otherwise swamp a step.
-- The steps ``z_{n+1}·conj(z_n)`` over an interval are summed with weights that fall off to its
-  ends. As a parabola they would be as good as can be in white noise (S. Kay, "A fast and accurate
-  single frequency estimator", IEEE Trans. ASSP 37, 1989); squared, they give less to the ends,
-  where the grid has moved on. The interval is the one with the least error: shorter has more
-  noise, longer smears the grid's own changes.
+- A frame's phasor is the projection of its row profile onto the strongest of the paper's ramps,
+  less the picture's texture, rotated back by the nominal frequency and by the offset of the
+  window's spectral peak. The choice of the ramp changes the phasor by a factor only, which cancels.
+  A Hann taper over the rows suppresses leakage of the other harmonics, which make more turns down
+  the rows, and of the ramp's mirror image: at 30 frames/s the fourth has the first one's alias.
+- What leaks turns at other rates, so frames are averaged under Hann windows that overlap by half:
+  of half a second where the flicker is strong, longer where noise would otherwise swamp a step.
+- The steps ``z_{n+1}·conj(z_n)`` over an interval are summed with weights that decrease towards its
+  ends. Parabolic weights are optimal in white noise (Kay, S. (1989), A fast and accurate single
+  frequency estimator, IEEE Trans. ASSP 37); their squares give less weight to the ends, where the
+  grid has moved on. The interval of least error is used: shorter ones have more noise, longer ones
+  smear the grid's own changes.
 
-Frame times are exact, and an average counts at the mean time of the frames that are in it, so lost
-frames cost only themselves.
+Frame times are exact, and an average counts at the mean time of its frames, so lost frames cost
+only themselves.
 """
 
 from __future__ import annotations
@@ -46,28 +45,27 @@ Complex = NDArray[np.complex128]
 
 # Half the length of the Hann windows: the step from one average to the next.
 STEPS_S = (0.25, 0.5, 1.0, 2.0)
-# Power of an average over its noise below which a longer one is taken.
+# Least power of an average over its noise; else a longer one is used.
 MIN_STEP_SNR = 30.0
-# Steps on either side of the centre that an interval may have.
+# Lengths of the interval: steps on either side of the centre.
 HALF_STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 38)
-# Where noise is measured, away from the tone: beyond what the grid's changes spread it over.
+# Offsets from the tone at which noise is measured: beyond its spread by the grid's changes.
 NOISE_HZ = np.arange(0.4, 1.2, 0.05)
 # Amplitude of the mirror image over the flicker's, above which the other harmonics' images are
-# there too, some of them so near that only the longest interval tells them apart.
+# there too, some of them so near that only the longest interval separates them.
 MAX_MIRROR = 0.3
-# A mean over an interval with weights that fall off as a parabola differs from the grid's mean
-# over its middle second by this much: length (s) and standard deviation (mHz), measured on the
-# first half of a day of the continental grid.
+# Deviation of a parabolic mean over an interval from the grid's mean over its middle second: length
+# (s) and standard deviation (mHz), measured on the first half of a day of the continental grid.
 SMEAR_S = (1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 SMEAR_MHZ = (0.016, 0.056, 0.155, 0.38, 0.74, 1.19, 2.12)
-# Length of a parabola over that of a squared one as wide, by their second moments; and over the
-# step, for the Hann window of the averages.
+# Lengths of parabolas with the second moment of a squared parabola, over its length; and with that
+# of the averages' Hann window, over the step.
 SPREAD, HANN_SPREAD = np.sqrt(20.0 / 28.0), 1.6
 
 
 @dataclasses.dataclass(frozen=True)
 class _Step:
-    """Frequency by phase steps, beside the window's tone: offset and variance, and its interval."""
+    """Frequency offset by phase steps from the window's tone; its variance, and the interval."""
 
     offset_hz: float
     var_hz2: float
@@ -75,19 +73,19 @@ class _Step:
 
 
 class PhaseTracker(StftTracker):
-    """Phase steps over an interval that adapts; what window and line there are, the STFT says."""
+    """Phase steps over an adaptive interval; window and line are those of the STFT."""
 
     name = "phase"
     help = "reads the phase's step down the stream, over intervals that adapt (Han 2022)"
 
     def __init__(self, settings: TrackSettings | None = None) -> None:
         super().__init__(settings)
-        self._apart: dict[int, tuple[float, int]] = {}  # by steps of an interval: sum and count
+        self._apart: dict[int, tuple[float, int]] = {}  # disagreement by steps: sum and count
 
     def _candidates(self, nominal_hz: float, frame_rate_hz: float, rows: int) -> tuple[Line, ...]:
-        """Ramps both ways, as the read-out may run upward, and of a turn at least.
+        """Ramps in both directions, since the read-out may run upward, of a turn at least.
 
-        With less, a ramp's mirror image is within the Hann window's width.
+        With less, a ramp's mirror image is within the width of the Hann taper.
         """
         if rows == 1:
             return super()._candidates(nominal_hz, frame_rate_hz, rows)
@@ -105,7 +103,7 @@ class PhaseTracker(StftTracker):
         return ()
 
     def _rank(self, fit: LineFit, rate_hz: float) -> tuple[bool, bool, float]:
-        """By size: under strong light a mirror image stands out as well as what it mirrors."""
+        """By amplitude: under strong light a mirror image has as high an SNR as its original."""
         usable, clear, _ = super()._rank(fit, rate_hz)
         return usable, clear, fit.tone.amplitude
 
@@ -140,7 +138,7 @@ class PhaseTracker(StftTracker):
         )
 
     def _step(self, best: LineFit, window: Window, scale: float) -> _Step | None:
-        """Best interval around the window's centre; frequencies of the grid, not of the light."""
+        """Best interval around the window's centre; variances are of the grid's frequency."""
         part = window.part
         t_s = window.buffer.times(part)
         turn_hz = best.line.carrier_hz + best.tone.offset_hz
@@ -175,10 +173,10 @@ class PhaseTracker(StftTracker):
     def _apart_hz2(
         self, best: LineFit, phasors: Complex, t_s: Float, step_s: float, m: int, step: _Step
     ) -> float:
-        """How far other ramps down the rows disagree about an interval of ``m`` steps, squared.
+        """Mean square disagreement of other ramps about an interval of ``m`` steps.
 
-        They share the flicker, but not what overtones and their images leak into it. An error of
-        one is as much smaller in the best as that is larger.
+        They share the flicker, but not the leakage of overtones and their images. The error of a
+        ramp is scaled by its relative amplitude.
         """
         amplitude = np.abs(np.average(phasors, axis=0, weights=self._finder.window(t_s)))
         share = amplitude / best.tone.amplitude
@@ -192,17 +190,17 @@ class PhaseTracker(StftTracker):
         return self._remembered(m, sum(far) / max(len(far) - 1, 1))
 
     def _remembered(self, m: int, apart_hz2: float) -> float:
-        """Disagreement now, or on average so far: what leaks in beats, and is at times in step."""
+        """The disagreement, or its mean so far if larger: leakage beats, and vanishes at times."""
         total, count = self._apart.get(m, (0.0, 0))
         self._apart[m] = total + apart_hz2, count + 1
         return max(apart_hz2, (total + apart_hz2) / (count + 1))
 
 
 def _noise_level2(finder: ToneFinder, z: Complex, t_s: Float) -> float:
-    """Noise power of the shortest averages (levels²), by their spectrum beside the tone.
+    """Noise power of the shortest averages (levels²), from their spectrum beside the tone.
 
-    Not by the frames': where some are lost, a tone's own spectrum has a floor. What the Hann
-    window takes from the noise there is what the overlap adds to it, but for a tenth.
+    Not from that of the frames: lost frames give a tone's spectrum a floor. What the Hann window
+    takes from the noise there equals what the overlap adds to it, to within a tenth.
     """
     weights = finder.window(t_s)
     turns = np.exp(-2j * np.pi * np.outer(np.concatenate((-NOISE_HZ, NOISE_HZ)), t_s))
@@ -211,7 +209,7 @@ def _noise_level2(finder: ToneFinder, z: Complex, t_s: Float) -> float:
 
 
 def _is_mirrored(values: Complex, amplitude: float) -> bool:
-    """Whether the flicker's mirror image is in the phasors: all rows flicker nearly at once.
+    """Whether the phasors hold the flicker's mirror image: all rows flicker nearly in phase.
 
     The mean square of ``A·exp(jθ) + B·exp(−jθ)`` is ``2·A·B``, that of noise is 0 on average.
     """
@@ -230,7 +228,7 @@ def _over_interval(
     noise_z: float,
     scale: float,
 ) -> _Step | None:
-    """Weighted sum of the steps ``half`` to either side of the centre; None with too few."""
+    """Weighted sum of the steps up to ``half`` from the centre; None if too few are there."""
     centre = z.size // 2
     part = slice(centre - half, centre + half + 1)
     z, at_s, filled = z[part], at_s[part], filled[part]
@@ -243,14 +241,14 @@ def _over_interval(
     total = weight @ product
     size = np.abs(product) * weight
     dt_s = float(size @ np.diff(at_s) / size.sum())
-    # Noise of the sum across its direction: what single averages add, next to what neighbours
-    # share, and noise times noise.
+    # Noise of the sum across its direction: of single averages, shared by neighbours, and noise
+    # times noise.
     power = max(abs(total) / weight.sum() - OVERLAP * noise_z, 1e-12)
     edges = np.diff(weight, prepend=0.0, append=0.0)
     linear = edges @ edges + 2.0 * OVERLAP * (edges[1:] @ edges[:-1])
     across = 0.5 * noise_z * (power * linear + noise_z * (weight @ weight))
     noise_hz2 = across / (2.0 * np.pi * dt_s * power * weight.sum() * scale) ** 2
-    # Of the parabola that spreads over time as much as these weights and averages do.
+    # Length of the parabola that spreads over time as much as these weights and averages do.
     length_s = float(step_s * np.hypot(2.0 * half * SPREAD, HANN_SPREAD))
     smear_hz = 1e-3 * float(np.interp(length_s, SMEAR_S, SMEAR_MHZ))
     return _Step(

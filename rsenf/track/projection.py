@@ -1,8 +1,8 @@
-"""Coherent projection: the phase of the flicker, followed frame by frame by all of its lines.
+"""Coherent projection: tracks the phase of the flicker frame by frame, from all of its lines.
 
-All lines ``f_0 + m·F_r`` of the row-luminance series (paper Eq. 21) are one tone of the frames'
-row profiles. :class:`rsenf.flicker.follower.FlickerFollower` follows its phase; here each second's
-share of it becomes an estimate of the grid's mean frequency over just that second.
+All lines ``f_0 + m·F_r`` of the row-luminance series (paper, Eq. 21) are one tone of the frames'
+row profiles. :class:`rsenf.flicker.follower.FlickerFollower` tracks its phase; here the phase
+advance over each second becomes an estimate of the grid's mean frequency over just that second.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from rsenf.track.settings import TrackSettings
 
 
 class ProjectionTracker(EnfMethod):
-    """Coherent projection.
+    """ENF by coherent projection.
 
     Parameters
     ----------
     settings : TrackSettings, optional
-        The window is the signal's own choice: ``window_s`` and ``hop_s`` aren't used.
+        The window adapts to the signal: ``window_s`` and ``hop_s`` aren't used.
     follower : Follower, optional
-        One that is shared with another stage; of its own without.
+        Flicker follower shared with another stage; by default its own.
     """
 
     name = "projection"
@@ -85,7 +85,7 @@ class ProjectionTracker(EnfMethod):
         )
 
     def _blank(self, second: FlickerSecond) -> EnfEstimate:
-        """Return what is known of a second without its frequency."""
+        """Return an estimate of a second with all but its frequency."""
         assert self._header is not None
         newest, origin_ns = self._header, self._follower.origin_ns
         start_ns, end_ns = (origin_ns + nanoseconds(t) for t in (second.start_s, second.end_s))
@@ -117,7 +117,7 @@ class ProjectionTracker(EnfMethod):
 
 
 def _idle_ratio(second: FlickerSecond) -> float:
-    """Idle ratio by the turns down the rows; NaN for a shutter that doesn't roll."""
+    """Idle ratio from the turns down the rows; NaN without a rolling shutter."""
     idle = 1.0 - abs(second.turns) * second.frame_rate_hz / second.f0_hz
     return min(max(idle, 0.0), 1.0) if second.turns else float("nan")
 

@@ -1,4 +1,4 @@
-"""No Hz where the frame rate is only assumed; and other rates where nothing is found at one."""
+"""Withholds frequencies if the frame rate is only assumed, and suggests others if none is found."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rsenf.track.method import EnfMethod
 
 
 class RateCheck:
-    """A tracker whose estimates are asked whether the frame rate is known.
+    """Wraps a tracker, and checks whether the frame rate of its estimates is known.
 
     Implements ``rsenf.stage.Stage``.
 
@@ -46,14 +46,14 @@ class RateCheck:
 
     @staticmethod
     def _doubted(estimate: EnfEstimate, finder: FrameRateFinder) -> EnfEstimate:
-        """Tell the rates at which there would be light, where there is none at this one."""
+        """Add the frame rates at which there would be light, if there is none at this one."""
         found = finder.found() if estimate.reason in DOUBTFUL else None
         rates = found.hypotheses if found else ()
         return dataclasses.replace(estimate, rate_hypotheses=rates)
 
 
 def _untimed(estimate: EnfEstimate, found: PerFrame | None) -> EnfEstimate:
-    """Return an estimate without what only a known frame rate tells."""
+    """Return an estimate without what depends on a known frame rate."""
     reason = estimate.reason
     if found or estimate.usable:
         reason = f"{UNTIMED}: {found.words if found else GIVE_RATE}"

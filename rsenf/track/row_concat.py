@@ -1,11 +1,10 @@
-"""Rows of all frames concatenated as if there were no idle period, read at ``f_0`` itself.
+"""ENF from the rows of all frames, concatenated without an idle period, at ``f_0`` itself.
 
 H. Su, A. Hajj-Ahmad, R. Garg, M. Wu, "Exploiting rolling shutter for ENF signal extraction from
-video", ICIP 2014; the paper's Section II names it as the second of the methods it compares with.
-The row means of one frame follow those of the frame before without a gap, at ``F_r·L`` samples a
-second, and the spectrum is read at the harmonic's own place. What the idle period moves to other
-lines ``k·f_0 + m·F_r`` (paper Eq. 20) is lost to it: at 29.97 fps, 100 Hz and 30 % idle the line
-at ``f_0`` vanishes.
+video", ICIP 2014; the second of the methods that the paper's Section II names. The row means of one
+frame follow those of the frame before without a gap, at ``F_r·L`` samples/s, and the spectrum is
+read at the harmonic's own frequency. What the idle period moves to other lines ``k·f_0 + m·F_r``
+(paper, Eq. 21) is lost: at 29.97 fps, 100 Hz and 30 % idle the line at ``f_0`` vanishes.
 """
 
 from __future__ import annotations
@@ -21,12 +20,12 @@ from rsenf.track.stft import StftTracker
 
 
 class RowConcatTracker(StftTracker):
-    """The sliding STFT at ``f_0``, whatever else is stronger. Needs rows.
+    """The sliding STFT at ``f_0``, even if another line is stronger. Needs rows.
 
     Raises
     ------
     UsageError
-        When the settings name another line.
+        If the settings name another line.
     """
 
     name = "row_concat"

@@ -1,4 +1,4 @@
-"""What an ENF tracker may be told."""
+"""Settings of the ENF methods."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ HARMONICS = (1, 2, 3)
 class TrackSettings:
     """Settings of the ENF methods.
 
-    ``projection`` follows all harmonics and lines at once and chooses its window by itself: those
-    from ``harmonic`` to ``search_hz`` are of the methods with a fixed window. ``paper`` has such a
+    ``projection`` tracks all harmonics and lines jointly and adapts its window: the fields from
+    ``harmonic`` to ``search_hz`` belong to the methods with a fixed window. ``paper`` has such a
     window but tries all lines.
 
     Parameters
@@ -30,22 +30,22 @@ class TrackSettings:
     line_m : int, optional
         Line ``k·f_0 + m·F_r`` to follow; the strongest when not given.
     window_s : float
-        Length of the window, which ``projection`` chooses by itself.
+        Length of the window, which ``projection`` adapts to the signal.
     hop_s : float
-        Time between values; a second by ``projection``.
+        Time between values; always a second with ``projection``.
     search_hz : float
         Half-width of the band searched, as a deviation of the grid's frequency.
     min_snr : float
         Line power over noise power in a resolution cell, below which there is no signal. Noise
         alone exceeds 40 in about one window of 10^13 per line.
     max_std_hz : float
-        Standard error above which an estimate is of no use.
+        Standard error above which an estimate is unusable.
     interpolation : str
-        What ``paper`` fills the idle period with. A name of
+        Interpolation that ``paper`` fills the idle period with. A name of
         :data:`rsenf.track.interpolate.INTERPOLATIONS`.
     """
 
-    # Read by whoever validates a configuration file: a misspelt key is an error.
+    # For the validation of configuration files: a misspelt key is an error.
     __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     method: str = "projection"

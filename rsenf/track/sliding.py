@@ -1,8 +1,8 @@
-"""Windows sliding over a stream of row blocks: what estimators with a fixed window share.
+"""Base class of estimators with a window of fixed length that slides over the row blocks.
 
 The frame rate is measured before the first window begins; each block is reduced to a few values a
-frame as it comes; and every ``hop_s`` the values of the last ``window_s`` are judged. What the
-values are, and how they are judged, is the estimator's own.
+frame on arrival; and every ``hop_s`` the values of the last ``window_s`` are judged. Subclasses
+define the values, and how to judge them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from rsenf.track.course import Course, course_of
 from rsenf.track.method import EnfMethod
 from rsenf.track.settings import TrackSettings
 
-# Row blocks held back until the frame rate is known well enough for the phase ramps.
+# Row blocks held back to measure the frame rate, which the phase ramps depend on.
 RATE_NEEDS_S = 1.0
 MIN_FILL_RATIO = 0.8
 NO_FLICKER = "no mains flicker stands out"
@@ -35,12 +35,12 @@ UNMOVED = (
     "one mean per frame, and its frequency isn't seen to move as a grid's does: give the nominal "
     "frequency"
 )
-MOST_EXCESS = 12.0  # of a phase's stray from an even course over what noise and a grid explain
-UNEVEN_RATIO = 0.1  # of frame times, median over the frames' own
-MOST_UNSEEN = 2.0  # the same where cells can't show what it is
-EXAMINE_HOPS = 5  # windows that share a look at whether it is mains light
-LOOKS = 2  # in a row, none of which may say that it isn't: their windows overlap
-# Weaker than this (levels) is rounding, not light.
+MOST_EXCESS = 12.0  # mean square phase deviation over that of noise and a grid
+UNEVEN_RATIO = 0.1  # median relative deviation of frame intervals
+MOST_UNSEEN = 2.0  # most excess where cells can't show what it is
+EXAMINE_HOPS = 5  # windows that share a test for mains light
+LOOKS = 2  # last tests, all of which must pass: their windows overlap
+# Weaker tones (levels) are rounding, not light.
 MIN_AMPLITUDE_LEVEL = 1e-4
 
 
@@ -55,7 +55,7 @@ class Window:
 
     @property
     def centre_s(self) -> float:
-        """Time of its middle since the first frame."""
+        """Its centre, since the first frame."""
         return (self.start_s + self.end_s) / 2.0
 
     @property
@@ -80,10 +80,10 @@ class SlidingTracker(EnfMethod):
         self._buffer: SlowTime | None = None
         self._cells: SlowTime | None = None
         self._conversions: Conversions | None = None
-        self._examined = -EXAMINE_HOPS  # hop at which the light was looked at
-        self._has_moved = False  # as a grid's frequency does
-        self._is_grids = False  # whether it has been seen to move as a grid does
-        self._looks: deque[str] = deque(maxlen=LOOKS)  # what came of it
+        self._examined = -EXAMINE_HOPS  # hop of the last test for mains light
+        self._has_moved = False  # whether the phase was seen to wander
+        self._is_grids = False  # whether it certainly wandered as a grid's does
+        self._looks: deque[str] = deque(maxlen=LOOKS)  # results of the last tests
         self._header: Header | None = None
         self._hops = 0
         self._rows = self._bands = 0
@@ -91,7 +91,7 @@ class SlidingTracker(EnfMethod):
 
     @abstractmethod
     def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
-        """Get ready for blocks like the first; return how many values a frame will have."""
+        """Set up for blocks like the first; return the number of values per frame."""
 
     @abstractmethod
     def _reduce(self, block: RowBlock) -> NDArray[np.complex128]:
@@ -102,16 +102,16 @@ class SlidingTracker(EnfMethod):
         return block.rows == self._rows
 
     def _cells_of(self, block: RowBlock) -> NDArray[Any]:
-        """Mean levels by which light is told from patterns, shape (frames, bands, cells)."""
+        """Mean levels that distinguish light from patterns, shape (frames, bands, cells)."""
         return cell_means(block.level)
 
     @abstractmethod
     def _tone_series(self, window: Window, found: EnfEstimate) -> NDArray[np.complex128]:
-        """Series that a frequency was read from, shape (frames,)."""
+        """Series whose frequency was estimated, shape (frames,)."""
 
     @abstractmethod
     def _judge(self, window: Window, blank: EnfEstimate) -> EnfEstimate:
-        """Fill in what is found in a window, or the reason why nothing is."""
+        """Fill in the result of a window, or the reason why there is none."""
 
     def update(self, message: RowBlock) -> list[Any]:
         """Take a block of rows; return the estimates whose windows it completes."""
@@ -161,7 +161,7 @@ class SlidingTracker(EnfMethod):
                 self._cells.append(block, self._cells_of(block).reshape(block.frames, -1))
 
     def _complete(self, *, final: bool) -> list[Any]:
-        """Estimates of all windows that are full. The last one may lack half a frame."""
+        """Return the estimates of all full windows. The last one may lack half a frame."""
         buffer = self._buffer
         out: list[Any] = []
         if buffer is None:
@@ -181,15 +181,15 @@ class SlidingTracker(EnfMethod):
                     one.forget_before(start_s + s.hop_s)
 
     def _estimates(self, window: Window) -> list[EnfEstimate]:
-        """Judge a window that has its frames; say so when it hasn't."""
+        """Judge a window, unless it lacks frames."""
         blank, reason = self._blank(window), self._what_lacks(window)
         found = dataclasses.replace(blank, reason=reason) if reason else self._judge(window, blank)
         return [self._believed(window, blank, found)]
 
     def _believed(self, window: Window, blank: EnfEstimate, found: EnfEstimate) -> EnfEstimate:
-        """Return what was found with an error that holds, or say why it isn't to be believed.
+        """Return a result with a realistic error, or the reason why it isn't credible.
 
-        Whether it is mains light is looked up now and then.
+        The test for mains light runs every ``EXAMINE_HOPS`` windows.
         """
         if not found.usable:
             return found
@@ -215,9 +215,9 @@ class SlidingTracker(EnfMethod):
         return dataclasses.replace(blank, header=found.header, snr_db=found.snr_db, reason=reason)
 
     def _light(self, window: Window, tone_hz: float) -> Light | None:
-        """What the cells show of a tone; nothing near 0 Hz, where each method has its own test.
+        """Statistics of the cells at a tone; None near 0 Hz, where each method has its own test.
 
-        Nor near half the frame rate if frames come unevenly: what alternates is no tone there.
+        Also None near half the frame rate if frames come unevenly: what alternates is no tone then.
         """
         rate_hz = window.frame_rate_hz
         if self._cells is None or abs(alias_hz(tone_hz, rate_hz)) < APART_HZ:
@@ -231,7 +231,7 @@ class SlidingTracker(EnfMethod):
         return look_at(seen, t_s, 2.0 * np.pi * tone_hz * t_s, self._bands, tone_hz, rate_hz)
 
     def _why_not_mains(self, found: EnfEstimate, course: Course, light: Light | None) -> str:
-        """Say why what was found isn't mains light; '' where it may be."""
+        """Return why a result isn't mains light; '' if it may be."""
         self._has_moved |= course.wander.is_seen
         self._is_grids |= course.wander.is_grids
         if self._rows == 1 and not (self.settings.nominal_hz or self._has_moved):
@@ -243,17 +243,17 @@ class SlidingTracker(EnfMethod):
         return "" if reason == PATCHY and self._is_grids else reason
 
     def _is_faint(self, amplitude: float, line: Line, offset_hz: float) -> bool:
-        """Whether a tone ``a·exp(jφ)``, half of the flicker's own amplitude, is too weak."""
+        """Whether a tone ``a·exp(jφ)``, half of the flicker's amplitude, is too weak."""
         if not self._level > 0.0:
             return False
         f0_hz = 2.0 * line.nominal_hz + offset_hz / line.harmonic
         return is_faint(2.0 * amplitude / self._level, f0_hz, line.nominal_hz)
 
     def _what_lacks(self, window: Window) -> str:
-        """Say why a window can't be judged; empty when it can."""
+        """Return why a window can't be judged; '' if it can."""
         part, rate_hz = window.part, window.frame_rate_hz
         usable_ratio = window.buffer.usable_ratio(part)
-        # Frames that are there, of those that the rate lets one expect.
+        # Frames present, of those expected at this rate.
         length_s = window.end_s - window.start_s
         fill = (part.stop - part.start) / (rate_hz * length_s) if rate_hz > 0 else 0.0
         if fill < MIN_FILL_RATIO:
@@ -263,7 +263,7 @@ class SlidingTracker(EnfMethod):
         return ""
 
     def _blank(self, window: Window) -> EnfEstimate:
-        """Return what is known of a window before anything is found in it."""
+        """Return an estimate with what is known before a window is judged."""
         assert self._header is not None
         newest, buffer = self._header, window.buffer
         start_ns, end_ns = (
@@ -291,5 +291,11 @@ class SlidingTracker(EnfMethod):
 
 
 def decibels(ratio: float) -> float:
-    """Return a ratio of powers in dB; NaN where that has no value."""
+    """Return a ratio of powers in dB; NaN unless it is positive and finite.
+
+    Examples
+    --------
+    >>> decibels(100.0), decibels(0.0)
+    (20.0, nan)
+    """
     return float(10.0 * np.log10(ratio)) if 0 < ratio < np.inf else float("nan")

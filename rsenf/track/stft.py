@@ -1,8 +1,8 @@
 """The paper's estimator: a sliding STFT at one line, refined by quadratic interpolation.
 
 Section V of the paper: 20 s windows, one value a second, the spectrum's peak near the line refined
-by quadratic interpolation. The line is chosen once, as the strongest of the paper's candidates
-(Eq. 20) in the first window in which one stands out, and kept for the epoch.
+by quadratic interpolation. The line is the strongest of the paper's candidates (Eq. 21) in the
+first window in which one stands out, and is kept for the epoch.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from rsenf.track.sliding import (
 )
 from rsenf.track.window import LineFit, fit_lines, slow_time_amplitude
 
-# A 20 s window reports a weighted mean of the grid's frequency; a value for its middle second
-# differs from it by this much, measured on the first half of a day of the continental grid.
+# Standard deviation of a 20 s window's weighted mean frequency from the grid's mean over its middle
+# second, measured on the first half of a day of the continental grid.
 SMEAR_STD_HZ = 1.5e-3
-# Nearer to 0 Hz than this (resolution cells) the tone, its mirror image and the constant can't be
-# told apart: errors came to 7 mHz at one cell, 0.3 mHz at one and a half. Where the nominal's own
-# alias is that near, a tone farther off is more likely such a confusion than the grid.
+# Nearer to 0 Hz than this (resolution cells) the tone, its mirror image and the constant aren't
+# separable: errors came to 7 mHz at one cell, 0.3 mHz at one and a half. If the nominal's own alias
+# is that near, a tone farther off is more likely such a confusion than the grid.
 ZERO_CELLS = 1.5
-# Where 0 Hz lies in the search band, drifts of brightness make tones of their own: flicker must
-# stand out so many times more there, and be stronger than its mirror image by this much.
+# If 0 Hz is in the search band, brightness drift makes tones: flicker must stand out DRIFT_MARGIN
+# times more there, and its power exceed the mirror image's by this factor.
 MIN_ONE_SIDED = 10.0
-OFTEN_HZ = 0.08  # illumination frequencies are often so far off the nominal
+OFTEN_HZ = 0.08  # common deviation of the illumination frequency from the nominal
 TOO_NEAR = "alias too near 0 Hz, where the picture's texture hides it"
 OVERTONE = (
     "near 0 Hz, and another line shows more at another frequency: an overtone or a mirror image"
@@ -51,7 +51,7 @@ DRIFT_MARGIN = 10.0
 
 
 class StftTracker(SlidingTracker):
-    """Sliding STFT at the strongest line, or at one that is asked for.
+    """Sliding STFT at the strongest line, or at a given one.
 
     Parameters
     ----------
@@ -66,17 +66,17 @@ class StftTracker(SlidingTracker):
         s = self.settings
         self._finder = ToneFinder(s.window_s, 2.0 * s.search_hz * s.harmonic)
         self._followed: tuple[Line, ...] = ()
-        self._lines: tuple[Line, ...] = ()  # those, and what they are held against
+        self._lines: tuple[Line, ...] = ()  # those, and the ones to compare with
         self._ramps: NDArray[np.complex128] = np.empty((0, 0), np.complex128)
         self._chosen: Line | None = None
 
     def _candidates(self, nominal_hz: float, frame_rate_hz: float, rows: int) -> tuple[Line, ...]:
-        """Lines that may be followed."""
+        """Lines that may be tracked."""
         lines = self._beside(nominal_hz, frame_rate_hz, rows)
         return tuple(x for x in lines if self.settings.line_m in (None, x.m))
 
     def _beside(self, nominal_hz: float, frame_rate_hz: float, rows: int) -> tuple[Line, ...]:
-        """Lines that those are held against: the paper's, and those of a read-out upward."""
+        """Lines to compare those with: the paper's, and those of a read-out upward."""
         harmonic = self.settings.harmonic
         lines = candidate_lines(nominal_hz, harmonic, frame_rate_hz, rows)
         if rows == 1:
@@ -130,16 +130,16 @@ class StftTracker(SlidingTracker):
         return self._fill(blank, best, window)
 
     def _rank(self, fit: LineFit, rate_hz: float) -> tuple[bool, bool, float]:
-        """Usable lines first, then those clear of 0 Hz, then the strongest.
+        """Sort key: usable lines first, then those clear of 0 Hz, then the strongest.
 
-        Near 0 Hz the line that tells flicker from drift best comes before a stronger one.
+        Near 0 Hz the line that best separates flicker from drift comes before a stronger one.
         """
         usable = not self._why_unusable(fit, rate_hz)
         near_zero = self._near_zero(fit.line, rate_hz)
         return usable, not near_zero, fit.one_sided if near_zero else fit.tone.snr
 
     def _near_zero(self, line: Line, rate_hz: float) -> bool:
-        """Whether 0 Hz lies in the band searched: drifts of brightness look like a tone there."""
+        """Whether the search band includes 0 Hz, where brightness drift looks like a tone."""
         return abs(line.alias_hz(rate_hz)) <= self._finder.search_hz
 
     def _why_unusable(self, fit: LineFit, rate_hz: float) -> str:
@@ -165,7 +165,7 @@ class StftTracker(SlidingTracker):
         return ""
 
     def _why_image(self, fit: LineFit, rate_hz: float) -> str:
-        """Say why a tone near 0 Hz may be an image of one that is nearer to the nominal."""
+        """Return why a tone near 0 Hz may be an image of one nearer to the nominal; else ''."""
         alias_hz, off_hz = fit.line.alias_hz(rate_hz), abs(fit.tone.offset_hz)
         if self._rows > 1 and fit.line.line_hz(rate_hz) < 0.0:
             return MIRRORED
@@ -176,10 +176,11 @@ class StftTracker(SlidingTracker):
         return OVERTONE if off_hz > max(OFTEN_HZ, 2.0 * first_off_hz) else ""
 
     def _why_another(self, best: LineFit, found: list[LineFit], rate_hz: float) -> str:
-        """Say why a tone near 0 Hz isn't the flicker's first: all its lines have one alias.
+        """Return why a tone near 0 Hz isn't the flicker's first harmonic; else ''.
 
-        Overtones and mirror images are in the band searched there, and on some ramps down the rows
-        they are stronger than the harmonic itself, but not on all of them.
+        All lines of a harmonic share an alias.
+        Overtones and mirror images are in the search band there. On some ramps down the rows they
+        are stronger than the harmonic itself, but not on all of them.
         """
         if self._rows == 1 or not self._near_zero(best.line, rate_hz):
             return ""
@@ -187,18 +188,18 @@ class StftTracker(SlidingTracker):
         loudest = max(own, key=lambda fit: fit.tone.amplitude)
         if self._too_near_zero(loudest, rate_hz):
             return TOO_NEAR
-        # Of light that shows on one ramp, the mirror image shows on the ramp the other way.
+        # The mirror image of light on one ramp is on the opposite ramp.
         images = loudest.tone.offset_hz, self._mirrored_hz(loudest, rate_hz)
         apart_hz = min(abs(image_hz - best.tone.offset_hz) for image_hz in images)
         return OVERTONE if apart_hz > 1.0 / self.settings.window_s else ""
 
     @staticmethod
     def _mirrored_hz(fit: LineFit, rate_hz: float) -> float:
-        """Offset at which the tone's mirror image shows beside 0 Hz."""
+        """Offset of the tone's mirror image about 0 Hz."""
         return -2.0 * fit.line.alias_hz(rate_hz) - fit.tone.offset_hz
 
     def _too_near_zero(self, fit: LineFit, rate_hz: float) -> bool:
-        """Whether the tone, or the nominal frequency's own alias, is hidden by the texture."""
+        """Whether the texture hides the tone, or the nominal frequency's own alias."""
         alias_hz = fit.line.alias_hz(rate_hz)
         nearest_hz = min(abs(alias_hz), abs(alias_hz + fit.tone.offset_hz))
         return nearest_hz < ZERO_CELLS / self.settings.window_s

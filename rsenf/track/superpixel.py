@@ -2,19 +2,19 @@
 
 S. Vatansever, A. E. Dirik, N. Memon, "Detecting the presence of ENF signal in digital videos: a
 superpixel-based approach", IEEE Signal Processing Letters 24(10), 2017. There the picture is cut
-into regions of even brightness (SLIC superpixels); the steady ones are averaged in each frame,
-each gives an estimate of its own at the alias, and mains flicker is present where the estimates
-agree. Within a small region a rolling shutter's rows hardly differ in phase, so less averages out
-than in the mean of a whole frame.
+into regions of even brightness (SLIC superpixels); the steady ones are averaged in each frame, each
+gives an estimate at the alias, and mains flicker is present if the estimates agree. Within a small
+region a rolling shutter's rows hardly differ in phase, so less averages out than in the mean of a
+whole frame.
 
-Here the regions are the tiles of the blocks where they carry any, else bands of rows in each
-strip. Their phases differ with their place, so not the series but their spectra are combined:
-each region's floating-mean periodogram over its own noise power, summed. That is the likelihood
-of one frequency common to all regions, with a phase and an amplitude of its own for each. A
-region that moves has much noise and so little weight; one that is far noisier than the median
-region isn't steady, and left out. Agreement is tested on the sum: noise that is independent
-between regions hardly fluctuates in it, so a peak that the regions share stands out the more the
-more of them there are; how independent they are is measured beside the peak.
+Here the regions are the tiles of the blocks if they have any, else bands of rows in each strip.
+Their phases depend on their place, so spectra are combined rather than series: the sum of each
+region's floating-mean periodogram over its own noise power. That is the log-likelihood of one
+frequency common to all regions, with a free phase and amplitude in each. A region that moves has
+much noise and so little weight; one far noisier than the median region isn't steady, and left out.
+Agreement is tested on the sum: noise that is independent between regions hardly fluctuates in it,
+so a common peak stands out the more regions there are; how independent they are is measured beside
+the peak.
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ from rsenf.track.stft import SMEAR_STD_HZ
 
 Float = NDArray[np.float64]
 
-# Bands of rows where the blocks carry no tiles. Four turns of phase down the rows are the most at
-# 24 frames/s; a band then holds a sixth of a turn, which costs 5 % of the amplitude.
+# Bands of rows if the blocks have no tiles. Four turns of phase down the rows are the most at 24
+# frames/s; a band then holds a sixth of a turn, which costs 5 % of the amplitude.
 BANDS = 24
-# Noise power over that of the median region, above which a region isn't steady.
+# Most noise power of a steady region, relative to the median region's.
 STEADY_RATIO = 10.0
 
 
 @dataclasses.dataclass(frozen=True)
 class _Peak:
-    """Peak of the summed spectrum; ``rarity`` is ``−ln`` of how probable it is in noise alone."""
+    """Peak of the summed spectrum; ``rarity`` is ``−ln`` of its probability in noise alone."""
 
     line: Line
     offset_hz: float
@@ -64,12 +64,12 @@ class _Peak:
 
 
 class SuperpixelTracker(SlidingTracker):
-    """Regions' spectra at the alias, weighted and summed. Takes rows, tiles or frame means.
+    """Weighted sum of the regions' spectra at the alias. Takes rows, tiles or frame means.
 
     Raises
     ------
     UsageError
-        When the settings name a line.
+        If the settings name a line.
     """
 
     name = "superpixel"
@@ -126,7 +126,7 @@ class SuperpixelTracker(SlidingTracker):
         )
 
     def _tone_series(self, window: Window, found: EnfEstimate) -> NDArray[np.complex128]:
-        """All regions, each by the amplitude and the phase that the tone has in it."""
+        """Sum of all regions, each times the conjugate of the tone's amplitude in it."""
         part = window.part
         t_s, seen = window.buffer.times(part), window.buffer.values(part)
         weights = self._finder.window(t_s - window.centre_s)
@@ -149,7 +149,7 @@ class SuperpixelTracker(SlidingTracker):
         tone = self._finder.strongest(spectrum, t_s)
         over, regions = _contrast(spectrum)
         snr = regions * (over - 1.0)
-        # The variance that the tone has for its own ratio, for this one instead.
+        # The tone's variance, rescaled from its own SNR to this one.
         var_hz2 = tone.offset_var_hz2 * tone.snr / snr if snr > 0 else np.inf
         level = np.sqrt(power[np.argmax(spectrum), steady].max())
         # Chernoff's bound for a sum of exponentially distributed powers.
@@ -170,7 +170,7 @@ class SuperpixelTracker(SlidingTracker):
 
 
 def _contrast(spectrum: Float) -> tuple[float, float]:
-    """Peak over the noise beside it, and of how many independent regions that noise is the mean.
+    """Peak over the noise beside it, and the effective number of independent regions.
 
     The mean of ``n`` exponentially distributed powers has ``n`` times less variance than one.
     """

@@ -1,4 +1,4 @@
-"""One window: the tone at each line, what is constant beside it, and the flicker's amplitude."""
+"""Fit of one window: the tone at each line, the constant beside it, and the flicker's amplitude."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from rsenf.timebase import nanoseconds
 
 @dataclasses.dataclass(frozen=True)
 class LineFit:
-    """What one window holds at one line.
+    """Fit of one window at one line.
 
-    ``constant`` is the texture's share of the slow-time series, ``noise_level2`` the noise power
-    of a single frame (levels²). ``one_sided`` is the tone's power over that at the mirrored alias:
-    flicker runs down the rows in one direction, so it is large; a drift of brightness only scales
-    a standing pattern, and its spectrum is the same on both sides of 0 Hz.
+    ``constant`` is the texture's projection onto the line, ``noise_level2`` the noise power of a
+    single frame (levels²). ``one_sided`` is the tone's power over that at the mirrored alias: large
+    for flicker, which runs down the rows in one direction; brightness drift only scales a standing
+    pattern, whose spectrum is symmetric about 0 Hz.
     """
 
     line: Line
@@ -38,9 +38,19 @@ def fit_lines(
     end_s: float,
     frame_rate_hz: float,
 ) -> list[LineFit]:
-    """Fit the lines given, each in its column of the buffer.
+    """Fit the given lines, each in its column of the buffer.
 
     Lines of one harmonic differ in their ramps only: they share carrier and rotations.
+
+    Parameters
+    ----------
+    finder : ToneFinder
+    buffer : SlowTime
+    columns : dict of Line to int
+        Column of each line.
+    start_s, end_s : float
+        The window.
+    frame_rate_hz : float
     """
     part = buffer.between(start_s, end_s)
     t_s = buffer.times(part) - (start_s + end_s) / 2.0
@@ -69,7 +79,15 @@ def fit_lines(
 def slow_time_amplitude(
     fit: LineFit, buffer: SlowTime, column: int, centre_s: float, hop_s: float
 ) -> dict[str, Any]:
-    """Complex amplitude over the window's middle hop, its texture taken off.
+    """Complex amplitude over the window's middle hop, less the texture.
+
+    Parameters
+    ----------
+    fit : LineFit
+    buffer : SlowTime
+    column : int
+        The line's column of the buffer.
+    centre_s, hop_s : float
 
     Returns
     -------
