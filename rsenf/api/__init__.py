@@ -1,6 +1,9 @@
-"""What rsenf does with recordings, as functions that the command line, batch and bench call.
+"""The Python API: what rsenf does with recordings, as functions that the command line calls too.
 
-One file each: ``track``, ``idle``, ``camera``, ``verify``, ``live``, ``discover``, ``simulate`` and
-``recordings``; ``references`` opens what they compare with, ``shared`` has what all of them share.
-They are ``rsenf.track`` and so on; nothing is imported before it is asked for.
+In: a recording (file, arrays or an opened input), and for some a reference of the grid. Out: a
+result object, whose ``to_dict()`` is the JSON of the command line. Read ``shared`` (inputs,
+settings, base class of results) and ``references`` first, then one file per function: ``track``,
+``idle``, ``verify``, ``against``, ``live``, ``discover``, ``simulate``, ``camera``, ``recordings``.
+``unknown_rate`` and ``verify_report`` belong to ``verify``, ``begun`` to ``discover``; ``demo``
+makes the demo. The functions are ``rsenf.track`` and so on, imported on first access.
 """

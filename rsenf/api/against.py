@@ -1,4 +1,4 @@
-"""Whether recordings were made together, by their ENF alone."""
+"""Compares recordings with each other by their ENF alone: were they made at the same time?"""
 
 from __future__ import annotations
 
@@ -22,20 +22,22 @@ from rsenf.report.against import against_json, against_words, aligned_json, alig
 def verify_against(
     first: TrackResult, second: TrackResult, *, match: MatchSettings | None = None
 ) -> AgainstResult:
-    """Tell whether two recordings were made at the same time; of each, the stretch that tells most.
+    """Decide whether two recordings were made at the same time.
+
+    If a source restarted, the epoch with the most usable estimates is compared.
 
     Parameters
     ----------
     first, second : TrackResult
-        What :func:`rsenf.track` returned, by the method ``projection``.
+        Results of :func:`rsenf.track` with the method ``projection``.
     match : MatchSettings, optional
 
     Raises
     ------
     UsageError
-        When the estimates carry no phase.
+        If the estimates carry no phase.
     InputError
-        When one is too short for a single estimate.
+        If one is too short for a single estimate.
 
     Examples
     --------
@@ -60,7 +62,7 @@ def verify_against(
 def verify_together(
     recordings: Sequence[TrackResult], *, match: MatchSettings | None = None
 ) -> TogetherResult:
-    """Place several recordings of one event on the time of the first, by all their pairs.
+    """Place several recordings of one event on the time axis of the first, by all their pairs.
 
     Parameters
     ----------
@@ -95,7 +97,7 @@ def verify_together(
 
 
 def _best_stretch(tracked: TrackResult) -> Track:
-    """Estimates of the stretch with the most usable ones."""
+    """Estimates of the epoch with the most usable ones."""
     by_epoch: dict[int, int] = {}
     for estimate in tracked.analysis.estimates:
         epoch = estimate.header.epoch
@@ -109,7 +111,7 @@ def _best_stretch(tracked: TrackResult) -> Track:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AgainstResult:
-    """What two recordings say about each other. What isn't known is None.
+    """Result of comparing two recordings. Unknown values are None.
 
     Attributes
     ----------
@@ -118,9 +120,9 @@ class AgainstResult:
     offset_s, offset_std_s : float or None
         Start of the first less the start of the second, and its standard error.
     log10_lr, log10_lr_other : float or None
-        For this offset, against different times, and against another offset.
+        Log10 likelihood ratio of this offset against different times, and against another offset.
     clock_ppm, clock_std_ppm : float or None
-        By how much the first one's clock is faster.
+        By how much the first one's clock is faster, and its standard error.
     """
 
     decision: Literal["match", "no_match", "no_decision"]
@@ -145,19 +147,19 @@ class AgainstResult:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TogetherResult:
-    """Several recordings on one time. What isn't known is None.
+    """Several recordings on one time axis. Unknown values are None.
 
     Attributes
     ----------
     decision : {'match', 'no_decision'}
         Whether all of them are placed, and the pairs agree.
     recordings : list of dict
-        Of each its name, ``begin_s`` after the first with ``begin_std_s``, and ``clock_ppm``, by
-        which its clock is faster than the first's, with ``clock_std_ppm``.
+        Of each its name, its start ``begin_s`` after the first's with ``begin_std_s``, and by how
+        much its clock is faster than the first's, ``clock_ppm`` with ``clock_std_ppm``.
     pairs : list of dict
-        What each two say about each other, with the keys of a comparison of two.
+        Comparison of each two, with the keys of a comparison of two.
     misfit : float or None
-        By how many standard errors pairs differ from the common alignment, rms.
+        Rms difference of the pairs from the common alignment, in standard errors.
     """
 
     decision: Literal["match", "no_decision"]

@@ -1,8 +1,8 @@
-"""What a long run has done so far, kept beside its result, so that the same run goes on from it.
+"""Checkpoints of a long run, kept beside its result, from which the same run resumes.
 
-A part that takes long is a function of what the run is given; its answer is kept under a hash of
-all that it depends on, and used again only for the very same, of the same versions. What can't be
-read is made anew.
+A part that takes long is a function of the run's inputs; its answer is cached under a hash of all
+that it depends on, and reused only for the very same inputs and versions. An unreadable one is
+computed again.
 """
 
 from __future__ import annotations
@@ -21,33 +21,34 @@ from rsenf import __version__
 from rsenf.errors import InputError, RecordingError
 from rsenf.whole_file import read_arrays, whole_file
 
-FORMAT = 1  # another when the answers to the same question change
+FORMAT = 1  # changes when the answer to the same key does
 Arrays = dict[str, NDArray[np.generic]]
 
 
 class Begun:
-    """Answers kept of one run.
+    """Cached answers of one run.
 
     Parameters
     ----------
     folder : Path or None
-        Where, made when there is something to keep; nothing is kept without.
+        Created when there is something to keep; without, nothing is kept.
     of : str
         What all answers depend on: the input, and how it is treated.
     """
 
     def __init__(self, folder: Path | None, of: str) -> None:
         self.folder, self.of = folder, of
-        self.found = False  # something that an earlier run has kept
+        self.found = False  # whether an answer of an earlier run was used
 
     def kept(self, what: bytes, make: Callable[[], Arrays]) -> Arrays:
-        """Return an earlier answer, or make and keep one.
+        """Return a cached answer, or compute and cache one.
 
         Parameters
         ----------
         what : bytes
-            Which answer: all else that it depends on.
+            Key of the answer: all else that it depends on.
         make : callable
+            Computes the arrays.
         """
         if self.folder is None:
             return make()
@@ -58,7 +59,7 @@ class Begun:
             self.found = True
         except ValueError:
             arrays = make()
-            with contextlib.suppress(OSError, RecordingError):  # no room: then it isn't kept
+            with contextlib.suppress(OSError, RecordingError):  # no room: not kept
                 self.folder.mkdir(parents=True, exist_ok=True)
                 with whole_file(path) as part:
                     np.savez(part, allow_pickle=False, **arrays)
@@ -67,7 +68,7 @@ class Begun:
 
 @contextlib.contextmanager
 def begun(out: Path | None, of: str) -> Iterator[Begun]:
-    """Keep answers beside what a run is to write, until it has, or the input is of no use.
+    """Keep checkpoints beside a run's output until it is written, or the input proves unusable.
 
     Parameters
     ----------

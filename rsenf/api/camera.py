@@ -1,6 +1,6 @@
-"""Known cameras, kept by name with their read-out times, and which of them took a recording.
+"""Store of known cameras with their read-out times, and identification of a recording's camera.
 
-They are in one file, ``cameras.json`` in the folder of the store, written whole or not at all.
+The store is one file, ``cameras.json`` in its folder, written whole or not at all.
 """
 
 from __future__ import annotations
@@ -42,26 +42,26 @@ def add_camera(
     crop: str = "",
     clock_ppm: float | None = None,
 ) -> Cameras:
-    """Add recordings to what is known of a camera; a file that is there already replaces itself.
+    """Add recordings to a known camera; a file that is already there replaces itself.
 
     Parameters
     ----------
     name : str
     *found : IdleResult
-        What :func:`rsenf.idle` returned of each.
+        Results of :func:`rsenf.idle`, one per recording.
     store : path, optional
-        Folder; ``$RSENF_STORE``, or where the user's data goes, unless given.
+        Folder; by default ``$RSENF_STORE``, or the folder of the user's data.
     crop : str
-        What is known of it, such as "stabilised": another crop is another mode.
+        Crop of the mode if known, such as "stabilised": another crop is another mode.
     clock_ppm : float, optional
-        The camera's clock error, as :func:`rsenf.verify` found it. It is kept, not weighed.
+        Clock error of the camera, as of :func:`rsenf.verify`. It is stored, but not compared.
 
     Raises
     ------
     InputError
-        When a recording gives no read-out time; then nothing is added.
+        If a recording gives no read-out time; then nothing is added.
     UsageError
-        When one is another camera's, or there is no name.
+        If a recording is another camera's, or the name is empty.
 
     Examples
     --------
@@ -97,7 +97,7 @@ def list_cameras(store: PathLike | None = None) -> Cameras:
     Parameters
     ----------
     store : path, optional
-        As :func:`add_camera` takes it.
+        As for :func:`add_camera`.
 
     Examples
     --------
@@ -117,17 +117,24 @@ def identify_camera(
     crop: str = "",
     same_model_ratio: float = SAME_MODEL_RATIO,
 ) -> Identification:
-    """Weigh for each known camera in a recording's mode: did it, or another of those about?
+    """Compute the likelihood ratio of each known camera in a recording's mode.
+
+    It weighs "this camera took it" against "another camera of the relevant population took it".
 
     Parameters
     ----------
     found : IdleResult
-        What :func:`rsenf.idle` returned of the recording.
+        Result of :func:`rsenf.idle` for the recording.
     store, crop
-        As :func:`add_camera` takes them.
+        As for :func:`add_camera`.
     same_model_ratio : float
-        Share of the cameras about that are of the same model as the known one: no likelihood ratio
-        is larger than one over it.
+        Share of the relevant population that is of the same model as the known camera: no
+        likelihood ratio exceeds its inverse.
+
+    Raises
+    ------
+    UsageError
+        If the share isn't from 0 to below 1.
 
     Examples
     --------
@@ -210,7 +217,7 @@ class Cameras:
 
     @property
     def names(self) -> list[str]:
-        """What they are called."""
+        """Names of the cameras."""
         return list(dict.fromkeys(known.name for known in self.known))
 
     def to_dict(self) -> dict[str, Any]:
@@ -223,20 +230,20 @@ class Cameras:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Identification:
-    """Which of the known cameras took a recording, as far as its read-out time tells.
+    """Which of the known cameras took a recording, as far as its read-out time shows.
 
     Attributes
     ----------
     verdict : {'compatible', 'different', 'undecidable'}
-        Whether any of them may have, none has, or it can't be told.
+        Whether one of them may have taken it, none has, or it is undecidable.
     cameras : list of dict
-        The known ones in this mode, the likeliest first: what is known of each, ``log10_lr`` for it
-        against another of those about, ``verbal`` and ``verdict``.
+        The known ones in this mode, the likeliest first: what is known of each, ``log10_lr`` of it
+        against another camera of the relevant population, ``verbal`` and ``verdict``.
     log10_odds : float or None
-        That the first took it, and none of the others nor an unknown one: were its camera as likely
-        known as not, and each known one as likely as another.
+        Odds of the first against all others and an unknown one: if the camera is as likely known
+        as not, and all known ones are equally likely.
     prior : str
-        What "another of those about" is taken to be.
+        The relevant population that is assumed.
     caveats : list of str
         What it doesn't prove.
     """

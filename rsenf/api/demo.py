@@ -1,4 +1,4 @@
-"""The demo: a simulated clip on a grid of its own, and what a graph's recording says of it."""
+"""The demo: a simulated clip on a simulated grid, and a graph's results beside the truth."""
 
 from __future__ import annotations
 
@@ -48,7 +48,17 @@ FILES = {
 def make_clip(
     paths: dict[str, Path], seed: int, duration_s: float, progress: Progress = silent
 ) -> float:
-    """Write a reference, the clip hidden in it, and the truth; return where it is hidden, in s."""
+    """Write a reference, a clip made on its grid, and the truth; return the clip's start in s.
+
+    Parameters
+    ----------
+    paths : dict of str to Path
+        Of the files to write, by the keys of :data:`FILES`.
+    seed : int
+    duration_s : float
+    progress : callable, optional
+        Called with the seconds filmed.
+    """
     freq_hz = synthetic_grid(seed, REFERENCE_S).freq_hz[: int(REFERENCE_S / STEP_S)]
     begins = np.datetime64(REFERENCE_BEGINS)
     with whole_file(paths["reference"]) as part:
@@ -69,14 +79,21 @@ def make_clip(
 
 
 def write_graph(paths: dict[str, Path]) -> None:
-    """Write the graph, with whole paths, so that it runs from any folder."""
+    """Write the graph with absolute paths, so that it runs from any folder."""
     quoted = {name: json.dumps(str(path.absolute())) for name, path in paths.items()}
     again = shlex.quote(str(paths["graph"]))
     paths["graph"].write_text(GRAPH.format(again=again, **quoted), encoding="utf-8")
 
 
 def compare(paths: dict[str, Path], start_s: float) -> dict[str, Any]:
-    """Read the recording back, draw the picture, and put everything beside the truth."""
+    """Read the recording, draw the picture, and compare the results with the truth.
+
+    Parameters
+    ----------
+    paths : dict of str to Path
+    start_s : float
+        Start of the clip in the reference.
+    """
     spectrum = ThinRows()
     held: dict[type[Any], list[Any]] = {EnfEstimate: [], MatchResult: [], ReferenceBlock: []}
     for _, message, _ in open_recording(paths["recording"]).messages():

@@ -1,4 +1,4 @@
-"""What the model of a capture lacks of a recording, found and added."""
+"""Discovers effects that the capture model lacks of a recording, and adds them."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ from rsenf.whole_file import whole_folder
 
 MODEL, RESULT, RESIDUALS = "model.yaml", "discovery.json", "residuals.npz"
 PAGE = "report.html"
-STRIPS = 4  # of a video's rows: two from left to right, each in two that a codec treats apart
+STRIPS = 4  # of a video's rows: two from left to right, each in two that a codec codes separately
 TIED = "a codec has tied rows together, and counts as a discrepancy (give the video it coded)"
 
 Doing = Callable[[str], None]
@@ -72,32 +72,32 @@ def discover(
     doing: Doing = silent,
     **reading: Any,
 ) -> DiscoverResult:
-    """Fit a model of the capture to a recording, see where they differ, and add what explains it.
+    """Fit a capture model to a recording, and add the effects that explain where they differ.
 
     Parameters
     ----------
     recording, frame_time_s, frame_rate_hz, camera, progress
-        As :func:`rsenf.track` takes them.
+        As for :func:`rsenf.track`.
     reference, reference_start, store, **reading
-        As :func:`rsenf.verify` takes them; with one the camera's clock is looked at too.
+        As for :func:`rsenf.verify`; with a reference the camera's clock is tested too.
     out : path, optional
-        Folder for the model, the report and the residuals; what takes long of a video is kept
-        beside it until all is done. Without, nothing is written.
+        Folder for the model, the report and the residuals; checkpoints of a video are kept beside
+        it until all is done. By default nothing is written.
     model : CaptureModel or path, optional
-        To begin with; a lamp without harmonics when not given.
+        Initial model; by default a lamp without harmonics.
     nominal_hz : float, optional
         50 or 60; found from the data when not given.
     rows : RowsSettings, optional
         Its ``strips`` are always 4.
     doing : callable, optional
-        Told in words what is being done.
+        Called with a description of each step.
 
     Raises
     ------
     InputError
-        When there are no rows, too few seconds, or no flicker to fit a model to.
+        If there are no rows, too few seconds, or no flicker to fit a model to.
     UsageError
-        For a folder that holds anything else, or a model or reference that can't be meant so.
+        For a folder that holds anything else, or an invalid model or reference.
 
     Examples
     --------
@@ -136,11 +136,12 @@ def discover(
 
 
 def check_out(folder: Path) -> None:
-    """Refuse to replace what isn't an earlier result.
+    """Refuse to replace anything but an earlier result.
 
     Raises
     ------
     UsageError
+        If the folder holds anything else, or isn't a folder.
     """
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"--out {folder}: not a folder", "name a new one")
@@ -154,12 +155,12 @@ def check_out(folder: Path) -> None:
 def discover_start(
     model: CaptureModel | PathLike | None, reference: References | None, **how: Any
 ) -> tuple[CaptureModel, Grid | None]:
-    """Return the model to begin with, and the reference, if any.
+    """Return the initial model, and the reference, if any.
 
     Raises
     ------
     UsageError
-        When one of them can't be meant so.
+        If one of them is invalid.
     """
     first = model if isinstance(model, CaptureModel) else PLAIN
     if model is not None and not isinstance(model, CaptureModel):
@@ -170,7 +171,7 @@ def discover_start(
 
 @contextlib.contextmanager
 def _named(source: Input) -> Iterator[None]:
-    """Say of which recording it is that something is wrong."""
+    """Prefix errors of the input with the recording's name."""
     try:
         yield
     except InputError as error:
@@ -178,7 +179,7 @@ def _named(source: Input) -> Iterator[None]:
 
 
 def _identity(source: Input, camera: str, settings: RowsSettings) -> str:
-    """Return what tells a recording and the way it is sampled from any other."""
+    """Return what distinguishes a recording, and how it is sampled, from any other."""
     path = source.path
     if path is None:
         return ""
@@ -189,8 +190,8 @@ def _identity(source: Input, camera: str, settings: RowsSettings) -> str:
 def _rows_of(
     source: Input, settings: RowsSettings, run: Begun, progress: Progress
 ) -> tuple[list[RowBlock], str]:
-    """Return the rows of the recording's first stretch, and what of it could not be read."""
-    if source.begins_with != "frames":  # rows are read in no time
+    """Return the rows of the recording's first epoch, and what could not be read."""
+    if source.begins_with != "frames":  # rows are read quickly
         held = read_recording(source, rows=settings, progress=progress)
         return held.stretch, held.loss
 
@@ -212,7 +213,7 @@ def _rows_of(
 
 
 def _codec_of(source: Input, settings: RowsSettings, run: Begun) -> Codec | None:
-    """Return what puts rows through the codec of a video, if it takes something away."""
+    """Return a function that passes rows through the codec of a video, if that is lossy."""
     path = source.path
     if path is None or source.begins_with != "frames" or not is_lossy(path):
         return None
@@ -239,10 +240,10 @@ def _by_rows(
     model_out: str,
     doing: Doing,
 ) -> DiscoverResult:
-    """Discover by rows, and beside a reference where there is one."""
-    # A reference of another time is refused before anything long is done.
+    """Discover from rows, and from a reference if there is one."""
+    # Refuse a reference of another time before the long computation.
     laid = beside_of(clip_of(data), grid) if grid else None
-    # What is too little to tie rows together may still be more than any effect.
+    # Even a codec too weak to tie rows together may exceed any effect.
     found = discover_by_rows(model, data, doing, recoded=codec(data) if codec else None)
     told, extended = discovery_json(found, model_out), model_of(found, source.name)
     residuals: dict[str, NDArray[Any]] = {
@@ -268,7 +269,7 @@ def _by_frame_means(
     model_out: str,
     doing: Doing,
 ) -> DiscoverResult:
-    """Discover beside a reference alone."""
+    """Discover from frame means and a reference."""
     doing("looking for the recording in the reference")
     laid = beside_of(clip_of_frame_means(blocks, nominal_hz or grid.nominal_hz), grid)
     found = discover_beside(model, laid, doing)
@@ -278,7 +279,7 @@ def _by_frame_means(
 
 
 def _residuals_of(found: ClockOffsetDiscovery) -> dict[str, NDArray[Any]]:
-    """Return what is left of the ENF before and after, with its times."""
+    """Return the ENF's residuals before and after, with their times."""
     return {
         "enf_time_s": found.beside.t_s,
         "enf_before_hz": found.first.left_hz,
@@ -307,7 +308,7 @@ def _result(
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class DiscoverResult:
-    """What a model was found to lack.
+    """Effects that a model was found to lack.
 
     Attributes
     ----------
@@ -315,19 +316,20 @@ class DiscoverResult:
     effects : list of dict
         Those that were added, with parameters and their errors.
     gap : dict
-        What is left between data and model, before and after, as a share of the flicker's power.
+        Systematic residual between data and model, before and after, relative to the flicker's
+        power.
     unexplained : dict or None
-        What no effect of the catalogue explains, and where it is.
+        Residual that no effect of the catalogue explains, and where it is.
     told : dict
-        All of it, as plain values.
+        The whole result, as plain values.
     model : CaptureModel
         The extended one: give it to :func:`rsenf.simulate`.
     page : str
         The report, HTML.
     residuals : dict of ndarray
-        What is left, before and after.
+        Residuals before and after.
     note, loss : str
-        What else to know, and what could not be read; may be empty.
+        A remark, and what could not be read; may be empty.
     """
 
     recording: str
@@ -352,7 +354,7 @@ class DiscoverResult:
         Raises
         ------
         RecordingError
-            When it can't be written.
+            If it can't be written.
         """
         out.parent.mkdir(parents=True, exist_ok=True)
         with whole_folder(out) as folder:

@@ -1,4 +1,4 @@
-"""A camera's idle period and read-out time, and those of two recordings compared."""
+"""Idle period and read-out time of a camera, and the comparison of two recordings."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ def idle(
     settings: IdleSettings | None = None,
     progress: Progress = silent,
 ) -> IdleResult:
-    """Estimate how long a camera reads nothing between two frames.
+    """Estimate how long a camera reads no row between two frames.
 
     Parameters
     ----------
     recording, frame_time_s, frame_rate_hz, camera, progress
-        As :func:`rsenf.track` takes them.
+        As for :func:`rsenf.track`.
     begin : {'rows', 'frames'}
-        What to take of an ``.mcap`` recording: its rows, or its video again.
+        What to use of an ``.mcap`` recording: its rows, or its video again.
     method : str, optional
-        A name of :data:`rsenf.idle.METHODS`; ``coherent`` unless given.
+        A name of :data:`rsenf.idle.METHODS`; ``coherent`` by default.
     nominal_hz : float, optional
         50 or 60; found from the data when not given.
     rows : RowsSettings, optional
@@ -58,9 +58,9 @@ def idle(
     Raises
     ------
     UsageError
-        When there is no such file or method, or an argument can't be meant so.
+        If there is no such file or method, or an argument is invalid.
     InputError
-        When the recording holds nothing that can be analysed.
+        If the recording holds nothing that can be analysed.
 
     Examples
     --------
@@ -79,12 +79,18 @@ def idle(
 
 
 def idle_settings(settings: IdleSettings, nominal_hz: float | None = None) -> IdleSettings:
-    """Return settings of the estimator, checked.
+    """Return checked settings of the estimator.
+
+    Parameters
+    ----------
+    settings : IdleSettings
+    nominal_hz : float, optional
+        Nominal grid frequency, unless the settings give it.
 
     Raises
     ------
     UsageError
-        When there is no such method.
+        If there is no such method.
     """
     if settings.method not in METHODS:
         raise UsageError(f"no idle method {settings.method!r}", f"one of {', '.join(METHODS)}")
@@ -93,27 +99,27 @@ def idle_settings(settings: IdleSettings, nominal_hz: float | None = None) -> Id
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class IdleResult(Result):
-    """A camera's idle period. What isn't known is None.
+    """A camera's idle period. Unknown values are None.
 
     Attributes
     ----------
     verdict : {'estimated', 'ambiguous', 'no_signal', 'refused'}
     idle_ratio, idle_ratio_std, idle_ratio_low, idle_ratio_high : float or None
-        Share of each frame in which nothing is read, its standard error and 95 % interval.
+        Share of each frame period in which no row is read, its standard error and 95 % interval.
     read_out_time_s, read_out_time_std_s : float or None
     direction : {'forward', 'reverse'} or None
     converted : bool
-        Whether frames were dropped or doubled to give another rate than ``frame_rate_hz``.
+        Whether frames were dropped or repeated to give another rate than ``frame_rate_hz``.
     slips : int
-        Places where frames are lost or shown again while the time stamps are silent.
+        Number of places with lost or repeated frames that the time stamps don't show.
     reason : str or None
         Why no value is given.
     warnings : list of str
-        All that a reader should know, what could not be read among it.
+        All that a reader should know, including what could not be read.
     rate_hypotheses : list of dict
-        Frame rates that the light goes with, each with ``frame_rate_hz``, ``nominal_hz``,
+        Frame rates that fit the light, each with ``frame_rate_hz``, ``nominal_hz``,
         ``idle_ratio``, ``read_out_s``, ``direction`` and ``is_common``, the likeliest first; empty
-        where the rate is known.
+        if the rate is known.
     """
 
     verdict: Literal["estimated", "ambiguous", "no_signal", "refused"]
@@ -138,7 +144,7 @@ class IdleResult(Result):
 
 
 def compare_idle(first: IdleResult, second: IdleResult) -> IdleComparison:
-    """Tell whether two recordings were read out in the same time.
+    """Compare the read-out times of two recordings.
 
     Read-out times that differ beyond their errors come from different cameras, or modes of one;
     equal ones prove nothing.
@@ -146,7 +152,7 @@ def compare_idle(first: IdleResult, second: IdleResult) -> IdleComparison:
     Parameters
     ----------
     first, second : IdleResult
-        What :func:`rsenf.idle` returned.
+        Results of :func:`rsenf.idle`.
 
     Examples
     --------
@@ -173,7 +179,7 @@ class IdleComparison:
     ----------
     verdict : {'different', 'compatible', 'undecidable'}
     log10_lr_same_readout : float or None
-        For one read-out time, against two cameras.
+        Log10 likelihood ratio of one read-out time against two cameras.
     caveats : list of str
         What it doesn't prove.
     """

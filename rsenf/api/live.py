@@ -1,4 +1,4 @@
-"""Whether a feed was live: its flicker against the grid's frequency, second by second."""
+"""Judges whether a feed was live: its flicker against the grid's frequency, second by second."""
 
 from __future__ import annotations
 
@@ -58,30 +58,30 @@ def live(
     progress: Progress = silent,
     **reading: Any,
 ) -> LiveResult:
-    """Judge whether a recorded feed was live, as the node ``live`` does: nothing before its time.
+    """Judge whether a recorded feed was live, as the node ``live`` does: from past data only.
 
     Parameters
     ----------
     recording, frame_time_s, frame_rate_hz, camera, begin, progress
-        As :func:`rsenf.track` takes them.
+        As for :func:`rsenf.track`.
     reference, reference_start, store, **reading
-        As :func:`rsenf.verify` takes them; one, with times of day.
+        As for :func:`rsenf.verify`; a single reference, with times of day.
     reference_camera : str
         Another camera of an ``.mcap`` recording, in place of a reference.
     start : str, optional
-        When the first picture was taken, ISO 8601, UTC unless it says; without, when pictures
-        arrived, if that was recorded.
+        When the first picture was taken, ISO 8601, in UTC unless it has a zone; by default the
+        arrival times of the pictures are used, if they were recorded.
     nominal_hz : float, optional
-        50 or 60; the reference's unless given.
+        50 or 60; the reference's by default.
     rows, track, settings : RowsSettings, TrackSettings, LiveSettings, optional
 
     Raises
     ------
     UsageError
-        When there is no such file, grid or camera, when nothing tells the time of day, or when an
-        argument can't be meant so.
+        If there is no such file, grid or camera, if the time of day is unknown, or if an argument
+        is invalid.
     InputError
-        When the recording holds nothing that can be analysed.
+        If the recording holds nothing that can be analysed.
 
     Examples
     --------
@@ -139,7 +139,7 @@ def live(
 
 
 def _check_input(source: Input, reference_camera: str, start: str | None) -> None:
-    """Refuse what doesn't tell when its pictures came, or has no other camera."""
+    """Refuse an input without arrival times or a start, or without the other camera."""
     if source.tells_arrival:
         return
     if reference_camera:
@@ -155,7 +155,7 @@ def _check_input(source: Input, reference_camera: str, start: str | None) -> Non
 
 
 def _of_camera(source: Input, camera: str) -> list[ReferenceBlock]:
-    """Return the reference that another camera of the recording makes."""
+    """Return the reference derived from another camera of the recording."""
     recording = open_recording(source.called)
     topics = [t for t in recording.topics if t.endswith((f"/{camera}/rows", f"/{camera}/track"))]
     if len(topics) != 2:
@@ -166,7 +166,7 @@ def _of_camera(source: Input, camera: str) -> list[ReferenceBlock]:
 
 
 def _changes(verdicts: Sequence[Liveness]) -> list[Liveness]:
-    """Leave out verdicts that only say again what the one before said."""
+    """Drop verdicts that repeat the one before."""
 
     def said(told: Liveness) -> tuple[Any, ...]:
         return told.verdict, told.header.run_id, told.header.epoch
@@ -181,14 +181,14 @@ class LiveResult(Result):
     Attributes
     ----------
     verdict : {'live', 'stale', 'frozen', 'no_signal', 'undecided'}
-        At the end.
+        The last one.
     verdicts : list of dict
         Each that differs from the one before: ``t_s``, ``verdict``, ``lag_s``, ``evidence`` …
     last : dict or None
-        The one at the end.
+        The last of all, with the same keys.
     alarms : list of dict
     warnings : list of str
-        All that a reader should know, what could not be read among it.
+        All that a reader should know, including what could not be read.
     """
 
     verdict: str
@@ -198,7 +198,7 @@ class LiveResult(Result):
     warnings: list[str]
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return a row for every verdict, one a second, by ``t_s``."""
+        """Return a row for every verdict, one a second, indexed by ``t_s``."""
         told = [live_json(verdict) for verdict in self.analysis.verdicts]
         names = live_json(Liveness()) if not told else told[0]
         return table({name: [one[name] for one in told] for name in names}, "t_s")

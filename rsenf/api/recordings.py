@@ -1,4 +1,4 @@
-"""What a recording holds, as arrays."""
+"""Reads the rows of a recording as arrays."""
 
 from __future__ import annotations
 
@@ -39,26 +39,26 @@ def read_recording(
     rows: RowsSettings | None = None,
     progress: Progress = silent,
 ) -> RecordedRows:
-    """Read the rows of a recording: what all analyses begin with.
+    """Read the rows of a recording, the input of all analyses.
 
-    What comes back can be given to each of them in place of the recording: a video is decoded
-    once, and the numbers are the same.
+    The result can be given to each of them in place of the recording: a video is then decoded
+    once, and the results are the same.
 
     Parameters
     ----------
     recording, frame_time_s, frame_rate_hz, camera, progress
-        As :func:`rsenf.track` takes them.
+        As for :func:`rsenf.track`.
     begin : {'rows', 'frames'}
-        What to take of an ``.mcap`` recording: its rows, or its video again.
+        What to use of an ``.mcap`` recording: its rows, or its video again.
     rows : RowsSettings, optional
         Such as the number of strips of a video's rows.
 
     Raises
     ------
     UsageError
-        When there is no such file, or an argument can't be meant so.
+        If there is no such file, or an argument is invalid.
     InputError
-        When the recording holds nothing that can be analysed.
+        If the recording holds nothing that can be analysed.
 
     Examples
     --------
@@ -96,9 +96,9 @@ class RecordedRows(Input):
     blocks : tuple of RowBlock
         All of them.
     lost : str
-        What could not be read, in one line; empty when all was.
+        What could not be read, in one line; may be empty.
     notes : tuple of str
-        What else to know.
+        Remarks on the input.
     """
 
     name: str
@@ -115,39 +115,39 @@ class RecordedRows(Input):
 
     @property
     def loss(self) -> str:
-        """What could not be read, in one line; empty when all was."""
+        """What could not be read, in one line; may be empty."""
         return self.lost
 
     @property
     def warnings(self) -> list[str]:
-        """What a result should say about its input, one line each."""
+        """Remarks on the input for a result, one line each."""
         return list(self.notes)
 
     @property
     def stretch(self) -> list[RowBlock]:
-        """Blocks until the source restarted, if it did."""
+        """Blocks of the first epoch: until the source restarted, if it did."""
         epoch = self.blocks[0].header.epoch if self.blocks else 0
         return [block for block in self.blocks if block.header.epoch == epoch]
 
     @property
     def rows(self) -> Float32Array:
-        """Mean 8-bit levels of the first stretch, (frames, rows, strips)."""
+        """Mean 8-bit levels of the first epoch, (frames, rows, strips)."""
         levels = [block.level for block in self.stretch]
         return read_only(np.concatenate(levels) if levels else np.empty((0, 0, 0), np.float32))
 
     @property
     def frame_time_s(self) -> FloatArray:
-        """When each of their frames began, (frames,), by the stream's clock."""
+        """Start of each of their frames in s, (frames,), by the stream's clock."""
         times_ns = [block.frame_pts_ns for block in self.stretch]
         return read_only(np.concatenate(times_ns) / 1e9 if times_ns else np.empty(0))
 
     @property
     def read_out_axis(self) -> str:
-        """``rows``, ``columns`` of a turned camera, or ``frame`` of frame means."""
+        """``rows``, ``columns`` for a rotated camera, or ``frame`` for frame means."""
         return self.blocks[0].read_out_axis if self.blocks else "rows"
 
     def to_xarray(self) -> xarray.DataArray:
-        """Return the rows by ``frame_time_s``, row and strip."""
+        """Return the rows with the dimensions ``frame_time_s``, row and strip."""
         return optional("xarray").DataArray(
             self.rows,
             dims=("frame_time_s", "row", "strip"),

@@ -1,4 +1,4 @@
-"""What recordings are compared with: a grid's frequency from a file, the store, or an array."""
+"""Opens references of a grid's frequency: from a file, the store, or an array."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from rsenf.reference.store import StoredReference
 Opened: TypeAlias = Reference | StoredReference
 References: TypeAlias = PathLike | Opened | ArrayLike | Sequence[PathLike | Opened]
 
-PIECE = 1 << 20  # samples looked at together
+PIECE = 1 << 20  # samples of a piece
 
 
 def open_references(
@@ -33,24 +33,24 @@ def open_references(
     store: PathLike | None = None,
     **reading: Any,
 ) -> list[Opened]:
-    """Open one reference or several; two of one name get numbers.
+    """Open one reference or several; equal names get numbers.
 
     Parameters
     ----------
     references : path, ``store:GRID``, Reference, array_like, or sequence of the first three
         An array is of frequencies in Hz, one each ``step_s``, NaN in gaps.
     start : str, optional
-        When an array begins, ISO 8601, UTC unless it says; unknown when not given.
+        Start of an array, ISO 8601, in UTC unless it has a zone; unknown by default.
     store : path, optional
-        Where ``store:GRID`` is looked for.
+        Folder of ``store:GRID``.
     **reading
-        As :class:`rsenf.reference.options.ReadOptions` takes them: ``step_s``, which arrays need,
+        As for :class:`rsenf.reference.options.ReadOptions`: ``step_s``, which arrays need,
         ``timezone``, ``time_format``, ``time_column``, ``column``, ``stamp`` ….
 
     Raises
     ------
     UsageError
-        When there is no such file or grid, or an argument can't be meant so.
+        If there is no such file or grid, or an argument is invalid.
     """
     options = ReadOptions(**reading)
     named: Sequence[PathLike | Opened]
@@ -85,8 +85,8 @@ def open_references(
 
 
 def grids_of(references: Sequence[Opened]) -> list[Grid]:
-    """Return references as matchers take them."""
-    # A stored one's samples are read as they are asked for: matchers ask for slices.
+    """Convert references to the form that matchers take."""
+    # A stored one's samples are read on demand: matchers request slices.
     return [
         Grid(r.grid, r.nominal_hz, r.t0_ns, r.step_s, cast("FloatArray", r.freq_hz), r.zone_unknown)
         for r in references
@@ -94,14 +94,14 @@ def grids_of(references: Sequence[Opened]) -> list[Grid]:
 
 
 def nominal_of(references: Sequence[Opened]) -> float | None:
-    """Nominal frequency of all of them; None when they differ."""
+    """Nominal frequency of all of them; None if they differ."""
     found = {r.nominal_hz for r in references}
     return found.pop() if len(found) == 1 else None
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """Samples that there are and aren't; ``longest_gap`` in samples."""
+    """Numbers of valid and missing samples; ``longest_gap`` in samples."""
 
     valid: int
     gaps: int
@@ -110,7 +110,7 @@ class Coverage:
 
 
 def coverage(reference: Opened) -> Coverage:
-    """Count what a reference has, a piece at a time."""
+    """Count a reference's samples, a piece at a time."""
     valid = gaps = longest = duplicates = run = 0
     for start in range(0, reference.freq_hz.size, PIECE):
         part = slice(start, start + PIECE)

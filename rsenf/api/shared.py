@@ -1,4 +1,4 @@
-"""What the analyses share: how a recording is given, the settings of the stages, what comes out."""
+"""What the analyses share: inputs, settings of the stages, base class of the results."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Progress: TypeAlias = Callable[[float], None]
 
 
 def silent(told: Any) -> None:
-    """Take progress that nobody wants to see."""
+    """Ignore progress."""
 
 
 def opened(
@@ -39,28 +39,27 @@ def opened(
     camera: str = "",
     begin: str = "rows",
 ) -> Input:
-    """Open what an analysis is given.
+    """Open the input of an analysis.
 
     Parameters
     ----------
     recording : path, Input or array_like
-        Video, ``.mcap`` recording or ``.npz``; what
-        :func:`rsenf.run.inputs.open_input_file` returned; or luminance: (frames,), (frames, rows)
-        or (frames, rows, strips).
+        Video, ``.mcap`` recording or ``.npz``; a result of
+        :func:`rsenf.run.inputs.open_input_file`; or luminance: (frames,), (frames, rows) or
+        (frames, rows, strips).
     frame_time_s : array_like (frames,), optional
-        Of rows: when each frame began.
+        For rows: start of each frame.
     frame_rate_hz : float, optional
-        Of arrays that came regularly; of a file, in place of times that it hasn't, or that are
-        wrong.
+        For arrays with regular frames; for a file, in place of missing or wrong times.
     camera, begin : str
-        Of a path, as :func:`rsenf.run.inputs.open_input_file` takes them.
+        For a path, as for :func:`rsenf.run.inputs.open_input_file`.
 
     Raises
     ------
     UsageError
-        When there is no such file, arrays lack their times, or a recording has times that stand.
+        If there is no such file, arrays lack their times, or a recording has its own.
     InputError
-        When it holds nothing that can be analysed.
+        If it holds nothing that can be analysed.
     """
     if isinstance(recording, Input | str | os.PathLike):
         is_open = isinstance(recording, Input)
@@ -93,21 +92,21 @@ def track_settings(
     matcher: str = "",
     nominal_hz: float | None = None,
 ) -> TrackSettings:
-    """Return settings of the tracker, checked.
+    """Return checked settings of the tracker.
 
     Parameters
     ----------
     given : TrackSettings or mapping, optional
-        All of them, or those that aren't to be the default; None stands for the default.
+        All of them, or those that differ from the default; a value of None is the default.
     matcher : str, optional
-        That is to compare the estimates.
+        Matcher that is to compare the estimates.
     nominal_hz : float, optional
-        Of the grid, unless the settings say so themselves.
+        Nominal grid frequency, unless the settings give it.
 
     Raises
     ------
     UsageError
-        When the method doesn't exist, isn't what the matcher needs, or has no use for a setting.
+        If the method doesn't exist, doesn't suit the matcher, or doesn't use a setting.
     """
     if isinstance(given, TrackSettings):
         plain = TrackSettings(given.method)
@@ -130,29 +129,29 @@ def track_settings(
 
 
 def row_settings(given: RowsSettings | None, track: TrackSettings | None = None) -> RowsSettings:
-    """Return settings of the rows, with what the tracker needs of them."""
+    """Return settings of the rows, with those that the tracker needs."""
     rows = given or RowsSettings(read_out_axis=AUTO)
     return dataclasses.replace(rows, **METHODS.find(track.method).rows_needed) if track else rows
 
 
-ASIDE = {"json": False}  # metadata of a result's field that isn't a part of its JSON
+ASIDE = {"json": False}  # metadata of result fields that aren't in its JSON
 
 
 def json_fields(result: Any) -> list[dataclasses.Field[Any]]:
-    """Return the fields of a kind of result that are keys of its JSON."""
+    """Return the fields of a result class that are keys of its JSON."""
     return [f for f in dataclasses.fields(result) if f.metadata.get("json", True)]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Result:
-    """What came out of a recording. The fields of each kind of result are the keys of its JSON.
+    """Base class of results. The fields of each subclass are the keys of its JSON.
 
-    ``str(result)`` is what the command line prints of it.
+    ``str(result)`` is what the command line prints.
 
     Attributes
     ----------
     recording : str
-        What the recording is called.
+        Name of the recording.
     analysis : Analysis
         The messages of the stages.
     """
@@ -162,7 +161,7 @@ class Result:
 
     @property
     def loss(self) -> str:
-        """What of the recording could not be read, in one line; empty when all was."""
+        """What of the recording could not be read, in one line; may be empty."""
         return self.analysis.loss
 
     def to_dict(self) -> dict[str, Any]:
@@ -181,17 +180,17 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def table(columns: Mapping[str, Any], index: str) -> pandas.DataFrame:
-    """Return columns as a table of pandas."""
+    """Return columns as a pandas DataFrame."""
     return optional("pandas").DataFrame(columns).set_index(index)
 
 
 def optional(package: str) -> Any:
-    """Import a package that not everybody needs.
+    """Import an optional package.
 
     Raises
     ------
     UsageError
-        When it isn't there.
+        If it isn't installed.
     """
     try:
         return importlib.import_module(package)

@@ -1,4 +1,4 @@
-"""A simulated clip, as arrays, videos or a recording, and the truth beside it."""
+"""Simulates a clip, as arrays, videos or a recording, with the truth beside it."""
 
 from __future__ import annotations
 
@@ -61,42 +61,42 @@ def simulate(
     ----------
     out : path, optional
         A video (``.mp4``, ``.mov``, ``.mkv``, ``.avi``, ``.webm``), or row means (``.npz``,
-        ``.mcap``), with the truth in a ``.truth.json`` beside it; without, nothing is written.
+        ``.mcap``), with the truth in a ``.truth.json`` beside it; by default nothing is written.
     duration_s : float
         By the camera's clock.
     seed : int
         Of everything random.
     model : CaptureModel or path, optional
-        The capture; the default one when not given.
+        Model of the capture, if not the default one.
     size : (int, int), optional
-        Columns and rows; it and the next four are put over the model's own.
+        Columns and rows; it and the next four override the model's.
     frame_rate : str or float, optional
         Such as 25 or "30000/1001".
     idle_ratio, clock_ppm : float, optional
     lamp : str, optional
         Such as led or halogen.
     reference : path, ``store:GRID``, Reference or array_like, optional
-        The grid's frequency; drawn from the seed when not given. ``**reading`` says how it is
-        read, as :func:`rsenf.verify` takes it: ``step_s`` of an array.
+        The grid's frequency; drawn from the seed by default. ``**reading`` as for
+        :func:`rsenf.verify`: ``step_s`` of an array.
     start_s : float
-        Where on the grid's path the clip begins.
+        Start of the clip on the grid's path.
     nominal_hz : float, optional
-        50 or 60; 50, or that of the reference, when not given.
+        50 or 60; by default that of the reference, or 50.
     strips : int
         Of each row, in row means.
     site, camera : str
         Of an ``.mcap`` recording.
     encodings : mapping of str to Codec, optional
-        Several videos of one clip, ``X.<name>.mp4``; the model's own codec when not given.
+        Several videos of one clip, ``X.<name>.mp4``; by default the model's own codec.
     progress : callable, optional
-        Told how many seconds are filmed.
+        Called with the seconds filmed.
 
     Raises
     ------
     UsageError
-        When an argument, the model or the reference can't be meant so.
+        If an argument, the model or the reference is invalid.
     RecordingError
-        When a file can't be written.
+        If a file can't be written.
 
     Examples
     --------
@@ -152,7 +152,7 @@ def _filmed(
     codecs: Mapping[str, Codec],
     show: Callable[[int], None],
 ) -> SimulateResult:
-    """Render once, encode all; a file's name has its label, if there is one."""
+    """Render once, encode all; a label becomes part of a file's name."""
     frames = render_frames(model, grid, duration_s, seed)
     paths = {
         out.with_suffix(f".{label}{out.suffix}") if label else out: codec
@@ -182,7 +182,7 @@ def _record(out: Path, data: RowData, seed: int, site: str, camera: str) -> None
 def _truth_beside(
     out: Path, truth: dict[str, Any], files: Sequence[tuple[str, dict[str, Any] | None]]
 ) -> Iterator[dict[str, Any]]:
-    """Let the truth appear when the clip has."""
+    """Write the truth, which appears only when the clip is complete."""
     told = truth | {"files": [{"name": name, "codec": codec} for name, codec in files]}
     with whole_file(out.with_suffix(".truth.json")) as part:
         part.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
@@ -196,11 +196,11 @@ class SimulateResult:
     Attributes
     ----------
     truth : dict
-        All that is true of it: what ``X.truth.json`` has.
+        Ground truth: what ``X.truth.json`` has.
     out : Path or None
         Where it was written.
     data : RowData or None
-        Its row means; None of a video.
+        Its row means; None for a video.
     """
 
     truth: dict[str, Any]
@@ -214,7 +214,7 @@ class SimulateResult:
 
     @property
     def frame_time_s(self) -> FloatArray:
-        """When each frame began, (frames,), by the camera's clock."""
+        """Start of each frame in s, (frames,), by the camera's clock."""
         return read_only(self._row_data.frame_time_s.view())
 
     @property
@@ -244,7 +244,7 @@ class SimulateResult:
         return places | {name: self.truth[name] for name in _TOLD}
 
     def to_xarray(self) -> xarray.DataArray:
-        """Return the rows by ``frame_time_s``, row and strip."""
+        """Return the rows with the dimensions ``frame_time_s``, row and strip."""
         return optional("xarray").DataArray(
             self.rows,
             dims=("frame_time_s", "row", "strip"),

@@ -1,4 +1,4 @@
-"""A recording's ENF, one value a second."""
+"""Estimates the ENF of a recording, one value a second."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
     from rsenf.messages.schema import FloatArray
 
-# By how much, as a ratio, a frequency is off where 30 and 29.97 frames/s are taken for each other,
-# on a grid that is off by a little.
+# Relative error of a frequency if 30 and 29.97 frames/s are mistaken for each other, on a grid that
+# deviates a little.
 NTSC_RATIO = 0.85e-3, 1.15e-3
 COLUMNS = ("t_s", "enf_hz", "enf_std_hz", "snr_db", "usable", "reason", "epoch", "mirror_hz")
 
@@ -55,7 +55,7 @@ def track(
     settings: TrackSettings | None = None,
     progress: Progress = silent,
 ) -> TrackResult:
-    """Follow the ENF of a recording.
+    """Estimate the ENF of a recording.
 
     Parameters
     ----------
@@ -63,30 +63,29 @@ def track(
         Video, ``.mcap`` recording or ``.npz``; or luminance: (frames,), (frames, rows) or
         (frames, rows, strips).
     frame_time_s : array_like (frames,), optional
-        Of arrays: when each frame began, in seconds.
+        For arrays: start of each frame, in seconds.
     frame_rate_hz : float, optional
-        Of arrays whose frames came regularly; of a file, in place of times that it hasn't, or that
-        are wrong.
+        For arrays with regular frames; for a file, in place of missing or wrong times.
     camera : str
-        Of an ``.mcap`` recording with several.
+        Camera of an ``.mcap`` recording that holds several.
     begin : {'rows', 'frames', 'track'}
-        What to take of an ``.mcap`` recording: its rows, its video again, its own estimates.
+        What to use of an ``.mcap`` recording: its rows, its video again, or its estimates.
     method : str, optional
-        A name of :data:`rsenf.track.METHODS`; ``projection`` unless given.
+        A name of :data:`rsenf.track.METHODS`; ``projection`` by default.
     nominal_hz : float, optional
         50 or 60; found from the data when not given.
     rows : RowsSettings, optional
     settings : TrackSettings, optional
         In place of ``method``.
     progress : callable, optional
-        Told how many seconds of the recording are done.
+        Called with the seconds of the recording that are done.
 
     Raises
     ------
     UsageError
-        When there is no such file or method, or an argument can't be meant so.
+        If there is no such file or method, or an argument is invalid.
     InputError
-        When the recording holds nothing that can be analysed.
+        If the recording holds nothing that can be analysed.
 
     Examples
     --------
@@ -106,7 +105,7 @@ def track(
 
 
 class EstimateJson(TypedDict):
-    """A line of what ``rsenf track --json`` prints; its keys are explained in TrackResult."""
+    """A line of ``rsenf track --json``; TrackResult explains its keys."""
 
     t_s: float
     enf_hz: float | None
@@ -126,7 +125,7 @@ class TrackResult(Result):
     Attributes
     ----------
     t_s : ndarray of float
-        From the first frame to the centre of what the value covers.
+        Time from the first frame to the centre of the interval that the value covers.
     enf_hz, enf_std_hz : ndarray of float
         Grid frequency and its standard error; NaN where there is none.
     snr_db : ndarray of float
@@ -134,18 +133,18 @@ class TrackResult(Result):
     reason : ndarray of str
         Why a value isn't usable; '' where it is.
     epoch : ndarray of int
-        Stretch of a source that restarted.
+        Number of the epoch of a source that restarted.
     mirror_hz : ndarray of float
         ENF that ``enf_hz`` is mirrored about if the read-out runs the other way than assumed: where
-        the light's alias is at 0 Hz its direction can't be told. NaN where it is known.
+        the light's alias is at 0 Hz its direction is unknown. NaN where it is known.
     slips : list of FrameSlip
-        Frames lost or shown again while the time stamps are silent; the ENF takes account of them,
-        and seconds are of the time that has passed.
+        Lost or repeated frames that the time stamps don't show; the ENF is corrected for them, and
+        seconds are of true time.
     camera_hz : float or None
-        Rate from which the recording was converted by dropping or doubling frames, if it was.
+        Original frame rate, if frames were dropped or repeated to convert it.
     warnings : list of str
     rate_hypotheses : tuple of RateHypothesis
-        Frame rates that the light goes with, the likeliest first; empty where the rate is known.
+        Frame rates that fit the light, the likeliest first; empty if the rate is known.
     """
 
     t_s: FloatArray
@@ -162,7 +161,7 @@ class TrackResult(Result):
     rate_hypotheses: tuple[RateHypothesis, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return ``estimates``, the lines of ``rsenf track --json``, and what is said of all."""
+        """Return ``estimates``, the lines of ``rsenf track --json``, and what concerns them all."""
         columns = (getattr(self, name).tolist() for name in COLUMNS)
         slips = (_slips(estimate) for estimate in self.analysis.estimates)
         return {
@@ -189,16 +188,16 @@ class TrackResult(Result):
         }
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return a row for each value, by ``t_s``."""
+        """Return a row for each value, indexed by ``t_s``."""
         return table({name: getattr(self, name) for name in COLUMNS}, "t_s")
 
     @property
     def summary(self) -> str:
-        """One line on what was found."""
+        """The result in one line."""
         estimates, seconds = self.analysis.estimates, self.analysis.seconds
         usable = [e for e in estimates if e.usable]
         if not usable:
-            # What is wrong with the rows themselves explains best why no window of them is of use.
+            # Faults of the rows themselves explain best why no window is usable.
             reason = _most_frequent(self.analysis.row_reasons)
             reason = reason or _most_frequent(Counter(e.reason for e in estimates))
             if not reason:
@@ -265,7 +264,7 @@ def track_result(name: str, analysis: Analysis) -> TrackResult:
 
 
 def _rate_words(ratio: list[float]) -> list[str]:
-    """Say that the frame rate may be another, where the ENF is off as rates of 30 and 29.97 are."""
+    """Warn of a wrong frame rate if the ENF deviates as the rates of 30 and 29.97 do."""
     low, high = NTSC_RATIO
     if not ratio or not low < abs(float(np.median(ratio)) - 1.0) < high:
         return []
@@ -276,7 +275,7 @@ def _rate_words(ratio: list[float]) -> list[str]:
 
 
 def _direction_words(mirror_hz: list[float]) -> list[str]:
-    """Say that the sign of the ENF's deviation is assumed, where it is."""
+    """Warn that the sign of the ENF's deviation is assumed, if it is."""
     either = [hz for hz in mirror_hz if hz]
     if not either:
         return []
@@ -287,7 +286,7 @@ def _direction_words(mirror_hz: list[float]) -> list[str]:
 
 
 def _most_frequent(reasons: Counter[str]) -> str:
-    """Return the reason that was given most often; '' where there was none to give."""
+    """Return the most frequent reason; '' if there is none."""
     return next((reason for reason, _ in reasons.most_common(1)), "")
 
 

@@ -1,7 +1,7 @@
-"""When was it recorded, where the frame rate isn't known? Each that its light goes with is tried.
+"""Time of recording without a known frame rate: each rate that fits the light is tried.
 
-A rate is known as well as the grid is near its nominal frequency, so that the clock's error is free
-within that. Every rate tried is counted in the chance of finding a fit.
+A rate is known only as well as the grid is near its nominal frequency, so the prior of the clock's
+error is that wide. All rates tried count in the probability of a fit by chance.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from rsenf.messages import Edit, EnfEstimate, MatchResult, RateBasis, RateHypoth
 from rsenf.run.inline import Analysis
 from rsenf.run.inputs import Input
 
-MOST_BYTES = 300_000_000  # of rows that are kept: of a longer recording its begin is compared
-SLOWEST_HZ = 12.0  # frame rate at which a grid can still be followed
-RATE_SCALE_PPM = 400.0  # grids are 20 mHz from 50 Hz, mostly
+MOST_BYTES = 300_000_000  # rows kept in memory: of a longer recording the beginning is compared
+SLOWEST_HZ = 12.0  # lowest frame rate at which a grid can be tracked
+RATE_SCALE_PPM = 400.0  # prior scale: grids are 20 mHz from 50 Hz, mostly
 
 
 class UntimedRows:
-    """Keeps the rows of a recording until there is a usable estimate: then its rate is known.
+    """Keeps the rows of a recording until an estimate is usable: then its rate is known.
 
     Attributes
     ----------
     blocks : list of RowBlock
-        Of the first stretch, from its begin.
+        Of the first epoch, from its beginning.
     rates : tuple of RateHypothesis
-        Frame rates that the light goes with.
+        Frame rates that fit the light.
     """
 
     def __init__(self) -> None:
@@ -40,7 +40,7 @@ class UntimedRows:
         self._bytes, self._is_known = 0, False
 
     def listen(self, message: Any) -> None:
-        """Take a message that passes between the stages."""
+        """Receive a message between the stages."""
         if self._is_known:
             return
         if isinstance(message, RowBlock) and self._bytes < MOST_BYTES:
@@ -55,7 +55,7 @@ class UntimedRows:
 
 
 class Retimed(Input):
-    """Rows whose frames are counted at another rate."""
+    """Rows with frame times recomputed for another rate."""
 
     name = "rows"
 
@@ -75,7 +75,7 @@ class Retimed(Input):
 
 
 class AtRate(NamedTuple):
-    """What was found at the rate that matches, if one does, and what to say of it."""
+    """Result at the rate that matches, if one does, and a remark."""
 
     analysis: Analysis | None
     rows: Retimed | None
@@ -88,19 +88,19 @@ def find_rate(
     settings: MatchSettings,
     compare: Callable[..., Analysis],
 ) -> AtRate:
-    """Compare a recording at each frame rate that its light goes with.
+    """Compare a recording with the reference at each frame rate that fits its light.
 
-    Half of the odds are given to the common rates together, half to all others.
+    The common rates together have half of the prior odds, all others the other half.
 
     Parameters
     ----------
     rows : UntimedRows
     nominal_hz : float, optional
-        Of the grid.
+        Nominal grid frequency.
     settings : MatchSettings
     compare : callable
-        From an input, settings and ``alternatives`` of :class:`rsenf.match.stage.Match`, and a tap
-        for messages, to what is found.
+        From an input, settings, ``alternatives`` of :class:`rsenf.match.stage.Match` and a tap for
+        messages to the analysis.
     """
     rates = [
         h
@@ -136,7 +136,7 @@ def find_rate(
     if against_other < settings.min_log10_lr:
         return AtRate(None, None, f"{tried}, and times fit at more than one")
     rate_hz = rate.frame_rate_hz * (1.0 + 1e-6 * result.clock_ppm)
-    # What the clock was found to be off by is the rate's error.
+    # The estimated error of the clock is that of the rate.
     best.results = [
         dataclasses.replace(
             result,
@@ -151,7 +151,7 @@ def find_rate(
 
 
 def _speed(blocks: list[RowBlock], rate_hz: float, rate_std_ppm: float) -> Edit:
-    """Say how fast a recording is played, by its stated frame times and the rate that fits."""
+    """Describe the playback speed, from the stated frame times and the rate that fits."""
     frame = np.concatenate([block.frame_number for block in blocks])
     time_s = 1e-9 * np.concatenate([block.frame_pts_ns for block in blocks])
     stated_hz = float(frame[-1] - frame[0]) / float(time_s[-1] - time_s[0])

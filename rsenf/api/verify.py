@@ -1,4 +1,4 @@
-"""When a recording was made, by a grid reference."""
+"""Finds the time of a recording by a grid reference."""
 
 from __future__ import annotations
 
@@ -71,39 +71,39 @@ def verify(
     Parameters
     ----------
     recording, frame_time_s, frame_rate_hz, camera, begin, progress
-        As :func:`rsenf.track` takes them.
+        As for :func:`rsenf.track`.
     reference : path, ``store:GRID``, Reference, array_like, or sequence of the first three
         A file, a grid of the store, or an array of frequencies in Hz; several for several grids.
     reference_start : str, optional
-        When an array begins, ISO 8601, UTC unless it says.
+        Start of an array, ISO 8601, in UTC unless it has a zone.
     store : path, optional
-        Where ``store:GRID`` is looked for.
+        Folder of ``store:GRID``.
     start : str, optional
-        Claimed start of the recording, ISO 8601, UTC unless it says.
+        Claimed start of the recording, ISO 8601, in UTC unless it has a zone.
     method : str
         A name of :data:`rsenf.match.METHODS`.
     nominal_hz : float, optional
-        50 or 60; the reference's unless given.
+        50 or 60; the reference's by default.
     rows, track, match : RowsSettings, TrackSettings, MatchSettings, optional
     picture : path, optional
-        PNG to draw what was compared in.
+        PNG file for a picture of the comparison.
     report : path, optional
-        Folder to write a report in: HTML, JSON and pictures.
+        Folder for a report: HTML, JSON and pictures.
     case : path, optional
-        YAML of the case that it belongs to: case, exhibit, examiner, laboratory, received.
+        YAML file of the case: case, exhibit, examiner, laboratory, received.
     command : str, optional
-        What to type for the same report, for who reads it.
+        Command that makes the same report, for its readers.
     **reading
-        How a file is read, as :class:`rsenf.reference.options.ReadOptions` takes it: ``timezone``,
+        How a file is read, as for :class:`rsenf.reference.options.ReadOptions`: ``timezone``,
         ``time_format``, ``column`` …; and ``step_s``, between the values of an array.
 
     Raises
     ------
     UsageError
-        When there is no such file, grid or method, when the reference is shorter than the
-        recording, or when an argument can't be meant so.
+        If there is no such file, grid or method, if the reference is shorter than the recording,
+        or if an argument is invalid.
     InputError
-        When the recording holds nothing that can be analysed.
+        If the recording holds nothing that can be analysed.
 
     Examples
     --------
@@ -216,12 +216,12 @@ def verify(
 
 
 def check_verify(method: str, track: TrackSettings | None) -> None:
-    """Refuse settings that no recording can be verified with.
+    """Refuse settings with which no recording can be verified.
 
     Raises
     ------
     UsageError
-        When there is no such matcher or tracker, or they don't go together.
+        If there is no such matcher or tracker, or they don't suit each other.
     """
     track_settings(track, matcher=method)
     Match(method=method)
@@ -244,7 +244,7 @@ def _warnings(analysis: Analysis, references: Sequence[Opened]) -> list[str]:
 
 
 def _check_lengths(source: Input, clip_s: float, references: Sequence[Opened]) -> None:
-    """Refuse references none of which can hold the clip."""
+    """Refuse references that are all shorter than the clip."""
     longest = max(references, key=lambda r: r.duration_s)
     if clip_s > longest.duration_s:
         raise UsageError(
@@ -267,7 +267,7 @@ def _draw(path: Path, found: VerifyResult, spectrum: ThinRows) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class VerifyResult(Result):
-    """When a recording was made. What isn't known is None.
+    """Time of a recording. Unknown values are None.
 
     Attributes
     ----------
@@ -280,25 +280,26 @@ class VerifyResult(Result):
     lag_s, lag_std_s : float or None
         The recording's start less the reference's first sample, and its standard error.
     start_utc : str or None
-        The same as a time of day, ISO 8601.
+        The recording's start as a time of day, ISO 8601.
     correlation : float or None
     log10_lr, log10_lr_absent : float or None
-        For this time, against another time in the reference, and against a time outside it.
+        Log10 likelihood ratio of this time against another time in the reference, and against a
+        time outside it.
     claim : {'supported', 'refuted', 'undecidable'} or None
-        What became of a claimed start.
+        Result for a claimed start.
     clock_ppm, clock_std_ppm : float or None
         Error of the camera's clock; positive is fast.
     search_size : int
-        Lags compared.
+        Number of lags compared.
     zone_unknown : bool
-        Whether the reference's times told no zone: every time is by whole hours uncertain.
+        Whether the reference's times had no zone: every time is by whole hours uncertain.
     candidates : list of dict
         Ranked, the best first.
     segments, edits : list of dict
-        Of an edited recording: the stretches that fit by themselves, each with its own time, and
-        what was done between them. None of a whole one.
+        Of an edited recording: the parts that fit separately, each with its own time, and the edits
+        between them. Empty for a whole one.
     warnings : list of str
-        All that a reader should know, what could not be read among it.
+        All that a reader should know, including what could not be read.
     case : dict or None
         The case that it belongs to, as the case file has it.
     """
@@ -338,7 +339,7 @@ class VerifyResult(Result):
         return track_result(self.recording, self.analysis)
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return the candidates, a row for each, by ``lag_s``."""
+        """Return the candidates, a row for each, indexed by ``lag_s``."""
         names = ("lag_s", "grid", "start_utc", "correlation", "clock_ppm", "log10_lr")
         return table({name: [dict(c)[name] for c in self.candidates] for name in names}, "lag_s")
 

@@ -1,4 +1,4 @@
-"""What the report on a recording's time needs to know of files, parameters and versions."""
+"""Facts for the report on a recording's time: files, parameters and versions."""
 
 from __future__ import annotations
 
@@ -41,17 +41,17 @@ def write_verify_report(
         Folder.
     found : VerifyResult
     spectrum : ThinRows
-        Of the stretch that the verdict is about.
+        Of the epoch that the verdict is about.
     references : sequence of Reference or StoredReference
         All that were compared with.
     made_utc : str
-        When the report is made.
+        Time of the report.
     settings : mapping of str
-        Settings of the stages, by what they are of.
+        Settings by stage.
     asked : mapping of str
-        What else was asked for, without folders: where files lie is nobody's business.
+        Other arguments, without folders: where files are is private.
     command : str
-        What to type for the same report; may be empty.
+        Command that makes the same report; may be empty.
     """
     analysis = found.analysis
     epoch = analysis.result.header.epoch
@@ -107,7 +107,7 @@ def _facts(reference: Opened) -> ReferenceFacts:
 
 
 def _calibration(method: str) -> dict[str, Mapping[str, Any]]:
-    """What a method's likelihood ratios were calibrated by, if they are."""
+    """Calibration of a method's likelihood ratios, if they are calibrated."""
     if method != "phase":
         return {}
     facts = dataclasses.asdict(calibration())
@@ -117,11 +117,11 @@ def _calibration(method: str) -> dict[str, Mapping[str, Any]]:
 
 
 def _versions() -> dict[str, str]:
-    """Versions of the program and of what its results rest on, and the machine."""
+    """Versions of the program and of the libraries its results depend on, and the machine."""
     import av
 
     found, is_built = commit()
-    # The decoder's own version: what frames look like is its doing.
+    # The decoder's own version, which determines what frames look like.
     codec = ".".join(map(str, av.library_versions["libavcodec"]))
     return {
         "rsenf": __version__,

@@ -3,10 +3,11 @@
 All stages that rely on frame times share this decision: those that can undo a conversion do so, the
 others give no estimate.
 
-:class:`SeamWatch` asks whether the frame rate is another one, 0.1 % off, such as 29.97 frames/s for
-30. Converted between such rates, a recording loses or repeats a frame every 1001 frames, and its
-light's frequency is off by 0.1 % in between, as a grid's may be by itself. Where the other rate
-gives the more usual frequency, seconds wait until a longer stretch without a slip is seen.
+:class:`SeamWatch` checks for a frame rate that is wrong by 0.1 %, such as 29.97 frames/s for 30. A
+recording converted between such rates loses or repeats a frame every 1001 frames (a seam), and in
+between its light's frequency is off by 0.1 %, as a grid's own may be. So if the other rate gives
+the more usual frequency, seconds are held back until more than 1001 consecutive frames show no
+seam; otherwise they become unusable.
 """
 
 from __future__ import annotations
@@ -59,8 +60,8 @@ SLACK_FRAMES = 8  # tolerance of a seam's place
 # converted. Below the first, a conversion is likelier than one in five, and seconds wait; below the
 # second it is even, and they are refused in the end. After a slip SURE_LOG_ODDS is needed.
 WAIT_LOG_ODDS, LEAST_LOG_ODDS = -1.4, -3.0
-SAME_TURNS = 0.05  # largest difference between equal leaps of the phase
-CLEARLY = 2.0  # times the log likelihood ratio that a slip needs to be found
+SAME_TURNS = 0.05  # largest difference between equal phase jumps
+CLEARLY = 2.0  # factor of a slip's threshold for certain detection
 HOLD_S = 60  # longest wait of a second
 SEAMS = (
     "the frequency is off by 0.1 %, as where the frame rate was converted between 29.97 and 30 or "
@@ -245,18 +246,18 @@ def words_of(conversion: Conversion) -> str:
 
 
 class SeamWatch:
-    """Seconds in; out they come once their frame rate isn't in doubt any more, or unusable."""
+    """Holds seconds back until their frame rate isn't in doubt; else returns them as unusable."""
 
     def __init__(self) -> None:
         self._waiting: deque[FlickerSecond] = deque()
-        self._whole = 0  # frames in a row of which none slipped
-        self._is_told = False  # whether one that slips would be seen
+        self._whole = 0  # consecutive frames without a slip
+        self._is_told = False  # whether a slip would be detected
         self._is_clear = False
-        self._slips: list[int] = []  # numbers of the first frames after what may be seams
-        self._off_hz, self._seconds = [0.0, 0.0], 0  # by the stamps and by the other rate, summed
+        self._slips: list[int] = []  # numbers of the first frames after possible seams
+        self._off_hz, self._seconds = [0.0, 0.0], 0  # summed deviations, by stamps and other rate
 
     def update(self, seconds: Iterable[FlickerSecond]) -> list[FlickerSecond]:
-        """Take seconds; return those that are due."""
+        """Add seconds; return those that are due."""
         out: list[FlickerSecond] = []
         for second in seconds:
             self._waiting.append(second)
@@ -269,14 +270,14 @@ class SeamWatch:
         return out
 
     def flush(self) -> list[FlickerSecond]:
-        """Return the seconds that wait."""
+        """Return the seconds held back."""
         out = [self._judged(second) for second in self._waiting]
         self._waiting.clear()
         return out
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether the frame rate may as well be another, by all seconds so far."""
+        """Whether the frame rate is in doubt, from all seconds so far."""
         return self._log_odds < (SURE_LOG_ODDS if self._is_slipped else LEAST_LOG_ODDS)
 
     def _judged(self, second: FlickerSecond) -> FlickerSecond:
@@ -286,7 +287,7 @@ class SeamWatch:
 
     @property
     def _is_slipped(self) -> bool:
-        """Whether frames slipped as they do at seams, whole numbers of beats apart.
+        """Whether slips are whole numbers of beats apart, as seams are.
 
         A beat is half as long where every other frame is shown.
         """
@@ -297,14 +298,14 @@ class SeamWatch:
 
     @property
     def _log_odds(self) -> float:
-        """Logarithm of the odds of the frame rate by the stamps."""
+        """Log odds of the frame rate by the stamps."""
         if self._is_clear or not self._seconds:
             return math.inf
         off_hz, other_hz = (off / self._seconds for off in self._off_hz)
         return usual_log_odds(off_hz, other_hz)
 
     def _take(self, second: FlickerSecond) -> None:
-        """Learn from a second."""
+        """Update the statistics with a second."""
         other = _other_ratio(second.frame_rate_hz)
         if not second.usable or second.converted or not other:
             self._whole = 0
@@ -318,7 +319,7 @@ class SeamWatch:
         if second.doubled is not None and other < 1.0:
             slips += second.doubled  # none where every other frame of twice the rate is shown
         self._slips += slips
-        if second.doubled and other > 1.0:  # a picture shown twice isn't a frame lost
+        if second.doubled and other > 1.0:  # a repeated picture isn't a lost frame
             self._slips = [s for s in self._slips if min(abs(s - d) for d in second.doubled) > 1]
         after = int((second.frame_number >= max(slips, default=-1)).sum())
         self._whole = (after if slips else self._whole + after) if self._is_told else 0
@@ -326,7 +327,7 @@ class SeamWatch:
 
 
 def _other_ratio(rate_hz: float) -> float:
-    """Rate that may be the camera's over that by the stamps; 0 where there is none."""
+    """Possible rate of the camera over that by the stamps; 0 if there is none."""
     for whole_hz in WHOLE_HZ:
         for usual_hz, other in ((whole_hz, 1.0 / NTSC), (whole_hz / NTSC, NTSC)):
             if abs(rate_hz / usual_hz - 1.0) < RATE_RATIO:
@@ -335,7 +336,7 @@ def _other_ratio(rate_hz: float) -> float:
 
 
 def _is_seam(slip: FrameSlip, second: FlickerSecond, other: float) -> bool:
-    """Whether the light leaps as at a seam: by a frame, or half, where every other one is shown."""
+    """Whether the phase jumps as at a seam: by a frame, or half if every other one is shown."""
     turns, sign = second.f0_hz / second.frame_rate_hz, 1.0 if other > 1.0 else -1.0
     return any(
         abs(math.remainder((slip.frames - sign * part) * turns, 1.0)) < SAME_TURNS
@@ -344,7 +345,7 @@ def _is_seam(slip: FrameSlip, second: FlickerSecond, other: float) -> bool:
 
 
 def _tells_slips(second: FlickerSecond) -> bool:
-    """Whether a frame that slips is sure to be found by the light's phase."""
+    """Whether the light's phase would certainly reveal a slip."""
     leap_rad = 2.0 * math.pi * abs(math.remainder(second.f0_hz / second.frame_rate_hz, 1.0))
     frame_var = CHECK_S * second.frame_rate_hz / 2.0 / 10.0 ** (second.snr_db / 10.0)
     gain = HALVES[-1] * 2.0 * (1.0 - math.cos(leap_rad / 2.0)) / frame_var

@@ -1,4 +1,16 @@
-"""Idle: from row blocks to the share of each frame in which nothing is read, by a named method."""
+"""Idle: estimates the share of each frame period in which no row is read, by a named method.
+
+In: row blocks of one stream, and :class:`IdleSettings`. Out: ``IdleEstimate`` messages: idle ratio
+and read-out time with their errors, or the reason why there are none. Read in this order::
+
+    settings, stage                   settings; collects a stream, and calls the method
+    pairing, moments, still_rows      rows with phases; sums over frames; rows for an alias at 0 Hz
+    estimator_state                   what a method is given, and what it concludes
+    ramp, jackknife, coherent, bound  maximum likelihood; its error; the method; Cramér-Rao bound
+    row_tones, line_ratio, vertical_phase    the paper's method, and an earlier one
+    limits, sawtooth                  when nothing is reported
+    compare, cameras                  two recordings compared; known cameras
+"""
 
 from __future__ import annotations
 
@@ -30,12 +42,12 @@ def make_idle(settings: IdleSettings, follower: Follower | None = None) -> Stage
     ----------
     settings : IdleSettings
     follower : Follower, optional
-        One that is shared with another stage; of its own without.
+        Flicker follower shared with another stage; by default its own.
 
     Raises
     ------
     UsageError
-        When there is no method of that name.
+        If there is no method of that name.
     """
     return IdleStage(settings, METHODS.find(settings.method), follower)
 

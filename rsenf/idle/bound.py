@@ -1,10 +1,10 @@
-"""The least standard error that any unbiased estimator of the idle ratio can have.
+"""Cramér-Rao bound of the idle ratio: the least standard error of an unbiased estimator.
 
-Cramér–Rao, for a tone of known frequency in white noise whose phase runs down the rows: a row's
+The model is a tone of known frequency in white noise whose phase runs down the rows: a row's
 phase has the variance ``2σ²/(N·A²)`` after ``N`` frames, and the slope through ``L`` rows, equally
 spaced over one frame, that of a phase times ``12/L`` in units of the whole ramp. Harmonic ``k``
-turns ``k`` times as fast, and adds its information (Rife & Boorstyn, IEEE Transactions on
-Information Theory 20, 591, 1974, for one tone).
+turns ``k`` times as fast, and adds its information (Rife, D. C. and Boorstyn, R. R. (1974), IEEE
+Trans. Information Theory 20, 591, for one tone).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def idle_ratio_bound(
     frame_rate_hz: float,
     f0_hz: float,
 ) -> float:
-    """Return the Cramér–Rao bound of the idle ratio, as a standard error.
+    """Return the Cramér-Rao bound of the idle ratio, as a standard error.
 
     Parameters
     ----------
@@ -41,7 +41,14 @@ def idle_ratio_bound(
     Raises
     ------
     UsageError
-        When one of them can't be so.
+        For fewer than two frames or rows, rates not above 0, or negative noise.
+
+    Examples
+    --------
+    >>> bound = idle_ratio_bound(noise_level=0.5, amplitude_level=[10.0], frames=1800, rows=720,
+    ...                          frame_rate_hz=29.97, f0_hz=100.0)
+    >>> f"{bound:.1e}"
+    '1.0e-05'
     """
     if min(frames, rows) < 2 or min(frame_rate_hz, f0_hz) <= 0 or noise_level < 0:
         raise UsageError(

@@ -1,14 +1,15 @@
-"""Which of the known cameras? The likelihood ratio of each, by its read-out time in one mode.
+"""Likelihood ratio for each known camera, from its read-out time in one mode.
 
-A camera's read-out time in a mode is the mean over its recordings, whose scatter beyond their
-stated errors (a codec's, a stabiliser's) is estimated from them (DerSimonian & Laird, Controlled
-Clinical Trials 7, 177, 1986) and shrunk to what is usual, since few recordings tell little of it.
+A camera's read-out time in a mode is the mean over its recordings. Their scatter beyond the stated
+errors (a codec's, a stabiliser's) is estimated from them (DerSimonian, R. and Laird, N. (1986),
+Controlled Clinical Trials 7, 177) and shrunk to a usual value, since few recordings determine it
+poorly.
 
-*This camera*: the recording's time is the camera's. *Another of those about*: it is of the same
-model, and so has the same time, or drawn from the prior of :mod:`rsenf.idle.compare`. The ten
-best-selling phones of 2021 and 2022 made up 19 % of the sales of some 4000 models (Counterpoint
-Research, March 2023): two owners have the same one in half a percent of cases; twice that is
-assumed, since models share sensors. So no ratio says more than 100.
+*This camera*: the recording's time is the camera's. *Another camera of the relevant population*:
+its time is the same if it is of the same model, else drawn from the prior of
+:mod:`rsenf.idle.compare`. The ten best-selling phones of 2021 and 2022 made up 19 % of the sales of
+some 4000 models (Counterpoint Research, March 2023): two owners have the same one in half a percent
+of cases; twice that is assumed, since models share sensors. So no ratio exceeds 100.
 """
 
 from __future__ import annotations
@@ -23,17 +24,17 @@ from rsenf.idle.compare import COMPATIBLE, DIFFERENT, MOST_LOG10_LR, is_same_rat
 from rsenf.messages.schema import FloatArray
 
 SAME_MODEL_RATIO = 0.01
-# Of estimates that are of something else: a codec that copies rows, a crop that nobody told of.
+# Share of outliers: a codec that copies rows, an undeclared crop.
 ASTRAY_RATIO = 0.005
-# Scatter between a camera's recordings over its read-out time, worth so many recordings' telling: a
-# guess. Published values of one model (iPhone 3GS, 5) are 0.2 to 0.3 % apart, errors included.
+# Usual scatter between a camera's recordings over its read-out time, and its weight in recordings:
+# a guess. Published values of one model (iPhone 3GS, 5) are 0.2 to 0.3 % apart, errors included.
 USUAL_SCATTER_RATIO, USUAL_FREEDOM = 1e-3, 4.0
 WEAK_LOG10_LR = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mode:
-    """What a read-out time belongs to. ``across_px`` is 0 and ``crop`` empty where not known."""
+    """Recording mode of a read-out time. ``across_px`` is 0 and ``crop`` empty if unknown."""
 
     frame_rate_hz: float
     lines: int
@@ -41,7 +42,7 @@ class Mode:
     crop: str = ""
 
     def may_be(self, other: Mode) -> bool:
-        """Whether a recording of the other mode may be of this one, for all that is known."""
+        """Whether a recording of the other mode may be of this one, as far as is known."""
         pairs = ((self.across_px, other.across_px), (self.crop, other.crop))
         return (
             is_same_rate(self.frame_rate_hz, other.frame_rate_hz)
@@ -52,7 +53,7 @@ class Mode:
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """A recording's read-out time, and its camera's clock error where that is known.
+    """Read-out time of a recording, and its camera's clock error if known.
 
     ``sha256`` is of its file, empty without one.
     """
@@ -96,18 +97,24 @@ class Known:
 
     @property
     def directions(self) -> set[str]:
-        """In which it was read, as far as told apart."""
+        """Read-out directions, as far as known."""
         return {r.direction for r in self.readings} - {""}
 
 
 def _times(readings: Sequence[Reading]) -> tuple[FloatArray, FloatArray]:
-    """Read-out times and the variances stated of them."""
+    """Read-out times and their stated variances."""
     told = np.array([(r.read_out_time_s, r.read_out_time_std_s) for r in readings])
     return told[:, 0], told[:, 1] ** 2
 
 
 def known_modes(name: str, readings: Sequence[Reading]) -> list[Known]:
-    """Sort a camera's recordings by their modes, in the order in which they came."""
+    """Group a camera's recordings by mode, in the order in which they came.
+
+    Parameters
+    ----------
+    name : str
+    readings : sequence of Reading
+    """
     modes: dict[Mode, list[Reading]] = {}
     for reading in readings:
         own = reading.mode
@@ -119,7 +126,7 @@ def known_modes(name: str, readings: Sequence[Reading]) -> list[Known]:
 
 
 def log10_lr(known: Known, reading: Reading, same_model_ratio: float = SAME_MODEL_RATIO) -> float:
-    """Weigh "this camera took it" against "another of those about did".
+    """Log10 likelihood ratio of "this camera" against "another of the relevant population".
 
     Parameters
     ----------
@@ -127,7 +134,7 @@ def log10_lr(known: Known, reading: Reading, same_model_ratio: float = SAME_MODE
     reading : Reading
         Of the recording in question, in a mode that may be the camera's.
     same_model_ratio : float
-        Share of the cameras about that are of the same model.
+        Share of the relevant population that is of the same model.
     """
     (time_s, std_s), own_s = known.read_out, reading.read_out_time_std_s
     times = np.array([time_s, reading.read_out_time_s])
@@ -138,9 +145,14 @@ def log10_lr(known: Known, reading: Reading, same_model_ratio: float = SAME_MODE
 
 
 def log10_odds(log10_lrs: Sequence[float]) -> float:
-    """Return the odds that the best of these took it, and none of the others nor an unknown one.
+    """Posterior odds of the best camera against all others and an unknown one.
 
-    The camera of the case is as likely to be known as not, and each known one as likely as another.
+    A priori the camera is as likely known as not, and all known ones are equally likely.
+
+    Examples
+    --------
+    >>> round(log10_odds([2.0, 0.0]), 2)
+    1.52
     """
     ratios = 10.0 ** np.array(log10_lrs)
     best = float(ratios.max())
@@ -148,7 +160,7 @@ def log10_odds(log10_lrs: Sequence[float]) -> float:
 
 
 def verdict_of(log10_lr: float) -> str:
-    """Return 'different', 'compatible' or 'undecidable', as of two recordings."""
+    """Return 'different', 'compatible' or 'undecidable', as for two recordings."""
     if log10_lr <= DIFFERENT:
         return "different"
     return "compatible" if log10_lr >= COMPATIBLE else "undecidable"

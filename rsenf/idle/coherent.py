@@ -1,11 +1,9 @@
-"""The coherent estimator: maximum likelihood over all frames, rows and harmonics.
+"""Coherent method: maximum likelihood over all frames, rows and harmonics.
 
-Flicker that stands still from frame to frame: 25 frames a second on 50 Hz, 30 on 60, and so on.
-
-The alias is at 0 Hz, and every row's flicker looks like texture, but for the grid's deviation,
-which turns all rows' phases together. Texture, ramp and phases are fitted jointly
-(:mod:`rsenf.flicker.zero_alias`). The mirror image fits equally well: read-out from the last row,
-and the deviation with the other sign.
+If the flicker's alias is at 0 Hz (25 frames/s on 50 Hz, 30 on 60), every row's flicker looks like
+texture, except for the grid's deviation, which turns all rows' phases together. There texture, ramp
+and phases are fitted jointly (:mod:`rsenf.flicker.zero_alias`). The mirror image fits equally well:
+read-out from the last row, and the deviation with the other sign.
 """
 
 from __future__ import annotations
@@ -34,11 +32,11 @@ from rsenf.idle.limits import (
 from rsenf.idle.ramp import Profile, find_ramp
 from rsenf.idle.row_tones import coherence, row_tones
 
-EVERY_S = 4  # that spans are whole multiples of, so that few are prepared for
+EVERY_S = 4  # spans are whole multiples of this, so that few priors are computed
 
 
 def still(seen: EstimatorState) -> Finding:
-    """Conclude from the joint fit of texture and flicker."""
+    """Estimate from the joint fit of texture and flicker."""
     if not seen.still_rows.enough:
         return TOO_SHORT
     fit = seen.still_rows.told_apart()
@@ -53,7 +51,7 @@ def still(seen: EstimatorState) -> Finding:
 
 
 def _why_no_grid(seen: EstimatorState, fit: ZeroAlias) -> str:
-    """Say why what was told apart isn't a grid's light, by its first minutes."""
+    """Return why the fitted flicker isn't a grid's light, from its first minutes; else ''."""
     end = int(min(fit.t_s[-1], fit.t_s[0] + SPAN_S) / EVERY_S + 1) * EVERY_S
     start = int(fit.t_s[0])
     part = fit.t_s < end
@@ -69,7 +67,7 @@ def _why_no_grid(seen: EstimatorState, fit: ZeroAlias) -> str:
 
 
 def _claim(seen: EstimatorState, fit: ZeroAlias) -> Finding:
-    """Claim the ramp, and its direction if the fit or the grid's usual deviation tells it."""
+    """Report the ramp, and its direction if the fit or the usual deviation determines it."""
     turned = (fit.phase_rad[-1] - fit.phase_rad[0]) / (fit.t_s[-1] - fit.t_s[0])
     carrier_hz = 2.0 * seen.nominal_hz
     still_hz = carrier_hz - alias_hz(carrier_hz, seen.frame_rate_hz)
@@ -79,11 +77,11 @@ def _claim(seen: EstimatorState, fit: ZeroAlias) -> Finding:
     return found if is_known else found.undirected(still_hz)
 
 
-BEYOND = 1.05  # of the steepest ramp that a frame has room for: its peak may lie a little outside
+BEYOND = 1.05  # of the steepest ramp in a frame: its peak may lie a little outside
 
 
 def conclude(seen: EstimatorState) -> Finding:
-    """Conclude from the most likely ramp down the rows."""
+    """Estimate from the most likely ramp down the rows."""
     if seen.stands_still:
         return still(seen)
     if hardly_turned(seen):

@@ -1,18 +1,18 @@
-"""Two recordings, one camera? The read-out times say: different, or nothing against it.
+"""Compares the read-out times of two recordings by a likelihood ratio.
 
-The read-out time belongs to a sensor in a mode. Where two differ beyond their errors, cameras or
-modes differ; where they agree, it may be the same camera, or another of its model, or chance: the
-paper's caveat. What is returned is a likelihood ratio.
+The read-out time belongs to a sensor in a mode. If two differ beyond their errors, cameras or modes
+differ; if they agree, it may be the same camera, another of its model, or chance: the paper's
+caveat.
 
 *The same read-out*: both estimates are of one time. *Different cameras*: each is of a time drawn
-from the prior, which is no survey of cameras but stays within a factor of two or so of what is
-published. Half of it is even over the frame, as the paper's cameras (idle 4 to 73 %). A quarter is
-even over the frame's last quarter, where 17 of 22 measured modes of phones and action cameras are,
+from the prior, which is no survey of cameras but within a factor of about two of published values.
+Half of it is uniform over the frame, as the paper's cameras (idle 4 to 73 %). A quarter is uniform
+over the frame's last quarter, where 17 of 22 measured modes of phones and action cameras are,
 mostly older ones (Ringaby & Forssén, International Journal of Computer Vision 96, 335, 2012; Oth et
 al., CVPR 2013; Thalin, Deshaker 2.5, 2010; all in the table of J. Huai's fork of Kalibr). The last
-quarter is log-uniform, from what can still be told from a global shutter, for fast stacked sensors.
-Errors follow Student's t, not a normal law: they are systematic, and their sizes estimates from a
-dozen bands of rows.
+quarter is log-uniform, from the shortest that differs from a global shutter, for fast stacked
+sensors. Errors follow Student's t, not a normal law: they are systematic, and their sizes are
+estimated from a dozen bands of rows.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from rsenf.messages import IdleEstimate
 from rsenf.messages.schema import FloatArray
 
 SHORTEST_S = 4e-4
-CROWDED_RATIO = 0.75  # of the frame, from which on older phones crowd
+CROWDED_RATIO = 0.75  # of the frame, above which older phones cluster
 PRIOR = (
     "read-out times of other cameras are half even over the frame, a quarter even over its last "
     "quarter, a quarter log-uniform, after published ones of 22 modes and five cameras; no survey"
 )
 FREEDOM = 10.0  # of Student's t
-STEPS = 4001  # of the integral over what both would share
+STEPS = 4001  # of the integral over the shared time
 REACH = 40.0  # standard errors that it spans
-# No more is said than this, either way: beyond it the model of the errors is what speaks.
+# Limit of the log10 likelihood ratio: beyond it depends on the model of the errors alone.
 MOST_LOG10_LR = 4.0
 # Likelihood ratios of 100 against, and of 3 for.
 DIFFERENT, COMPATIBLE = -2.0, 0.5
-SAME_RATE = 1e-3  # relative difference of frame rates that is none
+SAME_RATE = 1e-3  # largest relative difference of equal frame rates
 
 EQUAL_PROVES_NOTHING = (
     "equal read-out times don't prove one camera: others of its model have the same, and a few "
@@ -52,15 +52,15 @@ MODE = (
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """What two idle estimates say of each other.
+    """Result of comparing two idle estimates.
 
     Parameters
     ----------
     verdict : str
         'different', 'compatible' or 'undecidable'.
     log10_lr_same_readout : float
-        Logarithm of the likelihood ratio of "the same read-out time" against "two cameras"; NaN
-        where there is none.
+        Log10 likelihood ratio of "the same read-out time" against "two cameras"; NaN if there is
+        none.
     caveats : tuple of str
         What it doesn't prove.
     """
@@ -113,26 +113,32 @@ def _caveats(a: IdleEstimate, b: IdleEstimate) -> list[str]:
 
 
 def is_same_rate(a_hz: float, b_hz: float) -> bool:
-    """Whether two frame rates are of one mode: 30 and 29.97 frames/s may be."""
+    """Whether two frame rates may be of one mode, such as 30 and 30/1.001 frames/s.
+
+    Examples
+    --------
+    >>> is_same_rate(30.0, 30.0 / 1.001), is_same_rate(30.0, 25.0)
+    (True, False)
+    """
     return abs(a_hz - b_hz) <= SAME_RATE * max(a_hz, b_hz)
 
 
 def log10_ratio(time_s: FloatArray, std_s: FloatArray, frame_s: float) -> float:
     """Return the log10 likelihood ratio of "the same read-out time" against "two cameras".
 
-    Integrates over the shared time; each alone is as likely as the prior where it lies.
+    Likelihoods are integrated over the prior: over one shared time, or over each time separately.
 
     Parameters
     ----------
     time_s, std_s : array (2,)
         The two read-out times, and their standard errors.
     frame_s : float
-        Frame period, of which no read-out takes longer.
+        Frame period, the longest read-out time.
     """
     longest_s = (1.0 + SLACK_RATIO) * frame_s
     low = max(SHORTEST_S, float(np.min(time_s - REACH * std_s)))
     high = min(longest_s, float(np.max(time_s + REACH * std_s)))
-    # The denser near the estimates, which may be a thousand times sharper than they are apart.
+    # Denser near the estimates, whose errors may be a thousand times smaller than their distance.
     spread = np.sinh(np.linspace(-9.0, 9.0, STEPS)) / math.sinh(9.0)
     grid = np.unique(
         np.clip(np.concatenate([t + spread * (high - low) for t in time_s]), low, high)
@@ -146,7 +152,7 @@ def log10_ratio(time_s: FloatArray, std_s: FloatArray, frame_s: float) -> float:
 
 
 def _prior(at: FloatArray, longest_s: float) -> FloatArray:
-    """Density of the read-out times of cameras."""
+    """Prior density of read-out times."""
     broad = 1.0 / (at * math.log(longest_s / SHORTEST_S))
     crowded = (at > CROWDED_RATIO * longest_s) / ((1.0 - CROWDED_RATIO) * longest_s)
     return np.asarray(0.25 * broad + 0.25 * crowded + 0.5 / longest_s)

@@ -1,4 +1,4 @@
-"""State of an idle estimator: what it has seen of a stream so far, and what it concludes."""
+"""State of an idle estimator: what a method is given of a stream, and what it concludes."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ from rsenf.idle.still_rows import StillRows
 
 NAN = float("nan")
 NORMAL_STDS = 1.959964  # half-width of the 95 % interval of a normal law
-FREEDOM = 11.0  # of a variance that nothing is known about: a dozen parts that scatter
-# The follower's sums are of use from here on.
+FREEDOM = 11.0  # default degrees of freedom of a variance: from a dozen parts
+# Fewest frames in the sums.
 MIN_FRAMES = 60
-# Nearer to 0 Hz than this the flicker stands still from frame to frame, and the grid's deviation
-# alone tells it from the texture.
+# With an alias nearer to 0 Hz the flicker is static from frame to frame, and the grid's deviation
+# alone separates it from the texture.
 STILL_HZ = 1.0
 ASSUMED = "top to bottom is assumed: the direction of read-out can't be told at this frame rate"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EstimatorState:
-    """Everything so far, in memory that doesn't grow.
+    """What is known of a stream so far, in bounded memory.
 
     Parameters
     ----------
     moments : Moments
         Sums over the frames at which the flicker's phase is known.
     still_rows : StillRows
-        Mean rows of short times, whether or not any flicker was found in them.
+        Rows averaged over short times, whether or not any flicker was found in them.
     nominal_hz : float
-        Nominal grid frequency: found, or the one whose flicker would stand still; NaN for neither.
+        Nominal grid frequency: the tracked one, or one with its alias at 0 Hz; NaN for neither.
     f0_hz : float
-        Mean illumination frequency, as far as it was followed.
+        Mean illumination frequency over the tracked time.
     frame_rate_hz : float
     apart_turns : float
-        By how much the light's phase strays from one ramp that all strips share, rms.
+        Rms deviation of the light's phase from one ramp that all strips share.
     """
 
     moments: Moments
@@ -55,39 +55,39 @@ class EstimatorState:
 
     @property
     def mirror_hz(self) -> float:
-        """Frequency about which either sense of rotation looks the same; NaN where they don't."""
+        """Frequency about which both senses of rotation look the same; NaN where they don't."""
         return mirror_hz(self.nominal_hz, self.frame_rate_hz)
 
     @property
     def followed(self) -> bool:
-        """Whether the flicker was followed for long enough."""
+        """Whether the flicker was tracked for long enough."""
         return self.moments.frames >= MIN_FRAMES
 
     @property
     def most_turns(self) -> float:
-        """Turns down the rows of a read-out that takes all of the frame."""
+        """Turns down the rows for a read-out over the whole frame period."""
         return self.f0_hz / self.frame_rate_hz
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """What an estimator concludes.
+    """Conclusion of an idle method.
 
     Parameters
     ----------
     verdict : str
         'estimated', 'ambiguous', 'no_signal' or 'refused'.
     reason : str
-        Why nothing is claimed; empty when estimated.
+        Why nothing is estimated; empty when it is.
     turns : float
-        Of the first harmonic down the rows of one frame; negative is bottom to top.
+        Turns of the first harmonic down the rows of one frame; negative is bottom to top.
     turns_var : float
     freedom : float
-        Degrees of freedom of the variance: of Student's t, if it is from the data's own scatter.
+        Degrees of freedom of the variance (Student's t), if it is from the data's own scatter.
     f0_hz : float
         Mean illumination frequency that the turns are of.
     direction : str
-        'forward', 'reverse', or '' when not told apart.
+        'forward', 'reverse', or '' if unknown.
     warnings : tuple of str
     """
 
@@ -104,7 +104,7 @@ class Finding:
     def of_turns(
         cls, turns: float, turns_var: float, f0_hz: float, freedom: float = FREEDOM
     ) -> Finding:
-        """Claim a number of turns, and the direction by its sign."""
+        """Report a number of turns, with the direction by its sign."""
         return cls(
             verdict="estimated",
             turns=turns,
@@ -115,7 +115,7 @@ class Finding:
         )
 
     def undirected(self, mirror_hz: float) -> Finding:
-        """Return the finding without its direction: the mirror image fits as well.
+        """Return the finding without its direction, since the mirror image fits as well.
 
         Parameters
         ----------
@@ -135,7 +135,7 @@ class Finding:
 
     @property
     def read_out_s(self) -> float:
-        """Time from the first row to the last and one more."""
+        """Read-out time: from the first row to the last and one more."""
         return abs(self.turns) / self.f0_hz
 
     @property
@@ -145,9 +145,12 @@ class Finding:
 
     @property
     def interval_stds(self) -> float:
-        """Half-width of the 95 % interval in standard errors: Student's t.
+        """Half-width of the 95 % interval in standard errors, of Student's t.
 
         By its expansion (Abramowitz & Stegun 26.7.5), to 0.2 % from five degrees of freedom on.
+
+        >>> round(Finding(verdict="estimated", freedom=10.0).interval_stds, 2)
+        2.23
         """
         z, n = NORMAL_STDS, self.freedom
         second = (5.0 * z**5 + 16.0 * z**3 + 3.0 * z) / 96.0

@@ -1,10 +1,10 @@
-"""Jackknife standard error of a ramp: it holds after a codec, too.
+"""Jackknife standard error of a ramp, which holds after a codec as well.
 
-A codec's errors are no noise: they sit on its blocks of rows, stay as long as the clip lasts, and
-lean the same way over several blocks, as slices and prediction make them. So the ramp is found
-again with one band of rows after another left out, and the scatter says how far it can be trusted
-(the jackknife; Efron & Stein, Annals of Statistics 9, 586, 1981); and how far the rows' phases are
-from one line says what the line itself may be wrong by. White noise sets the floor.
+A codec's errors aren't noise: they are on its blocks of rows, last as long as the clip, and lean
+the same way over several blocks, as slices and prediction make them. So the ramp is estimated again
+with one band of rows after another left out, and the scatter gives its error (jackknife; Efron, B.
+and Stein, C. (1981), Annals of Statistics 9, 586); and the deviation of the rows' phases from one
+line gives the possible error of the line itself. White noise sets the floor.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Float = NDArray[np.float64]
 
 BAND_ROWS = 48  # three macroblocks of H.264
 MIN_BANDS = 10
-BENDS = 7  # polynomials: from the straight line on, up to what a tenth of the rows tells
+BENDS = 7  # polynomials: from the straight line on, up to what a tenth of the rows resolves
 NEAR = 0.02  # turns, up to which one step is enough: the peak is two turns wide
 
 
@@ -40,8 +40,14 @@ def left_out(rows: int) -> Float:
 def jackknife_var(profile: Profile, turns: float) -> float:
     """Variance of the turns by leaving out bands of rows.
 
-    Without a band the top is close to that of all rows, mostly: a single step from there is exact
-    to so high an order that all bands can share its sums.
+    Mostly the maximum without a band is close to that of all rows: one step from there is exact to
+    such a high order that all bands can share its sums.
+
+    Parameters
+    ----------
+    profile : Profile
+    turns : float
+        Maximum of all rows.
     """
     starts = bands(profile.brightness.size)
     move, _ = step_up(profile.without_each(turns + THREE, starts))
@@ -54,7 +60,7 @@ def jackknife_var(profile: Profile, turns: float) -> float:
 def bends(weight: Float) -> Float:
     """Polynomials down the rows from the straight line on, shape (orders, rows).
 
-    Orthogonal under the rows' weights, and all of the straight line's size.
+    Orthogonal under the rows' weights, and scaled to the size of the straight line.
     """
     root = np.sqrt(weight)[:, None]
     place = (np.arange(weight.size) + 0.5) / weight.size
@@ -63,11 +69,17 @@ def bends(weight: Float) -> Float:
 
 
 def bend_var(profile: Profile, turns: float) -> float:
-    """Variance of the turns if the rows' phases lean as far as they bend.
+    """Variance of the turns if the phases have a slope as large as their bends.
 
-    What leans the same way over many rows acts alike on neighbouring bands, and the jackknife sees
-    too little of it. Its slope is taken for read-out; its further polynomials aren't, and are taken
-    to be as large each. White noise makes all of them, and so the variance, what the bound is.
+    Errors that lean the same way over many rows affect neighbouring bands alike, and the jackknife
+    underestimates them. Their slope is taken for read-out; their higher polynomials aren't, and are
+    taken to be as large each. White noise makes all of them, and so the variance, equal the bound.
+
+    Parameters
+    ----------
+    profile : Profile
+    turns : float
+        Maximum of all rows.
     """
     move, bend = step_up(profile.bent(turns, bends(profile.brightness**2)))
     return float(np.mean(move[1:] ** 2 * np.maximum(bend[1:], 0.0)) / bend[0])
@@ -76,7 +88,7 @@ def bend_var(profile: Profile, turns: float) -> float:
 def freedom(rows: int) -> float:
     """Degrees of freedom of the jackknife's variance (Satterthwaite's).
 
-    Bands act on a slope by the square of how far they are from the middle: ``(Σx²)²/Σx⁴``.
+    Bands act on a slope by the square of their distance from the middle: ``(Σx²)²/Σx⁴``.
     """
     return 5.0 / 9.0 * bands(rows).size
 

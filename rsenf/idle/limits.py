@@ -1,4 +1,4 @@
-"""When an estimate is not to be claimed, whatever the method."""
+"""Conditions under which no idle ratio is reported, whatever the method."""
 
 from __future__ import annotations
 
@@ -12,33 +12,34 @@ from rsenf.idle.estimator_state import EstimatorState, Finding
 from rsenf.idle.moments import orders
 from rsenf.idle.row_tones import row_tones
 
-# Flicker that is still to so great a part has turned by less than about a radian: at a span of
-# ``s`` radians the mean of ``exp(jψ)`` is ``sinc(s/2)``.
+# Phasors with a longer mean have turned by less than about a radian: at a span of ``s`` radians the
+# mean of ``exp(jψ)`` is ``sinc(s/2)``.
 MAX_STILL_RATIO = 0.96
-# Below this many turns every row sees the same light: half a millisecond of read-out.
+# With fewer turns every row sees the same light: half a millisecond of read-out.
 MIN_TURNS = 0.05
-# Few turns want proof: an encoder that copies rows downwards leaves just such a ramp, and scatters
-# the rows' phases by far more than noise does. Below so many turns the error has to be so small.
+# Few turns require proof: an encoder that copies rows downwards leaves just such a ramp, and
+# scatters the rows' phases far more than noise. With fewer turns the error has to be this small.
 FEW_TURNS, FEW_STD_RATIO = 0.5, 1e-3
 MAX_STD_RATIO = 0.035  # standard error of the idle ratio
-# Where lamps of several phases mix, their mixture turns down the rows as well: by some three times
-# as much, at worst, as the phase strays from one ramp across the picture. One lamp's strays by less
-# than 0.007 turns; a still one is known less well.
+# A mixture of lamps with several phases turns down the rows as well: at worst by some three times
+# the phase's deviation from one ramp across the picture. One lamp's deviates by less than 0.007
+# turns; with an alias at 0 Hz it is known less well.
 MIXED, ONE_TURNS, ONE_STILL_TURNS = 3.0, 0.007, 0.03
-# Bands in which the second harmonic's phase is compared with the first's, standard errors that make
-# a difference, and the ramp's error over it (rms over mixtures). Of light that stands still what is
-# left, over white noise, if several lamps mix; what else is there leaves more of the whole.
+# Bands in which the second harmonic's phase is compared with the first's, standard errors of a
+# difference, and the ramp's error over it (rms over mixtures); larger ones aren't light.
 HARMONIC_BANDS, HARMONIC_STDS, HARMONIC_SHARE = 8, 8.0, 0.6
 MOST_HARMONIC_RAD = 2.0
+# With an alias at 0 Hz: residual over white noise from which several lamps may mix, and unexplained
+# share above which it has other causes.
 MIXED_NOISE, MOST_LEFT = 5.0, 0.01
-# Of the frame period: a read-out can't take longer, an estimate may by its error.
+# Of the frame period: an estimated read-out may exceed it by this, a true one can't.
 SLACK_RATIO = 0.02
-# Of the rows' tones, the least share that adds up along the ramp.
+# Least share of the rows' tones that adds up along the ramp.
 MIN_COHERENCE = 0.6
-# Phase between even and odd rows that makes two fields, in rad and in standard errors; bands for
-# the latter.
+# Least phase between even and odd rows of two fields, in rad and in standard errors; bands for the
+# latter.
 LEAST_FIELD_RAD, FIELD_STDS, FIELD_BANDS = 0.1, 6.0, 24
-# Two grids whose light shows alike from frame to frame, within so many Hz.
+# Two grids whose aliases differ by less look alike.
 ALIKE_HZ = 1.0
 
 SEVERAL = "light of several phases: its mixture's change down the rows can't be told from read-out"
@@ -75,7 +76,13 @@ TOO_LONG = refused("by the rows' phases a frame would take longer to read than i
 
 
 def checked(seen: EstimatorState, finding: Finding) -> Finding:
-    """Return the finding, or why it must not be claimed."""
+    """Return the finding, with a larger error for mixed light, or a refusal to report it.
+
+    Parameters
+    ----------
+    seen : EstimatorState
+    finding : Finding
+    """
     if finding.verdict != "estimated":
         return finding
     if not seen.stands_still and mains.is_second_harmonic(
@@ -102,10 +109,10 @@ def checked(seen: EstimatorState, finding: Finding) -> Finding:
 
 
 def woven_fields(seen: EstimatorState) -> Finding | None:
-    """Refuse pictures that are woven of two fields, by the phase between their rows.
+    """Refuse interlaced pictures, by the phase between even and odd rows.
 
-    A row's phase is halfway between its neighbours' where all rows are read in turn. Woven fields
-    are half a frame apart. Where that is a whole number of the light's periods nothing shows.
+    With progressive read-out a row's phase is halfway between its neighbours'. Interlaced fields
+    are half a frame apart; if that is a whole number of the light's periods nothing shows.
     """
     if seen.stands_still or hardly_turned(seen):
         return None
@@ -127,7 +134,7 @@ def woven_fields(seen: EstimatorState) -> Finding | None:
 
 
 def _apart_turns(seen: EstimatorState) -> float:
-    """Stray of the light's phase from one ramp, where it is more than one lamp's."""
+    """Deviation of the light's phase from one ramp, if larger than one lamp's; else 0."""
     light = seen.still_rows.light
     if seen.stands_still:
         return light.apart_turns if light and light.apart_turns > ONE_STILL_TURNS else 0.0
@@ -135,11 +142,11 @@ def _apart_turns(seen: EstimatorState) -> float:
 
 
 def _bent_turns(seen: EstimatorState, turns: float) -> float:
-    """By how much lamps of several phases may turn the ramp where strips don't show them.
+    """Error of the ramp by lamps of several phases that strips don't show; 0 without a sign of it.
 
     Down the rows their mixture turns its second harmonic by another angle than twice the first's.
-    Where the light stands still it leaves the fit much that is no noise, and its amplitude changes:
-    what changes it by a share may turn it by as many radians.
+    With an alias at 0 Hz it leaves a residual beyond noise, and its amplitude varies: a relative
+    change of amplitude may come with a phase change of as many radians.
     """
     if seen.stands_still:
         fit = seen.still_rows.told_apart()
@@ -157,22 +164,22 @@ def _bent_turns(seen: EstimatorState, turns: float) -> float:
     phase = np.unwrap([float(np.angle(band.sum())) for band in bands])
     (slope, _), cov = np.polyfit(np.linspace(0.0, 1.0, HARMONIC_BANDS), phase, 1, cov=True)
     if not HARMONIC_STDS * np.sqrt(cov[0, 0]) < abs(slope) < MOST_HARMONIC_RAD:
-        return 0.0  # noise, or what moves at twice the light's frequency
+        return 0.0  # noise, or motion at twice the light's frequency
     return HARMONIC_SHARE * float(abs(slope)) / (2.0 * np.pi)
 
 
 def is_weak(seen: EstimatorState, flicker_ratio: float) -> bool:
-    """Whether an exposure of a whole number of periods may have left it of a strong lamp's."""
+    """Whether flicker may be what an exposure of whole periods leaves of a strong lamp's."""
     return mains.is_faint(flicker_ratio, seen.f0_hz, seen.nominal_hz)
 
 
 def hardly_turned(seen: EstimatorState) -> bool:
-    """Whether the followed flicker hardly turned from frame to frame, so that texture hides it."""
+    """Whether the tracked flicker hardly turned from frame to frame, so that texture hides it."""
     return seen.moments.still_ratio() > MAX_STILL_RATIO
 
 
 def look_alike(frame_rate_hz: float) -> Finding:
-    """Say that the frame rate can't tell the two grids apart."""
+    """Return the finding that the frame rate can't distinguish the two grids."""
     return Finding(
         verdict="ambiguous",
         reason=f"at {frame_rate_hz:.4g} frames/s light on 50 and on 60 Hz looks alike: give the "
@@ -181,7 +188,11 @@ def look_alike(frame_rate_hz: float) -> Finding:
 
 
 def are_alike(frame_rate_hz: float) -> bool:
-    """Whether 100 and 120 Hz have the same alias, or mirror images of each other."""
+    """Whether 100 and 120 Hz have the same alias, or mirror images of each other.
+
+    >>> are_alike(20.0), are_alike(25.0)
+    (True, False)
+    """
     gaps = (120.0 - 100.0, 120.0 + 100.0)
     return any(
         abs((gap + frame_rate_hz / 2) % frame_rate_hz - frame_rate_hz / 2) < ALIKE_HZ

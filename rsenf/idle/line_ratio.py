@@ -1,12 +1,12 @@
-"""The paper's estimator: the two strongest lines of the row series, and the ratio between them.
+"""The paper's estimator: the two strongest lines of the row series, and their amplitude ratio.
 
 Concatenating the rows of all frames puts the flicker's line at ``f_0 − m·F_r`` with the amplitude
-``|sinc(c − m)|``, ``c = f_0·ρ/F_r`` (:mod:`rsenf.flicker.lines`; paper Eq. 21, ``Shifted_ENF``).
+``|sinc(c − m)|``, ``c = f_0·ρ/F_r`` (:mod:`rsenf.flicker.lines`; paper, Eq. 21, ``Shifted_ENF``).
 The strongest two are the neighbours of ``c``, and the ratio of their amplitudes is ``(1 − x)/x``
-where ``x`` is how far ``c`` is from the stronger one. Lines below 0 Hz, which are seen folded,
-belong to it as any other; those beyond them are strongest when the last row is read first.
+with ``x`` the distance of ``c`` from the stronger one. Lines below 0 Hz, which appear folded,
+belong to the model as any other; those beyond them are strongest when the last row is read first.
 
-The paper compares with a table in steps of 5 %; that is the method of another name.
+The paper looks the ratio up in a table in steps of 5 %; that is the method ``line_ratio_bins``.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from rsenf.idle.row_tones import coherence, row_tones
 Float = NDArray[np.float64]
 
 BIN = 0.05  # idle ratio between the rows of the paper's tables
-# Nearer than this to one line the second is too weak to tell a side.
+# Nearer than this to one line the second is too weak to determine the side.
 ON_A_LINE = 0.01
 
-# Texture pulls two neighbours of the strongest line apart by three times what it does to ``c``.
+# Texture changes the difference of the two neighbours' places by three times its effect on ``c``.
 DOUBT = 1.0 / 3.0
 
 MIRRORED = refused(
@@ -40,10 +40,10 @@ NO_MATCH = refused("no match: the strongest lines aren't those of one ramp, as t
 
 @dataclass(frozen=True)
 class TwoLines:
-    """The strongest line ``m``, on which side of it the next one is, and their amplitude ratio.
+    """The strongest line ``m``, the side of the second strongest, and their amplitude ratio.
 
     ``third_ratio`` is that of the strongest line to its other neighbour, ``aligned`` the share of
-    the rows' tones that adds up along the ramp that the lines stand for.
+    the rows' tones that adds up along the ramp that the lines imply.
     """
 
     m: int
@@ -53,13 +53,13 @@ class TwoLines:
     aligned: float = 1.0
 
     def place(self) -> float:
-        """``c``, by the strongest two."""
+        """``c``, from the strongest two."""
         return self.m + self.side / (1.0 + self.ratio)
 
     def error(self) -> float:
-        """Standard error of ``c``, from how far the model fits.
+        """Standard error of ``c``, from the misfit of the model.
 
-        A share of how far off it is by what the third line says, which is ``(1 + x)/x`` times
+        A share of the difference from what the third line implies, which is ``(1 + x)/x`` times
         weaker than the first; and the share of the tones that is off the ramp.
         """
         third = 1.0 / (1.0 + self.ratio) - 1.0 / max(self.third_ratio - 1.0, 1.0)
@@ -67,7 +67,7 @@ class TwoLines:
 
 
 def continuous(seen: EstimatorState) -> Finding:
-    """Conclude from the two strongest lines, anywhere between the rows of the tables."""
+    """Estimate from the two strongest lines, also between the rows of the tables."""
     found = _two_lines(seen)
     if isinstance(found, Finding):
         return found
@@ -75,7 +75,7 @@ def continuous(seen: EstimatorState) -> Finding:
 
 
 def binned(seen: EstimatorState) -> Finding:
-    """Conclude as the paper: the row of its table with these lines and the nearest ratio."""
+    """Estimate as the paper does: the row of its table with these lines and the nearest ratio."""
     found = _two_lines(seen)
     if isinstance(found, Finding):
         return found
@@ -99,7 +99,7 @@ def _two_lines(seen: EstimatorState) -> TwoLines | Finding:
         return WEAK
     number = np.arange(-1, math.ceil(2.0 * seen.most_turns) + 2)
     lines = tuple(Line(seen.f0_hz / 2.0, 1, -int(m)) for m in number)
-    # Nothing is to be hidden from these ramps: the texture is gone from the rows' own tones.
+    # Ramps keep their mean (search band below 0): the rows' tones hold no texture.
     size = np.abs(tone @ templates(lines, seen.frame_rate_hz, tone.size, -1.0))
     first = int(np.argmax(size[1:-1])) + 1
     side = 1 if size[first + 1] > size[first - 1] else -1
@@ -118,7 +118,7 @@ def _two_lines(seen: EstimatorState) -> TwoLines | Finding:
 
 
 def _table(most_turns: float, m: int, side: int) -> list[tuple[float, float]]:
-    """Rows of the paper's table with these two lines: ``c`` and the ratio, both read-outs."""
+    """Rows of the paper's table with these two lines: ``c`` and the ratio, for both directions."""
     out = []
     for idle in np.arange(0.0, 1.0, BIN):
         for c in (idle * most_turns, (2.0 - idle) * most_turns):

@@ -1,4 +1,4 @@
-"""Sums over frames from which every row's flicker can be solved, in memory that doesn't grow.
+"""Sums over frames that determine every row's flicker, in constant memory.
 
 A row's level is ``y[n] = Σ_k c_k·exp(j·k·ψ_n)`` for ``k`` from ``−K`` to ``K`` and noise, where
 ``ψ_n`` is the flicker's phase at frame ``n``, ``c_0`` the row's own level, and ``c_{−k}`` the
@@ -17,13 +17,13 @@ Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 HARMONICS = 3
-# A harmonic that turns so little counts for nothing: what changes slowly in a scene is as slow.
+# Harmonics whose mean phasor is longer aren't used: slow changes of the scene look like them.
 MOST_STILL = 0.3
-RIDGE = 1e-9  # of what is on a Gram matrix's diagonal, where harmonics can't be told apart
+RIDGE = 1e-9  # of a Gram matrix's diagonal, for harmonics that aren't separable
 
 
 class Moments:
-    """What frames have told so far.
+    """Sufficient statistics of the frames so far.
 
     Parameters
     ----------
@@ -32,13 +32,13 @@ class Moments:
     Attributes
     ----------
     frames : int
-        Frames that count.
+        Number of frames.
     turn : ndarray of complex, shape (2·K + 1,)
         ``Σ_n exp(j·d·ψ_n)`` for ``d`` from 0 to ``2·K``.
     row : ndarray of complex, shape (K + 1, rows)
         ``r_k`` of each row, ``k`` from 0 to ``K``.
     contrast : ndarray, shape (rows - 1,)
-        ``Σ_n (y[n] of the next row − y[n])²``: what neighbours don't share is noise.
+        ``Σ_n (y[n] of the next row − y[n])²``: neighbours differ by noise.
     """
 
     def __init__(self, rows: int) -> None:
@@ -58,7 +58,7 @@ class Moments:
         waves = turning(np.arange(2 * HARMONICS + 1)[:, None] * phase_rad)
         self.frames += phase_rad.size
         self.turn += waves.sum(axis=1)
-        # Real products: a complex one would make all the levels complex first.
+        # Real products: a complex one would first convert all the levels to complex.
         own = waves[: HARMONICS + 1]
         self.row.real += own.real @ level
         self.row.imag -= own.imag @ level
@@ -77,17 +77,17 @@ class Moments:
         return np.asarray(np.where(orders[:, None] < 0, found.conj(), found))
 
     def harmonics(self) -> int:
-        """How many harmonics turn beside the texture, from the first on; 1 at least.
+        """Number of harmonics, from the first on, that turn relative to the texture; at least 1.
 
-        Of light at 50 Hz the third, at 30 frames a second, goes as slowly as the grid's deviation.
+        At 30 frames/s the third one of light at 50 Hz is as slow as the grid's deviation.
         """
         turned = np.abs(self.turn[2 : HARMONICS + 1]) < MOST_STILL * self.frames
         return 1 + int(np.argmin(np.append(turned, False)))
 
     def noise_var(self) -> float:
-        """Mean variance of a row's level about its own fit, from the differences of neighbours.
+        """Mean variance of a row's level about its fit, from the differences of neighbours.
 
-        Flicker beyond the fitted harmonics is the same in both, and no noise.
+        Flicker beyond the fitted harmonics is the same in both, and cancels.
         """
         every = np.append(orders(HARMONICS), 0)
         response = np.diff(self.response(every), axis=1)
@@ -97,14 +97,19 @@ class Moments:
         return float(np.mean(np.maximum(self.contrast - told, 0.0))) / 2.0 / freedom
 
     def still_ratio(self) -> float:
-        """How far the flicker stood still, or went to and fro by half a turn: 0 to 1.
+        """Length of the mean phasor, or of the mean of its square if larger: 0 to 1.
 
-        At 1 nothing tells it from texture, or one sense of rotation from the other.
+        At 1 the flicker is static, or alternates by half a turn: it isn't separable from texture,
+        or one sense of rotation from the other.
         """
         return float(np.max(np.abs(self.turn[1:3]))) / self.frames if self.frames else 1.0
 
 
 def orders(harmonics: int) -> NDArray[np.int64]:
-    """Orders ``±1 … ±harmonics``."""
+    """Orders ``±1 … ±harmonics``.
+
+    >>> orders(2).tolist()
+    [-2, -1, 1, 2]
+    """
     up = np.arange(1, harmonics + 1)
     return np.concatenate((-up[::-1], up))

@@ -1,6 +1,7 @@
-"""Row blocks and the flicker's phase put together: a second's phase comes later than its rows.
+"""Pairs row blocks with the flicker's phase, which is known later than the rows.
 
-Blocks wait until the follower has spoken about all their frames, which takes it a bounded time.
+Blocks wait until the follower has returned the seconds of all their frames, which takes a bounded
+time.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class PhasedBlock:
-    """Rows, and the phase of the flicker at each of their frames: NaN where it isn't known."""
+    """Rows, and the phase of the flicker at each of their frames; NaN if unknown."""
 
     block: RowBlock
     phase_rad: Float
@@ -37,24 +38,24 @@ class Pairing:
     nominal_hz : float, optional
         50 or 60; found by the follower when not given.
     follower : Follower, optional
-        One that is shared with another stage; of its own without.
+        Flicker follower shared with another stage; by default its own.
 
     Attributes
     ----------
     nominal_hz : float
         Of the last usable second; NaN before.
     seconds, usable : int
-        How many the follower has spoken of, and how many of them it stands behind.
+        Number of seconds that the follower returned, and of the usable ones.
     reasons : Counter of str
-        Why it didn't stand behind the others.
+        Why the others aren't usable.
     doubted_hz : Counter of float
-        Of which grid's light they would have been.
+        Nominal frequencies of the others.
     camera_hz : float
-        Rate from which the stream was converted; NaN where it wasn't.
+        Original frame rate of a converted stream; else NaN.
     jitter_s : float
-        Of time stamps that frames aren't gone by, rms.
+        Rms jitter of time stamps that even times replace.
     slips : list of FrameSlip
-        Frames lost or shown again though time stamps are silent, which the phase takes account of.
+        Lost or repeated frames that the time stamps don't show; the phase is corrected for them.
     seams : SeamWatch
         Whether the frame rate may be another one, 0.1 % off.
     """
@@ -86,22 +87,22 @@ class Pairing:
 
     @property
     def apart_turns(self) -> float:
-        """Mean stray of the light's phase from one ramp."""
+        """Mean of the seconds' rms phase deviations from one ramp."""
         return self._apart_sum / self.usable if self.usable else 0.0
 
     def update(self, block: RowBlock) -> list[PhasedBlock]:
-        """Take a block; return those whose phase is known now."""
+        """Add a block; return those whose phase is known now."""
         self._waiting.append(block)
         self.show(block)
         return self._ready()
 
     def show(self, block: RowBlock) -> None:
-        """Let the follower see a block that nothing else is done with: others may share it."""
+        """Pass a block to the follower only: a shared one has to be given every block."""
         for second in self._follower.update(block):
             self._hear(second)
 
     def flush(self) -> list[PhasedBlock]:
-        """Return the blocks that are left; the follower has nothing more to say."""
+        """Return the remaining blocks, at the end of the follower."""
         for second in self._follower.flush():
             self._hear(second)
         if self._waiting:

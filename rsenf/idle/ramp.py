@@ -1,11 +1,11 @@
-"""How many turns the flicker makes down the rows: maximum likelihood, all rows and harmonics.
+"""Maximum-likelihood ramp of the flicker down the rows, from all rows and harmonics.
 
-Under light ``1 + Σ_k Re a_k·exp(j·k·φ)`` row ``l`` of brightness ``B_l`` has the amplitudes
-``c_k = B_l·a_k/2·exp(j·k·θ_l)`` with ``θ_l = 2π·q·l/L``: a ramp of ``q`` turns, ``q = f_0·T_ro``,
-negative where the last row is read first. Each row's own level is free (it is the texture), and
-eliminated from the normal equations by a Schur complement, so that an alias near 0 Hz costs
-certainty and makes no error. For given ``q`` the ``a_k`` follow from one small linear system; what
-they explain, as a function of ``q``, is the profile likelihood.
+Under light ``1 + Σ_k Re a_k·exp(j·k·φ)`` and white noise, row ``l`` of brightness ``B_l`` has the
+amplitudes ``c_k = B_l·a_k/2·exp(j·k·θ_l)`` with ``θ_l = 2π·q·l/L``: a ramp of ``q`` turns,
+``q = f_0·T_ro``, negative if the last row is read first. Each row's own level is free (it is the
+texture), and eliminated from the normal equations by a Schur complement, so that an alias near 0 Hz
+costs precision and causes no bias. For given ``q`` the ``a_k`` follow from one small linear system;
+the sum of squares that they explain, as a function of ``q``, is the profile likelihood.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 GRID_STEP = 1 / 16  # turns; the peak of a ramp is two turns wide
-GROUPS = 128  # of rows, that are enough to see where the peak is
-STEP = 1e-3  # turns, between the points of a parabola
-ROUNDS = 12  # of it, at most
-REST = 1e-6  # turns: after a step so short there is nothing left to do
+GROUPS = 128  # of rows, enough to find the peak
+STEP = 1e-3  # turns between the points of a parabola
+ROUNDS = 12  # most parabolas
+REST = 1e-6  # turns; a shorter step is the last
 THREE = np.array([-STEP, 0.0, STEP])
-FARTHEST = 0.5  # turns that the refinement may go from where it begins
+FARTHEST = 0.5  # turns from the start that the refinement may go
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +40,11 @@ class Ramp:
     ----------
     turns : float
     curvature : float
-        Minus the second derivative of what is explained (levels², summed over frames), by turns.
+        Minus the second derivative of the explained sum of squares (levels²) by turns.
     amplitude : ndarray of complex, shape (harmonics,)
         ``a_k``, relative to the mean light.
     noise_var : float
-        Variance of a row's level by noise, levels².
+        Noise variance of a row's level, levels².
     brightness : ndarray, shape (rows,)
         ``B_l``: each row's own level.
     """
@@ -57,23 +57,23 @@ class Ramp:
 
     @property
     def flicker_ratio(self) -> float:
-        """Size of the first harmonic."""
+        """Amplitude of the first harmonic, relative to the mean light."""
         return float(np.abs(self.amplitude[0]))
 
     @property
     def bound_var(self) -> float:
-        """Variance of the turns if nothing but white noise disturbs them (Cramér–Rao)."""
+        """Cramér-Rao bound of the turns' variance, in white noise."""
         return 2.0 * self.noise_var / self.curvature if self.curvature > 0 else np.inf
 
 
 class Profile:
-    """The profile likelihood of the turns, of all rows or without some of them.
+    """Profile likelihood of the turns, from all rows or without some of them.
 
     Parameters
     ----------
     moments : Moments
     harmonics : int
-        How many are explained together.
+        Number of harmonics fitted jointly.
     brightness : ndarray, shape (rows,)
         ``B_l``.
     """
@@ -90,7 +90,7 @@ class Profile:
         self._place = np.arange(brightness.size) / brightness.size
 
     def coarse(self) -> Profile:
-        """Return the profile of some groups of rows: all but as likely, and sooner told."""
+        """Return the profile from groups of rows: nearly as accurate, and faster."""
         groups = min(GROUPS, self.brightness.size)
         starts = np.arange(groups) * self.brightness.size // groups
         out = copy.copy(self)
@@ -102,24 +102,24 @@ class Profile:
         return out
 
     def explained(self, turns: Float) -> Float:
-        """Sum of squares that the best amplitudes explain, for each of some turns."""
+        """Sum of squares that the best amplitudes explain, for each number of turns."""
         return _explained(*self._solve(self._straight(turns), _all))
 
     def bent(self, turns: float, shapes: Float) -> Float:
-        """Return the same for a ramp a little bent, by steps :data:`THREE`: shape (3, shapes).
+        """Explained sum of squares of a slightly bent ramp, by steps :data:`THREE`: (3, shapes).
 
         Parameters
         ----------
         turns : float
         shapes : ndarray, shape (shapes, rows)
-            By how many turns a bend of size 1 changes each row.
+            Turns that a bend of size 1 adds at each row.
         """
         bends = (THREE[:, None, None] * shapes).reshape(-1, self._place.size)
         courses = self._straight(np.array([turns])) + bends
         return _explained(*self._solve(courses, _all)).reshape(3, -1)
 
     def without_each(self, turns: Float, starts: NDArray[np.int64]) -> Float:
-        """Return the same without one band of rows after another, shape (turns, bands).
+        """Explained sum of squares without one band of rows after another, shape (turns, bands).
 
         Parameters
         ----------
@@ -148,8 +148,8 @@ class Profile:
     ) -> tuple[Complex, Complex]:
         """Right-hand sides and solutions, each (cases, orders).
 
-        ``courses`` are turns at each row, shape (ramps, rows); ``added`` adds up a ramp (ramps,
-        rows) times what rows tell (rows,), to (cases,).
+        ``courses`` are turns at each row, shape (ramps, rows); ``added`` sums a ramp (ramps, rows)
+        times the rows' statistics (rows,), to (cases,).
         """
         count = self.orders.size
         once = turning(2.0 * np.pi * courses)
@@ -181,15 +181,16 @@ def _explained(pull: Complex, amplitude: Complex) -> Float:
 
 
 def find_ramp(moments: Moments, most_turns: float) -> Ramp:
-    """Find the most likely ramp among those no steeper than a limit, in both directions.
+    """Find the most likely ramp up to a steepness, in both directions.
 
-    The first harmonic alone says where: where a harmonic's alias falls on the first's, it could
-    play the first's part at another ramp. Then all of them say exactly where.
+    The first harmonic alone finds the peak: a harmonic with the first one's alias could take its
+    place at another ramp. Then all of them refine it.
 
     Parameters
     ----------
     moments : Moments
     most_turns : float
+        Steepest ramp.
     """
     brightness = moments.row[0].real / moments.frames
     first = Profile(moments, 1, brightness).coarse()
@@ -205,12 +206,12 @@ def find_ramp(moments: Moments, most_turns: float) -> Ramp:
 
 
 def climb(explained: Callable[[Float], Float], start: float) -> tuple[float, float]:
-    """Climb from a start to the top next to it; return the top, and the curvature there.
+    """Climb from a start to the nearest maximum; return it, and the curvature there.
 
     Parameters
     ----------
     explained : callable
-        Of some turns (tries,), what they explain (tries,).
+        Explained sums of squares (tries,) as a function of turns (tries,).
     start : float
     """
     now, bend = start, 0.0
@@ -225,23 +226,23 @@ def climb(explained: Callable[[Float], Float], start: float) -> tuple[float, flo
 
 
 def step_up(three: Float) -> tuple[Float, Float]:
-    """Step to the top of parabolas through three points each, and their curvatures.
+    """Step to the vertex of parabolas through three points each, and their curvatures.
 
     Parameters
     ----------
     three : ndarray, shape (3, …)
-        What turns :data:`THREE` beyond the present ones explain.
+        Explained sums of squares at turns :data:`THREE` from the present ones.
     """
     below, here, above = three
     bend = (2.0 * here - below - above) / STEP**2
     slope = (above - below) / (2.0 * STEP)
-    # Where it bends upwards the top is some way off, uphill.
+    # Where it is convex the maximum is some way off, uphill.
     move = np.where(bend > 0, slope / np.where(bend > 0, bend, 1.0), np.sign(slope) * GRID_STEP)
     return np.clip(move, -GRID_STEP, GRID_STEP), bend
 
 
 def _brightness(moments: Moments, amplitude: Complex, turns: float) -> Float:
-    """Each row's own level once the flicker's share of its mean is known."""
+    """Each row's own level, given the flicker's share of its mean."""
     rows = moments.row.shape[1]
     ramp = np.exp(2j * np.pi * turns * np.arange(rows) / rows)
     share = np.zeros(rows)

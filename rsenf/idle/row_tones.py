@@ -1,4 +1,4 @@
-"""The first harmonic of every row on its own, as the older methods look at it."""
+"""First harmonic of every row by itself, for the methods that aren't coherent."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Complex = NDArray[np.complex128]
 
 
 def row_tones(moments: Moments) -> tuple[Complex, Float]:
-    """Half the complex amplitude of every row's first harmonic, and the row's own level.
+    """Half the complex amplitude of every row's first harmonic, and the row's level.
 
     Returns
     -------
@@ -24,7 +24,21 @@ def row_tones(moments: Moments) -> tuple[Complex, Float]:
 
 
 def coherence(tone: Complex, level: Float, turns: float) -> float:
-    """Share of the tones that adds up along a ramp: 1 when all lie on it, about 0 by chance."""
+    """Share of the tones that adds up along a ramp: 1 if all lie on it, about 0 by chance.
+
+    Parameters
+    ----------
+    tone, level : ndarray, shape (rows,)
+        As of :func:`row_tones`.
+    turns : float
+        Turns of the ramp down the rows.
+
+    Examples
+    --------
+    >>> ramp = np.exp(2j * np.pi * 1.5 * np.arange(8) / 8)
+    >>> round(coherence(ramp, np.ones(8), 1.5), 3), round(coherence(ramp, np.ones(8), -0.5), 3)
+    (1.0, 0.0)
+    """
     ramp = np.exp(2j * np.pi * turns * np.arange(tone.size) / tone.size)
     size = float(np.sum(level * np.abs(tone)))
     return float(np.abs(np.sum(level * tone * ramp.conj()))) / size if size > 0 else 0.0

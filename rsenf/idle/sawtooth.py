@@ -1,9 +1,9 @@
-"""Weighted prediction that drifts: the frame's mean ramps away, and a key frame brings it back.
+"""Detects drifting weighted prediction: the frame's mean ramps away, and key frames reset it.
 
 An encoder that predicts each frame as the one before it times a factor (H.264's weighted
-prediction) may follow the flicker with the factor and not find back: the picture's brightness
-ramps by tens of levels until the next key frame resets it. Row levels then say more about the
-encoder than about the light.
+prediction) may follow the flicker with the factor and not return: the picture's brightness ramps by
+tens of levels until the next key frame resets it. Row levels then depend more on the encoder than
+on the light.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 Float = NDArray[np.float64]
 
-RESET_LEVEL = 8.0  # a step of the frame's mean that is a reset: light doesn't do that
-OVER_USUAL = 6.0  # and this many times larger than steps are on average
+RESET_LEVEL = 8.0  # least step of the frame's mean at a reset: light doesn't jump like that
+OVER_USUAL = 6.0  # and its least ratio to the mean step
 WARM_UP = 25  # steps before any is judged
 MIN_RESETS = 2
-MIN_RETURN = 0.5  # share of the resets that ramps have to make good for
+MIN_RETURN = 0.5  # least share of the resets that ramps compensate
 
 
 class Sawtooth:
@@ -51,7 +51,7 @@ class Sawtooth:
 
     @property
     def found(self) -> bool:
-        """Whether resets of one sign are made good for by ramps of the other."""
+        """Whether ramps of one sign compensate resets of the other."""
         resets = max(self._up, self._down)
         return (
             resets >= MIN_RESETS

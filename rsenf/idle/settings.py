@@ -1,4 +1,4 @@
-"""What an idle-period estimator may be told."""
+"""Settings of the idle methods."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rsenf.errors import UsageError
 
 @dataclass(frozen=True)
 class IdleSettings:
-    """Settings that every idle method understands.
+    """Settings of all idle methods.
 
     Parameters
     ----------
@@ -19,11 +19,11 @@ class IdleSettings:
     nominal_hz : float, optional
         50 or 60; found from the data when not given.
     every_s : float
-        Stream time between estimates; the last one comes at the end. Of a long stream each waits
-        until an eighth more of it has come, twenty seconds at most.
+        Stream time between estimates; the last one comes at the end. In a long stream each waits
+        until the stream is an eighth longer, twenty seconds at most.
     """
 
-    # Read by whoever validates a configuration file: a misspelt key is an error.
+    # For the validation of configuration files: a misspelt key is an error.
     __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     method: str = "coherent"

@@ -1,4 +1,4 @@
-"""The idle stage: row blocks in, an estimate every few seconds of stream, a last one at its end."""
+"""The idle stage: row blocks in; an estimate every few seconds, and a last one at the end, out."""
 
 from __future__ import annotations
 
@@ -47,24 +47,24 @@ from rsenf.messages import IdleEstimate, RateBasis, RowBlock
 from rsenf.timebase import NS_PER_S
 
 MIN_ROWS = 16
-# Of a long stream hardly anything is new to the next estimate, which waits until it is so much
-# longer, or for so long.
+# In a long stream little is new to the next estimate: it waits until the stream has grown by this
+# share, or for this long.
 GROWN, LONGEST_S = 0.125, 20.0
-# Where the alias of every grid that it may be is farther from 0 Hz, no rows are kept: not so near
-# as flicker stands still, for a frame rate may change a little.
+# If the aliases of all possible grids are farther from 0 Hz, no rows are kept. More than STILL_HZ,
+# since the frame rate may change a little.
 MAY_STAND_HZ = 3.0
 
 
 class IdleStage:
-    """Accumulates a stream and has a method conclude from it. Implements ``rsenf.stage.Stage``.
+    """Accumulates a stream and applies a method to it. Implements ``rsenf.stage.Stage``.
 
     Parameters
     ----------
     settings : IdleSettings
     conclude : callable
-        The method: from what has been seen to what is found.
+        The method: from an :class:`EstimatorState` to a :class:`Finding`.
     follower : Follower, optional
-        One that is shared with another stage; of its own without.
+        Flicker follower shared with another stage; by default its own.
     """
 
     def __init__(
@@ -114,7 +114,7 @@ class IdleStage:
         self._moments = Moments(block.rows)
 
     def _look(self, block: RowBlock) -> None:
-        """Take from a block what needs no phase."""
+        """Use a block for all that needs no phase."""
         assert self._first is not None
         self._newest = block
         self._clock.add(block)
@@ -130,7 +130,7 @@ class IdleStage:
         self._sawtooth.add(block.level.mean(axis=(1, 2), dtype=np.float64))
 
     def _bin(self, block: RowBlock) -> None:
-        """Average rows over time, unless it is known that the flicker doesn't stand still."""
+        """Average rows over time, unless the alias is known not to be at 0 Hz."""
         assert self._first is not None
         if not self._may_stand_still():
             self._still_rows = StillRows(self._clock.span_s)
@@ -139,7 +139,7 @@ class IdleStage:
             self._still_rows.add(t_s, block.level, self._clock.span_s)
 
     def _may_stand_still(self) -> bool:
-        """Whether it may for all that the follower has told, which first takes it some seconds."""
+        """Whether the alias may be at 0 Hz; True until the follower's first seconds."""
         if not self._pairing.seconds:
             return True
         known, rate_hz = self._pairing.nominal_hz, self._rate_hz
@@ -148,13 +148,13 @@ class IdleStage:
 
     @property
     def _camera_hz(self) -> float | None:
-        """Rate from which the stream was converted, if it was."""
+        """Original frame rate, if the stream was converted."""
         known = self._pairing.camera_hz
         return known if np.isfinite(known) else None
 
     @property
     def _rate_hz(self) -> float:
-        """Rate at which the camera took its frames."""
+        """Frame rate of the camera."""
         return self._camera_hz or self._pairing.clock_hz or self._clock.frame_rate_hz
 
     def _take(self, phased: list[PhasedBlock]) -> None:
@@ -168,14 +168,14 @@ class IdleStage:
         if not phase_rad.size:
             return
         level, at = np.empty((phase_rad.size, self._rows)), 0
-        for p, k in zip(usable, known, strict=True):  # at a stream's end they are megabytes
+        for p, k in zip(usable, known, strict=True):  # one by one: at the end they are megabytes
             rows = p.block.profiles()[k]
             level[at : at + len(rows)] = rows
             at += len(rows)
         self._moments.add(phase_rad, level)
 
     def _finding(self, rate_hz: float) -> Finding:
-        """What can be said before any method has a say, or the method's word."""
+        """Refusals that all methods share, or else the method's finding."""
         assert self._moments is not None
         if self._rows < MIN_ROWS:
             return NO_ROWS
@@ -192,7 +192,7 @@ class IdleStage:
             frame_rate_hz=rate_hz,
             apart_turns=self._pairing.apart_turns,
         )
-        # That it stands still is only assumed of what couldn't be followed, until the rows show it.
+        # If nothing was tracked, an alias at 0 Hz is only assumed until the rows show flicker.
         is_still = seen.stands_still and (
             np.isfinite(self._pairing.nominal_hz) or self._still_rows.show_flicker
         )
@@ -217,11 +217,11 @@ class IdleStage:
 
     @property
     def _is_assumed(self) -> bool:
-        """Whether nothing says what the frame rate is."""
+        """Whether the frame rate is only assumed."""
         return self._first is not None and self._first.header.rate_basis == RateBasis.ASSUMED
 
     def _timed(self, finding: Finding) -> tuple[Finding, PerFrame | None]:
-        """Return a finding that needs no frame times which aren't known, and what goes without."""
+        """Return a finding without what depends on unknown frame times, and what doesn't."""
         is_assumed = self._is_assumed
         if self._rates is None or not (is_assumed or finding.reason in DOUBTFUL):
             return finding, None
@@ -236,10 +236,10 @@ class IdleStage:
         return dataclasses.replace(finding, warnings=warnings), found
 
     def _nominal_hz(self, rate_hz: float) -> float:
-        """Nominal grid frequency: the one followed, or one whose flicker would stand still.
+        """Nominal grid frequency: the tracked one, or one whose alias is at 0 Hz.
 
-        The second only once the follower has found nothing that moves: flicker of the other grid
-        leaves in the bins what looks like slow flicker. What it followed and doubts moves, too.
+        The second only once the follower has found nothing that moves: in the bins, flicker of the
+        other grid leaves what looks like slow flicker. What it tracked but doubts moves, too.
         """
         pairing = self._pairing
         if np.isfinite(pairing.nominal_hz) or not pairing.seconds:
@@ -301,7 +301,7 @@ class IdleStage:
 
 
 def _with_numbers(blank: IdleEstimate, finding: Finding) -> IdleEstimate:
-    """Put the numbers in: ``T_ro = |q|/f_0`` and ``ρ = 1 − T_ro·F_r``."""
+    """Fill in the numbers: ``T_ro = |q|/f_0`` and ``ρ = 1 − T_ro·F_r``."""
     idle = 1.0 - finding.read_out_s * blank.frame_rate_hz
     std = finding.read_out_std_s * blank.frame_rate_hz
     half = finding.interval_stds * std

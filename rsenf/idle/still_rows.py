@@ -1,7 +1,7 @@
-"""Rows of a stream's first minutes, averaged over time, and the flicker that stands still in them.
+"""Rows of a stream's first minutes, averaged over time, and flicker with its alias at 0 Hz in them.
 
-They are kept only until they have been told apart for good: both take most of what an estimator
-needs where flicker stands still, of memory and of time.
+They are kept only until flicker and texture are separated for good: both take most of the memory
+and time that an estimator needs at such an alias.
 """
 
 from __future__ import annotations
@@ -12,43 +12,43 @@ from rsenf.flicker.zero_alias_bins import RowBins
 from rsenf.messages.schema import Float32Array, FloatArray
 
 SHORTEST_S = 8.0
-# Longer bins would blur what the grid's deviation turns.
+# Longer bins would blur the phase that the grid's deviation turns.
 LONGEST_S = 240.0
 
 
 class StillRows:
-    """Bins of rows, and what was found in them.
+    """Time bins of rows, and the flicker found in them.
 
     Parameters
     ----------
     start_s : float
-        Where the first bin begins.
+        Start of the first bin.
 
     Attributes
     ----------
     span_s : float
-        Time that they cover.
+        Time covered.
     light : Light, optional
-        What their cells show of the flicker last told apart.
+        Statistics of the cells at the flicker last found.
     """
 
     def __init__(self, start_s: float) -> None:
         self.span_s = 0.0
         self._start_s = start_s
-        self._bins: RowBins | None = RowBins(start_s)  # none once nothing more can come of them
+        self._bins: RowBins | None = RowBins(start_s)  # None after the final separation
         self._found: ZeroAlias | None = None
         self.light: Light | None = None
         self._looked = self._full = False
 
     def add(self, t_s: FloatArray, level: Float32Array, end_s: float) -> None:
-        """Add frames, unless they are too late.
+        """Add frames, for the first ``LONGEST_S``.
 
         Parameters
         ----------
         t_s : ndarray, shape (frames,)
         level : ndarray, shape (frames, rows, strips)
         end_s : float
-            How far the stream has come.
+            Length of the stream so far.
         """
         self._full = self._full or end_s - self._start_s >= LONGEST_S
         if self._bins is None or self._full:
@@ -58,17 +58,17 @@ class StillRows:
 
     @property
     def enough(self) -> bool:
-        """Whether they can be told apart: not those of a short stream, or one of great gaps."""
+        """Whether they suffice: not those of a short stream, or of one with large gaps."""
         return self._bins is None or (self.span_s >= SHORTEST_S and self._bins.count >= MIN_BINS)
 
     @property
     def show_flicker(self) -> bool:
-        """Whether flicker was told apart from the texture in them."""
+        """Whether flicker was separated from the texture in them."""
         found = self.told_apart() if self.enough else None
         return found is not None and found.is_flicker
 
     def told_apart(self) -> ZeroAlias | None:
-        """Tell flicker and texture apart, where there is enough of them; None without flicker."""
+        """Separate flicker and texture; None without flicker. Cached until frames are added."""
         if self._bins is not None and not self._looked:
             level, t_s, frames = self._bins.means()
             self._found, self._looked = separate(level, t_s, frames), True

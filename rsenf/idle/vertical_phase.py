@@ -1,11 +1,11 @@
 """Vertical phase analysis: the phase of every row's own series, and its slope down the rows.
 
 Hajj-Ahmad, Berkovich & Wu, "Exploiting power signatures for camera forensics", IEEE Signal
-Processing Letters 23, 713, 2016, as the paper compares with it: the phase of row ``l`` at the
-flicker's alias advances by ``2π·f_0·T_ro/L`` from row to row. With ``f_I`` rows read in a second
-and ``N_c`` rows in a frame the idle ratio is ``1 − N_c·F_r/f_I`` (the paper prints the fraction
-upside down). Each row is taken on its own, so a weak one unwraps wrongly; and at an alias of 0 Hz
-a row's flicker and its texture are the same.
+Processing Letters 23, 713, 2016, in the form of the paper's comparison: the phase of row ``l`` at
+the flicker's alias advances by ``2π·f_0·T_ro/L`` from row to row (paper, Eq. 23). With ``f_I`` rows
+read in a second and ``N_c`` rows in a frame the idle ratio is ``1 − N_c·F_r/f_I`` (Eq. 24 has the
+fraction inverted). Each row is fitted by itself, so a weak one unwraps wrongly; and at an alias of
+0 Hz a row's flicker and its texture are the same.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ AT_ZERO = refused(
 
 
 def conclude(seen: EstimatorState) -> Finding:
-    """Conclude from the slope of the rows' phases."""
+    """Estimate from the slope of the rows' phases."""
     if seen.stands_still:
         return AT_ZERO
     if hardly_turned(seen):
@@ -56,7 +56,7 @@ def conclude(seen: EstimatorState) -> Finding:
 
 
 def _slopes(phase: Float, weight: Float) -> Float:
-    """Weighted slopes by row number, one for each weighting: (tries,) from (tries, rows)."""
+    """Weighted slopes of the phase by row number: (tries,) for weights (tries, rows)."""
     row = np.arange(phase.size)
     total = weight.sum(axis=1)
     place = row - (weight @ row / total)[:, None]

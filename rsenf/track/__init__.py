@@ -3,12 +3,13 @@
 In: row blocks of one stream, and :class:`TrackSettings`. Out: ``EnfEstimate`` messages, as a rule
 one a second. Read in this order::
 
-    settings, method            settings; interface of a method projection                  the
-    default method, by coherent tracking (``rsenf.flicker``) sliding, window, course     base class
-    with sliding windows; one window's fit; its phase course stft, phase                 methods on
-    one line of the rows alias, frame_mean, row_concat, superpixel                 methods of
-    earlier publications interpolate, paper_hypotheses, paper_templates, paper_spectrum, paper
-    all of the paper's lines rate_check                  estimates whose frame rate is only assumed
+    settings, method            settings; interface of a method
+    projection                  the default method, by coherent tracking (``rsenf.flicker``)
+    sliding, window, course     base class with sliding windows; one window's fit; its phase course
+    stft, phase                 methods on one line of the rows
+    alias, frame_mean, row_concat, superpixel    methods of earlier publications
+    interpolate, paper_hypotheses, paper_templates, paper_spectrum, paper    the paper's, every line
+    rate_check                  estimates whose frame rate is only assumed
 """
 
 from __future__ import annotations

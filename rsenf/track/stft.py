@@ -178,9 +178,9 @@ class StftTracker(SlidingTracker):
     def _why_another(self, best: LineFit, found: list[LineFit], rate_hz: float) -> str:
         """Return why a tone near 0 Hz isn't the flicker's first harmonic; else ''.
 
-        All lines of a harmonic share an alias.
-        Overtones and mirror images are in the search band there. On some ramps down the rows they
-        are stronger than the harmonic itself, but not on all of them.
+        All lines of a harmonic share an alias. Overtones and mirror images are in the search band
+        there. On some ramps down the rows they are stronger than the harmonic itself, but not on
+        all.
         """
         if self._rows == 1 or not self._near_zero(best.line, rate_hz):
             return ""
