@@ -1,4 +1,4 @@
-"""Medians along a short axis."""
+"""Medians along a short axis, and of squares."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+MEDIAN_SQUARE = 0.455  # median of chi-squared with one degree of freedom
 
 
 def median_of_few(values: NDArray[np.floating]) -> NDArray[Any]:

@@ -6,12 +6,12 @@ the idle period share it. Read in this order::
 
     lines, profile, slow_time          a harmonic down the rows; reduced profiles; timed buffer
     tone, acquire                      periodogram; detection of flicker and its grid
-    grid_prior, node_sums, node_noise  prior of the phase; sufficient statistics; noise
+    grid_prior, node_sums, phase_likelihood    prior of the phase; sums at nodes; likelihood
     phase_fit, joint_fit               posterior mode of the phase in a window
     frame_slips, slipping_fit          lost or repeated frames that time stamps don't show
     cell_light, wander, mains          tests for mains light against patterns and quartz
     phase_path, phase_tracker          tracking from window to window
-    zero_alias_*, near_dc_tracker      alias near 0 Hz: texture and flicker fitted jointly
+    zero_alias_*, near_dc_*            alias near 0 Hz: texture and flicker fitted jointly
     frame_clock                        jittering time stamps
     rate_conversion, picture_news, conversions    converted frame rates
     second, follower, shared           the result; the whole stream; one follower for two stages

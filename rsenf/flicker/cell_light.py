@@ -212,7 +212,7 @@ def _light(
         apart_turns=_apart_turns(
             tone.reshape(shape) * straight, beside.reshape(-1, *shape) * straight, place
         ),
-        in_phase=_in_phase(tone.reshape(shape), beside.reshape(-1, *shape), ramp, place),
+        in_phase=_in_phase(tone.reshape(shape) * ramp.conj(), beside, place),
         is_brief=bool(np.rint(t_s[-1] - t_s[0]) < BRIEF_S),
     )
 
@@ -224,38 +224,37 @@ def _apart_turns(light: Complex, noise: Complex, place: Float) -> float:
     """
     starts = np.arange(0, place.size, GROUP)
     light, noise = (np.add.reduceat(x, starts, axis=-2) for x in (light, noise))
-    weight = np.abs(light) ** 2
     if len(starts) < LINES or not np.abs(light.sum()) > 0.0:
         return 0.0
+    weight = np.abs(light) ** 2
     middle = np.add.reduceat(place, starts) / np.diff(np.append(starts, place.size))
-    down = np.broadcast_to((middle - middle.mean())[:, None], light.shape)
-    for _ in range(LINES):
-        light = light / np.exp(1j * np.angle(light.sum()))
-        slope = np.sum(weight * down * np.angle(light)) / np.sum(weight * down**2)
-        light = light * np.exp(-1j * slope * down)
+    light = _in_line(light, middle)
     var_rad2 = np.sum(weight * np.angle(light) ** 2) - np.sum(np.abs(noise) ** 2) / len(noise) / 2.0
     return float(np.sqrt(max(var_rad2 / np.sum(weight), 0.0))) / (2.0 * np.pi)
 
 
-def _in_phase(tone: Complex, beside: Complex, ramp: Complex, place: Float) -> float:
-    """Share of the signal, (bands, strips), in phase with one line down the rows.
+def _in_phase(tone: Complex, beside: Complex, place: Float) -> float:
+    """Share of a tone, (bands, strips), in phase with one line down the rows.
 
     Amplitudes don't matter: a codec suppresses the flicker of some blocks.
     """
-    straight = tone * ramp.conj()
-    line = np.ones_like(ramp)
-    down = (place - place.mean())[:, None]
-    for _ in range(LINES):
-        now = straight * line.conj()
-        middle = np.exp(1j * np.angle(now.sum()))
-        now = now * middle.conj()
-        weight = np.abs(now) ** 2
-        slope = np.sum(weight * down * np.angle(now)) / np.sum(weight * down**2)
-        line = line * middle * np.exp(1j * slope * down)
-    now = straight * line.conj()
+    if not np.abs(tone.sum()) > 0.0:
+        return 0.0
+    tone = _in_line(tone, place)
     noise = float(_power(beside.reshape(len(beside), -1)).mean())
-    with_it = float(np.sum(now.real * np.abs(now.real)))
-    return (with_it) / max(float(np.sum(np.abs(now) ** 2)) - noise / 2.0, 1e-9)
+    along = float(np.sum(tone.real * np.abs(tone.real)))
+    return along / max(float(np.sum(np.abs(tone) ** 2)) - noise / 2.0, 1e-9)
+
+
+def _in_line(light: Complex, place: Float) -> Complex:
+    """Return a light, (bands, strips), without the line down the rows that fits its phase best."""
+    weight = np.abs(light) ** 2
+    down = np.broadcast_to((place - place.mean())[:, None], light.shape)
+    for _ in range(LINES):
+        light = light / np.exp(1j * np.angle(light.sum()))
+        slope = np.sum(weight * down * np.angle(light)) / np.sum(weight * down**2)
+        light = light * np.exp(-1j * slope * down)
+    return light
 
 
 def _tones(seen: Float, t_s: Float, phase_rad: Float) -> tuple[Float, Complex, Complex]:

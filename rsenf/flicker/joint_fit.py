@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.grid_prior import PhasePrior
 from rsenf.flicker.lines import alias_hz
-from rsenf.flicker.node_noise import (
+from rsenf.flicker.node_sums import Gathered, SufficientStatistics
+from rsenf.flicker.phase_likelihood import (
     ACROSS_HZ,
     ALONG_HZ,
     COLUMNS_HZ,
@@ -36,7 +37,6 @@ from rsenf.flicker.node_noise import (
     noise_of_turning,
     power_of,
 )
-from rsenf.flicker.node_sums import Gathered, SufficientStatistics
 from rsenf.flicker.profile import ProfileBasis
 
 Float = NDArray[np.float64]

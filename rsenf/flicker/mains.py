@@ -70,7 +70,13 @@ KEYED = "all rows brighten at once, every so many frames: key frames, or a globa
 
 
 def why_not(
-    f0_hz: float, nominal_hz: float, frame_rate_hz: float, wander: Wander, light: Light | None
+    f0_hz: float,
+    nominal_hz: float,
+    frame_rate_hz: float,
+    wander: Wander,
+    light: Light | None,
+    *,
+    has_moved: bool = False,
 ) -> str:
     """Return why a tracked signal isn't a grid's light; '' if it may be.
 
@@ -83,6 +89,8 @@ def why_not(
     wander : Wander
     light : Light, optional
         Statistics of the cells; None where cells can't be distinguished.
+    has_moved : bool, optional
+        Whether earlier windows showed the wander of a grid.
     """
     if light and is_second_harmonic(f0_hz, nominal_hz, frame_rate_hz, light.turns):
         return SECOND
@@ -103,10 +111,12 @@ def why_not(
         return CREEPS
     if _is_keyed(f0_hz, light, frame_rate_hz, wander):
         return KEYED
-    return why_not_light(light, f0_hz / frame_rate_hz, wander)
+    return why_not_light(light, f0_hz / frame_rate_hz, wander, has_moved=has_moved)
 
 
-def why_not_light(light: Light, most_turns: float, wander: Wander) -> str:
+def why_not_light(
+    light: Light, most_turns: float, wander: Wander, *, has_moved: bool = False
+) -> str:
     """Return why the cells' signal can't be mains light; '' if it can.
 
     Parameters
@@ -116,6 +126,8 @@ def why_not_light(light: Light, most_turns: float, wander: Wander) -> str:
         Turns for a read-out over the whole frame period.
     wander : Wander
         Of the signal's phase: one that moves less than most grids' requires clearer light.
+    has_moved : bool, optional
+        Whether earlier windows showed the wander of a grid.
     """
     if light.snr < LEAST_SNR or light.explained_std > (CLEAR_STD if light.is_brief else MOST_STD):
         return NOT_ONE
@@ -128,7 +140,7 @@ def why_not_light(light: Light, most_turns: float, wander: Wander) -> str:
         return PATTERN
     if abs(light.turns) > BEYOND_FRAME * most_turns + TURNS_STD:
         return TOO_LONG
-    return PATCHY if is_patchy and not wander.is_grids else ""
+    return PATCHY if is_patchy and not (wander.is_grids or has_moved) else ""
 
 
 def is_faint(flicker_ratio: float, f0_hz: float, nominal_hz: float) -> bool:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.complex_exponential import turning
 from rsenf.flicker.grid_prior import NODE_S
+from rsenf.flicker.tone import turning
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -21,40 +21,32 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.complex_exponential import turning
 from rsenf.flicker.grid_prior import NODE_S, PhasePrior, phase_prior
 from rsenf.flicker.joint_fit import JointFit, State
 from rsenf.flicker.lines import alias_hz
-from rsenf.flicker.node_noise import (
-    ACROSS_HZ,
-    ALONG_HZ,
+from rsenf.flicker.node_sums import Frames, Gathered
+from rsenf.flicker.phase_likelihood import (
     COLUMNS_HZ,
-    gain_around,
-    noise_of,
+    HARMONICS,
+    Amplitudes,
+    amplitudes_of,
+    likelihood,
     noise_of_turning,
 )
-from rsenf.flicker.node_sums import Frames, Gathered, SufficientStatistics
 from rsenf.flicker.profile import ProfileBasis
+from rsenf.flicker.tone import turning
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-HARMONICS = 3
 # Further ones hardly inform the phase, but their aliases are near the first's: codecs make
 # overtones, and unequal half waves (ageing lamps, half-wave rectifiers) odd halves.
 NUISANCES = 7
 # Still further ones, used if their aliases are this far from all of these.
 FAR, FAR_APART_HZ = 12, 0.2
 HALVES = (0.5, 1.5, 2.5, 3.5)
-# Prior relative amplitude of harmonics: where two share an alias (one mirrored), the first one
-# takes precedence.
-HARMONIC_SIZE = {1.0: 3.0, 2.0: 0.3}
-FURTHER_SIZE = 0.1
-RIDGE = 1e-4
 # Power over noise from which they are included.
 STANDS_OUT = 20.0
-# Degrees of freedom of Student's t: key frames and cuts are rare outliers.
-TAILS = 4.0
 # Most steps; and the step after which further orders are searched at the latest.
 MAX_STEPS, LOOK_AFTER = 16, 4
 # Convergence, and near convergence: squared step in standard errors; largest step.
@@ -62,8 +54,6 @@ REST, NEARLY = 1e-2, 1.0
 REST_RAD, NEARLY_RAD = 2e-4, 2e-3
 # Mean length over a node of a phasor that turns at 1 Hz; longer for slower ones.
 SLOW = float(np.sinc(NODE_S))
-# A column's amplitude is shrunk (positive part) by this many of its variances.
-SIGNIFICANT = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,8 +230,8 @@ def _settle(gathered: Gathered, psi_rad: Float, *, to_rest: bool) -> _Settled:
     for done in range(MAX_STEPS):
         phase = gathered.phase_rad(prior.basis @ coefficient)
         waves = gathered.waves(phase, orders)
-        amplitude = _amplitudes(gathered.told(waves), trust, orders)
-        gradient, information, trust, gain = _likelihood(amplitude, trust)
+        amplitude = amplitudes_of(gathered.told(waves), trust, orders)
+        gradient, information, trust, gain = likelihood(amplitude, trust)
         precision = prior.basis.T @ (information[:, None] * prior.basis)
         precision.flat[:: len(precision) + 1] += 1.0
         step = np.linalg.solve(precision, prior.basis.T @ gradient - coefficient)
@@ -272,63 +262,6 @@ def _settle(gathered: Gathered, psi_rad: Float, *, to_rest: bool) -> _Settled:
         information=information,
         gain=gain,
     )
-
-
-@dataclass(frozen=True, eq=False)
-class Amplitudes:
-    """Least-squares amplitudes for a given phase.
-
-    Attributes
-    ----------
-    harmonic : ndarray of complex, shape (HARMONICS, columns)
-        ``C_k``, with insignificant ones shrunk to 0.
-    weights : ndarray, shape (HARMONICS, columns)
-        Inverse noise variance of the columns near each harmonic.
-    found : ndarray, shape (waves, columns)
-        Coefficients of the waves in the columns.
-    told : SufficientStatistics
-        The sums that they follow from.
-    left : ndarray, shape (nodes, HARMONICS, columns)
-        Sums of the residual times ``exp(j·k·φ)``.
-    """
-
-    harmonic: Complex
-    weights: Float
-    found: Float
-    told: SufficientStatistics
-    left: Complex
-
-
-def _amplitudes(told: SufficientStatistics, trust: Float, orders: tuple[float, ...]) -> Amplitudes:
-    gram = _weighted(trust, told.waves)
-    seen, weight = float(told.waves[:, 0, 0].sum()), float(gram[0, 0])
-    ridge = np.repeat([RIDGE * seen / HARMONIC_SIZE.get(k, FURTHER_SIZE) ** 2 for k in orders], 2)
-    gram.flat[:: len(gram) + 1] += np.concatenate([[0.0], ridge])
-    found = np.asarray(np.linalg.solve(gram, _weighted(trust, told.columns)))
-    real, imag = _left(told, found)
-    raw = found[1 : 2 * HARMONICS : 2] - 1j * found[2 : 2 * HARMONICS + 1 : 2]
-    own = trust[:, None, None]
-    noise = noise_of_turning(own * real, own * imag, COLUMNS_HZ) / weight
-    noise = np.maximum(noise, 1e-6 * noise.max(axis=1, keepdims=True) + 1e-12)
-    doubt = SIGNIFICANT * 4.0 * noise / seen
-    shrink = np.maximum(0.0, 1.0 - doubt / np.maximum(np.abs(raw) ** 2, 1e-30))
-    return Amplitudes(raw * shrink, np.asarray(1.0 / noise), found, told, real + 1j * imag)
-
-
-def _weighted(trust: Float, sums: Float) -> Float:
-    """Sum over the nodes with their robust weights."""
-    return (trust @ sums.reshape(trust.size, -1)).reshape(sums.shape[1:])
-
-
-def _left(told: SufficientStatistics, found: Float) -> tuple[Float, Float]:
-    """Sums of the columns' residual times cosine and sine of the harmonics.
-
-    Both of shape (nodes, harmonics, columns).
-    """
-    own = slice(1, 1 + 2 * HARMONICS)
-    modelled = told.waves[:, own].reshape(-1, len(found)) @ found
-    left = told.columns[:, own] - modelled.reshape(told.columns[:, own].shape)
-    return left[:, 0::2], left[:, 1::2]
 
 
 def _nuisances(
@@ -371,41 +304,3 @@ def _deviation(
     model = np.einsum("nwp,w->np", waves, found @ weighted)
     left = frames.columns @ weighted - model
     return frames.in_order(2.0 * left * turning(-phase_rad) / power)
-
-
-def _likelihood(amplitude: Amplitudes, trust: Float) -> tuple[Float, Float, Float, Float]:
-    """Gradient and Fisher information of the phase at each node, from all harmonics.
-
-    Also the next robust weight of each node, and the first harmonic's gain.
-    """
-    order = np.arange(1, HARMONICS + 1)
-    weighted = amplitude.weights * amplitude.harmonic
-    left = order * np.einsum("nkc,kc->nk", amplitude.left, weighted)
-    told, across = -left.imag, left.real
-    # Sum over the columns of a wave's square along the phase: Σ w·(k·Im turn·C)².
-    power = (weighted * amplitude.harmonic.conj()).sum(axis=1).real
-    turned = (weighted * amplitude.harmonic).sum(axis=1)
-    frames_at, squared = _squares(amplitude.told)
-    expected = 0.5 * order**2 * (power * frames_at - (squared * turned).real)
-    hears = expected.sum(axis=0) > 0.0
-    own = trust[:, None]
-    total = np.where(hears, (own * expected).sum(axis=0), 1.0)
-    # Noise may be correlated between columns: it is measured on their weighted sum.
-    noise = np.maximum(noise_of(own * told, ALONG_HZ), noise_of(own * across, ACROSS_HZ))
-    excess = np.maximum(noise / total, 1e-3)
-    gain = gain_around(own * across, own * expected)
-    gradient = np.where(hears, gain * own * told / excess, 0.0).sum(axis=1)
-    information = np.where(hears, gain**2 * own * expected / excess, 0.0).sum(axis=1)
-    if not hears[0]:
-        return gradient, information, trust, np.ones(trust.size)
-    away = told[:, 0] ** 2 + across[:, 0] ** 2
-    away /= np.maximum(expected[:, 0] * excess[0], 1e-30)
-    return gradient, information, (TAILS + 2.0) / (TAILS + away), gain[:, 0]
-
-
-def _squares(told: SufficientStatistics) -> tuple[Float, Complex]:
-    """Number of frames around each node, (nodes, 1), and the sums of ``exp(2j·k·φ)``."""
-    cosine, sine = (range(first, 2 * HARMONICS + 1, 2) for first in (1, 2))
-    of = told.waves
-    squared = of[:, cosine, cosine] - of[:, sine, sine] + 2j * of[:, cosine, sine]
-    return of[:, :1, 0], squared

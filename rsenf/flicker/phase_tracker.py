@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found, stands_out, strongest
 from rsenf.flicker.cell_light import bands_of, look_at
-from rsenf.flicker.complex_exponential import turning
 from rsenf.flicker.frame_slips import FrameSlip
 from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
 from rsenf.flicker.lines import SURE_LOG_ODDS, alias_hz, mirror_hz, usual_log_odds
-from rsenf.flicker.mains import PATCHY, PATTERN, SECOND, why_not
+from rsenf.flicker.mains import PATTERN, SECOND, why_not
 from rsenf.flicker.node_sums import at_frames
 from rsenf.flicker.phase_fit import PhaseFit
 from rsenf.flicker.phase_path import PhasePath
@@ -28,7 +27,7 @@ from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slipping_fit import Window
 from rsenf.flicker.slow_time import SlowTime
-from rsenf.flicker.tone import AT_EDGE, Tone, ToneFinder
+from rsenf.flicker.tone import AT_EDGE, Tone, ToneFinder, turning
 from rsenf.flicker.wander import Wander, wander_of
 
 Float = NDArray[np.float64]
@@ -275,8 +274,9 @@ class PhaseTracker:
                 return PATTERN  # as fine as the bands: their ramp is another one
         wander = self._wander()
         self._is_grids |= wander.is_grids
-        reason = why_not(f0_hz, self.nominal_hz, self._rate_hz, wander, light)
-        return "" if reason == PATCHY and self._is_grids else reason
+        return why_not(
+            f0_hz, self.nominal_hz, self._rate_hz, wander, light, has_moved=self._is_grids
+        )
 
     def _wander(self) -> Wander:
         """Wander of the last fit's phase."""

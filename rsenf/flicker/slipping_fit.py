@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.complex_exponential import turning
 from rsenf.flicker.frame_slips import (
     LEAST_STEP_LOG_RATIO,
     MOST_AT_ONCE,
@@ -31,12 +30,12 @@ from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
 from rsenf.flicker.node_sums import Frames, at_frames
 from rsenf.flicker.phase_fit import PhaseFit, fit_phase
 from rsenf.flicker.profile import ProfileBasis
+from rsenf.flicker.tone import turning
+from rsenf.medians import MEDIAN_SQUARE
 
 Float = NDArray[np.float64]
 
 PARTS = 8  # places within a point at which a step may be
-# Median of chi-squared with one degree of freedom.
-USUAL = 0.455
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +76,7 @@ def steps_in(told: Float, precision: Float) -> Steps:
     own = np.diag(precision)[:, None]
     heard = later[:, None] + 2.0 * share * beside[:, None] + share**2 * own
     heard = np.maximum(heard, max(1e-12 * heard.max(), 1e-300))
-    usual = max(float(np.median(top[1:-1] ** 2 / heard[1:-1])) / USUAL, 1.0)
+    usual = max(float(np.median(top[1:-1] ** 2 / heard[1:-1])) / MEDIAN_SQUARE, 1.0)
     return Steps(top / heard, np.sqrt(usual / heard))
 
 

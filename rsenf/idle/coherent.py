@@ -14,7 +14,8 @@ import numpy as np
 
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.mains import MIN_FLICKER_RATIO
-from rsenf.flicker.near_dc_tracker import SPAN_S, course_of, direction_of
+from rsenf.flicker.near_dc_course import course_of, direction_of
+from rsenf.flicker.near_dc_tracker import SPAN_S
 from rsenf.flicker.zero_alias import ZeroAlias
 from rsenf.idle.estimator_state import EstimatorState, Finding
 from rsenf.idle.jackknife import bend_var, freedom, jackknife_var

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.complex_exponential import turning
+from rsenf.flicker.tone import turning
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]

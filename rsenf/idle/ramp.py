@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.complex_exponential import turning
+from rsenf.flicker.tone import turning
 from rsenf.idle.moments import RIDGE, Moments, orders
 
 Float = NDArray[np.float64]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.grid_prior import FREE, NODE_S, phase_prior
 from rsenf.flicker.wander import Wander, wander_of
+from rsenf.medians import MEDIAN_SQUARE
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -24,9 +25,8 @@ STEP_S = 2.0 * NODE_S  # half the length of the Hann windows: from one average t
 MIN_HALF = 5  # fewest steps on either side of the centre
 # Correlation of the noise of Hann windows that overlap by half.
 OVERLAP = 1.0 / 6.0
-# Variance of second differences of such averages' noise, over its own; and the median of
-# chi-squared with one degree of freedom.
-SECOND_DIFFERENCE, MEDIAN_SQUARE = 6.0 - 8.0 * OVERLAP, 0.455
+# Variance of second differences of such averages' noise, over its own.
+SECOND_DIFFERENCE = 6.0 - 8.0 * OVERLAP
 # Least amplitude of another series, relative to the tone's, for a comparison of frequencies.
 MIN_SHARE = 0.1
 

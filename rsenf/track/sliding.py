@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rsenf.flicker.cell_light import APART_HZ, Light, cell_means, look_at, tells_cells
 from rsenf.flicker.conversions import Conversions
 from rsenf.flicker.lines import Line, alias_hz
-from rsenf.flicker.mains import CREEPS, PATCHY, is_faint, why_not
+from rsenf.flicker.mains import CREEPS, is_faint, why_not
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
@@ -239,8 +239,9 @@ class SlidingTracker(EnfMethod):
         if self._rows > 1 and light is None and course.excess > MOST_UNSEEN:
             return CREEPS
         f0_hz, rate_hz = 2.0 * found.enf_hz, found.frame_rate_hz
-        reason = why_not(f0_hz, found.nominal_hz, rate_hz, course.wander, light)
-        return "" if reason == PATCHY and self._is_grids else reason
+        return why_not(
+            f0_hz, found.nominal_hz, rate_hz, course.wander, light, has_moved=self._is_grids
+        )
 
     def _is_faint(self, amplitude: float, line: Line, offset_hz: float) -> bool:
         """Whether a tone ``a·exp(jφ)``, half of the flicker's amplitude, is too weak."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from rsenf.flicker.near_dc_tracker import FIELDS, HALF
+from rsenf.flicker.near_dc_course import HALF
+from rsenf.flicker.near_dc_tracker import FIELDS
 from tests.discrepancy.foreign_camera.trials import trial
 from tests.flicker.foreign_rows import follow
 

@@ -8,13 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.grid_prior import NODE_S, NODES_PER_S, phase_prior
-from rsenf.flicker.node_noise import ACROSS_HZ, ALONG_HZ, COLUMNS_HZ, GAIN_WINDOW, STEADY
 from rsenf.flicker.node_sums import Frames
 from rsenf.flicker.phase_fit import (
-    FURTHER_SIZE,
     HALVES,
-    HARMONIC_SIZE,
-    HARMONICS,
     LOOK_AFTER,
     MAX_STEPS,
     NEARLY,
@@ -22,11 +18,21 @@ from rsenf.flicker.phase_fit import (
     NUISANCES,
     REST,
     REST_RAD,
+    STANDS_OUT,
+    PhaseFit,
+)
+from rsenf.flicker.phase_likelihood import (
+    ACROSS_HZ,
+    ALONG_HZ,
+    COLUMNS_HZ,
+    FURTHER_SIZE,
+    GAIN_WINDOW,
+    HARMONIC_SIZE,
+    HARMONICS,
     RIDGE,
     SIGNIFICANT,
-    STANDS_OUT,
+    STEADY,
     TAILS,
-    PhaseFit,
 )
 
 Float = NDArray[np.float64]
