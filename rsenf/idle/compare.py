@@ -39,7 +39,7 @@ REACH = 40.0  # standard errors that it spans
 MOST_LOG10_LR = 4.0
 # Likelihood ratios of 100 against, and of 3 for.
 DIFFERENT, COMPATIBLE = -2.0, 0.5
-SAME_RATE = 1e-3  # largest relative difference of equal frame rates
+SAME_RATE = 1.01e-3  # largest relative difference of equal frame rates: 30 and 29.97, as written
 
 EQUAL_PROVES_NOTHING = (
     "equal read-out times don't prove one camera: others of its model have the same, and a few "
@@ -113,11 +113,11 @@ def _caveats(a: IdleEstimate, b: IdleEstimate) -> list[str]:
 
 
 def is_same_rate(a_hz: float, b_hz: float) -> bool:
-    """Whether two frame rates may be of one mode, such as 30 and 30/1.001 frames/s.
+    """Whether two frame rates may be of one mode, such as 30 and 29.97 frames/s.
 
     Examples
     --------
-    >>> is_same_rate(30.0, 30.0 / 1.001), is_same_rate(30.0, 25.0)
+    >>> is_same_rate(30.0, 29.97), is_same_rate(30.0, 25.0)
     (True, False)
     """
     return abs(a_hz - b_hz) <= SAME_RATE * max(a_hz, b_hz)
