@@ -185,6 +185,7 @@ class ZenohBus:
         self._inboxes: list[Inbox] = []
         # Zenoh undeclares what Python garbage-collects.
         self._declared: list[Any] = []
+        self._subscribers: list[Any] = []
         # Whether closing may wait only briefly for messages in transit.
         self.in_a_hurry: Callable[[], bool] = lambda: True
 
@@ -212,7 +213,7 @@ class ZenohBus:
             subscriber = self._session.declare_subscriber(key_expr, handler)
         except zenoh.ZError as exc:
             raise no_key_expression(key_expr) from exc
-        self._declared.append(subscriber)
+        self._subscribers.append(subscriber)
         replies = self._query(key_expr, HISTORY_TIMEOUT_S) if delivery.history else ()
         subscription.catch_up(_envelope(reply.ok) for reply in replies if reply.ok)
 
@@ -258,14 +259,19 @@ class ZenohBus:
         self._declared.append(self._session.declare_queryable(ECHO_KEY, answer))
 
     def close(self) -> None:
-        """Close the inboxes and wait until everything sent has arrived.
+        """Close the inboxes, unsubscribe, and wait until everything sent has arrived.
 
         Closing a session (by :func:`open_bus`) discards what is still queued. A query of the lowest
         priority is sent after all of it on the same link, so its answers mean that the router, and
-        the routers of other hosts that forward the query, have everything.
+        the routers of other hosts that forward the query, have everything, and that nothing more is
+        on its way to here. A router that is just sending to a session that closes may block until
+        ``WAIT_BEFORE_CLOSE_US`` is over, and with it all others whose messages it carries.
         """
         for inbox in self._inboxes:
             inbox.close()
+        with contextlib.suppress(zenoh.ZError):  # such as for a broken link
+            for subscriber in self._subscribers:
+                subscriber.undeclare()
         replies = self._session.get(
             ECHO_KEY, timeout=SEEN_OFF_S, priority=zenoh.Priority.BACKGROUND,
             target=zenoh.QueryTarget.ALL, congestion_control=_BLOCK,

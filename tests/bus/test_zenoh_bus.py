@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
+import time
+from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from bus_samples import TRACK, client, drain, estimate, router, seqs, take
+from bus_samples import TRACK, client, drain, estimate, frame, router, seqs, take
 
 from rsenf.bus import zenoh_bus
 from rsenf.bus.delivery import SIGNALS
@@ -15,6 +19,7 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.zenoh_bus import BusSettings, open_bus, setting_problem
 from rsenf.errors import RsenfError, UsageError
 from rsenf.messages import encode, encoding_of
+from rsenf.run.patience import wait_until
 from rsenf.run.supervisor import free_endpoint
 
 HERE = str(Path(__file__).parent)
@@ -247,3 +252,30 @@ def test_nothing_waits_after_the_bus_is_closed() -> None:
 def test_within_a_host_no_silent_link_is_given_up(settings: BusSettings, lease_ms: int) -> None:
     config = zenoh_bus._config(settings)
     assert int(config.get_json("transport/link/tx/lease")) == lease_ms
+
+
+def test_readers_that_leave_under_backpressure_hold_nobody_up() -> None:
+    """A router that sends to a session just being closed may block: a reader unsubscribes first."""
+    narrow, enough, sent = replace(SIGNALS, queue=2, history=0), threading.Event(), Counter[str]()
+    keys = [f"rsenf/lab/cam{n}/frames" for n in range(3)]
+    with router() as (endpoint, _), client(endpoint) as sending:
+
+        def send(key: str) -> None:
+            publisher = sending.publisher(key, narrow)
+            while not enough.is_set():
+                publisher.send(frame(sent[key], 200, 300))
+                sent[key] += 1
+
+        senders = [threading.Thread(target=send, args=(key,), daemon=True) for key in keys]
+        for sender in senders:
+            sender.start()
+        for _ in range(15):
+            with client(endpoint) as leaving:
+                slow = Inbox()
+                leaving.subscribe(slow, "rsenf/lab/*/frames", narrow)
+                take(slow, 1)  # and no more: the senders wait for it
+                time.sleep(0.3)  # until the queues to it are full
+            before = sent.copy()
+            assert wait_until(lambda: all(sent[key] > before[key] for key in keys))  # noqa: B023
+        enough.set()
+        assert wait_until(lambda: not any(sender.is_alive() for sender in senders))
