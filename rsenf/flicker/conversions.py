@@ -49,6 +49,7 @@ DRIFT_BLOCKS = 8  # blocks of time, whose spread enters the factor's standard er
 # Difference between two pictures, relative to the usual one, below which they are the same; and
 # share of frames that repeat the last above which a codec causes it.
 SAME_PICTURE, MOST_DOUBLED = 0.02, 0.1
+MOST_NEWS = 0.7  # of a new picture's difference: repeats of one differ by less, behind a codec, too
 MUCH_CLEARER = 2.0  # ratio of the light's SNRs above which even times replace the stamps
 AGAIN_S = 60.0  # interval between searches in :meth:`Conversions.why_not`
 NTSC = 1.001
@@ -130,7 +131,8 @@ class Conversions:
         drifts = find_by_drift(t_s, columns, self._rate_hz)
         if drifts is not None:
             return drifts, True
-        return find_conversion(self._nominals_hz, t_s, columns, self._rate_hz), False
+        found = find_conversion(self._nominals_hz, t_s, columns, self._rate_hz)
+        return found if found and _is_shown(found, stamp_s, news[:, 0]) else None, False
 
     def why_not(self, start_s: float, end_s: float) -> str:
         """Return why frame times are unreliable, or ''; searched again every ``AGAIN_S`` s."""
@@ -178,6 +180,14 @@ class Conversions:
         """Replace time stamps by the times at which the camera took the frames."""
         for values in (self.columns, self._new):
             values.convert(conversion)
+
+
+def _is_shown(found: Conversion, stamp_s: Float, news: Float) -> bool:
+    """Whether pictures that a conversion would have repeated differ less than the others."""
+    if found.blended or found.source_hz > found.shown_hz:
+        return True
+    again = np.diff(np.floor(found.source_frames(stamp_s)), prepend=-1.0) == 0.0
+    return bool(np.median(news[again]) < MOST_NEWS * np.median(news[~again]))
 
 
 def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | None:

@@ -246,7 +246,7 @@ class FlickerFollower:
         lock.settled_s = self._next
         self._why = lock.why_not_mains(start, end)
         first = int(self._buffer.first_t_s)
-        if self._why in (CREEPS, TOO_BRIEF, PATCHY):  # a fit may show a grid's wander
+        if self._why in ("", CREEPS, TOO_BRIEF, PATCHY):  # a fit shows how the phase wanders
             lock.extend(self._buffer, start, end)
             self._why = lock.why_not_mains(start, end)
         if self._why == PATCHY and is_long:
