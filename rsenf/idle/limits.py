@@ -62,7 +62,6 @@ STILL = Finding(
 )
 WEAK = refused(mains.FAINT)
 REMADE = tuple(map(refused, (BLENDED, DOUBTFUL)))
-OTHER_LIGHT = tuple(map(refused, (mains.NO_GRID, mains.TOO_STEADY)))
 NO_ROWS = refused("one mean for the whole frame: the rows are needed")
 SAWTOOTH = refused(
     "the brightness ramps and is reset at key frames: weighted prediction of the encoder, not light"

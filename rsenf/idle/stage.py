@@ -30,7 +30,6 @@ from rsenf.idle.limits import (
     JITTERS,
     NO_FLICKER,
     NO_ROWS,
-    OTHER_LIGHT,
     REMADE,
     SAWTOOTH,
     TOO_SHORT,
@@ -185,9 +184,6 @@ class IdleStage:
         for remade in REMADE:
             if remade.reason in self._pairing.reasons:
                 return remade
-        for other in OTHER_LIGHT:  # what is left may only be too short to show it
-            if 2 * self._pairing.reasons[other.reason] > self._pairing.seconds:
-                return other
         seen = EstimatorState(
             moments=self._moments,
             still_rows=self._still_rows,
