@@ -19,7 +19,7 @@ from rsenf.batch.journal import Record
 from rsenf.bench.bounds import rate_bound
 from rsenf.bench.calibration.fit import Pairs, cost_of_ratios, reliability
 from rsenf.bench.calibration.table import reliability_lines
-from rsenf.bench.idle_table import DEFAULT
+from rsenf.bench.clip_tables import IDLE_DEFAULT
 from rsenf.bench.scenes import IDLE_RATIO
 from rsenf.idle.cameras import SAME_MODEL_RATIO, Known, Mode, Reading, log10_lr, log10_odds
 from rsenf.idle.compare import DIFFERENT
@@ -45,7 +45,7 @@ def measured_errors(records: Sequence[Record]) -> tuple[Errors, int]:
         at_rate = errors.setdefault(record["frame_rate"], [])
         read_percent = 100.0 - record["idle_percent"]
         for found in record["found"].values():
-            told, tried = found["idle"][DEFAULT], tried + 1
+            told, tried = found["idle"][IDLE_DEFAULT], tried + 1
             if told.get("verdict") == "estimated":
                 error, std = -told["error_percent"], told["std_percent"]
                 at_rate.append((error / read_percent, std / read_percent))

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from rsenf.batch.journal import Record
-from rsenf.bench.match_loop import RUN, RUNS
-from rsenf.bench.text import aligned, markdown
+from rsenf.bench.match_trial import RUN, RUNS
+from rsenf.bench.tables import aligned, markdown
 
 SPANS = {1: "a day", 7: "a week", 30: "a month", 365: "a year", 3653: "ten years"}
 _HEAD = (

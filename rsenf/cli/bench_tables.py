@@ -32,7 +32,7 @@ def _measured(
 ) -> list[Record]:
     """Measure what is missing in a file of results, with a progress bar."""
     from rsenf.batch.journal import read_records
-    from rsenf.bench.session import measure_missing
+    from rsenf.bench.harness import measure_missing
 
     if args.table_only:
         return list(read_records(out).values())
@@ -76,10 +76,10 @@ def _fitted(args: argparse.Namespace, fitted: Callable[[], Any]) -> None:
 def _clips(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.cameras_table import tabulate as draw_fleets
     from rsenf.bench.cameras_table import text as fleets
-    from rsenf.bench.document import tabulate
+    from rsenf.bench.clip_tables import tabulate
+    from rsenf.bench.clip_text import page, text
     from rsenf.bench.measure import measure
     from rsenf.bench.plan import Plan
-    from rsenf.bench.text import page, text
     from rsenf.cli.options import settings_of
 
     claims = args.table == "claims"
@@ -100,13 +100,12 @@ def _clips(args: argparse.Namespace, folder: Path) -> Made:
 
 
 def _recording_time(args: argparse.Namespace, folder: Path) -> Made | None:
-    from rsenf.bench.recording_time.document import tabulate
-    from rsenf.bench.recording_time.films import has_film
+    from rsenf.bench.recording_time.films import has_film, make_missing
     from rsenf.bench.recording_time.plan import RecordingPlan
     from rsenf.bench.recording_time.references import NOISE_HZ
-    from rsenf.bench.recording_time.session import cuts_of, make_missing
+    from rsenf.bench.recording_time.table import tabulate
     from rsenf.bench.recording_time.text import page, text
-    from rsenf.bench.recording_time.trials import run_trials
+    from rsenf.bench.recording_time.trials import cuts_of, run_trials
     from rsenf.cli.options import settings_of
 
     usual: dict[str, Any] = {"size": "240p", "codings": ("lossless", "50k"), "clips": 1,
@@ -127,12 +126,18 @@ def _recording_time(args: argparse.Namespace, folder: Path) -> Made | None:
 
 
 def _calibration(args: argparse.Namespace, folder: Path) -> Made:
-    from rsenf.bench.calibration.damage import damage_text, over_damage
-    from rsenf.bench.calibration.grids import FIT, TEST
-    from rsenf.bench.calibration.picture import draw
     from rsenf.bench.calibration.real_clips import there
     from rsenf.bench.calibration.searches import RealSearch, Search, real_searched, searched
-    from rsenf.bench.calibration.table import calibration_file, fitted_lines, tabulated, text
+    from rsenf.bench.calibration.table import (
+        calibration_file,
+        damage_text,
+        draw,
+        fitted_lines,
+        over_damage,
+        tabulated,
+        text,
+    )
+    from rsenf.bench.grids import FIT, TEST
     from rsenf.cli.console import note
     from rsenf.errors import UsageError
     from rsenf.match.calibration import calibration
@@ -166,11 +171,10 @@ def _calibration(args: argparse.Namespace, folder: Path) -> Made:
 
 
 def _match(args: argparse.Namespace, folder: Path) -> Made:
+    from rsenf.bench.harness import measure_missing
     from rsenf.bench.match_days import LONGEST_CLIP_S, Haystack
-    from rsenf.bench.match_stream import Stream, timed_stream
     from rsenf.bench.match_table import SPANS, page, tabulate, text
-    from rsenf.bench.match_trial import Trial, measure_trials
-    from rsenf.bench.session import measure_missing
+    from rsenf.bench.match_trial import Stream, Trial, measure_trials, timed_stream
     from rsenf.cli.console import say
     from rsenf.errors import UsageError
 
@@ -194,10 +198,9 @@ def _match(args: argparse.Namespace, folder: Path) -> Made:
 
 def _pipeline(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.batch.journal import read_records
-    from rsenf.bench.pipeline.contestants import has_ffmpeg
+    from rsenf.bench.pipeline.contestants import RESULTS, has_ffmpeg, measure_turns, turns
     from rsenf.bench.pipeline.films import CODECS, SIZES
     from rsenf.bench.pipeline.table import tabulate, text
-    from rsenf.bench.pipeline.trial import RESULTS, measure_turns, turns
     from rsenf.cli.console import note, say
 
     # Enough frames for some seconds of decoding.
@@ -273,9 +276,8 @@ def _discover(args: argparse.Namespace, folder: Path) -> Made:
     if args.foreign:
         return _foreign(args, folder)
     from rsenf.bench.discover.beside import SKEW, clock_cases, tried
-    from rsenf.bench.discover.picture import draw
     from rsenf.bench.discover.plan import Plan, left_out, listed
-    from rsenf.bench.discover.table import tabulated, text
+    from rsenf.bench.discover.table import draw, tabulated, text
     from rsenf.cli.console import note
     from rsenf.cli.options import settings_of
     from rsenf.errors import UsageError
@@ -313,7 +315,7 @@ def _discover(args: argparse.Namespace, folder: Path) -> Made:
 def _foreign(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.discover.foreign import Plan, camera_at, left_out, listed, tried
     from rsenf.bench.discover.foreign_table import tabulated, text
-    from rsenf.bench.discover.picture import draw
+    from rsenf.bench.discover.table import draw
     from rsenf.cli.console import note
     from rsenf.cli.options import settings_of
     from rsenf.errors import UsageError
@@ -342,9 +344,8 @@ def _foreign(args: argparse.Namespace, folder: Path) -> Made:
 
 def _estimators(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.discover.foreign import camera_at
-    from rsenf.bench.foreign.picture import draw
     from rsenf.bench.foreign.plan import NEEDED, EstimatorPlan, tasks_of, tried
-    from rsenf.bench.foreign.table import tabulated, text
+    from rsenf.bench.foreign.table import draw, tabulated, text
     from rsenf.cli.options import settings_of
 
     usual: dict[str, Any] = {}
@@ -362,13 +363,11 @@ def _estimators(args: argparse.Namespace, folder: Path) -> Made:
 
 
 def _live(args: argparse.Namespace, folder: Path) -> Made:
-    from rsenf.bench.calibration.grids import FIT, TEST
-    from rsenf.bench.live.fit import limits_file
-    from rsenf.bench.live.picture import draw
+    from rsenf.bench.grids import FIT, TEST
     from rsenf.bench.live.plan import LivePlan
-    from rsenf.bench.live.table import tabulated
-    from rsenf.bench.live.text import page, text
-    from rsenf.bench.live.trials import watched
+    from rsenf.bench.live.rules import watched
+    from rsenf.bench.live.table import limits_file, tabulated
+    from rsenf.bench.live.text import draw, page, text
     from rsenf.cli.options import settings_of
 
     usual: dict[str, Any] = {"clips": 9, "duration_s": 180.0} if args.quick else {}

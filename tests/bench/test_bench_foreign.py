@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from rsenf.bench.discover.foreign import CAMERA, Case, Plan, camera_at, left_out, listed, tried
-from rsenf.bench.discover.foreign_judge import closed, judged, parameter_errors
 from rsenf.bench.discover.foreign_table import tabulated, text
+from rsenf.bench.discover.judge import closed, judged_foreign, parameter_errors
 from rsenf.errors import UsageError
 
 PATH = Path(__file__).resolve().parents[2] / CAMERA
@@ -59,18 +59,20 @@ def _told(verdict: str, *named: str) -> dict[str, Any]:
 def test_an_answer_is_judged(
     kind: str, hidden: str, told: dict[str, Any], outcome: str, wrong: int
 ) -> None:
-    judgement = judged(kind, {name: LIKE[name] for name in hidden.split()}, told, ("harmonics",))
+    judgement = judged_foreign(
+        kind, {name: LIKE[name] for name in hidden.split()}, told, ("harmonics",)
+    )
     assert (judgement["outcome"], len(judgement["wrong_names"])) == (outcome, wrong)
 
 
 def test_a_pure_tone_has_no_harmonics_to_name() -> None:
-    assert judged("none", {}, _told("explained", "harmonics"), ())["outcome"] == "wrong"
+    assert judged_foreign("none", {}, _told("explained", "harmonics"), ())["outcome"] == "wrong"
 
 
 def test_a_name_for_what_is_like_it_is_counted() -> None:
     hidden = {"gamma": ("harmonics",)}
-    assert judged("one", hidden, _told("explained", "harmonics"), ())["by_like"] == 1
-    assert judged("one", hidden, _told("explained", "gamma"), ())["by_like"] == 0
+    assert judged_foreign("one", hidden, _told("explained", "harmonics"), ())["by_like"] == 1
+    assert judged_foreign("one", hidden, _told("explained", "gamma"), ())["by_like"] == 0
 
 
 def _errors(name: str, truth: dict[str, Any], **parameters: Any) -> list[float | None]:

@@ -8,10 +8,8 @@ from typing import Any
 import pytest
 
 from rsenf.bench.bounds import rate_bound
-from rsenf.bench.document import claims_rows, tabulate
-from rsenf.bench.enf_table import enf_rows
-from rsenf.bench.idle_table import idle_rows
-from rsenf.bench.text import page, text
+from rsenf.bench.clip_tables import claims_rows, enf_rows, idle_rows, tabulate
+from rsenf.bench.clip_text import page, text
 from tests.bench.bench_records import enf, idle, lit
 
 BROKE = {"broke": "ValueError: x"}

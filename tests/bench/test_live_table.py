@@ -9,11 +9,19 @@ from typing import Any
 import pytest
 
 from rsenf.bench.bounds import count_bound
-from rsenf.bench.live.fit import WANTED_PER_HOUR, WORTH, fitted_nats, limits_file
-from rsenf.bench.live.picture import draw
 from rsenf.bench.live.rules import live_at, span_of
-from rsenf.bench.live.table import ALARMS, CORRELATION, NOT_LIVE, VERDICT, tabulated
-from rsenf.bench.live.text import page, text
+from rsenf.bench.live.table import (
+    ALARMS,
+    CORRELATION,
+    NOT_LIVE,
+    VERDICT,
+    WANTED_PER_HOUR,
+    WORTH,
+    fitted_nats,
+    limits_file,
+    tabulated,
+)
+from rsenf.bench.live.text import draw, page, text
 from rsenf.errors import InputError
 from rsenf.live.settings import Limits
 

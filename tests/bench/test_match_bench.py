@@ -20,10 +20,8 @@ from rsenf.bench.match_days import (
     real_day,
     write_haystack,
 )
-from rsenf.bench.match_loop import lag_by_lag
-from rsenf.bench.match_stream import Stream, timed_stream
 from rsenf.bench.match_table import page, tabulate, text
-from rsenf.bench.match_trial import Trial, measure_trials
+from rsenf.bench.match_trial import Stream, Trial, lag_by_lag, measure_trials, timed_stream
 from rsenf.cli import main
 from rsenf.match import MatchSettings
 from rsenf.match.ncc import Residuals, lag_residuals

@@ -10,14 +10,23 @@ import av
 import numpy as np
 import pytest
 
-from rsenf.bench.pipeline.contestants import COPY, FFMPEG, LIVE, MEANS, ONE, PYAV, SPLITS, time_it
+from rsenf.bench.pipeline.contestants import (
+    COPY,
+    FFMPEG,
+    LIVE,
+    MEANS,
+    ONE,
+    PYAV,
+    SPLITS,
+    time_it,
+    turns,
+)
 from rsenf.bench.pipeline.feeds import RESULTS, Many, carried, counts, lateness_s, measure_feeds
 from rsenf.bench.pipeline.feeds import tabulate as feeds_table
 from rsenf.bench.pipeline.feeds import text as feeds_text
 from rsenf.bench.pipeline.films import Film, made, reference_of
 from rsenf.bench.pipeline.graphs import Heard, Ran, Split
 from rsenf.bench.pipeline.table import tabulate, text
-from rsenf.bench.pipeline.trial import turns
 from rsenf.cli import main
 from rsenf.messages import Header, Health
 from rsenf.reference import open_reference

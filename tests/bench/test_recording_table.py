@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from rsenf.bench.bounds import rate_bound
-from rsenf.bench.recording_time.document import tabulate
+from rsenf.bench.recording_time.table import tabulate
 from rsenf.bench.recording_time.text import page, text
 
 

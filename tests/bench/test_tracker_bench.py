@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsenf.bench.tracker.hour import Hour
+from rsenf.bench.tracker.beside import Hour
 from rsenf.bench.tracker.light import BLOCK_FRAMES, Light, cycles, reference
 from rsenf.bench.tracker.table import tabulate, text
 from rsenf.bench.tracker.trials import Planes, measured, planes, trials

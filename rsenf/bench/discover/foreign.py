@@ -41,7 +41,7 @@ from types import ModuleType
 from typing import Any
 
 from rsenf.bench.discover import plan
-from rsenf.bench.discover.foreign_judge import closed, judged, parameter_errors, said_of
+from rsenf.bench.discover.judge import closed, judged_foreign, parameter_errors, said_of
 from rsenf.errors import RsenfError, UsageError
 from rsenf.model.seeds import generator
 
@@ -258,7 +258,7 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
         "seed": case.seed,
         "times": case.times,
         "video": case.video,
-        **judged(case.kind, like, told, own),
+        **judged_foreign(case.kind, like, told, own),
         "verdict": told["verdict"],
         "refused": refused,
         "named": [" or ".join(names) for names in said_of(told)],
@@ -287,7 +287,7 @@ def _of(camera: ModuleType, name: str) -> Any:
 
 def _measured(camera: ModuleType, asked: Any, filmed: Any, *, video: bool) -> Any:
     """Return what the workflow is given: rows as they are, or those of a film."""
-    from rsenf.bench.discover.filmed import sampled
+    from rsenf.bench.discover.trial import sampled
     from rsenf.discrepancy.measured import measured_of
     from rsenf.messages import Header
     from rsenf.rows.luminance import blocks_from_luminance

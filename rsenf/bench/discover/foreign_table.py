@@ -8,10 +8,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from rsenf.bench.discover.foreign import KINDS
-from rsenf.bench.discover.foreign_judge import HALF, LEFT
-from rsenf.bench.discover.judge import MISSED, REST, RIGHT, WRONG
+from rsenf.bench.discover.judge import HALF, LEFT, MISSED, REST, RIGHT, WRONG
 from rsenf.bench.discover.table import NOTHING, Record, named
-from rsenf.bench.text import titled
+from rsenf.bench.tables import titled
 
 WHOLE = {
     "one": "all single effects",

@@ -1,11 +1,14 @@
 """A case made, given to the workflow, and its truth opened afterwards.
 
 The model that was written, given back to the simulator: what it makes must lack nothing.
+
+A case filmed, encoded by a real codec, decoded and sampled: the workflow gets a video.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -13,20 +16,48 @@ from typing import Any
 import numpy as np
 import yaml
 
-from rsenf.bench.discover.filmed import codec_of, filmed, sampled
+from rsenf.api.recordings import read_recording
 from rsenf.bench.discover.judge import judged, parameter_error
-from rsenf.bench.discover.outside import OUTSIDE, done_to
-from rsenf.bench.discover.plan import Case
+from rsenf.bench.discover.plan import OUTSIDE, Case, done_to
 from rsenf.bench.discover.scene import Drawn, drawn
 from rsenf.config.model_file import load_model
-from rsenf.discrepancy.measured import measured_of
+from rsenf.discrepancy.measured import Float32Array, Measured, measured_of
 from rsenf.discrepancy.result import discovery_json, model_of
 from rsenf.discrepancy.verdict import Discovery, discover
 from rsenf.errors import RsenfError
 from rsenf.messages import Header, RowBlock
-from rsenf.model import GridPath, simulate_rows
+from rsenf.model import GridPath, render_frames, simulate_rows
+from rsenf.model.codec import Codec
 from rsenf.model.seeds import generator
+from rsenf.model.video_file import write_video
 from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.settings import RowsSettings
+from rsenf.run.recoded import is_lossy, recoded
+
+CODECS = {
+    "lossless": Codec(lossless=True),
+    "x264 4 Mb/s": Codec(bitrate_bps=4_000_000),
+}
+ROWS = RowsSettings(strips=4)  # as the command samples a video
+
+
+def codec_of(case: Case) -> str:
+    """Name of the codec of a case: they take turns."""
+    return tuple(CODECS)[case.seed % len(CODECS)] if case.video else ""
+
+
+def filmed(case: Case, made: Drawn, path: Path) -> None:
+    """Film a case into a file."""
+    frames = render_frames(made.truth, made.grid, case.duration_s, case.seed)
+    write_video(path, frames, CODECS[codec_of(case)])
+
+
+def sampled(path: Path) -> tuple[Measured, Callable[[Float32Array], Float32Array] | None]:
+    """Return the rows of a video, and what codes rows as it was coded, where it is."""
+    data = measured_of(read_recording(path, rows=ROWS).blocks)
+    again = (lambda level: recoded(path, level, data.axis, ROWS)) if is_lossy(path) else None
+    return data, again
+
 
 OTHER = 10**6  # between the seed of a case and that of what its model makes
 

@@ -13,12 +13,12 @@ from typing import Any
 
 from rsenf import __version__
 from rsenf.batch.journal import Record, read_records
+from rsenf.bench.harness import measure_missing
+from rsenf.bench.machine import most_of_others, others_said, watch_others
+from rsenf.bench.pipeline.contestants import FILMS, VERSION
 from rsenf.bench.pipeline.films import FRAME_RATE, Film, made
 from rsenf.bench.pipeline.graphs import Heard, Ran, Split, run_split
-from rsenf.bench.pipeline.others import most_of_others, others_said, watch_others
-from rsenf.bench.pipeline.trial import FILMS, VERSION
-from rsenf.bench.session import measure_missing
-from rsenf.bench.text import Table, titled
+from rsenf.bench.tables import Table, titled
 
 RESULTS = "feeds.jsonl"
 # So far behind its own speed in the last quarter, a feed is lost: nothing but the end of the film

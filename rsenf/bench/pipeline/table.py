@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from rsenf.batch.journal import Record
+from rsenf.bench.machine import most_of_others, others_said, undisturbed
 from rsenf.bench.pipeline.contestants import COPY, FFMPEG, LIVE, MEANS, ONE, PYAV, SPLITS
-from rsenf.bench.pipeline.others import most_of_others, others_said, undisturbed
-from rsenf.bench.text import Table, titled
+from rsenf.bench.tables import Table, titled
 
 Row = dict[str, Any]
 # Least share of the decoder's frame rate, of 720p and 1080p in H.264.

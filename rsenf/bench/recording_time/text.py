@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from rsenf.bench.recording_time.search import PAPER_METRICS
 from rsenf.bench.recording_time.table import Row
-from rsenf.bench.recording_time.trials import METHODS
-from rsenf.bench.text import Table, titled
+from rsenf.bench.recording_time.trials import METHODS, PAPER_METRICS
+from rsenf.bench.tables import Table, titled
 
 _NONE = "–"
 _NOTE = """\
@@ -18,7 +17,7 @@ independent; those of one film aren't quite. Clips are cut from films that were 
 
 
 def text(document: Row) -> str:
-    """Return the tables of :func:`rsenf.bench.recording_time.document.tabulate` for a terminal."""
+    """Return the tables of :func:`rsenf.bench.recording_time.table.tabulate` for a terminal."""
     return titled(_tables(document), [_NOTE, _made_from(document)], on_page=False)
 
 

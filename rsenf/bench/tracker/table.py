@@ -7,7 +7,7 @@ from statistics import median
 from typing import Any
 
 from rsenf.batch.journal import Record
-from rsenf.bench.text import titled
+from rsenf.bench.tables import titled
 from rsenf.bench.tracker.beside import AFTER
 
 Row = dict[str, Any]

@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 
 from rsenf import __version__
 from rsenf.batch.journal import Record, read_records
+from rsenf.bench.harness import measure_missing
 from rsenf.bench.pipeline.films import SIZES
-from rsenf.bench.session import measure_missing
-from rsenf.bench.tracker.beside import Beside
-from rsenf.bench.tracker.hour import Hour
+from rsenf.bench.tracker.beside import Beside, Hour
 from rsenf.messages import Frame, Header
 from rsenf.model.seeds import generator
 from rsenf.rows.settings import RowsSettings

@@ -1,14 +1,12 @@
-"""Rows of the tables as text for a terminal, and as Markdown for a page."""
+"""The tables of clips as text for a terminal, and as Markdown."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
-from rsenf.bench.idle_table import PAPER_AVERAGE_ERROR_PERCENT, VERDICTS
+from rsenf.bench.clip_tables import PAPER_AVERAGE_ERROR_PERCENT, VERDICTS
+from rsenf.bench.tables import Row, aligned, markdown
 
-Row = dict[str, Any]
-Table = tuple[str, Sequence[str], list[list[str]]]  # title, head, lines
 _NONE = "–"
 
 _ZERO = """\
@@ -33,7 +31,7 @@ standard errors of the truth, where the exposure leaves some flicker; others: al
 
 
 def text(document: Row) -> str:
-    """Return a table of :func:`rsenf.bench.document.tabulate` for a terminal."""
+    """Return a table of :func:`rsenf.bench.clip_tables.tabulate` for a terminal."""
     head, cells, note = _TEXT[document["table"]]
     table = aligned(head, (cells(row) for row in document["rows"]))
     return f"{table}\n\n{note}\n{_made_from(document)}"
@@ -156,34 +154,6 @@ def _against(mark: float | None, value: float | None) -> str:
         return ""
     reached = _NONE if value is None else "yes" if value <= mark else "no"
     return f"{mark:g} {reached}"
-
-
-def aligned(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return columns aligned to the right, all but those with nothing in them."""
-    lines = [head, *rows]
-    kept = [c for c in range(len(head)) if any(line[c] for line in lines[1:])]
-    wide = [max(len(line[c]) for line in lines) for c in kept]
-    return "\n".join(
-        "  ".join(line[c].rjust(w) for c, w in zip(kept, wide, strict=True)).rstrip()
-        for line in lines
-    )
-
-
-def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table in Markdown."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def titled(tables: Iterable[Table], notes: Sequence[str], *, on_page: bool) -> str:
-    """Return tables with something in them under their titles, and notes, in text or Markdown."""
-    written, heading = (markdown, "**{}**") if on_page else (aligned, "{}")
-    parts = [
-        f"{heading.format(title)}\n\n{written(head, lines)}"
-        for title, head, lines in tables
-        if lines
-    ]
-    return "\n\n".join([*parts, *notes])
 
 
 _TEXT: dict[str, tuple[Sequence[str], Callable[[Row], list[str]], str]] = {
