@@ -52,7 +52,7 @@ def measured_errors(records: Sequence[Record]) -> tuple[Errors, int]:
     return {rate: drawn for rate, drawn in errors.items() if drawn}, tried
 
 
-def tabulate(records: Sequence[Record], fleets: int, seed: int) -> dict[str, Any]:
+def tabulated(records: Sequence[Record], fleets: int, seed: int) -> dict[str, Any]:
     """Draw fleets with the errors that were measured, and return how their recordings fare."""
     errors, tried = measured_errors(records)
     return {
@@ -138,8 +138,9 @@ def _reading(
     )  # fmt: skip
 
 
-def text(told: dict[str, Any]) -> str:
-    """Return the outcome for a terminal."""
+def text(document: dict[str, Any], *, on_page: bool = False) -> str:
+    """Return the outcome as text; Markdown has no other form."""
+    told = document
     head = (
         f"{told['fleets']} fleets of {told['cameras']} cameras, {KNOWN_BY} recordings of each "
         f"known and one in question, with the errors of {told['estimates']} estimates (of "

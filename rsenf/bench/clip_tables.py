@@ -20,7 +20,7 @@ import numpy as np
 from rsenf.batch.journal import Record
 from rsenf.bench.bounds import rate_bound
 from rsenf.bench.plan import LIT, LOSSLESS
-from rsenf.bench.tables import median, rms, worst
+from rsenf.bench.tables import median, rms, versions_of, worst
 from rsenf.messages.schema import FloatArray
 from rsenf.track import TrackSettings
 
@@ -292,7 +292,7 @@ def _is_right(record: Record, result: dict[str, Any]) -> bool:
     return bool(relative.size and np.median(np.abs(relative)) <= RIGHT_WITHIN_STD)
 
 
-def tabulate(table: str, records: Sequence[Record], *, pooled: bool = False) -> dict[str, Any]:
+def tabulated(table: str, records: Sequence[Record], *, pooled: bool = False) -> dict[str, Any]:
     """Return a table's rows, and the seeds, grids and versions behind them.
 
     Parameters
@@ -309,7 +309,7 @@ def tabulate(table: str, records: Sequence[Record], *, pooled: bool = False) -> 
         "seeds": sorted({record["seed"] for record in records}),
         "durations_s": sorted({record["duration_s"] for record in records}),
         "grids": sorted({record["grid"] for record in records}),
-        "versions": [dict(v) for v in sorted({tuple(r["versions"].items()) for r in records})],
+        "versions": versions_of(records),
     }
     if table == "idle":
         document["paper_average_error_percent"] = PAPER_AVERAGE_ERROR_PERCENT

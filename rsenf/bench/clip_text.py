@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from rsenf.bench.clip_tables import PAPER_AVERAGE_ERROR_PERCENT, VERDICTS
-from rsenf.bench.tables import Row, aligned, markdown
-
-_NONE = "–"
+from rsenf.bench.tables import NONE, Row, aligned, made_from, markdown, percent, shown
 
 _ZERO = """\
 
@@ -30,36 +28,34 @@ below: the rate of claims that so few refute with 95 % confidence. right: claims
 standard errors of the truth, where the exposure leaves some flicker; others: all but those."""
 
 
-def text(document: Row) -> str:
-    """Return a table of :func:`rsenf.bench.clip_tables.tabulate` for a terminal."""
-    head, cells, note = _TEXT[document["table"]]
-    table = aligned(head, (cells(row) for row in document["rows"]))
-    return f"{table}\n\n{note}\n{_made_from(document)}"
+def text(document: Row, *, on_page: bool = False) -> str:
+    """Return a table of :func:`rsenf.bench.clip_tables.tabulated` for a terminal or in Markdown.
 
-
-def page(document: Row) -> str:
-    """Return a table in Markdown: of errors, a column for each method with median (worst)."""
-    rows = document["rows"]
-    if document["table"] == "idle":
-        table = _by_method(rows, "bound_percent", _idle_brief)
-    elif document["table"] == "enf":
-        table = _by_method(rows, "bound_mhz", _enf_brief)
+    In Markdown, errors have a column for each method with median (maximum).
+    """
+    rows, name = document["rows"], document["table"]
+    head, cells, note = _TEXT[name]
+    if not on_page:
+        return f"{aligned(head, map(cells, rows))}\n\n{note}\n{_made_from(document)}"
+    if name == "claims":
+        table = markdown(head, map(cells, rows))
     else:
-        table = markdown(_CLAIMS_HEAD, map(_claims_cells, rows))
+        bound, brief = {"idle": ("bound_percent", _idle_brief), "enf": ("bound_mhz", _enf_brief)}[
+            name
+        ]
+        table = _by_method(rows, bound, brief)
     return f"{table}\n\n{_made_from(document)}"
 
 
 def _made_from(document: Row) -> str:
     """Return one line on the clips behind a table."""
-    seeds, zero = document["seeds"], any(row["turned"] is not None for row in document["rows"])
-    told = [f"clips: {document['clips']}"]
-    if seeds:
-        told.append(f"seeds {seeds[0]} to {seeds[-1]}")
-        told.append("seconds each: " + ", ".join(f"{s:g}" for s in document["durations_s"]))
-        told.append(f"grid: {', '.join(document['grids'])}")
-    if len(document["versions"]) > 1:
-        told.append(f"made by {len(document['versions'])} versions of the program")
-    return "; ".join(told) + (_ZERO if zero else "")
+    is_zero = any(row["turned"] is not None for row in document["rows"])
+    return made_from(
+        document,
+        "clips",
+        "seconds each: " + ", ".join(f"{s:g}" for s in document["durations_s"]),
+        f"grid: {', '.join(document['grids'])}",
+    ) + (_ZERO if is_zero else "")
 
 
 _IDLE_HEAD = ("cell", "coding", "method", "clips", "est", "amb", "ref", "none", "broke", "median",
@@ -76,46 +72,46 @@ def _idle_cells(row: Row) -> list[str]:
     return [
         _cell(row), row["coding"], row["method"], str(row["clips"]),
         *(str(row[verdict]) for verdict in (*VERDICTS, "broke")),
-        _number(row["median_percent"]), _number(row["worst_percent"]), str(row["beaten"]),
-        _number(row["std_percent"]), _number(row["spread"]), _number(row["bound_percent"]),
-        _against(row["mark_percent"], row["median_percent"]), _number(row["cpu_ms_per_s"]),
+        shown(row["median_percent"]), shown(row["worst_percent"]), str(row["beaten"]),
+        shown(row["std_percent"]), shown(row["spread"]), shown(row["bound_percent"]),
+        _against(row["mark_percent"], row["median_percent"]), shown(row["cpu_ms_per_s"]),
     ]  # fmt: skip
 
 
 def _enf_cells(row: Row) -> list[str]:
     return [
         _cell(row), row["coding"], row["method"], str(row["clips"]), str(row["with_values"]),
-        str(row["broke"]), _percent(row["usable_ratio"]), _number(row["median_mhz"]),
-        _number(row["worst_mhz"]), f"{row['bright_with_values']}/{row['bright_clips']}",
-        _number(row["bright_median_mhz"]), _number(row["bright_worst_mhz"]),
-        _number(row["within_median_mhz"]), str(row["worse_than_stft"]), _number(row["std_mhz"]),
-        _number(row["spread"]), _percent(row["beyond_3_std_ratio"]), _number(row["bound_mhz"]),
-        _against(row["mark_mhz"], row["bright_median_mhz"]), _number(row["cpu_ms_per_s"]),
+        str(row["broke"]), percent(row["usable_ratio"]), shown(row["median_mhz"]),
+        shown(row["worst_mhz"]), f"{row['bright_with_values']}/{row['bright_clips']}",
+        shown(row["bright_median_mhz"]), shown(row["bright_worst_mhz"]),
+        shown(row["within_median_mhz"]), str(row["worse_than_stft"]), shown(row["std_mhz"]),
+        shown(row["spread"]), percent(row["beyond_3_std_ratio"]), shown(row["bound_mhz"]),
+        _against(row["mark_mhz"], row["bright_median_mhz"]), shown(row["cpu_ms_per_s"]),
     ]  # fmt: skip
 
 
 def _claims_cells(row: Row) -> list[str]:
     return [
         row["scene"], row["coding"], row["kind"], row["method"], str(row["clips"]),
-        str(row["claims"]), _percent(row["bound_ratio"]), str(row["right"]),
-        _percent(row["false_bound_ratio"]), str(row["broke"]),
-        _number(row["cpu_ms_per_s"]),
+        str(row["claims"]), percent(row["bound_ratio"]), str(row["right"]),
+        percent(row["false_bound_ratio"]), str(row["broke"]),
+        shown(row["cpu_ms_per_s"]),
     ]  # fmt: skip
 
 
 def _idle_brief(row: Row) -> str:
     missing = [f"{row[v]} {v.replace('_', ' ')}" for v in (*VERDICTS[1:], "broke") if row[v]]
     if row["median_percent"] is None:
-        return ", ".join(missing) or _NONE
-    figures = f"{_number(row['median_percent'])} ({_number(row['worst_percent'])})"
+        return ", ".join(missing) or NONE
+    figures = f"{shown(row['median_percent'])} ({shown(row['worst_percent'])})"
     return "; ".join([figures, ", ".join(missing)]) if missing else figures
 
 
 def _enf_brief(row: Row) -> str:
     if row["median_mhz"] is None:
-        return _NONE
-    figures = f"{_number(row['median_mhz'])} ({_number(row['worst_mhz'])})"
-    return f"{figures}, {_percent(row['usable_ratio'])}"
+        return NONE
+    figures = f"{shown(row['median_mhz'])} ({shown(row['worst_mhz'])})"
+    return f"{figures}, {percent(row['usable_ratio'])}"
 
 
 def _by_method(rows: Sequence[Row], bound: str, brief: Callable[[Row], str]) -> str:
@@ -127,8 +123,8 @@ def _by_method(rows: Sequence[Row], bound: str, brief: Callable[[Row], str]) -> 
     return markdown(
         head,
         (
-            [*key, str(next(iter(of.values()))["clips"]), _number(next(iter(of.values()))[bound])]
-            + [brief(of[m]) if m in of else _NONE for m in methods]
+            [*key, str(next(iter(of.values()))["clips"]), shown(next(iter(of.values()))[bound])]
+            + [brief(of[m]) if m in of else NONE for m in methods]
             for key, of in cells.items()
         ),
     )
@@ -140,19 +136,11 @@ def _cell(row: Row) -> str:
     return f"{size}{row['frame_rate']} fps {row['nominal_hz']:g} Hz{zero}"
 
 
-def _number(value: float | None) -> str:
-    return _NONE if value is None else f"{value:.3g}"
-
-
-def _percent(ratio: float | None) -> str:
-    return _NONE if ratio is None else f"{100 * ratio:.3g} %"
-
-
 def _against(mark: float | None, value: float | None) -> str:
     """Return a mark, and whether it was reached."""
     if mark is None:
         return ""
-    reached = _NONE if value is None else "yes" if value <= mark else "no"
+    reached = NONE if value is None else "yes" if value <= mark else "no"
     return f"{mark:g} {reached}"
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import os
+import shutil
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -21,8 +22,8 @@ import numpy as np
 import scipy
 
 from rsenf import __version__
-from rsenf.batch.journal import Record, read_records
-from rsenf.bench.harness import measure_missing
+from rsenf.batch.journal import Record
+from rsenf.bench.harness import measure_in_turn
 from rsenf.bench.machine import HELD, PEAK, memory_mb, restart_peak
 from rsenf.bench.match_days import (
     DAY_S,
@@ -112,15 +113,18 @@ class Trial:
 def measure_trials(
     trials: Sequence[Trial], out: Path, progress: Callable[[Trial], None]
 ) -> list[Record]:
-    """Measure what has no record yet, one after the other, each in a process of its own."""
-    for trial in trials:
-        if trial.key not in read_records(out):
+    """Measure the trials without a record one by one, each in a new process."""
+    with tempfile.TemporaryDirectory() as folder:
+        store = Path(folder) / "store"
+
+        def prepare(_: int, trial: Trial) -> None:
             progress(trial)
-            with tempfile.TemporaryDirectory() as folder:
-                write_haystack(trial.haystack, Path(folder))
-                measure_missing([replace(trial, store=Path(folder))], timed_searches, out, 1)
-    records = read_records(out)
-    return [records[trial.key] for trial in trials]
+            shutil.rmtree(store, ignore_errors=True)
+            store.mkdir()
+            write_haystack(trial.haystack, store)
+
+        trials = [replace(trial, store=store) for trial in trials]
+        return measure_in_turn(trials, timed_searches, out, prepare)
 
 
 def timed_searches(trial: Trial) -> Record:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rsenf.batch.journal import Record
     from rsenf.bench.pipeline.films import Film
 
-    Made = tuple[dict[str, Any], Callable[[dict[str, Any], bool], str]]
+    Made = tuple[dict[str, Any], Callable[..., str]]  # a document, and what writes it
 
 _CLAIMS: dict[str, Any] = {"clips": 40}  # for each of five scenes
 _CAMERAS: dict[str, Any] = {
@@ -74,10 +74,10 @@ def _fitted(args: argparse.Namespace, fitted: Callable[[], Any]) -> None:
 
 
 def _clips(args: argparse.Namespace, folder: Path) -> Made:
-    from rsenf.bench.cameras_table import tabulate as draw_fleets
-    from rsenf.bench.cameras_table import text as fleets
-    from rsenf.bench.clip_tables import tabulate
-    from rsenf.bench.clip_text import page, text
+    from rsenf.bench.cameras_table import tabulated as draw_fleets
+    from rsenf.bench.cameras_table import text as fleets_text
+    from rsenf.bench.clip_tables import tabulated
+    from rsenf.bench.clip_text import text
     from rsenf.bench.measure import measure
     from rsenf.bench.plan import Plan
     from rsenf.cli.options import settings_of
@@ -92,19 +92,17 @@ def _clips(args: argparse.Namespace, folder: Path) -> Made:
     clips, out = (plan.nothing(), "claims.jsonl") if claims else (plan.lit(), "clips.jsonl")
     records = _measured(args, clips, partial(measure, grids=args.grids), folder / out, "clips")
     if args.table == "cameras":
-        return draw_fleets(records, args.fleets, plan.first_seed), lambda told, on_page: fleets(
-            told
-        )
-    document = tabulate(args.table, records, pooled=args.pool_sizes)
-    return document, lambda told, on_page: page(told) if on_page else text(told)
+        return draw_fleets(records, args.fleets, plan.first_seed), fleets_text
+    document = tabulated(args.table, records, pooled=args.pool_sizes)
+    return document, text
 
 
 def _recording_time(args: argparse.Namespace, folder: Path) -> Made | None:
     from rsenf.bench.recording_time.films import has_film, make_missing
     from rsenf.bench.recording_time.plan import RecordingPlan
     from rsenf.bench.recording_time.references import NOISE_HZ
-    from rsenf.bench.recording_time.table import tabulate
-    from rsenf.bench.recording_time.text import page, text
+    from rsenf.bench.recording_time.table import tabulated
+    from rsenf.bench.recording_time.text import text
     from rsenf.bench.recording_time.trials import cuts_of, run_trials
     from rsenf.cli.options import settings_of
 
@@ -121,8 +119,8 @@ def _recording_time(args: argparse.Namespace, folder: Path) -> Made | None:
     work = partial(run_trials, films=films_in, grids=grids)
     cuts, out = cuts_of(made, NOISE_HZ), folder / "recording-time.jsonl"
     what = f"cuts of {len(made)} films to try"
-    document = tabulate(_measured(args, cuts, work, out, what))
-    return document, lambda told, on_page: page(told) if on_page else text(told)
+    document = tabulated(_measured(args, cuts, work, out, what))
+    return document, text
 
 
 def _calibration(args: argparse.Namespace, folder: Path) -> Made:
@@ -130,7 +128,6 @@ def _calibration(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.calibration.searches import RealSearch, Search, real_searched, searched
     from rsenf.bench.calibration.table import (
         calibration_file,
-        damage_text,
         draw,
         fitted_lines,
         over_damage,
@@ -161,19 +158,13 @@ def _calibration(args: argparse.Namespace, folder: Path) -> Made:
     _fitted(args, lambda: calibration_file(lines, [*records, *real]))
     _drawn(args, draw, document)
 
-    def written(told: dict[str, Any], on_page: bool) -> str:
-        parts = [text(told)]
-        if "real" in told:
-            parts += [text(told["real"]), damage_text(told["real"]["damage"])]
-        return "\n\n".join(parts)
-
-    return document, written
+    return document, text
 
 
 def _match(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.harness import measure_missing
     from rsenf.bench.match_days import LONGEST_CLIP_S, Haystack
-    from rsenf.bench.match_table import SPANS, page, tabulate, text
+    from rsenf.bench.match_table import SPANS, tabulated, text
     from rsenf.bench.match_trial import Stream, Trial, measure_trials, timed_stream
     from rsenf.cli.console import say
     from rsenf.errors import UsageError
@@ -192,15 +183,15 @@ def _match(args: argparse.Namespace, folder: Path) -> Made:
     streams = [Stream(length_s, args.seed, grids) for length_s in lengths_s]
     out = folder / "match.jsonl"
     records = measure_trials(trials, out, lambda trial: say(f"searching: {trial.key}"))
-    document = tabulate(records, measure_missing(streams, timed_stream, out, 1))
-    return document, lambda told, on_page: page(told) if on_page else text(told)
+    document = tabulated(records, measure_missing(streams, timed_stream, out, 1))
+    return document, text
 
 
 def _pipeline(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.batch.journal import read_records
     from rsenf.bench.pipeline.contestants import RESULTS, has_ffmpeg, measure_turns, turns
     from rsenf.bench.pipeline.films import CODECS, SIZES
-    from rsenf.bench.pipeline.table import tabulate, text
+    from rsenf.bench.pipeline.table import tabulated, text
     from rsenf.cli.console import note, say
 
     # Enough frames for some seconds of decoding.
@@ -220,12 +211,12 @@ def _pipeline(args: argparse.Namespace, folder: Path) -> Made:
             folder,
             lambda key, done, total: say(f"{done + 1}/{total}: {key}"),
         )
-    return tabulate(records), lambda told, on_page: text(told, on_page=on_page)
+    return tabulated(records), text
 
 
 def _feeds(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.batch.journal import read_records
-    from rsenf.bench.pipeline.feeds import RESULTS, measure_feeds, tabulate, text
+    from rsenf.bench.pipeline.feeds import RESULTS, measure_feeds, tabulated, text
     from rsenf.bench.pipeline.films import SIZES
     from rsenf.cli.console import say
 
@@ -240,7 +231,7 @@ def _feeds(args: argparse.Namespace, folder: Path) -> Made:
             for film in films
             for record in measure_feeds(film, args.feeds or first[film.size], folder, say)
         ]
-    return tabulate(records), lambda told, on_page: text(told, on_page=on_page)
+    return tabulated(records), text
 
 
 def _films(
@@ -262,14 +253,14 @@ def _films(
 
 
 def _tracker(args: argparse.Namespace, folder: Path) -> Made:
-    from rsenf.bench.tracker.table import tabulate, text
+    from rsenf.bench.tracker.table import tabulated, text
     from rsenf.bench.tracker.trials import measure_trials, trials
     from rsenf.cli.console import say
 
     parts, part_s = (2, 5.0) if args.quick else (5, 30.0)
     every = trials(args.repeat or parts, args.duration_s or part_s, quick=args.quick)
     records = measure_trials(every, folder, args.seed, lambda key: say(f"measuring: {key}"))
-    return tabulate(records), lambda told, on_page: text(told, on_page=on_page)
+    return tabulated(records), text
 
 
 def _discover(args: argparse.Namespace, folder: Path) -> Made:
@@ -309,7 +300,7 @@ def _discover(args: argparse.Namespace, folder: Path) -> Made:
     work = partial(tried, grids=args.grids)
     document = tabulated(_measured(args, cases, work, folder / "discover.jsonl", "cases"))
     _drawn(args, draw, document)
-    return document, lambda told, on_page: text(told, on_page=on_page)
+    return document, text
 
 
 def _foreign(args: argparse.Namespace, folder: Path) -> Made:
@@ -339,7 +330,7 @@ def _foreign(args: argparse.Namespace, folder: Path) -> Made:
     work = partial(tried, path=args.foreign.absolute())
     document = tabulated(_measured(args, cases, work, folder / "foreign.jsonl", "cases"))
     _drawn(args, draw, document)
-    return document, lambda told, on_page: text(told, on_page=on_page)
+    return document, text
 
 
 def _estimators(args: argparse.Namespace, folder: Path) -> Made:
@@ -359,7 +350,7 @@ def _estimators(args: argparse.Namespace, folder: Path) -> Made:
     methods = {task.method for task in tasks}
     document = tabulated([record for record in records if record["method"] in methods])
     _drawn(args, draw, document)
-    return document, lambda told, on_page: text(told, on_page=on_page)
+    return document, text
 
 
 def _live(args: argparse.Namespace, folder: Path) -> Made:
@@ -367,7 +358,7 @@ def _live(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.live.plan import LivePlan
     from rsenf.bench.live.rules import watched
     from rsenf.bench.live.table import limits_file, tabulated
-    from rsenf.bench.live.text import draw, page, text
+    from rsenf.bench.live.text import draw, text
     from rsenf.cli.options import settings_of
 
     usual: dict[str, Any] = {"clips": 9, "duration_s": 180.0} if args.quick else {}
@@ -378,7 +369,7 @@ def _live(args: argparse.Namespace, folder: Path) -> Made:
     document = tabulated(records)
     _fitted(args, lambda: limits_file(records))
     _drawn(args, draw, document)
-    return document, lambda told, on_page: page(told) if on_page else text(told)
+    return document, text
 
 
 MAKE: dict[str, Callable[[argparse.Namespace, Path], Made | None]] = {

@@ -8,7 +8,6 @@ Reliability in a picture: of the cases given some ratio, the share in which it w
 from __future__ import annotations
 
 import dataclasses
-import logging
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,10 +24,10 @@ from rsenf.bench.calibration.fit import (
     pairs_of,
     reliability,
 )
+from rsenf.bench.tables import picture
 from rsenf.match.calibration import VERSION, Line
 from rsenf.match.phase import SURE_STDS, least_of_best
 from rsenf.match.settings import MatchSettings
-from rsenf.whole_file import whole_file
 
 _ASKED = {
     "other": "this time against another in the reference (the search counted)",
@@ -105,8 +104,15 @@ def _clock(records: Sequence[Record]) -> dict[str, float]:
     }
 
 
-def text(document: dict[str, Any]) -> str:
-    """Return the outcome for a terminal."""
+def text(document: dict[str, Any], *, on_page: bool = False) -> str:
+    """Return the outcome as text; Markdown has no other form."""
+    parts = [_text(document)]
+    if real := document.get("real"):
+        parts += [_text(real), damage_text(real["damage"])]
+    return "\n\n".join(parts)
+
+
+def _text(document: dict[str, Any]) -> str:
     lines = [f"{document['searches']} searches in {', '.join(document['grids'])}"]
     for found in document["questions"]:
         line = found["line"]
@@ -245,27 +251,20 @@ def draw(path: Path, document: dict[str, Any]) -> None:
     RecordingError
         When the file can't be written.
     """
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7, 6), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots()
-    axes.plot([0, 1], [0, 1], color="#9a9a9a", linewidth=1, zorder=0)
-    for found in document["questions"]:
-        rows = found["rows"]
-        said, came = [r["said"] for r in rows], [r["came"] for r in rows]
-        low, high = [r["low"] for r in rows], [r["high"] for r in rows]
-        below = [max(c - a, 0.0) for c, a in zip(came, low, strict=True)]
-        above = [max(b - c, 0.0) for c, b in zip(came, high, strict=True)]
-        axes.errorbar(
-            said, came, yerr=[below, above], fmt="o", capsize=3,
-            color=_COLOURS[found["question"]], label=_SAID[found["question"]],
-        )  # fmt: skip
-    axes.set_xlabel("share of cases that the likelihood ratios mean")
-    axes.set_ylabel("share that came, with its 95 % interval")
-    axes.set_title(f"{document['searches']} searches", loc="left")
-    axes.legend(loc="upper left", frameon=False)
-    with whole_file(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=110)
+    with picture(path, (7, 6)) as figure:
+        axes = figure.subplots()
+        axes.plot([0, 1], [0, 1], color="#9a9a9a", linewidth=1, zorder=0)
+        for found in document["questions"]:
+            rows = found["rows"]
+            said, came = [r["said"] for r in rows], [r["came"] for r in rows]
+            low, high = [r["low"] for r in rows], [r["high"] for r in rows]
+            below = [max(c - a, 0.0) for c, a in zip(came, low, strict=True)]
+            above = [max(b - c, 0.0) for c, b in zip(came, high, strict=True)]
+            axes.errorbar(
+                said, came, yerr=[below, above], fmt="o", capsize=3,
+                color=_COLOURS[found["question"]], label=_SAID[found["question"]],
+            )  # fmt: skip
+        axes.set_xlabel("share of cases that the likelihood ratios mean")
+        axes.set_ylabel("share that came, with its 95 % interval")
+        axes.set_title(f"{document['searches']} searches", loc="left")
+        axes.legend(loc="upper left", frameon=False)

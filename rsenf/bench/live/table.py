@@ -16,10 +16,10 @@ from rsenf.batch.journal import Record
 from rsenf.bench.bounds import count_bound, rate_interval
 from rsenf.bench.live.plan import ATTACKS, OTHER
 from rsenf.bench.live.rules import LIMIT, false_and_delay, live_at, onsets, span_of
+from rsenf.bench.tables import Row, median, versions_of
 from rsenf.errors import InputError
 from rsenf.live.settings import VERSION
 
-Row = dict[str, Any]
 Times = Callable[[Record], Sequence[float]]
 
 VERDICT, ALARMS, NOT_LIVE = "verdict", "verdict or alarm", "no longer live"
@@ -52,7 +52,7 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
         "seeds": sorted({r["seed"] for r in records}),
         "grids": sorted({r["truth"]["grid"] for r in records}),
         "limits_nats": sorted({r["limit_nats"] for r in records}),
-        "versions": [dict(v) for v in sorted({tuple(r["versions"].items()) for r in records})],
+        "versions": versions_of(records),
         "honest": [_honest(name, records, times) for name, times in rules.items()],
         "live_share": _live_share(records),
         "false": _false(records),
@@ -124,7 +124,7 @@ def _found(records: Sequence[Record], times: Times) -> Row:
         "found": len(found),
         "found_low": low,
         "found_high": high,
-        "delay_median_s": float(np.median(found)) if found else None,
+        "delay_median_s": median(found),
         "delay_90_s": float(np.quantile(found, 0.9)) if found else None,
     }
 

@@ -5,16 +5,12 @@ False alarms against delay, as the limit is moved: of the verdict and of the cor
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from rsenf.bench.live.table import Row
-from rsenf.bench.tables import Table, titled
-from rsenf.whole_file import whole_file
+from rsenf.bench.tables import Row, Table, made_from, picture, shown, titled
 
-_NONE = "–"
 _NOTE = """\
 Delay: from the first false picture to the alarm at the monitor, all buffers of the trackers in it;
 median and 90 % of those found. live before: attacks on feeds that were called live when they began.
@@ -25,14 +21,17 @@ surest "live" down to "stale". Half of the other cameras are as live as the firs
 of the attacks that were coded once more, and of other cameras: no picture gives them away."""
 
 
-def text(document: Row) -> str:
-    """Return the tables of :func:`rsenf.bench.live.table.tabulated` for a terminal."""
-    return titled(_tables(document), [_NOTE, _made_from(document)], on_page=False)
-
-
-def page(document: Row) -> str:
-    """Return the same tables in Markdown."""
-    return titled(_tables(document), [_NOTE, _made_from(document)], on_page=True)
+def text(document: Row, *, on_page: bool = False) -> str:
+    """Return the tables of :func:`rsenf.bench.live.table.tabulated`."""
+    live = document["live_share"]
+    made = made_from(
+        document,
+        "feeds",
+        f"grids: {', '.join(document['grids'])}",
+        "limit: " + ", ".join(f"{n:.1f} nats" for n in document["limits_nats"]),
+        always=() if live is None else (f"called live in {100 * live:.1f} % of the honest time",),
+    )
+    return titled(_tables(document), [_NOTE, made], on_page=on_page)
 
 
 def _tables(document: Row) -> Iterator[Table]:
@@ -62,35 +61,14 @@ def _tables(document: Row) -> Iterator[Table]:
 
 
 def _rates(row: Row) -> list[str]:
-    return [f"{row['hours']:.1f}", str(row["false"]), _number(row["per_hour"]),
-            _number(row["bound_per_hour"])]  # fmt: skip
+    return [f"{row['hours']:.1f}", str(row["false"]), shown(row["per_hour"], ".2g"),
+            shown(row["bound_per_hour"], ".2g")]  # fmt: skip
 
 
 def _found(row: Row) -> list[str]:
     interval = f"{100 * row['found_low']:.0f} to {100 * row['found_high']:.0f} %"
-    return [f"{row['found']}/{row['attacks']}", interval, _seconds(row["delay_median_s"]),
-            _seconds(row["delay_90_s"])]  # fmt: skip
-
-
-def _number(value: float | None) -> str:
-    return _NONE if value is None else f"{value:.2g}"
-
-
-def _seconds(value: float | None) -> str:
-    return _NONE if value is None else f"{value:.0f} s"
-
-
-def _made_from(document: Row) -> str:
-    told = [f"feeds: {document['feeds']}"]
-    if document["seeds"]:
-        told.append(f"seeds {document['seeds'][0]} to {document['seeds'][-1]}")
-        told.append(f"grids: {', '.join(document['grids'])}")
-        told.append("limit: " + ", ".join(f"{n:.1f} nats" for n in document["limits_nats"]))
-    if document["live_share"] is not None:
-        told.append(f"called live in {100 * document['live_share']:.1f} % of the honest time")
-    if len(document["versions"]) > 1:
-        told.append(f"made by {len(document['versions'])} versions of the program")
-    return "; ".join(told)
+    return [f"{row['found']}/{row['attacks']}", interval, shown(row["delay_median_s"], ".0f", " s"),
+            shown(row["delay_90_s"], ".0f", " s")]  # fmt: skip
 
 
 _SHOWN = {
@@ -107,27 +85,22 @@ def draw(path: Path, document: dict[str, Any]) -> None:
     RecordingError
         When the file can't be written.
     """
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7, 5), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots()
-    for name, (label, colour, marker) in _SHOWN.items():
-        rows = [r for r in document["trade_off"][name] if r["delay_median_s"] is not None]
-        delay = [r["delay_median_s"] for r in rows]
-        shown = [r["per_hour"] or r["bound_per_hour"] for r in rows]
-        axes.plot(delay, shown, color=colour, linewidth=1, label=label)
-        for row, x, y in zip(rows, delay, shown, strict=True):
-            some = row["false"] > 0
-            axes.plot(x, y, marker if some else "v", color=colour, mfc=colour if some else "none")
-            note = f"{row['limit']:g} ({row['found']}/{row['attacks']})"
-            axes.annotate(note, (x, y), (4, 4), textcoords="offset points", fontsize="x-small")
-    axes.set_yscale("log")
-    axes.set_xlabel("median delay of the attacks found (s)")
-    axes.set_ylabel("false alarms an hour (open: below, 95 %)")
-    axes.set_title(f"{document['feeds']} feeds; limit (attacks found)", loc="left")
-    axes.legend(frameon=False)
-    with whole_file(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=110)
+    with picture(path, (7, 5)) as figure:
+        axes = figure.subplots()
+        for name, (label, colour, marker) in _SHOWN.items():
+            rows = [r for r in document["trade_off"][name] if r["delay_median_s"] is not None]
+            delay = [r["delay_median_s"] for r in rows]
+            rates = [r["per_hour"] or r["bound_per_hour"] for r in rows]
+            axes.plot(delay, rates, color=colour, linewidth=1, label=label)
+            for row, x, y in zip(rows, delay, rates, strict=True):
+                some = row["false"] > 0
+                axes.plot(
+                    x, y, marker if some else "v", color=colour, mfc=colour if some else "none"
+                )
+                note = f"{row['limit']:g} ({row['found']}/{row['attacks']})"
+                axes.annotate(note, (x, y), (4, 4), textcoords="offset points", fontsize="x-small")
+        axes.set_yscale("log")
+        axes.set_xlabel("median delay of the attacks found (s)")
+        axes.set_ylabel("false alarms an hour (open: below, 95 %)")
+        axes.set_title(f"{document['feeds']} feeds; limit (attacks found)", loc="left")
+        axes.legend(frameon=False)

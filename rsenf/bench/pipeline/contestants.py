@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf import __version__
-from rsenf.batch.journal import Record, read_records
-from rsenf.bench.harness import measure_missing
+from rsenf.batch.journal import Record
+from rsenf.bench.harness import measure_in_turn
 from rsenf.bench.machine import HELD, PEAK, memory_mb, watch_others
 from rsenf.bench.pipeline.films import SIZES, Film, made, reference_of
 from rsenf.bench.pipeline.graphs import Ran, Split, run_split
@@ -257,14 +257,13 @@ def measure_turns(
     progress : callable
         Told what comes next, and how many are done of how many.
     """
-    out, work = folder / RESULTS, partial(taken, films=folder / FILMS)
-    for done, turn in enumerate(all_turns):
-        if turn.key not in read_records(out):
-            progress(turn.key, done, len(all_turns))
-            made(turn.film, folder / FILMS)
-            measure_missing([turn], work, out, 1)
-    records = read_records(out)
-    return [records[turn.key] for turn in all_turns]
+    films = folder / FILMS
+
+    def prepare(done: int, turn: Turn) -> None:
+        progress(turn.key, done, len(all_turns))
+        made(turn.film, films)
+
+    return measure_in_turn(all_turns, partial(taken, films=films), folder / RESULTS, prepare)
 
 
 def taken(turn: Turn, films: Path) -> Record:

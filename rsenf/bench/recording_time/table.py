@@ -22,7 +22,7 @@ from rsenf.bench.plan import LOSSLESS
 from rsenf.bench.recording_time.plan import MOVING, STILL
 from rsenf.bench.recording_time.references import PRESENT
 from rsenf.bench.recording_time.trials import FALSE, NONE, PAPER_METRICS, TRUE
-from rsenf.bench.tables import median, rms
+from rsenf.bench.tables import Row, grouped, median, rms, versions_of
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,6 @@ MARKS = (Mark(LOSSLESS, 60.0, 95.0), Mark("50k", 120.0, 90.0))
 # False decisions to stay below where the true time is absent, of clips at least so long.
 FALSE_PERCENT, FALSE_FROM_S = 1.0, 120.0
 
-
-Row = dict[str, Any]
 
 ALL = "all"
 COMPRESSED = "compressed"
@@ -157,14 +155,6 @@ def order_rows(trials: Sequence[Row]) -> list[Row]:
     return rows
 
 
-def grouped(trials: Iterable[Row], *by: str) -> list[tuple[Row, list[Row]]]:
-    """Return groups of trials that have the same values, in the order in which they first come."""
-    groups: dict[tuple[Any, ...], list[Row]] = {}
-    for trial in trials:
-        groups.setdefault(tuple(trial[name] for name in by), []).append(trial)
-    return [(dict(zip(by, key, strict=True)), found) for key, found in groups.items()]
-
-
 def _decisions(found: Sequence[Row], wanted: Callable[[Row], bool]) -> Row:
     trials = [t for t in found if wanted(t)]
     counts = {outcome: _count(trials, outcome) for outcome in (TRUE, FALSE, NONE)}
@@ -250,7 +240,7 @@ def _edges(number: int) -> dict[str, float | None]:
     return {"from": edges[number], "to": edges[number + 1]}
 
 
-def tabulate(records: Sequence[Record]) -> Row:
+def tabulated(records: Sequence[Record]) -> Row:
     """Return the tables, and the films and versions behind them.
 
     Parameters
@@ -267,7 +257,7 @@ def tabulate(records: Sequence[Record]) -> Row:
         "grids": sorted({r["grid"] for r in records}),
         "references_h": sorted({r["reference_s"] / 3600 for r in records}),
         "noise_mhz": sorted({r["noise_mhz"] for r in records}),
-        "versions": [dict(v) for v in sorted({tuple(r["versions"].items()) for r in records})],
+        "versions": versions_of(records),
         "rows": cell_rows(trials),
         "absent": absent,
         "marks": mark_rows(trials, absent),

@@ -7,10 +7,9 @@ from statistics import median
 from typing import Any
 
 from rsenf.batch.journal import Record
-from rsenf.bench.tables import titled
+from rsenf.bench.tables import Row, shown, titled
 from rsenf.bench.tracker.beside import AFTER
 
-Row = dict[str, Any]
 _HOUR = ("method", "settings", "rows", "frames/s", "hours", "s an hour", "ms a frame", "MB")
 _BESIDE = ("stage", "ms a second", "÷ decode")
 _SAMPLED = ("read", "means", "still", "moving")
@@ -26,7 +25,7 @@ block of rows. Lines are padded as decoders pad them. Medians of rounds of proce
 their own ratios."""
 
 
-def tabulate(records: Sequence[Record]) -> dict[str, Any]:
+def tabulated(records: Sequence[Record]) -> dict[str, Any]:
     """Return the rows of the tables, and what they were made from."""
     of = {kind: [r for r in records if r["kind"] == kind] for kind in ("hour", "beside", "planes")}
     return {
@@ -82,7 +81,7 @@ def _hour_cells(row: Row) -> list[str]:
     return [
         row["method"], given, f"{row['rows']}", f"{row['frame_rate_hz']:g}", f"{row['hours']:.2g}",
         f"{row['cpu_s_per_hour']:.1f}", f"{row['ms_per_frame']:.3f}",
-        "–" if row["peak_mb"] is None else f"{row['peak_mb']:.0f}",
+        shown(row["peak_mb"], ".0f"),
     ]  # fmt: skip
 
 

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf import __version__
-from rsenf.batch.journal import Record, read_records
-from rsenf.bench.harness import measure_missing
+from rsenf.batch.journal import Record
+from rsenf.bench.harness import measure_in_turn
 from rsenf.bench.pipeline.films import SIZES
 from rsenf.bench.tracker.beside import Beside, Hour
 from rsenf.messages import Frame, Header
@@ -176,13 +176,8 @@ def measure_trials(
     progress : callable
         Told what comes next.
     """
-    out, work = folder / RESULTS, partial(measured, seed=seed, films=folder / FILMS)
-    for trial in all_trials:
-        if trial.key not in read_records(out):
-            progress(trial.key)
-            measure_missing([trial], work, out, 1)
-    records = read_records(out)
-    return [records[trial.key] for trial in all_trials]
+    work = partial(measured, seed=seed, films=folder / FILMS)
+    return measure_in_turn(all_trials, work, folder / RESULTS, lambda _, trial: progress(trial.key))
 
 
 def measured(trial: Trial, seed: int, films: Path) -> Record:
