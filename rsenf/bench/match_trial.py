@@ -14,6 +14,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any, cast
@@ -96,11 +97,10 @@ LONGEST_PLAIN = 400 * DAY_S  # samples, whose spectra take 1.4 GB
 
 @dataclass(frozen=True)
 class Trial:
-    """Searches to be timed, so many; ``store`` holds their reference once it is written."""
+    """Searches of one reference that are timed: so many, each for a clip with errors of its own."""
 
     haystack: Haystack
     repeats: int
-    store: Path = Path()
 
     @property
     def key(self) -> str:
@@ -123,11 +123,10 @@ def measure_trials(
             store.mkdir()
             write_haystack(trial.haystack, store)
 
-        trials = [replace(trial, store=store) for trial in trials]
-        return measure_in_turn(trials, timed_searches, out, prepare)
+        return measure_in_turn(trials, partial(timed_searches, store=store), out, prepare)
 
 
-def timed_searches(trial: Trial) -> Record:
+def timed_searches(trial: Trial, store: Path) -> Record:
     """Search for one clip after the other, each of the same time with errors of its own.
 
     Beside each search, in turn: the part of it that looks at all lags, a loop over as many, and a
@@ -141,10 +140,10 @@ def timed_searches(trial: Trial) -> Record:
     held_mb = memory_mb(HELD)
     found, times, peak_mb = [], [], None
     for again in range(trial.repeats):
-        track, grid, took = clip_of(haystack, again), _stored(trial.store), {}
+        track, grid, took = clip_of(haystack, again), _stored(store), {}
         finding, took["search"] = _timed(match_phase, track, [grid], settings)
         peak_mb = peak_mb or memory_mb(PEAK)
-        _, took["lags"] = _timed(survey, track, _stored(trial.store), settings)
+        _, took["lags"] = _timed(survey, track, _stored(store), settings)
         times.append(took | _beside(track, grid, haystack.seed, settings))
         found.append(finding)
     # What the store has begins with its first sample that isn't in a gap.

@@ -8,12 +8,9 @@ Reliability in a picture: of the cases given some ratio, the share in which it w
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from rsenf.bench.bounds import rate_bound
 from rsenf.bench.calibration.fit import (
@@ -24,7 +21,7 @@ from rsenf.bench.calibration.fit import (
     pairs_of,
     reliability,
 )
-from rsenf.bench.tables import picture
+from rsenf.bench.tables import mean, picture, rms, shown
 from rsenf.match.calibration import VERSION, Line
 from rsenf.match.phase import SURE_STDS, least_of_best
 from rsenf.match.settings import MatchSettings
@@ -90,17 +87,16 @@ def _decisions(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, A
     return counts | {"absent_found_below": rate_bound(counts["absent_found"], counts["absent"])}
 
 
-def _clock(records: Sequence[Record]) -> dict[str, float]:
+def _clock(records: Sequence[Record]) -> dict[str, Any]:
     """Rms of the errors of lag and clock over their standard errors, where the time is right."""
     right = [r["present"] for r in records if r.get("present") and r["present"]["right"]]
     sure = [p for p in right if p["absent"] >= 2 and p["clock_error_ppm"] is not None]
-    lag = np.array([p["lag_error_s"] / p["lag_std_s"] for p in sure])
-    clock = np.array([p["clock_error_ppm"] / p["clock_std_ppm"] for p in sure])
+    clock = [p["clock_error_ppm"] / p["clock_std_ppm"] for p in sure]
     return {
         "cases": len(sure),
-        "lag_spread": float(np.sqrt(np.mean(lag**2))) if sure else math.nan,
-        "clock_spread": float(np.sqrt(np.mean(clock**2))) if sure else math.nan,
-        "clock_within_two": float(np.mean(np.abs(clock) <= 2)) if sure else math.nan,
+        "lag_spread": rms([p["lag_error_s"] / p["lag_std_s"] for p in sure]),
+        "clock_spread": rms(clock),
+        "clock_within_two": mean([abs(one) <= 2 for one in clock]),
     }
 
 
@@ -130,8 +126,9 @@ def _text(document: dict[str, Any]) -> str:
         f"match at both ratios ≥ 100: {counts['found']} of {counts['present']} present, "
         f"{counts['found_wrong']} of them wrongly; {counts['absent_found']} of "
         f"{counts['absent']} absent (below {counts['absent_found_below']:.2%} with 95 %)",
-        f"errors over standard errors, rms of {clock['cases']}: lag {clock['lag_spread']:.2f}, "
-        f"clock {clock['clock_spread']:.2f}, {clock['clock_within_two']:.0%} within two",
+        f"errors over standard errors, rms of {clock['cases']}: "
+        f"lag {shown(clock['lag_spread'], '.2f')}, clock {shown(clock['clock_spread'], '.2f')}, "
+        f"{shown(clock['clock_within_two'], '.0%')} within two",
     ])  # fmt: skip
 
 
