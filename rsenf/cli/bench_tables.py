@@ -269,22 +269,15 @@ def _discover(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.discover.beside import SKEW, clock_cases, tried
     from rsenf.bench.discover.plan import Plan, left_out, listed
     from rsenf.bench.discover.table import draw, tabulated, text
-    from rsenf.cli.console import note
     from rsenf.cli.options import settings_of
     from rsenf.errors import UsageError
 
     for option in ("triples", "rows"):
         if getattr(args, option) is not None:
             raise UsageError(f"--{option} without --foreign", "only a foreign camera has it")
-    can, hidden = (*listed(), SKEW), args.hide
-    if unknown := set(hidden or ()) - set(can):
-        why = left_out().get(min(unknown), "it is no effect")
-        raise UsageError(f"--hide {min(unknown)}: {why}", f"one of {', '.join(can)}")
+    hidden = _hidden(args, (*listed(), SKEW), left_out())
     if hidden:
         args.hide = [name for name in hidden if name != SKEW]
-    elif not args.quick:
-        for name, why in left_out().items():
-            note(f"not hidden among the others: {name}: {why}")
     usual: dict[str, Any] = {"duration_s": 30.0} if args.video else {}
     each = 20 if args.clips is None else args.clips
     many = 0 if hidden or args.video else each
@@ -307,18 +300,10 @@ def _foreign(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.discover.foreign import Plan, camera_at, left_out, listed, tried
     from rsenf.bench.discover.foreign_table import tabulated, text
     from rsenf.bench.discover.table import draw
-    from rsenf.cli.console import note
     from rsenf.cli.options import settings_of
-    from rsenf.errors import UsageError
 
-    camera, hidden = camera_at(args.foreign.absolute()), args.hide
-    can = (*listed(camera), *camera.UNKNOWN)
-    if unknown := set(hidden or ()) - set(can):
-        why = left_out(camera).get(min(unknown), "it is no effect")
-        raise UsageError(f"--hide {min(unknown)}: {why}", f"one of {', '.join(can)}")
-    if not (hidden or args.quick):
-        for name, why in left_out(camera).items():
-            note(f"not hidden among the others: {name}: {why}")
+    camera = camera_at(args.foreign.absolute())
+    hidden = _hidden(args, (*listed(camera), *camera.UNKNOWN), left_out(camera))
     many = 0 if hidden else 20 if args.clips is None else args.clips
     usual: dict[str, Any] = {"none": 5 * many, "outside": 3 * many, "pairs": 3 * many}
     usual["triples"] = many
@@ -326,11 +311,28 @@ def _foreign(args: argparse.Namespace, folder: Path) -> Made:
         usual = {"each": 1, "none": 1, "outside": 1, "pairs": 0, "triples": 0, "rows": 240,
                  "effects": ("harmonics", "frame_drop", "timestamp_jitter"),
                  "duration_s": 27.0}  # fmt: skip
-    cases = settings_of(args, Plan, **usual).cases(camera)
+    cases = settings_of(args, Plan, **usual).cases_of(camera)
     work = partial(tried, path=args.foreign.absolute())
     document = tabulated(_measured(args, cases, work, folder / "foreign.jsonl", "cases"))
     _drawn(args, draw, document)
     return document, text
+
+
+def _hidden(
+    args: argparse.Namespace, can: Sequence[str], left_out: dict[str, str]
+) -> Sequence[str]:
+    """Return the effects of --hide; without it, note which ones aren't hidden, and why."""
+    from rsenf.cli.console import note
+    from rsenf.errors import UsageError
+
+    hidden: Sequence[str] = args.hide or ()
+    if unknown := set(hidden) - set(can):
+        why = left_out.get(min(unknown), "it is no effect")
+        raise UsageError(f"--hide {min(unknown)}: {why}", f"one of {', '.join(can)}")
+    if not (hidden or args.quick):
+        for name, why in left_out.items():
+            note(f"not hidden among the others: {name}: {why}")
+    return hidden
 
 
 def _estimators(args: argparse.Namespace, folder: Path) -> Made:

@@ -5,14 +5,67 @@ What an answer on a foreign camera is worth, and how far off the sizes are that 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+import time
+from collections.abc import Callable, Collection, Mapping, Sequence
 from statistics import fmean
-from typing import Any
+from typing import Any, TypeVar
 
-from rsenf.bench.discover.plan import LIKE
+from rsenf.bench.discover.plan import LIKE, Case
+from rsenf.errors import RsenfError
 from rsenf.model import CATALOGUE
 
+T = TypeVar("T")
 RIGHT, REST, WRONG, MISSED = "right", "right, and a rest", "wrong", "missed"
+
+
+def answered(
+    work: Callable[[], tuple[dict[str, Any], T]],
+) -> tuple[dict[str, Any], T | None, str, float]:
+    """Run the workflow; what it refuses is an answer, too.
+
+    Parameters
+    ----------
+    work : callable
+        Returns a dict as of :func:`rsenf.discrepancy.discovery_json`, and what it is made from.
+
+    Returns
+    -------
+    told : dict
+    found : object or None
+        None where it refused.
+    refused : str
+        Why; empty where it didn't.
+    cpu_s : float
+        Processor time.
+    """
+    begun_s, found, refused = time.process_time(), None, ""
+    try:
+        told, found = work()
+    except RsenfError as exc:
+        told, refused = {"verdict": "refused", "effects": [], "gap": {}, "reference": {}}, str(exc)
+    return told, found, refused, round(time.process_time() - begun_s, 2)
+
+
+def recorded(case: Case, told: dict[str, Any], refused: str, cpu_s: float) -> dict[str, Any]:
+    """Return what the records of all cases have: the case, and the answer."""
+    return {
+        "key": case.key,
+        "kind": case.kind,
+        "hidden": list(case.hidden),
+        "seed": case.seed,
+        "times": case.times,
+        "video": case.video,
+        "verdict": told["verdict"],
+        "refused": refused,
+        "named": [" or ".join(names) for names in said_of(told)],
+        "gap": told["gap"],
+        "cpu_s": cpu_s,
+    }
+
+
+def said_of(told: dict[str, Any]) -> list[tuple[str, ...]]:
+    """Return what is named: the names of each class, or one."""
+    return [tuple(effect["class"]) or (effect["name"],) for effect in told["effects"]]
 
 
 def judged(kind: str, hidden: tuple[str, ...], told: dict[str, Any]) -> str:
@@ -35,7 +88,7 @@ def judged(kind: str, hidden: tuple[str, ...], told: dict[str, Any]) -> str:
         there, or what no catalogue has is said to be explained; ``missed``.
     """
     verdict = told["verdict"]
-    named = [set(effect["class"]) or {effect["name"]} for effect in told["effects"]]
+    named = [set(names) for names in said_of(told)]
     if kind == "none":
         return RIGHT if verdict == "no_discrepancy" else WRONG
     if kind == "outside":
@@ -84,11 +137,6 @@ SIZES: dict[str, dict[str, str]] = {
     "frame_drop": {"at_frames": "at_frames"},
     "frame_duplicate": {"at_frames": "at_frames"},
 }
-
-
-def said_of(told: dict[str, Any]) -> list[tuple[str, ...]]:
-    """Return what is named: the names of each class, or one."""
-    return [tuple(effect["class"]) or (effect["name"],) for effect in told["effects"]]
 
 
 def judged_foreign(

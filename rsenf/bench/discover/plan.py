@@ -5,10 +5,11 @@ Effects that no catalogue has, done to row means by plain array arithmetic.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import combinations
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from rsenf.model import CATALOGUE
 from rsenf.model.scene import Float32Array
 from rsenf.model.seeds import generator
 
+C = TypeVar("C")
 Do = Callable[[Float32Array, np.ndarray, np.random.Generator], Float32Array]
 
 
@@ -180,17 +182,50 @@ class Plan:
         outside = list(OUTSIDE)
         hidden += [("outside", (outside[n % len(outside)],)) for n in range(self.outside)]
         rng = generator(self.first_seed, "pairs")
-        pairs = [p for p in combinations(self.effects, 2) if _go_together(*p)]
-        drawn = self.pairs if pairs else 0
-        for n in rng.choice(max(len(pairs), 1), drawn, replace=drawn > len(pairs)).tolist():
-            hidden.append(("pair", pairs[n]))
-        cases = [
-            Case(kind, names, self.first_seed + n, self.times, self.duration_s, self.video)
-            for n, (kind, names) in enumerate(hidden)
-        ]
-        # A run that is stopped halfway has something of everything.
-        order = generator(self.first_seed, "order").permutation(len(cases))
-        return [cases[n] for n in order.tolist()]
+        pairs = groups_of(self.effects, 2, self.pairs, rng, _go_together)
+        hidden += [("pair", names) for names in pairs]
+        return mixed(
+            [
+                Case(kind, names, self.first_seed + n, self.times, self.duration_s, self.video)
+                for n, (kind, names) in enumerate(hidden)
+            ],
+            self.first_seed,
+        )
+
+
+def groups_of(
+    effects: Sequence[str],
+    size: int,
+    count: int,
+    rng: np.random.Generator,
+    go_together: Callable[[str, str], bool],
+) -> list[tuple[str, ...]]:
+    """Draw groups of effects that can be hidden at once, none twice if there are enough.
+
+    Parameters
+    ----------
+    effects : sequence of str
+    size : int
+        Effects of a group.
+    count : int
+        Number of groups; none are returned if no effects go together.
+    rng : numpy.random.Generator
+    go_together : callable
+        Whether two effects can be hidden at once.
+    """
+    groups = [
+        some
+        for some in combinations(effects, size)
+        if all(go_together(*two) for two in combinations(some, 2))
+    ]
+    count = count if groups else 0
+    drawn = rng.choice(max(len(groups), 1), count, replace=count > len(groups))
+    return [groups[n] for n in drawn.tolist()]
+
+
+def mixed(cases: Sequence[C], seed: int) -> list[C]:
+    """Return cases in random order: a run that is stopped halfway has some of every kind."""
+    return [cases[n] for n in generator(seed, "order").permutation(len(cases)).tolist()]
 
 
 def _go_together(one: str, other: str) -> bool:

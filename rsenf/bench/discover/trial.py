@@ -7,7 +7,6 @@ A case filmed, encoded by a real codec, decoded and sampled: the workflow gets a
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,14 +16,13 @@ import numpy as np
 import yaml
 
 from rsenf.api.recordings import read_recording
-from rsenf.bench.discover.judge import judged, parameter_error
+from rsenf.bench.discover.judge import answered, judged, parameter_error, recorded
 from rsenf.bench.discover.plan import OUTSIDE, Case, done_to
 from rsenf.bench.discover.scene import Drawn, drawn
 from rsenf.config.model_file import load_model
 from rsenf.discrepancy.measured import Float32Array, Measured, measured_of
 from rsenf.discrepancy.result import discovery_json, model_of
 from rsenf.discrepancy.verdict import Discovery, discover
-from rsenf.errors import RsenfError
 from rsenf.messages import Header, RowBlock
 from rsenf.model import GridPath, render_frames, simulate_rows
 from rsenf.model.codec import Codec
@@ -101,55 +99,47 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
     dict
         The record: plain values.
     """
-    made = drawn(case, grids)
-    refused = ""
+    made, back = drawn(case, grids), ""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "clip.mp4"
         if case.video:
             filmed(case, made, path)
         rows = None if case.video else _rows(case, made)
-        begun = time.process_time()
-        try:
+
+        def work() -> tuple[dict[str, Any], Discovery]:
             data, again = (measured_of(rows), None) if rows else sampled(path)
             found = discover(made.given, data, recoded=again)
-            told = discovery_json(found, "")
-        except RsenfError as exc:
-            told = {"verdict": "refused", "effects": [], "gap": {}}
-            refused = str(exc)
-        seconds = time.process_time() - begun
-        back = ""
-        if told["verdict"] == "explained" and case.seed % GIVEN_BACK == 0:
+            return discovery_json(found, ""), found
+
+        told, found, refused, cpu_s = answered(work)
+        if found and told["verdict"] == "explained" and case.seed % GIVEN_BACK == 0:
             back = given_back(found, made.grid, case.duration_s, case.seed, Path(folder))
-    shutter = made.truth.shutter
     errors = {name: parameter_error(name, made.shown[name], told) for name in made.hidden}
     return {
-        "key": case.key,
-        "kind": case.kind,
-        "hidden": list(case.hidden),
-        "seed": case.seed,
-        "times": case.times,
-        "video": case.video,
+        **recorded(case, told, refused, cpu_s),
+        **drawn_facts(made),
         "codec": codec_of(case),
         "outcome": judged(case.kind, case.hidden, told),
-        "verdict": told["verdict"],
-        "refused": refused,
-        "named": [e["name"] or " or ".join(e["class"]) for e in told["effects"]],
         "truth": made.hidden,
         "shown": made.shown,
         "told": [e["parameters"] for e in told["effects"]],
         "relative_error": {k: v[0] for k, v in errors.items()},
         "error_over_stderr": {k: v[1] for k, v in errors.items()},
-        "gap": told["gap"],
         "given_back": back,
-        "frame_rate": str(shutter.frame_rate),
+        "idle_ratio": made.truth.shutter.idle_ratio,
+        "flicker_ratio": made.truth.light.flicker_ratio,
+    }
+
+
+def drawn_facts(made: Drawn) -> dict[str, Any]:
+    """Return what was drawn of camera, lamp and grid, for the record."""
+    return {
+        "frame_rate": str(made.truth.shutter.frame_rate),
         "nominal_hz": made.grid.nominal_hz,
-        "lines": shutter.rows,
+        "lines": made.truth.shutter.rows,
         "strips": made.strips,
         "lamp": made.truth.light.lamp,
-        "idle_ratio": shutter.idle_ratio,
-        "flicker_ratio": made.truth.light.flicker_ratio,
         "grid": made.grid_name,
-        "cpu_s": round(seconds, 2),
     }
 
 
