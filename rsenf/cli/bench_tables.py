@@ -253,8 +253,7 @@ def _films(
 
 
 def _tracker(args: argparse.Namespace, folder: Path) -> Made:
-    from rsenf.bench.tracker.table import tabulated, text
-    from rsenf.bench.tracker.trials import measure_trials, trials
+    from rsenf.bench.tracker.trials import measure_trials, tabulated, text, trials
     from rsenf.cli.console import say
 
     parts, part_s = (2, 5.0) if args.quick else (5, 30.0)
@@ -359,8 +358,7 @@ def _live(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.grids import FIT, TEST
     from rsenf.bench.live.plan import LivePlan
     from rsenf.bench.live.rules import watched
-    from rsenf.bench.live.table import limits_file, tabulated
-    from rsenf.bench.live.text import draw, text
+    from rsenf.bench.live.table import draw, limits_file, tabulated, text
     from rsenf.cli.options import settings_of
 
     usual: dict[str, Any] = {"clips": 9, "duration_s": 180.0} if args.quick else {}

@@ -17,11 +17,12 @@ from rsenf.bench.live.table import (
     VERDICT,
     WANTED_PER_HOUR,
     WORTH,
+    draw,
     fitted_nats,
     limits_file,
     tabulated,
+    text,
 )
-from rsenf.bench.live.text import draw, text
 from rsenf.errors import InputError
 from rsenf.live.settings import Limits
 

@@ -11,8 +11,7 @@ import pytest
 
 from rsenf.bench.tracker.beside import Hour
 from rsenf.bench.tracker.light import BLOCK_FRAMES, Light, cycles, reference
-from rsenf.bench.tracker.table import tabulated, text
-from rsenf.bench.tracker.trials import Planes, measured, planes, trials
+from rsenf.bench.tracker.trials import Planes, measured, planes, tabulated, text, trials
 from rsenf.track import METHODS, TrackSettings, make_tracker
 
 

@@ -6,6 +6,5 @@ From a seed to a table::
     scene     the grid's stretch, camera, lamp and clock of a feed
     watched   footage, the feed made of it, and all messages a monitor receives, in order
     rules     the live stage and the sliding correlation on a feed, at several limits
-    table     records to rates, delays and the trade-off; the fitted limit
-    text      the tables as text and as Markdown, and the trade-off drawn
+    table     records to rates, delays and the trade-off, which is drawn; the fitted limit
 """
