@@ -19,7 +19,7 @@ from rsenf.batch.journal import Record
 from rsenf.bench.bounds import rate_bound
 from rsenf.bench.calibration.fit import Pairs, cost_of_ratios, reliability
 from rsenf.bench.calibration.table import reliability_lines
-from rsenf.bench.idle_table import DEFAULT
+from rsenf.bench.clip_tables import IDLE_DEFAULT
 from rsenf.bench.scenes import IDLE_RATIO
 from rsenf.idle.cameras import SAME_MODEL_RATIO, Known, Mode, Reading, log10_lr, log10_odds
 from rsenf.idle.compare import DIFFERENT
@@ -45,14 +45,14 @@ def measured_errors(records: Sequence[Record]) -> tuple[Errors, int]:
         at_rate = errors.setdefault(record["frame_rate"], [])
         read_percent = 100.0 - record["idle_percent"]
         for found in record["found"].values():
-            told, tried = found["idle"][DEFAULT], tried + 1
+            told, tried = found["idle"][IDLE_DEFAULT], tried + 1
             if told.get("verdict") == "estimated":
                 error, std = -told["error_percent"], told["std_percent"]
                 at_rate.append((error / read_percent, std / read_percent))
     return {rate: drawn for rate, drawn in errors.items() if drawn}, tried
 
 
-def tabulate(records: Sequence[Record], fleets: int, seed: int) -> dict[str, Any]:
+def tabulated(records: Sequence[Record], fleets: int, seed: int) -> dict[str, Any]:
     """Draw fleets with the errors that were measured, and return how their recordings fare."""
     errors, tried = measured_errors(records)
     return {
@@ -138,8 +138,9 @@ def _reading(
     )  # fmt: skip
 
 
-def text(told: dict[str, Any]) -> str:
-    """Return the outcome for a terminal."""
+def text(document: dict[str, Any], *, on_page: bool = False) -> str:
+    """Return the outcome as text; Markdown has no other form."""
+    told = document
     head = (
         f"{told['fleets']} fleets of {told['cameras']} cameras, {KNOWN_BY} recordings of each "
         f"known and one in question, with the errors of {told['estimates']} estimates (of "

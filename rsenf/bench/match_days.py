@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rsenf import __version__
 from rsenf.bench.calibration.clips import Drawn, track_of_clip
-from rsenf.bench.calibration.grids import Stretch
+from rsenf.bench.grids import Stretch
 from rsenf.match.series import Track
 from rsenf.messages.schema import FloatArray
 from rsenf.model import synthetic_grid

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from rsenf.batch.journal import Record
-from rsenf.bench.match_loop import RUN, RUNS
-from rsenf.bench.text import aligned, markdown
+from rsenf.bench.match_trial import RUN, RUNS
+from rsenf.bench.tables import aligned, markdown, shown, versions_of
 
 SPANS = {1: "a day", 7: "a week", 30: "a month", 365: "a year", 3653: "ten years"}
 _HEAD = (
@@ -33,7 +33,7 @@ whenever a quarter more of it is there, and at the end, where the finding is exa
 of processor time of the stage; ms a second: of the clip; MB: the most memory beyond the start's."""
 
 
-def tabulate(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict[str, Any]:
+def tabulated(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict[str, Any]:
     """Return the rows of the tables, and what they were made from."""
     return {
         "table": "match",
@@ -43,7 +43,7 @@ def tabulate(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict[
         "repeats": sorted({r["repeats"] for r in records}),
         "grids": sorted({r["grid"] for r in records}),
         "loads": [min(r["load"] for r in records), max(r["load"] for r in records)],
-        "versions": [dict(v) for v in sorted({tuple(r["versions"].items()) for r in records})],
+        "versions": versions_of(records),
         "rows": [_row(r) for r in records],
     }
 
@@ -56,21 +56,15 @@ def _row(record: Record) -> dict[str, Any]:
     return {name: record[name] for name in kept} | {"ns_a_sample": ns}
 
 
-def text(document: dict[str, Any]) -> str:
-    """Return the tables for a terminal."""
-    rows = (_cells(row) for row in document["rows"])
+def text(document: dict[str, Any], *, on_page: bool = False) -> str:
+    """Return the tables for a terminal or in Markdown."""
+    written, made = markdown if on_page else aligned, _made_from(document)
+    rows = written(_HEAD, map(_cells, document["rows"]))
+    streams = written(_STREAM_HEAD, map(_stream_cells, document["streams"]))
+    if on_page:
+        return f"{rows}\n\n{made}\n\n{streams}"
     note = _NOTE.format(sampled=f"{RUNS * RUN:,}")
-    streams = aligned(_STREAM_HEAD, map(_stream_cells, document["streams"]))
-    return (
-        f"{aligned(_HEAD, rows)}\n\n{note}\n{_made_from(document)}\n\n{streams}\n\n{_STREAM_NOTE}"
-    )
-
-
-def page(document: dict[str, Any]) -> str:
-    """Return the tables in Markdown."""
-    rows = markdown(_HEAD, map(_cells, document["rows"]))
-    streams = markdown(_STREAM_HEAD, map(_stream_cells, document["streams"]))
-    return f"{rows}\n\n{_made_from(document)}\n\n{streams}"
+    return f"{rows}\n\n{note}\n{made}\n\n{streams}\n\n{_STREAM_NOTE}"
 
 
 def _cells(row: dict[str, Any]) -> list[str]:
@@ -82,15 +76,15 @@ def _cells(row: dict[str, Any]) -> list[str]:
         f"{row['missing_ratio']:.0%}" if row["gaps"] else "none",
         f"{row['clip_in_reference_ratio']:.0%}",
         f"{row['right']} of {row['repeats']}",
-        "–" if error_s is None else f"{error_s:.2f} s",
+        shown(error_s, ".2f", " s"),
         f"{cpu_s['search']:.2f} s",
         f"{row['ns_a_sample']:,.0f}",
-        "–" if row["peak_mb"] is None else f"{row['peak_mb']:.0f}",
+        shown(row["peak_mb"], ".0f"),
         f"{cpu_s['lags']:.3g} s",
         f"{cpu_s['loop']:,.3g} s{whole}",
         f"{row['loop_over_lags']:.0f}",
         f"{row['loop_over_search']:.0f}",
-        f"{cpu_s['correlate']:.2f} s" if "correlate" in cpu_s else "–",
+        shown(cpu_s.get("correlate"), ".2f", " s"),
     ]
 
 
@@ -102,7 +96,7 @@ def _stream_cells(row: Record) -> list[str]:
         f"{row['cpu_s']:.2f} s",
         f"{row['cpu_s'] - row['coming_cpu_s']:.2f} s",
         f"{row['cpu_s'] / row['clip_s'] * 1e3:.2f}",
-        "–" if row["peak_mb"] is None else f"{row['peak_mb']:.0f}",
+        shown(row["peak_mb"], ".0f"),
     ]
 
 

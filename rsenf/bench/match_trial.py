@@ -1,13 +1,20 @@
-"""Searches of a long reference for a clip, timed beside a loop over the lags and a plain FFT."""
+"""Searches of a long reference for a clip, timed beside a loop over the lags and a plain FFT.
+
+A clip compared with a reference lag by lag in a plain loop: what a search is measured beside.
+
+What the match stage costs while a clip comes in, with results on the way.
+"""
 
 from __future__ import annotations
 
 import math
 import os
+import shutil
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any, cast
@@ -16,7 +23,9 @@ import numpy as np
 import scipy
 
 from rsenf import __version__
-from rsenf.batch.journal import Record, read_records
+from rsenf.batch.journal import Record
+from rsenf.bench.harness import measure_in_turn
+from rsenf.bench.machine import HELD, PEAK, memory_mb, restart_peak
 from rsenf.bench.match_days import (
     DAY_S,
     FIRST_S,
@@ -27,16 +36,59 @@ from rsenf.bench.match_days import (
     real_day,
     write_haystack,
 )
-from rsenf.bench.match_loop import drawn_parts, lag_by_lag, loop_cpu_s
-from rsenf.bench.memory import HELD, PEAK, memory_mb, restart_peak
-from rsenf.bench.session import measure_missing
-from rsenf.match import MatchSettings
+from rsenf.match import Match, MatchSettings
 from rsenf.match.coarse import survey
+from rsenf.match.ncc import Residuals
 from rsenf.match.phase import match_phase
 from rsenf.match.score import LagScorer
 from rsenf.match.series import Grid, Track
+from rsenf.messages import EnfEstimate, Header
 from rsenf.messages.schema import FloatArray
-from rsenf.timebase import seconds
+from rsenf.timebase import nanoseconds, seconds
+
+RUNS, RUN = 20, 1000  # of lags in a row that stand for all of a long reference
+
+
+def lag_by_lag(
+    clip_hz: FloatArray, reference_hz: FloatArray, first: int, count: int, least: int
+) -> Residuals:
+    """Do what :func:`rsenf.match.ncc.lag_residuals` does, for some lags in a row.
+
+    Parameters
+    ----------
+    clip_hz, reference_hz : ndarray, shapes (n,) and (N,)
+        On one step, NaN in gaps.
+    first, count : int
+        Lags, which the two may overlap at in part.
+    least : int
+        Pairs below which a lag isn't compared.
+    """
+    pairs = np.zeros(count, np.int64)
+    offset, var = np.full((2, count), np.nan)
+    for k, lag in enumerate(range(first, first + count)):
+        a, b = max(-lag, 0), min(clip_hz.size, reference_hz.size - lag)
+        apart = clip_hz[a:b] - reference_hz[a + lag : b + lag]
+        apart = apart[np.isfinite(apart)]
+        pairs[k] = apart.size
+        if apart.size >= least:
+            offset[k], var[k] = apart.mean(), apart.var()
+    return Residuals(first, pairs, offset, var)
+
+
+def drawn_parts(reference_hz: FloatArray, clip: int, seed: int) -> list[FloatArray]:
+    """Draw parts of a reference, in each of which a clip has :data:`RUN` lags."""
+    rng = np.random.default_rng([seed, 3])
+    starts = np.sort(rng.integers(0, reference_hz.size - RUN - clip, RUNS))
+    return [np.asarray(reference_hz[a : a + RUN + clip]) for a in starts]
+
+
+def loop_cpu_s(clip_hz: FloatArray, parts: Sequence[FloatArray], lags: int, least: int) -> float:
+    """Processor time that the loop would take for so many lags, by those of some parts."""
+    began_s = time.process_time()
+    for part in parts:
+        lag_by_lag(clip_hz, part, 0, RUN, least)
+    return (time.process_time() - began_s) * lags / (RUN * len(parts))
+
 
 VERSION = 3
 RIGHT_S = 1.0  # a match is right when its lag is no further from the truth
@@ -45,11 +97,10 @@ LONGEST_PLAIN = 400 * DAY_S  # samples, whose spectra take 1.4 GB
 
 @dataclass(frozen=True)
 class Trial:
-    """Searches to be timed, so many; ``store`` holds their reference once it is written."""
+    """Searches of one reference that are timed: so many, each for a clip with errors of its own."""
 
     haystack: Haystack
     repeats: int
-    store: Path = Path()
 
     @property
     def key(self) -> str:
@@ -62,18 +113,20 @@ class Trial:
 def measure_trials(
     trials: Sequence[Trial], out: Path, progress: Callable[[Trial], None]
 ) -> list[Record]:
-    """Measure what has no record yet, one after the other, each in a process of its own."""
-    for trial in trials:
-        if trial.key not in read_records(out):
+    """Measure the trials without a record one by one, each in a new process."""
+    with tempfile.TemporaryDirectory() as folder:
+        store = Path(folder) / "store"
+
+        def prepare(_: int, trial: Trial) -> None:
             progress(trial)
-            with tempfile.TemporaryDirectory() as folder:
-                write_haystack(trial.haystack, Path(folder))
-                measure_missing([replace(trial, store=Path(folder))], timed_searches, out, 1)
-    records = read_records(out)
-    return [records[trial.key] for trial in trials]
+            shutil.rmtree(store, ignore_errors=True)
+            store.mkdir()
+            write_haystack(trial.haystack, store)
+
+        return measure_in_turn(trials, partial(timed_searches, store=store), out, prepare)
 
 
-def timed_searches(trial: Trial) -> Record:
+def timed_searches(trial: Trial, store: Path) -> Record:
     """Search for one clip after the other, each of the same time with errors of its own.
 
     Beside each search, in turn: the part of it that looks at all lags, a loop over as many, and a
@@ -87,10 +140,10 @@ def timed_searches(trial: Trial) -> Record:
     held_mb = memory_mb(HELD)
     found, times, peak_mb = [], [], None
     for again in range(trial.repeats):
-        track, grid, took = clip_of(haystack, again), _stored(trial.store), {}
+        track, grid, took = clip_of(haystack, again), _stored(store), {}
         finding, took["search"] = _timed(match_phase, track, [grid], settings)
         peak_mb = peak_mb or memory_mb(PEAK)
-        _, took["lags"] = _timed(survey, track, _stored(trial.store), settings)
+        _, took["lags"] = _timed(survey, track, _stored(store), settings)
         times.append(took | _beside(track, grid, haystack.seed, settings))
         found.append(finding)
     # What the store has begins with its first sample that isn't in a gap.
@@ -170,3 +223,80 @@ def _covered(grid: Grid, track: Track, lag_s: float) -> float:
     """Share of the clip's usable seconds that the reference has."""
     there = grid.freq_hz[int(lag_s) : int(lag_s) + track.enf_hz.size]
     return float(np.isfinite(there[np.isfinite(track.enf_hz)]).mean())
+
+
+STREAM_VERSION = 1
+EVERY_S = 60.0
+
+
+@dataclass(frozen=True)
+class Stream:
+    """A clip that comes in second by second, searched for in a day every minute."""
+
+    clip_s: int
+    seed: int
+    folder: Path | None
+
+    @property
+    def key(self) -> str:
+        """Name that tells it from any other."""
+        return f"stream {self.clip_s}s {self.seed} v{STREAM_VERSION}"
+
+
+def timed_stream(stream: Stream) -> Record:
+    """Feed a clip to the stage, to the end."""
+    day = real_day(stream.folder, stream.seed)
+    grid = Grid("a day", NOMINAL_HZ, 0, 1.0, day.freq_hz)
+    track = clip_of(Haystack(1, False, stream.clip_s, stream.seed, stream.folder))
+    warm = Match(grids=[grid])
+    for estimate in estimates_of(track.between(0, 60)):
+        warm.update(estimate)
+    warm.flush()
+    restart_peak()
+    held_mb, stage, results = memory_mb(HELD), Match(grids=[grid], interim_every_s=EVERY_S), []
+    began_s = time.process_time()
+    for estimate in estimates_of(track):
+        results += stage.update(estimate)
+    coming_s = time.process_time() - began_s
+    results += stage.flush()
+    cpu_s, peak_mb = time.process_time() - began_s, memory_mb(PEAK)
+    return {
+        "version": STREAM_VERSION,
+        "key": stream.key,
+        "clip_s": stream.clip_s,
+        "results": len(results),
+        "matches": sum(result.decision == "match" for result in results),
+        "coming_cpu_s": coming_s,
+        "cpu_s": cpu_s,
+        "peak_mb": peak_mb - held_mb if peak_mb and held_mb else None,
+    }
+
+
+def estimates_of(track: Track, header: Header | None = None) -> Iterator[EnfEstimate]:
+    """Yield the messages that would make a track; amplitudes of one level where it has phases."""
+    half_ns, header = nanoseconds(track.window_s / 2), header or Header()
+    for i, enf_hz in enumerate(track.enf_hz):
+        centre_ns = nanoseconds(track.first_s + i * track.hop_s)
+        estimate = EnfEstimate(
+            header=replace(header, seq=header.seq + i),
+            nominal_hz=track.nominal_hz,
+            start_pts_ns=centre_ns - half_ns,
+            end_pts_ns=centre_ns + half_ns,
+            enf_hz=float(enf_hz),
+            enf_var_hz2=float(track.var_hz2[i]),
+            usable=bool(np.isfinite(enf_hz)),
+        )
+        phase, var = track.phase_rad[i], np.array([track.phase_var_rad2[i]])
+        if np.isfinite(phase):
+            estimate = replace(
+                estimate,
+                carrier_hz=2.0 * track.nominal_hz,
+                points=1,
+                amplitude_pts_ns=np.array([centre_ns]),
+                amplitude_re=np.array([np.cos(phase)]),
+                amplitude_im=np.array([np.sin(phase)]),
+                amplitude_var_re=var,
+                amplitude_var_im=var,
+                amplitude_cov=np.zeros(1),
+            )
+        yield estimate

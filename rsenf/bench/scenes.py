@@ -51,21 +51,8 @@ class Setting:
 def setting_of(clip: Clip) -> Setting:
     """Draw the capture of a clip from its seed."""
     rng = clip.generator("scene")
-    columns, rows = SIZES[clip.size]
-    model = CaptureModel(
-        name=clip.key,
-        light=Light(lamp=LAMPS[clip.seed % len(LAMPS)]),
-        shutter=Shutter(
-            frame_rate=parse_frame_rate(clip.frame_rate),
-            rows=rows,
-            columns=columns,
-            idle_ratio=float(rng.uniform(*IDLE_RATIO)),
-        ),
-        scene=Scene(
-            mean_level=float(rng.uniform(*MEAN_LEVEL)),
-            texture_ratio=float(rng.uniform(*TEXTURE_RATIO)),
-        ),
-    )
+    lamp, idle_ratio = LAMPS[clip.seed % len(LAMPS)], float(rng.uniform(*IDLE_RATIO))
+    model = wall(clip.key, lamp, clip.size, clip.frame_rate, idle_ratio, rng)
     exposure_s = spread(rng, EXPOSURE_S)
     seed = int(rng.integers(2**31))
     if clip.scene == "anti_flicker":
@@ -74,6 +61,45 @@ def setting_of(clip: Clip) -> Setting:
         model = _unlit(model, clip.scene, rng)
     model = model.with_effect("exposure", exposure_s=exposure_s)
     return Setting(model, seed, exposure_s)
+
+
+def wall(
+    name: str,
+    lamp: str,
+    size: str,
+    frame_rate: str,
+    idle_ratio: float,
+    rng: np.random.Generator,
+) -> CaptureModel:
+    """Return the capture of a wall in a lamp's light, of a brightness and texture that are drawn.
+
+    Parameters
+    ----------
+    name : str
+        Of the model.
+    lamp : str
+    size : str
+        Of :data:`rsenf.bench.plan.SIZES`.
+    frame_rate : str
+        Such as 29.97.
+    idle_ratio : float
+    rng : numpy.random.Generator
+    """
+    columns, rows = SIZES[size]
+    return CaptureModel(
+        name=name,
+        light=Light(lamp=lamp),
+        shutter=Shutter(
+            frame_rate=parse_frame_rate(frame_rate),
+            rows=rows,
+            columns=columns,
+            idle_ratio=idle_ratio,
+        ),
+        scene=Scene(
+            mean_level=float(rng.uniform(*MEAN_LEVEL)),
+            texture_ratio=float(rng.uniform(*TEXTURE_RATIO)),
+        ),
+    )
 
 
 def _unlit(model: CaptureModel, scene: str, rng: np.random.Generator) -> CaptureModel:

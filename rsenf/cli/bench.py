@@ -164,7 +164,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(document)
     else:
-        print(written(document, args.markdown))
+        print(written(document, on_page=args.markdown))
     broke = sum(row.get("broke", 0) for row in document.get("rows", ()))
     if broke:
         say(f"methods broke {broke} times: see 'broke' in the results")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rsenf.batch.journal import Record
     from rsenf.bench.pipeline.films import Film
 
-    Made = tuple[dict[str, Any], Callable[[dict[str, Any], bool], str]]
+    Made = tuple[dict[str, Any], Callable[..., str]]  # a document, and what writes it
 
 _CLAIMS: dict[str, Any] = {"clips": 40}  # for each of five scenes
 _CAMERAS: dict[str, Any] = {
@@ -32,7 +32,7 @@ def _measured(
 ) -> list[Record]:
     """Measure what is missing in a file of results, with a progress bar."""
     from rsenf.batch.journal import read_records
-    from rsenf.bench.session import measure_missing
+    from rsenf.bench.harness import measure_missing
 
     if args.table_only:
         return list(read_records(out).values())
@@ -74,12 +74,12 @@ def _fitted(args: argparse.Namespace, fitted: Callable[[], Any]) -> None:
 
 
 def _clips(args: argparse.Namespace, folder: Path) -> Made:
-    from rsenf.bench.cameras_table import tabulate as draw_fleets
-    from rsenf.bench.cameras_table import text as fleets
-    from rsenf.bench.document import tabulate
+    from rsenf.bench.cameras_table import tabulated as draw_fleets
+    from rsenf.bench.cameras_table import text as fleets_text
+    from rsenf.bench.clip_tables import tabulated
+    from rsenf.bench.clip_text import text
     from rsenf.bench.measure import measure
     from rsenf.bench.plan import Plan
-    from rsenf.bench.text import page, text
     from rsenf.cli.options import settings_of
 
     claims = args.table == "claims"
@@ -92,21 +92,18 @@ def _clips(args: argparse.Namespace, folder: Path) -> Made:
     clips, out = (plan.nothing(), "claims.jsonl") if claims else (plan.lit(), "clips.jsonl")
     records = _measured(args, clips, partial(measure, grids=args.grids), folder / out, "clips")
     if args.table == "cameras":
-        return draw_fleets(records, args.fleets, plan.first_seed), lambda told, on_page: fleets(
-            told
-        )
-    document = tabulate(args.table, records, pooled=args.pool_sizes)
-    return document, lambda told, on_page: page(told) if on_page else text(told)
+        return draw_fleets(records, args.fleets, plan.first_seed), fleets_text
+    document = tabulated(args.table, records, pooled=args.pool_sizes)
+    return document, text
 
 
 def _recording_time(args: argparse.Namespace, folder: Path) -> Made | None:
-    from rsenf.bench.recording_time.document import tabulate
-    from rsenf.bench.recording_time.films import has_film
+    from rsenf.bench.recording_time.films import has_film, make_missing
     from rsenf.bench.recording_time.plan import RecordingPlan
     from rsenf.bench.recording_time.references import NOISE_HZ
-    from rsenf.bench.recording_time.session import cuts_of, make_missing
-    from rsenf.bench.recording_time.text import page, text
-    from rsenf.bench.recording_time.trials import run_trials
+    from rsenf.bench.recording_time.table import tabulated
+    from rsenf.bench.recording_time.text import text
+    from rsenf.bench.recording_time.trials import cuts_of, run_trials
     from rsenf.cli.options import settings_of
 
     usual: dict[str, Any] = {"size": "240p", "codings": ("lossless", "50k"), "clips": 1,
@@ -122,17 +119,22 @@ def _recording_time(args: argparse.Namespace, folder: Path) -> Made | None:
     work = partial(run_trials, films=films_in, grids=grids)
     cuts, out = cuts_of(made, NOISE_HZ), folder / "recording-time.jsonl"
     what = f"cuts of {len(made)} films to try"
-    document = tabulate(_measured(args, cuts, work, out, what))
-    return document, lambda told, on_page: page(told) if on_page else text(told)
+    document = tabulated(_measured(args, cuts, work, out, what))
+    return document, text
 
 
 def _calibration(args: argparse.Namespace, folder: Path) -> Made:
-    from rsenf.bench.calibration.damage import damage_text, over_damage
-    from rsenf.bench.calibration.grids import FIT, TEST
-    from rsenf.bench.calibration.picture import draw
     from rsenf.bench.calibration.real_clips import there
     from rsenf.bench.calibration.searches import RealSearch, Search, real_searched, searched
-    from rsenf.bench.calibration.table import calibration_file, fitted_lines, tabulated, text
+    from rsenf.bench.calibration.table import (
+        calibration_file,
+        draw,
+        fitted_lines,
+        over_damage,
+        tabulated,
+        text,
+    )
+    from rsenf.bench.grids import FIT, TEST
     from rsenf.cli.console import note
     from rsenf.errors import UsageError
     from rsenf.match.calibration import calibration
@@ -156,21 +158,14 @@ def _calibration(args: argparse.Namespace, folder: Path) -> Made:
     _fitted(args, lambda: calibration_file(lines, [*records, *real]))
     _drawn(args, draw, document)
 
-    def written(told: dict[str, Any], on_page: bool) -> str:
-        parts = [text(told)]
-        if "real" in told:
-            parts += [text(told["real"]), damage_text(told["real"]["damage"])]
-        return "\n\n".join(parts)
-
-    return document, written
+    return document, text
 
 
 def _match(args: argparse.Namespace, folder: Path) -> Made:
+    from rsenf.bench.harness import measure_missing
     from rsenf.bench.match_days import LONGEST_CLIP_S, Haystack
-    from rsenf.bench.match_stream import Stream, timed_stream
-    from rsenf.bench.match_table import SPANS, page, tabulate, text
-    from rsenf.bench.match_trial import Trial, measure_trials
-    from rsenf.bench.session import measure_missing
+    from rsenf.bench.match_table import SPANS, tabulated, text
+    from rsenf.bench.match_trial import Stream, Trial, measure_trials, timed_stream
     from rsenf.cli.console import say
     from rsenf.errors import UsageError
 
@@ -188,16 +183,15 @@ def _match(args: argparse.Namespace, folder: Path) -> Made:
     streams = [Stream(length_s, args.seed, grids) for length_s in lengths_s]
     out = folder / "match.jsonl"
     records = measure_trials(trials, out, lambda trial: say(f"searching: {trial.key}"))
-    document = tabulate(records, measure_missing(streams, timed_stream, out, 1))
-    return document, lambda told, on_page: page(told) if on_page else text(told)
+    document = tabulated(records, measure_missing(streams, timed_stream, out, 1))
+    return document, text
 
 
 def _pipeline(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.batch.journal import read_records
-    from rsenf.bench.pipeline.contestants import has_ffmpeg
+    from rsenf.bench.pipeline.contestants import RESULTS, has_ffmpeg, measure_turns, turns
     from rsenf.bench.pipeline.films import CODECS, SIZES
-    from rsenf.bench.pipeline.table import tabulate, text
-    from rsenf.bench.pipeline.trial import RESULTS, measure_turns, turns
+    from rsenf.bench.pipeline.table import tabulated, text
     from rsenf.cli.console import note, say
 
     # Enough frames for some seconds of decoding.
@@ -217,12 +211,12 @@ def _pipeline(args: argparse.Namespace, folder: Path) -> Made:
             folder,
             lambda key, done, total: say(f"{done + 1}/{total}: {key}"),
         )
-    return tabulate(records), lambda told, on_page: text(told, on_page=on_page)
+    return tabulated(records), text
 
 
 def _feeds(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.batch.journal import read_records
-    from rsenf.bench.pipeline.feeds import RESULTS, measure_feeds, tabulate, text
+    from rsenf.bench.pipeline.feeds import RESULTS, measure_feeds, tabulated, text
     from rsenf.bench.pipeline.films import SIZES
     from rsenf.cli.console import say
 
@@ -237,7 +231,7 @@ def _feeds(args: argparse.Namespace, folder: Path) -> Made:
             for film in films
             for record in measure_feeds(film, args.feeds or first[film.size], folder, say)
         ]
-    return tabulate(records), lambda told, on_page: text(told, on_page=on_page)
+    return tabulated(records), text
 
 
 def _films(
@@ -259,39 +253,30 @@ def _films(
 
 
 def _tracker(args: argparse.Namespace, folder: Path) -> Made:
-    from rsenf.bench.tracker.table import tabulate, text
-    from rsenf.bench.tracker.trials import measure_trials, trials
+    from rsenf.bench.tracker.trials import measure_trials, tabulated, text, trials
     from rsenf.cli.console import say
 
     parts, part_s = (2, 5.0) if args.quick else (5, 30.0)
     every = trials(args.repeat or parts, args.duration_s or part_s, quick=args.quick)
     records = measure_trials(every, folder, args.seed, lambda key: say(f"measuring: {key}"))
-    return tabulate(records), lambda told, on_page: text(told, on_page=on_page)
+    return tabulated(records), text
 
 
 def _discover(args: argparse.Namespace, folder: Path) -> Made:
     if args.foreign:
         return _foreign(args, folder)
     from rsenf.bench.discover.beside import SKEW, clock_cases, tried
-    from rsenf.bench.discover.picture import draw
     from rsenf.bench.discover.plan import Plan, left_out, listed
-    from rsenf.bench.discover.table import tabulated, text
-    from rsenf.cli.console import note
+    from rsenf.bench.discover.table import draw, tabulated, text
     from rsenf.cli.options import settings_of
     from rsenf.errors import UsageError
 
     for option in ("triples", "rows"):
         if getattr(args, option) is not None:
             raise UsageError(f"--{option} without --foreign", "only a foreign camera has it")
-    can, hidden = (*listed(), SKEW), args.hide
-    if unknown := set(hidden or ()) - set(can):
-        why = left_out().get(min(unknown), "it is no effect")
-        raise UsageError(f"--hide {min(unknown)}: {why}", f"one of {', '.join(can)}")
+    hidden = _hidden(args, (*listed(), SKEW), left_out())
     if hidden:
         args.hide = [name for name in hidden if name != SKEW]
-    elif not args.quick:
-        for name, why in left_out().items():
-            note(f"not hidden among the others: {name}: {why}")
     usual: dict[str, Any] = {"duration_s": 30.0} if args.video else {}
     each = 20 if args.clips is None else args.clips
     many = 0 if hidden or args.video else each
@@ -307,25 +292,17 @@ def _discover(args: argparse.Namespace, folder: Path) -> Made:
     work = partial(tried, grids=args.grids)
     document = tabulated(_measured(args, cases, work, folder / "discover.jsonl", "cases"))
     _drawn(args, draw, document)
-    return document, lambda told, on_page: text(told, on_page=on_page)
+    return document, text
 
 
 def _foreign(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.discover.foreign import Plan, camera_at, left_out, listed, tried
     from rsenf.bench.discover.foreign_table import tabulated, text
-    from rsenf.bench.discover.picture import draw
-    from rsenf.cli.console import note
+    from rsenf.bench.discover.table import draw
     from rsenf.cli.options import settings_of
-    from rsenf.errors import UsageError
 
-    camera, hidden = camera_at(args.foreign.absolute()), args.hide
-    can = (*listed(camera), *camera.UNKNOWN)
-    if unknown := set(hidden or ()) - set(can):
-        why = left_out(camera).get(min(unknown), "it is no effect")
-        raise UsageError(f"--hide {min(unknown)}: {why}", f"one of {', '.join(can)}")
-    if not (hidden or args.quick):
-        for name, why in left_out(camera).items():
-            note(f"not hidden among the others: {name}: {why}")
+    camera = camera_at(args.foreign.absolute())
+    hidden = _hidden(args, (*listed(camera), *camera.UNKNOWN), left_out(camera))
     many = 0 if hidden else 20 if args.clips is None else args.clips
     usual: dict[str, Any] = {"none": 5 * many, "outside": 3 * many, "pairs": 3 * many}
     usual["triples"] = many
@@ -333,18 +310,34 @@ def _foreign(args: argparse.Namespace, folder: Path) -> Made:
         usual = {"each": 1, "none": 1, "outside": 1, "pairs": 0, "triples": 0, "rows": 240,
                  "effects": ("harmonics", "frame_drop", "timestamp_jitter"),
                  "duration_s": 27.0}  # fmt: skip
-    cases = settings_of(args, Plan, **usual).cases(camera)
+    cases = settings_of(args, Plan, **usual).cases_of(camera)
     work = partial(tried, path=args.foreign.absolute())
     document = tabulated(_measured(args, cases, work, folder / "foreign.jsonl", "cases"))
     _drawn(args, draw, document)
-    return document, lambda told, on_page: text(told, on_page=on_page)
+    return document, text
+
+
+def _hidden(
+    args: argparse.Namespace, can: Sequence[str], left_out: dict[str, str]
+) -> Sequence[str]:
+    """Return the effects of --hide; without it, note which ones aren't hidden, and why."""
+    from rsenf.cli.console import note
+    from rsenf.errors import UsageError
+
+    hidden: Sequence[str] = args.hide or ()
+    if unknown := set(hidden) - set(can):
+        why = left_out.get(min(unknown), "it is no effect")
+        raise UsageError(f"--hide {min(unknown)}: {why}", f"one of {', '.join(can)}")
+    if not (hidden or args.quick):
+        for name, why in left_out.items():
+            note(f"not hidden among the others: {name}: {why}")
+    return hidden
 
 
 def _estimators(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.discover.foreign import camera_at
-    from rsenf.bench.foreign.picture import draw
     from rsenf.bench.foreign.plan import NEEDED, EstimatorPlan, tasks_of, tried
-    from rsenf.bench.foreign.table import tabulated, text
+    from rsenf.bench.foreign.table import draw, tabulated, text
     from rsenf.cli.options import settings_of
 
     usual: dict[str, Any] = {}
@@ -358,17 +351,14 @@ def _estimators(args: argparse.Namespace, folder: Path) -> Made:
     methods = {task.method for task in tasks}
     document = tabulated([record for record in records if record["method"] in methods])
     _drawn(args, draw, document)
-    return document, lambda told, on_page: text(told, on_page=on_page)
+    return document, text
 
 
 def _live(args: argparse.Namespace, folder: Path) -> Made:
-    from rsenf.bench.calibration.grids import FIT, TEST
-    from rsenf.bench.live.fit import limits_file
-    from rsenf.bench.live.picture import draw
+    from rsenf.bench.grids import FIT, TEST
     from rsenf.bench.live.plan import LivePlan
-    from rsenf.bench.live.table import tabulated
-    from rsenf.bench.live.text import page, text
-    from rsenf.bench.live.trials import watched
+    from rsenf.bench.live.rules import watched
+    from rsenf.bench.live.table import draw, limits_file, tabulated, text
     from rsenf.cli.options import settings_of
 
     usual: dict[str, Any] = {"clips": 9, "duration_s": 180.0} if args.quick else {}
@@ -379,7 +369,7 @@ def _live(args: argparse.Namespace, folder: Path) -> Made:
     document = tabulated(records)
     _fitted(args, lambda: limits_file(records))
     _drawn(args, draw, document)
-    return document, lambda told, on_page: page(told) if on_page else text(told)
+    return document, text
 
 
 MAKE: dict[str, Callable[[argparse.Namespace, Path], Made | None]] = {

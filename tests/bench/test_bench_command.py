@@ -11,10 +11,9 @@ from typing import Any
 
 import pytest
 
+from rsenf.bench.harness import measure_missing, work_all
 from rsenf.bench.measure import measure
 from rsenf.bench.plan import Clip, Plan
-from rsenf.bench.session import measure_missing
-from rsenf.bench.workers import work_all
 from rsenf.cli import bench, main
 from rsenf.errors import NodeFailed
 from rsenf.idle import METHODS as IDLE_METHODS

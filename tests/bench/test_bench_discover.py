@@ -9,8 +9,7 @@ import pytest
 
 from rsenf.bench.discover import beside
 from rsenf.bench.discover.judge import judged, parameter_error
-from rsenf.bench.discover.outside import OUTSIDE, done_to
-from rsenf.bench.discover.plan import Plan, listed
+from rsenf.bench.discover.plan import OUTSIDE, Plan, done_to, listed
 from rsenf.bench.discover.scene import as_shown, drawn
 from rsenf.bench.discover.table import tabulated, text
 from rsenf.bench.discover.trial import tried

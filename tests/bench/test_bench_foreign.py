@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from rsenf.bench.discover.foreign import CAMERA, Case, Plan, camera_at, left_out, listed, tried
-from rsenf.bench.discover.foreign_judge import closed, judged, parameter_errors
 from rsenf.bench.discover.foreign_table import tabulated, text
+from rsenf.bench.discover.judge import closed, judged_foreign, parameter_errors
 from rsenf.errors import UsageError
 
 PATH = Path(__file__).resolve().parents[2] / CAMERA
@@ -59,18 +59,20 @@ def _told(verdict: str, *named: str) -> dict[str, Any]:
 def test_an_answer_is_judged(
     kind: str, hidden: str, told: dict[str, Any], outcome: str, wrong: int
 ) -> None:
-    judgement = judged(kind, {name: LIKE[name] for name in hidden.split()}, told, ("harmonics",))
+    judgement = judged_foreign(
+        kind, {name: LIKE[name] for name in hidden.split()}, told, ("harmonics",)
+    )
     assert (judgement["outcome"], len(judgement["wrong_names"])) == (outcome, wrong)
 
 
 def test_a_pure_tone_has_no_harmonics_to_name() -> None:
-    assert judged("none", {}, _told("explained", "harmonics"), ())["outcome"] == "wrong"
+    assert judged_foreign("none", {}, _told("explained", "harmonics"), ())["outcome"] == "wrong"
 
 
 def test_a_name_for_what_is_like_it_is_counted() -> None:
     hidden = {"gamma": ("harmonics",)}
-    assert judged("one", hidden, _told("explained", "harmonics"), ())["by_like"] == 1
-    assert judged("one", hidden, _told("explained", "gamma"), ())["by_like"] == 0
+    assert judged_foreign("one", hidden, _told("explained", "harmonics"), ())["by_like"] == 1
+    assert judged_foreign("one", hidden, _told("explained", "gamma"), ())["by_like"] == 0
 
 
 def _errors(name: str, truth: dict[str, Any], **parameters: Any) -> list[float | None]:
@@ -121,7 +123,7 @@ def test_what_the_lamp_closes_of_the_gap_is_told_apart() -> None:
 def test_a_plan_has_every_effect_so_often_and_no_seed_twice() -> None:
     camera = camera_at(PATH)
     plan = Plan(first_seed=50, each=2, none=5, outside=16, pairs=7, triples=3)
-    cases = plan.cases(camera)
+    cases = plan.cases_of(camera)
     assert len({case.seed for case in cases}) == len({case.key for case in cases}) == len(cases)
     never = {"variable_frame_rate", "clock_skew", "image_wobble", "moving_object"}
     assert {*never, *camera.NEUTRAL} == set(left_out(camera))
@@ -131,7 +133,7 @@ def test_a_plan_has_every_effect_so_often_and_no_seed_twice() -> None:
     for kind, size, count in (("pair", 2, 7), ("triple", 3, 3)):
         assert [len(case.hidden) for case in cases if case.kind == kind] == [size] * count
     assert sum(bool(case.hidden) for case in cases if case.kind == "none") == 2
-    assert cases == plan.cases(camera)
+    assert cases == plan.cases_of(camera)
 
 
 def test_every_truth_is_plain_values() -> None:
@@ -143,8 +145,8 @@ def test_every_truth_is_plain_values() -> None:
 
 def test_cases_are_tried_and_counted() -> None:
     cases = [
-        Case("one", ("frame_drop",), 8, 3.0, 27.0, 120, video=False),
-        Case("unknown", ("burst_lines",), 9, 3.0, 27.0, 120, video=False),
+        Case("one", ("frame_drop",), 8, 3.0, 27.0, rows=120, video=False),
+        Case("unknown", ("burst_lines",), 9, 3.0, 27.0, rows=120, video=False),
     ]
     records = json.loads(json.dumps([tried(case, PATH) for case in cases]))
     drop, burst = records
@@ -161,11 +163,11 @@ def test_cases_are_tried_and_counted() -> None:
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs the ffmpeg command")
 def test_a_film_is_tried_as_its_rows_are() -> None:
-    record = tried(Case("one", ("frame_drop",), 8, 3.0, 27.0, 160, video=True), PATH)
+    record = tried(Case("one", ("frame_drop",), 8, 3.0, 27.0, rows=160, video=True), PATH)
     assert (record["video"], record["wrong_names"]) == (True, [])
     assert "frame_drop" in record["named"]
     plan = Plan(effects=("frame_drop", "timestamp_jitter"), each=1, none=0, outside=0, pairs=0)
-    films = dataclasses.replace(plan, triples=0, video=True).cases(camera_at(PATH))
+    films = dataclasses.replace(plan, triples=0, video=True).cases_of(camera_at(PATH))
     assert [case.hidden for case in films] == [("frame_drop",)]  # stamps of a film are regular
 
 

@@ -8,10 +8,8 @@ from typing import Any
 import pytest
 
 from rsenf.bench.bounds import rate_bound
-from rsenf.bench.document import claims_rows, tabulate
-from rsenf.bench.enf_table import enf_rows
-from rsenf.bench.idle_table import idle_rows
-from rsenf.bench.text import page, text
+from rsenf.bench.clip_tables import claims_rows, enf_rows, idle_rows, tabulated
+from rsenf.bench.clip_text import text
 from tests.bench.bench_records import enf, idle, lit
 
 BROKE = {"broke": "ValueError: x"}
@@ -64,7 +62,7 @@ def test_alias_at_zero_is_a_cell_by_how_far_the_flicker_turns() -> None:
 def test_sizes_make_cells_unless_pooled() -> None:
     records = [lit(n, {"coherent": idle("refused")}, {}, size=s) for n, s in enumerate("ab")]
     assert [row["clips"] for row in idle_rows(records)] == [1, 1]
-    assert [row["clips"] for row in tabulate("idle", records, pooled=True)["rows"]] == [2]
+    assert [row["clips"] for row in tabulated("idle", records, pooled=True)["rows"]] == [2]
 
 
 def test_enf_errors_are_rms_of_a_clip_and_a_clip_without_values_is_none() -> None:
@@ -127,18 +125,18 @@ def test_every_table_can_be_written(table: str) -> None:
         lit(0, {"coherent": SAID[0], "line_ratio": BROKE}, {"stft": enf([1.0])}),
         lit(1, {"coherent": SAID[4]}, {"stft": enf([])}, frame_rate="25", frames=1500),
     ]
-    document = tabulate(table, records)
+    document = tabulated(table, records)
     assert "seeds 0 to 1" in text(document)
-    lines = [line for line in page(document).splitlines() if line.startswith("|")]
+    lines = [line for line in text(document, on_page=True).splitlines() if line.startswith("|")]
     assert len({line.count("|") for line in lines}) == 1
     assert len(lines) > 2
 
 
 def test_records_of_several_versions_are_said_to_be() -> None:
     records = [lit(n, {}, {}, versions={"source": s}) for n, s in enumerate("ab")]
-    assert "made by 2 versions" in text(tabulate("idle", records))
+    assert "made by 2 versions" in text(tabulated("idle", records))
 
 
 def test_tables_of_nothing_can_be_written() -> None:
     for table in ("idle", "enf", "claims"):
-        assert "clips: 0" in text(tabulate(table, []))
+        assert "clips: 0" in text(tabulated(table, []))

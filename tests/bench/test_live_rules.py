@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 
 from rsenf.bench.bounds import count_bound
-from rsenf.bench.live.correlation import correlation, sliding_correlation
-from rsenf.bench.live.onsets import false_and_delay, onsets, told_apart
+from rsenf.bench.live.rules import (
+    correlation,
+    false_and_delay,
+    onsets,
+    sliding_correlation,
+    told_apart,
+)
 from rsenf.messages import EnfEstimate, Header, ReferenceBlock, RowBlock
 
 S = 10**9

@@ -9,11 +9,20 @@ from typing import Any
 import pytest
 
 from rsenf.bench.bounds import count_bound
-from rsenf.bench.live.fit import WANTED_PER_HOUR, WORTH, fitted_nats, limits_file
-from rsenf.bench.live.picture import draw
 from rsenf.bench.live.rules import live_at, span_of
-from rsenf.bench.live.table import ALARMS, CORRELATION, NOT_LIVE, VERDICT, tabulated
-from rsenf.bench.live.text import page, text
+from rsenf.bench.live.table import (
+    ALARMS,
+    CORRELATION,
+    NOT_LIVE,
+    VERDICT,
+    WANTED_PER_HOUR,
+    WORTH,
+    draw,
+    fitted_nats,
+    limits_file,
+    tabulated,
+    text,
+)
 from rsenf.errors import InputError
 from rsenf.live.settings import Limits
 
@@ -88,9 +97,10 @@ def test_pictures_that_come_again_to_the_last_bit_are_no_matter_of_a_limit() -> 
     assert [r["attacks"] for r in tabulated([LOOP, bits])["trade_off"]["nats"]] == [1, 1, 1]
 
 
-@pytest.mark.parametrize("written", [text, page])
-def test_the_table_says_all_that_it_counts(written: Any) -> None:
-    whole = written(tabulated([FALSE, LOOP, record(alarms=[[7.0, "loop", "comes round"]])]))
+@pytest.mark.parametrize("on_page", [False, True])
+def test_the_table_says_all_that_it_counts(on_page: bool) -> None:
+    document = tabulated([FALSE, LOOP, record(alarms=[[7.0, "loop", "comes round"]])])
+    whole = text(document, on_page=on_page)
     assert "loop: comes round" in whole
     assert "42.1 nats" in whole
 

@@ -20,10 +20,8 @@ from rsenf.bench.match_days import (
     real_day,
     write_haystack,
 )
-from rsenf.bench.match_loop import lag_by_lag
-from rsenf.bench.match_stream import Stream, timed_stream
-from rsenf.bench.match_table import page, tabulate, text
-from rsenf.bench.match_trial import Trial, measure_trials
+from rsenf.bench.match_table import tabulated, text
+from rsenf.bench.match_trial import Stream, Trial, lag_by_lag, measure_trials, timed_stream
 from rsenf.cli import main
 from rsenf.match import MatchSettings
 from rsenf.match.ncc import Residuals, lag_residuals
@@ -120,7 +118,7 @@ def test_a_trial_is_measured_once_and_makes_a_table(tmp_path: Path) -> None:
     assert again == records
     stream = {"clip_s": 7200, "results": 3, "matches": 2, "coming_cpu_s": 1.0, "cpu_s": 3.6,
               "peak_mb": None}  # fmt: skip
-    document = tabulate(records, [stream])
+    document = tabulated(records, [stream])
     (row,) = json.loads(json.dumps(document, allow_nan=False))["rows"]
     assert row["right"] == 2
     assert row["worst_error_s"] < 1.0
@@ -129,8 +127,8 @@ def test_a_trial_is_measured_once_and_makes_a_table(tmp_path: Path) -> None:
     assert row["cpu_s"]["loop"] == pytest.approx(row["cpu_s"]["whole_loop"], rel=0.5)
     assert row["loop_over_lags"] > row["loop_over_search"] > 1
     assert "a day" in text(document)
-    assert page(document).startswith("| reference |")
-    assert "| 2 h | 3 | 2 | 3.60 s | 2.60 s | 0.50 | – |" in page(document)
+    assert text(document, on_page=True).startswith("| reference |")
+    assert "| 2 h | 3 | 2 | 3.60 s | 2.60 s | 0.50 | – |" in text(document, on_page=True)
 
 
 def test_a_clip_that_comes_in_is_matched_on_the_way() -> None:

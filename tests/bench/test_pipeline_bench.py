@@ -10,14 +10,23 @@ import av
 import numpy as np
 import pytest
 
-from rsenf.bench.pipeline.contestants import COPY, FFMPEG, LIVE, MEANS, ONE, PYAV, SPLITS, time_it
+from rsenf.bench.pipeline.contestants import (
+    COPY,
+    FFMPEG,
+    LIVE,
+    MEANS,
+    ONE,
+    PYAV,
+    SPLITS,
+    time_it,
+    turns,
+)
 from rsenf.bench.pipeline.feeds import RESULTS, Many, carried, counts, lateness_s, measure_feeds
-from rsenf.bench.pipeline.feeds import tabulate as feeds_table
+from rsenf.bench.pipeline.feeds import tabulated as feeds_table
 from rsenf.bench.pipeline.feeds import text as feeds_text
 from rsenf.bench.pipeline.films import Film, made, reference_of
 from rsenf.bench.pipeline.graphs import Heard, Ran, Split
-from rsenf.bench.pipeline.table import tabulate, text
-from rsenf.bench.pipeline.trial import turns
+from rsenf.bench.pipeline.table import tabulated, text
 from rsenf.cli import main
 from rsenf.messages import Header, Health
 from rsenf.reference import open_reference
@@ -101,23 +110,23 @@ def test_the_ratio_is_that_of_each_round() -> None:
         for number, slow in enumerate((1.0, 2.0, 1.0))
         for name, seconds in ((FFMPEG, 9.0), (ONE, 10.0), ("fused, recorded", 12.0))
     ]
-    rows = {row["contestant"]: row for row in tabulate(records)["rows"]}
+    rows = {row["contestant"]: row for row in tabulated(records)["rows"]}
     assert rows[ONE]["rate_ratio"] == pytest.approx(0.9)
     assert rows[ONE]["cpu_ratio"] == pytest.approx(10 / 9)
     assert rows["fused, recorded"]["rate_ratio"] == pytest.approx(0.75)
-    shown = text(tabulate(records))
+    shown = text(tabulated(records))
     assert "0.95 no" in shown
     assert "median of the rounds" in shown.replace("\n", " ")
 
 
 def test_without_ffmpeg_the_table_says_so() -> None:
-    shown = text(tabulate([_record(PYAV, 0, 9.0), _record(ONE, 0, 10.0)]))
+    shown = text(tabulated([_record(PYAV, 0, 9.0), _record(ONE, 0, 10.0)]))
     assert "ffmpeg isn't here: compared with PyAV" in shown
 
 
 def test_on_a_busy_machine_no_mark_is_judged_by_frame_rates() -> None:
     busy = [_record(FFMPEG, 0, 9.0), _record(ONE, 0, 8.0, others_ratio=0.6)]
-    shown = text(tabulate(busy))
+    shown = text(tabulated(busy))
     assert "0.95 not told" in shown
     assert "other programs took up to 60 % of the machine" in shown
 
@@ -128,10 +137,10 @@ def test_a_round_that_others_took_part_in_does_not_count_where_there_are_others(
         _record(FFMPEG, 1, 9.0, others_ratio=0.4), _record(ONE, 1, 6.0),
         _record(FFMPEG, 2, 9.0), _record(ONE, 2, 5.0, others_ratio=0.2),
     ]  # fmt: skip
-    row = tabulate(records)["rows"][1]
+    row = tabulated(records)["rows"][1]
     assert (row["rounds"], row["disturbed"]) == (1, 2)
     assert row["rate_ratio"] == pytest.approx(0.9)
-    shown = text(tabulate(records))
+    shown = text(tabulated(records))
     assert "0.95 no" in shown
     assert "1 of 3" in shown
     assert "other programs took" not in shown.replace("\n", " ").split("medians of")[1]
@@ -139,10 +148,10 @@ def test_a_round_that_others_took_part_in_does_not_count_where_there_are_others(
 
 def test_latencies_are_told_by_topic() -> None:
     late = _record(LIVE, 0, 1.0, latency_s={"rows": [0.1] * 99 + [0.9]})
-    (row,) = tabulate([late])["latency"]
+    (row,) = tabulated([late])["latency"]
     assert row["p50_s"] == pytest.approx(0.1)
     assert row["p99_s"] > 0.1
-    assert "100 ms" in text(tabulate([late]))
+    assert "100 ms" in text(tabulated([late]))
 
 
 def test_feeds_are_added_one_by_one_in_the_end() -> None:

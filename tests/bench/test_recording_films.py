@@ -9,10 +9,16 @@ import pytest
 
 from rsenf.bench.film import film
 from rsenf.bench.recording_time import films
-from rsenf.bench.recording_time.days import lit_day
-from rsenf.bench.recording_time.films import has_film, make_film, read_rows, read_truth, setting_of
+from rsenf.bench.recording_time.films import (
+    has_film,
+    make_film,
+    make_missing,
+    read_rows,
+    read_truth,
+    setting_of,
+)
 from rsenf.bench.recording_time.plan import Film
-from rsenf.bench.recording_time.session import make_missing
+from rsenf.bench.recording_time.references import lit_day
 from rsenf.errors import InputError, RecordingError
 from rsenf.messages.codec import digest
 from rsenf.model import GridPath

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from rsenf.bench.bounds import rate_bound
-from rsenf.bench.recording_time.document import tabulate
-from rsenf.bench.recording_time.text import page, text
+from rsenf.bench.recording_time.table import tabulated
+from rsenf.bench.recording_time.text import text
 
 
 def trial(method: str, outcome: str, trial: str = "present", **more: Any) -> dict[str, Any]:
@@ -35,7 +35,7 @@ SAID = [
 
 
 def test_every_trial_is_counted_once() -> None:
-    (row,) = tabulate([record(SAID)])["rows"]
+    (row,) = tabulated([record(SAID)])["rows"]
     assert (row["present"], row["true"], row["false"], row["none"], row["broke"]) == (6, 3, 1, 1, 1)
     assert row["true_percent"] == pytest.approx(50.0)
     assert (row["absent"], row["absent_false"]) == (3, 1)
@@ -47,14 +47,14 @@ def test_cells_are_kind_coding_length_and_method() -> None:
         record(SAID), record(SAID, kind="moving"), record(SAID, coding="50k"),
         record(SAID, length_s=120.0), record([*SAID, trial("ncc", "none")]),
     ]  # fmt: skip
-    rows = tabulate(records)["rows"]
+    rows = tabulated(records)["rows"]
     assert len(rows) == 5
     assert max(row["present"] for row in rows) == 12
 
 
 def test_false_decisions_are_pooled_by_length_and_over_all() -> None:
     records = [record(SAID), record(SAID, kind="moving", coding="50k", length_s=120.0)]
-    rows = {row["length_s"]: row for row in tabulate(records)["absent"]}
+    rows = {row["length_s"]: row for row in tabulated(records)["absent"]}
     assert {length: (r["absent"], r["absent_false"]) for length, r in rows.items()} == {
         60.0: (3, 1), 120.0: (3, 1), "all": (6, 2), "≥120": (3, 1),
     }  # fmt: skip
@@ -73,17 +73,17 @@ def metrics(*true: int) -> list[dict[str, Any]]:
     ("true", "holds"), [((1, 2, 2, 5), True), ((1, 2, 3, 2), False), ((2, 1, 3, 3), False)]
 )
 def test_the_metrics_order_is_checked(true: tuple[int, ...], holds: bool) -> None:
-    row, pooled = tabulate([record(metrics(*true))])["order"]
+    row, pooled = tabulated([record(metrics(*true))])["order"]
     assert pooled == row | {"length_s": "all"}
     assert row["true"] == list(true)
     assert row["trials"] == 5
     assert row["holds"] is holds
-    assert f"in {2 * int(holds)} of 2 cells" in text(tabulate([record(metrics(*true))]))
+    assert f"in {2 * int(holds)} of 2 cells" in text(tabulated([record(metrics(*true))]))
 
 
 def test_compressed_films_are_one_cell_of_the_order() -> None:
     records = [record(metrics(1, 1, 1, 1), coding=c) for c in ("150k", "50k", "lossless")]
-    rows = tabulate(records)["order"]
+    rows = tabulated(records)["order"]
     found = {(row["coded"], row["length_s"], row["trials"]) for row in rows}
     assert found == {
         ("compressed", 60.0, 10), ("compressed", "all", 10),
@@ -93,16 +93,16 @@ def test_compressed_films_are_one_cell_of_the_order() -> None:
 
 def test_marks_are_reached_or_not_or_not_known() -> None:
     records = [record([trial("phase", "true")] * 19 + [trial("phase", "none")])]
-    marks = tabulate(records)["marks"]
+    marks = tabulated(records)["marks"]
     assert [mark["reached"] for mark in marks] == [True, None]
     records.append(record([trial("phase", "false", "same_day")], length_s=300.0))
     records.append(record([trial("phase", "none")], coding="50k", length_s=120.0))
-    assert [mark["reached"] for mark in tabulate(records)["marks"]] == [True, False, False]
+    assert [mark["reached"] for mark in tabulated(records)["marks"]] == [True, False, False]
 
 
 def test_errors_of_true_decisions_are_held_against_what_was_said_of_them() -> None:
     said = [trial("phase", "true", clock_error_ppm=e) for e in (1.0, -1.0, 5.0)]
-    (row,) = tabulate([record([*said, trial("phase", "none", clock_error_ppm=99.0)])])["recovery"]
+    (row,) = tabulated([record([*said, trial("phase", "none", clock_error_ppm=99.0)])])["recovery"]
     assert row["trials"] == 3
     assert row["clock_rms_ppm"] == pytest.approx(3.0)
     assert row["clock_within"] == pytest.approx(2 / 3)
@@ -110,17 +110,17 @@ def test_errors_of_true_decisions_are_held_against_what_was_said_of_them() -> No
 
 
 def test_ratios_are_held_against_how_often_they_were_right() -> None:
-    rows = tabulate([record(SAID)])["evidence"]
+    rows = tabulated([record(SAID)])["evidence"]
     found = {(row["question"], row["from"], row["to"]): row for row in rows}
     assert found["other", 2.0, 3.0]["trials"] == 5
     assert found["other", 2.0, 3.0]["right"] == 3
     assert found["absent", 1.0, 2.0]["trials"] == 8
 
 
-@pytest.mark.parametrize("written", [text, page])
-def test_tables_say_what_they_were_made_of(written: Any) -> None:
+@pytest.mark.parametrize("on_page", [False, True])
+def test_tables_say_what_they_were_made_of(on_page: bool) -> None:
     records = [record(SAID), record(metrics(1, 2, 3, 4), kind="moving", seed=2, versions={})]
-    said = written(tabulate(records))
+    said = text(tabulated(records), on_page=on_page)
     assert "films: 2; seeds 1 to 2; grid: g; reference: 24 h; its noise: 0.3 mHz" in said
     assert "made by 2 versions" in said
     assert "46/0/54" in said  # the paper's Metric 1
@@ -128,4 +128,4 @@ def test_tables_say_what_they_were_made_of(written: Any) -> None:
 
 
 def test_a_table_of_nothing_can_be_written() -> None:
-    assert "films: 0" in text(tabulate([]))
+    assert "films: 0" in text(tabulated([]))

@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from rsenf.bench.recording_time.days import lit_day, stretch
 from rsenf.bench.recording_time.films import setting_of
 from rsenf.bench.recording_time.plan import Film
-from rsenf.bench.recording_time.search import PAPER_METRICS, ClipEnf, Said, Search
+from rsenf.bench.recording_time.references import lit_day, stretch
+from rsenf.bench.recording_time.trials import PAPER_METRICS, ClipEnf, Said, Search
 from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.model import GridPath, simulate_rows

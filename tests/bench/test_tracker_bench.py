@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsenf.bench.tracker.hour import Hour
+from rsenf.bench.tracker.beside import Hour
 from rsenf.bench.tracker.light import BLOCK_FRAMES, Light, cycles, reference
-from rsenf.bench.tracker.table import tabulate, text
-from rsenf.bench.tracker.trials import Planes, measured, planes, trials
+from rsenf.bench.tracker.trials import Planes, measured, planes, tabulated, text, trials
 from rsenf.track import METHODS, TrackSettings, make_tracker
 
 
@@ -33,7 +32,7 @@ def test_an_hours_cost_is_that_of_its_parts(tmp_path: Path) -> None:
     record = measured(Hour("frame_mean", 32, 25.0, 2, 2.0), 0, tmp_path)
     assert record["hours"] == pytest.approx(4 / 3600)
     assert len(record["cpu_s_per_hour"]) == 2
-    row = tabulate([record | {"cpu_s_per_hour": [30.0, 90.0, 36.0]}])["rows"][0]
+    row = tabulated([record | {"cpu_s_per_hour": [30.0, 90.0, 36.0]}])["rows"][0]
     assert row["cpu_s_per_hour"] == 36.0
     assert row["ms_per_frame"] == pytest.approx(0.4)
 
@@ -56,7 +55,7 @@ def test_ratios_are_those_of_each_round() -> None:
     ]
     part = {"decode": 100.0, "rows": 3.0, "track": 1.0, "idle": 0.5, "match": 0.25, "live": 0.25}
     common = {"load": 1.0, "rsenf": "x"}
-    document = tabulate(
+    document = tabulated(
         [
             common | {"kind": "planes", "size": "480p", "us": rounds},
             common | {"kind": "beside", "ms_per_s": [part, part | {"decode": 50.0}, part]},

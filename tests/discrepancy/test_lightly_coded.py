@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsenf.bench.discover.filmed import sampled
+from rsenf.bench.discover.trial import sampled
 from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.verdict import discover
 from rsenf.model import CaptureModel, Light, Shutter, render_frames, synthetic_grid

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.bench.calibration.grids import Stretch
+from rsenf.bench.grids import Stretch
+from rsenf.bench.scenes import spread
 from rsenf.match.clip_phase import RAD_PER_CYCLE
 from rsenf.match.series import Grid, Track
 from rsenf.messages.schema import FloatArray
@@ -45,24 +46,19 @@ class Drawn:
 
 def draw(stretch: Stretch, rng: np.random.Generator) -> Drawn:
     """Draw a clip, of which all seconds were measured."""
-    seconds = round(_spread(rng, LENGTH_S))
+    seconds = round(spread(rng, LENGTH_S))
     wanders, holes = rng.random() < WANDER_SHARE, rng.random() < HOLES_SHARE
     return Drawn(
         start_s=_start(stretch, seconds, rng),
         seconds=seconds,
-        noise_rad=_spread(rng, NOISE_RAD),
-        claimed_ratio=_spread(rng, CLAIMED_RATIO),
-        wander_rad=_spread(rng, WANDER_RAD) if wanders else 0.0,
-        wander_s=_spread(rng, WANDER_S),
+        noise_rad=spread(rng, NOISE_RAD),
+        claimed_ratio=spread(rng, CLAIMED_RATIO),
+        wander_rad=spread(rng, WANDER_RAD) if wanders else 0.0,
+        wander_s=spread(rng, WANDER_S),
         hole_ratio=float(rng.uniform(*HOLES)) if holes else 0.0,
         clock_ppm=float(rng.standard_t(CLOCK_DOF) * CLOCK_PPM),
-        reference_hz=_spread(rng, REFERENCE_HZ),
+        reference_hz=spread(rng, REFERENCE_HZ),
     )
-
-
-def _spread(rng: np.random.Generator, low_high: tuple[float, float]) -> float:
-    """Draw evenly on a logarithmic scale."""
-    return math.exp(rng.uniform(*np.log(low_high)))
 
 
 def _start(stretch: Stretch, seconds: int, rng: np.random.Generator) -> float:

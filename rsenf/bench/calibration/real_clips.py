@@ -15,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rsenf.bench.calibration.grids import FIT, TEST
+from rsenf.bench.grids import FIT, TEST
+from rsenf.bench.scenes import spread
 from rsenf.match.clip_phase import RAD_PER_CYCLE
 from rsenf.match.series import Grid, Track, track_of
 from rsenf.messages import Header
@@ -116,7 +117,7 @@ def degraded(folder: Path, part: str, rng: np.random.Generator) -> Degraded:
     many = int(rng.integers(1, 2 + round(2 * damage)))
     kinds = tuple(every[i] for i in sorted(rng.choice(len(every), many, replace=False)))
     clip = _clip(folder, name)
-    length_s = min(_spread(rng, LENGTH_S), clip.luminance.size / clip.rate_hz - 1.0)
+    length_s = min(spread(rng, LENGTH_S), clip.luminance.size / clip.rate_hz - 1.0)
     begin_s = float(rng.uniform(0.0, clip.luminance.size / clip.rate_hz - length_s))
     first, frames = round(begin_s * clip.rate_hz), round(length_s * clip.rate_hz)
     luminance = _worse(clip.luminance[first : first + frames], kinds, damage, rng)
@@ -126,11 +127,6 @@ def degraded(folder: Path, part: str, rng: np.random.Generator) -> Degraded:
             track = _spoilt(folder, part, track, kind, damage, rng)
     lag_s = LAGS_S[part][name] + first / clip.rate_hz / (1.0 + CLOCK_PPM * 1e-6)
     return Degraded(name, damage, kinds, track, REFERENCES[rng.integers(2)], lag_s)
-
-
-def _spread(rng: np.random.Generator, low_high: tuple[float, float]) -> float:
-    """Draw evenly on a logarithmic scale."""
-    return math.exp(rng.uniform(*np.log(low_high)))
 
 
 def _worse(

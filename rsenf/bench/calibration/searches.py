@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from rsenf.bench.calibration.clips import Drawn, draw, measured_reference, track_of_clip
-from rsenf.bench.calibration.grids import Stretch, stretches
 from rsenf.bench.calibration.real_clips import LAGS_S, degraded, reference_of
+from rsenf.bench.grids import Stretch, stretches
 from rsenf.bench.judge import number
 from rsenf.match.clip_phase import clip_phase
 from rsenf.match.inliers import inliers

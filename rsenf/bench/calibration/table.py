@@ -1,13 +1,16 @@
-"""What came of a calibration: its lines, and how reliable they are on what they never saw."""
+"""What came of a calibration: its lines, and how reliable they are on what they never saw.
+
+What is decided of real clips made worse, over the damage: where their time is, and where not.
+
+Reliability in a picture: of the cases given some ratio, the share in which it was so.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from rsenf.bench.bounds import rate_bound
 from rsenf.bench.calibration.fit import (
@@ -18,7 +21,9 @@ from rsenf.bench.calibration.fit import (
     pairs_of,
     reliability,
 )
+from rsenf.bench.tables import mean, picture, rms, shown
 from rsenf.match.calibration import VERSION, Line
+from rsenf.match.phase import SURE_STDS, least_of_best
 from rsenf.match.settings import MatchSettings
 
 _ASKED = {
@@ -82,22 +87,28 @@ def _decisions(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, A
     return counts | {"absent_found_below": rate_bound(counts["absent_found"], counts["absent"])}
 
 
-def _clock(records: Sequence[Record]) -> dict[str, float]:
+def _clock(records: Sequence[Record]) -> dict[str, Any]:
     """Rms of the errors of lag and clock over their standard errors, where the time is right."""
     right = [r["present"] for r in records if r.get("present") and r["present"]["right"]]
     sure = [p for p in right if p["absent"] >= 2 and p["clock_error_ppm"] is not None]
-    lag = np.array([p["lag_error_s"] / p["lag_std_s"] for p in sure])
-    clock = np.array([p["clock_error_ppm"] / p["clock_std_ppm"] for p in sure])
+    clock = [p["clock_error_ppm"] / p["clock_std_ppm"] for p in sure]
     return {
         "cases": len(sure),
-        "lag_spread": float(np.sqrt(np.mean(lag**2))) if sure else math.nan,
-        "clock_spread": float(np.sqrt(np.mean(clock**2))) if sure else math.nan,
-        "clock_within_two": float(np.mean(np.abs(clock) <= 2)) if sure else math.nan,
+        "lag_spread": rms([p["lag_error_s"] / p["lag_std_s"] for p in sure]),
+        "clock_spread": rms(clock),
+        "clock_within_two": mean([abs(one) <= 2 for one in clock]),
     }
 
 
-def text(document: dict[str, Any]) -> str:
-    """Return the outcome for a terminal."""
+def text(document: dict[str, Any], *, on_page: bool = False) -> str:
+    """Return the outcome as text; Markdown has no other form."""
+    parts = [_text(document)]
+    if real := document.get("real"):
+        parts += [_text(real), damage_text(real["damage"])]
+    return "\n\n".join(parts)
+
+
+def _text(document: dict[str, Any]) -> str:
     lines = [f"{document['searches']} searches in {', '.join(document['grids'])}"]
     for found in document["questions"]:
         line = found["line"]
@@ -115,8 +126,9 @@ def text(document: dict[str, Any]) -> str:
         f"match at both ratios ≥ 100: {counts['found']} of {counts['present']} present, "
         f"{counts['found_wrong']} of them wrongly; {counts['absent_found']} of "
         f"{counts['absent']} absent (below {counts['absent_found_below']:.2%} with 95 %)",
-        f"errors over standard errors, rms of {clock['cases']}: lag {clock['lag_spread']:.2f}, "
-        f"clock {clock['clock_spread']:.2f}, {clock['clock_within_two']:.0%} within two",
+        f"errors over standard errors, rms of {clock['cases']}: "
+        f"lag {shown(clock['lag_spread'], '.2f')}, clock {shown(clock['clock_spread'], '.2f')}, "
+        f"{shown(clock['clock_within_two'], '.0%')} within two",
     ])  # fmt: skip
 
 
@@ -134,3 +146,122 @@ def _row(row: dict[str, Any]) -> str:
         f"({row['low']:.1%} to {row['high']:.1%})".ljust(56)
         + f"{row['held']:5d} {row['failed']:7d}"
     )
+
+
+BINS = 5
+COUNTS = (
+    "clips",
+    "short",
+    "found",
+    "wrong",
+    "excluded",
+    "absent",
+    "absent_excluded",
+    "absent_found",
+)
+
+
+def over_damage(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, Any]:
+    """Count decisions in equal steps of the damage, and in all.
+
+    Of clips searched for where they are: ``found``, of those ``wrong`` at a place more than a few
+    seconds off, and ``excluded``, falsely. Of searches where they aren't (``absent``): excluded
+    rightly, and found falsely. ``short`` clips have too few usable seconds to be compared.
+    """
+    rows = [dict.fromkeys(COUNTS, 0) for _ in range(BINS)]
+    for record in records:
+        row = rows[min(int(record["damage"] * BINS), BINS - 1)]
+        row["clips"] += 1
+        if not record["usable"]:
+            row["short"] += 1
+            continue
+        decision = _decided(lines, record["present"], record["least"])
+        row["found"] += decision == "match"
+        row["wrong"] += decision == "match" and not record["present"]["right"]
+        row["excluded"] += decision == "no_match"
+        for case in ("absent", "absent_day"):
+            decision = _decided(lines, record[case], record["least"])
+            row["absent"] += 1
+            row["absent_found"] += decision == "match"
+            row["absent_excluded"] += decision == "no_match"
+    total = {name: sum(row[name] for row in rows) for name in COUNTS}
+    sure = total["found"] + total["excluded"] + total["absent_found"] + total["absent_excluded"]
+    false = total["wrong"] + total["excluded"] + total["absent_found"]
+    return {
+        "rows": [row | {"from_damage": i / BINS} for i, row in enumerate(rows)],
+        "total": total,
+        "decided": sure,
+        "decided_falsely": false,
+        "falsely_below": rate_bound(false, sure),
+        "excluded_below": rate_bound(total["excluded"], total["clips"] - total["short"]),
+    }
+
+
+def _decided(lines: dict[str, Line], best: dict[str, Any] | None, least: float) -> str:
+    """Decide as the matcher does."""
+    settings = MatchSettings()
+    if best is None:
+        return "no_decision"
+    least = max(least, least_of_best(best["score"]))
+    other, absent = lines["other"](best["other"]), max(lines["absent"](best["absent"]), least)
+    if min(other, absent) >= settings.min_log10_lr:
+        is_sure = SURE_STDS * best["lag_std_s"] <= settings.tolerance_s
+        return "match" if is_sure else "no_decision"
+    return "no_match" if absent <= -settings.min_log10_lr else "no_decision"
+
+
+def damage_text(document: dict[str, Any]) -> str:
+    """Return the counts for a terminal."""
+    lines = [
+        "real clips made worse, over the damage",
+        "   damage    clips  too short   found (wrong)  excluded    elsewhere  excluded  found",
+    ]
+    for row in [*document["rows"], document["total"]]:
+        begin = row.get("from_damage")
+        name = "all" if begin is None else f"{begin:.1f} … {begin + 1 / BINS:.1f}"
+        lines.append(
+            f"{name:>12} {row['clips']:6d} {row['short']:10d} {row['found']:7d} "
+            f"({row['wrong']}) {row['excluded']:13d} {row['absent']:12d} "
+            f"{row['absent_excluded']:9d} {row['absent_found']:6d}"
+        )
+    return "\n".join([
+        *lines,
+        f"decided {document['decided']}, of these falsely {document['decided_falsely']} "
+        f"(below {document['falsely_below']:.2%} with 95 %); true times excluded below "
+        f"{document['excluded_below']:.2%}",
+    ])  # fmt: skip
+
+
+_COLOURS = {"other": "#0b62a4", "absent": "#c23b22", "claim": "#3a7d44"}
+_SAID = {
+    "other": "this time or another in the reference",
+    "absent": "this time or one outside the reference",
+    "claim": "a claimed time or another",
+}
+
+
+def draw(path: Path, document: dict[str, Any]) -> None:
+    """Draw the shares said and come into a PNG file.
+
+    Raises
+    ------
+    RecordingError
+        When the file can't be written.
+    """
+    with picture(path, (7, 6)) as figure:
+        axes = figure.subplots()
+        axes.plot([0, 1], [0, 1], color="#9a9a9a", linewidth=1, zorder=0)
+        for found in document["questions"]:
+            rows = found["rows"]
+            said, came = [r["said"] for r in rows], [r["came"] for r in rows]
+            low, high = [r["low"] for r in rows], [r["high"] for r in rows]
+            below = [max(c - a, 0.0) for c, a in zip(came, low, strict=True)]
+            above = [max(b - c, 0.0) for c, b in zip(came, high, strict=True)]
+            axes.errorbar(
+                said, came, yerr=[below, above], fmt="o", capsize=3,
+                color=_COLOURS[found["question"]], label=_SAID[found["question"]],
+            )  # fmt: skip
+        axes.set_xlabel("share of cases that the likelihood ratios mean")
+        axes.set_ylabel("share that came, with its 95 % interval")
+        axes.set_title(f"{document['searches']} searches", loc="left")
+        axes.legend(loc="upper left", frameon=False)

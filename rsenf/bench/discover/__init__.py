@@ -1,19 +1,16 @@
 """Blind discovery: effects hidden in simulated recordings, and what the workflow says of each.
 
-From a seed to a table, one idea a file::
+From a seed to a table::
 
-    plan       which cases there are: one effect, two, none, or one that no catalogue has
-    scene      camera, lamp, grid and effects of a case, drawn from its seed
-    outside    effects that aren't in the catalogue, by plain array arithmetic
-    trial      a case made, given to the workflow, and its truth opened
-    beside     cases of a clock that is off, or isn't, which come with a reference of the grid
-    judge      what an answer is worth
-    table      records to rates
-    picture    what was hidden against what was named
+    plan           which cases: one effect, two, none, or one that isn't in the catalogue
+    scene          camera, lamp, grid and effects of a case, drawn from its seed
+    trial          a case simulated, given to the workflow, and compared with its truth
+    beside         cases of a clock error, with a reference of the grid
+    judge          outcome of an answer, and errors of its parameters
+    table          records to rates, and the confusion matrix
 
-and on a camera that shares nothing with rsenf's own model::
+and on a camera that shares no code with rsenf's own model::
 
     foreign        the camera loaded, its cases, one of them tried
-    foreign_judge  what an answer is worth, and how far off sizes are
-    foreign_table  records to rates, and to the marks that are to be reached
+    foreign_table  records to rates, against the marks
 """

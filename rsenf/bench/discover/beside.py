@@ -7,7 +7,6 @@ grid that was filmed, minutes of it to either side, with the noise that such rec
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.bench.discover import trial
-from rsenf.bench.discover.judge import WRONG, judged
+from rsenf.bench.discover.judge import WRONG, answered, judged, recorded
 from rsenf.bench.discover.plan import Case
 from rsenf.bench.discover.scene import Drawn, drawn
 from rsenf.bench.grids import grid_for
@@ -23,7 +22,6 @@ from rsenf.discrepancy.clock_offset import beside_json, beside_of, clip_of, disc
 from rsenf.discrepancy.measured import Measured, measured_of
 from rsenf.discrepancy.result import discovery_json, model_of
 from rsenf.discrepancy.verdict import discover
-from rsenf.errors import RsenfError
 from rsenf.match.series import Grid
 from rsenf.messages import Header
 from rsenf.model import GridPath, simulate_rows
@@ -69,27 +67,15 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
     made, grid, lag_s, true_ppm = _drawn(case, grids)
     rows = simulate_rows(made.truth, made.grid, case.duration_s, case.seed, strips=made.strips)
     blocks = blocks_from_luminance(np.asarray(rows.level), rows.frame_time_s, Header())
-    begun = time.process_time()
-    try:
-        told, refused = _told(made, measured_of(list(blocks)), grid), ""
-    except RsenfError as exc:
-        told, refused = {"verdict": "refused", "effects": [], "gap": {}, "reference": {}}, str(exc)
-    seconds = time.process_time() - begun
+    told, reference, refused, cpu_s = answered(lambda: _told(made, measured_of(list(blocks)), grid))
     clock = next((e for e in told["effects"] if e["name"] == SKEW), None)
     ppm = clock["parameters"]["clock_ppm"] if clock else None
     off = ppm - true_ppm if ppm is not None and case.hidden else None
-    reference = told["reference"]
+    reference = reference or {}
     return {
-        "key": case.key,
-        "kind": case.kind,
-        "hidden": list(case.hidden),
-        "seed": case.seed,
-        "times": case.times,
-        "video": False,
+        **trial.drawn_facts(made),
+        **recorded(case, told, refused, cpu_s),
         "outcome": _outcome(case, told, ppm, true_ppm),
-        "verdict": told["verdict"],
-        "refused": refused,
-        "named": [e["name"] or " or ".join(e["class"]) for e in told["effects"]],
         "true_ppm": true_ppm,
         "ppm": ppm,
         "relative_error": {SKEW: off / abs(true_ppm) if off is not None else None},
@@ -100,13 +86,6 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
         "rows_gap": told["gap"],
         "lag_off_s": reference["lag_s"] - lag_s if reference else None,
         "reference_std_hz": reference.get("std_hz"),
-        "frame_rate": str(made.truth.shutter.frame_rate),
-        "nominal_hz": grid.nominal_hz,
-        "lines": made.truth.shutter.rows,
-        "strips": made.strips,
-        "lamp": made.truth.light.lamp,
-        "grid": grid.name,
-        "cpu_s": round(seconds, 2),
     }
 
 
@@ -146,8 +125,10 @@ def _drawn(case: Case, grids: Path | None) -> tuple[Drawn, Grid, float, float]:
     return made, Grid(name, nominal_hz, 0, path.step_s, heard_hz), lag_s, ppm
 
 
-def _told(made: Drawn, data: Measured, grid: Grid) -> dict[str, Any]:
+def _told(made: Drawn, data: Measured, grid: Grid) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the answer to rows and reference, and its part on the reference."""
     laid = beside_of(clip_of(data), grid)
     found = discover(made.given, data)
     beside = discover_beside(model_of(found, "a case"), laid)
-    return joined(discovery_json(found, ""), beside_json(beside, ""))
+    told = joined(discovery_json(found, ""), beside_json(beside, ""))
+    return told, told["reference"]

@@ -32,17 +32,15 @@ import functools
 import importlib.util
 import sys
 import tempfile
-import time
 import zlib
 from dataclasses import dataclass
-from itertools import combinations
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from rsenf.bench.discover import plan
-from rsenf.bench.discover.foreign_judge import closed, judged, parameter_errors, said_of
-from rsenf.errors import RsenfError, UsageError
+from rsenf.bench.discover.judge import answered, closed, judged_foreign, parameter_errors, recorded
+from rsenf.errors import UsageError
 from rsenf.model.seeds import generator
 
 CAMERA = Path("tests/discrepancy/foreign_camera")  # in a checkout
@@ -101,83 +99,45 @@ def listed(camera: ModuleType) -> tuple[str, ...]:
     return tuple(name for name in camera.EFFECTS if name not in left_out(camera))
 
 
-@dataclass(frozen=True)
-class Case:
+@dataclass(frozen=True, kw_only=True)
+class Case(plan.Case):
     """What the camera is to film.
 
     Attributes
     ----------
-    kind : str
-        One of :data:`KINDS`.
-    hidden : tuple of str
-    seed : int
-    times : float
-        Strength, over the smallest that is listed.
-    duration_s : float
     rows : int
-    video : bool
-        Whether it is filmed into a file, rather than given as rows.
+        Of its pictures. The others are those of :class:`rsenf.bench.discover.plan.Case`.
     """
 
-    kind: str
-    hidden: tuple[str, ...]
-    seed: int
-    times: float
-    duration_s: float
     rows: int
-    video: bool
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         film = " film" if self.video else ""
         size = f"×{self.times:g} {self.duration_s:g}s {self.rows} rows{film}"
         return f"foreign {self.kind} {'+'.join(self.hidden) or 'nothing'} {size} seed {self.seed}"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
-    """How many cases of each kind, from which seed on.
+class Plan(plan.Plan):
+    """How many cases of each kind; beside those of :class:`rsenf.bench.discover.plan.Plan`.
 
     Parameters
     ----------
-    first_seed : int
-        Seed of the first case.
-    each : int
-        Of each effect of the catalogue that rows can show.
-    none : int
-        With nothing hidden that a model lacks.
-    outside : int
-        With what is in no catalogue.
-    pairs : int
-        With two effects.
     triples : int
         Of a foreign camera with three effects.
-    times : float
-        Strength, over the weakest that is to be named.
-    duration_s : float
-        Of each recording.
     rows : int
         Of a foreign camera's pictures.
-    video : bool
-        Whether they are films, encoded without loss.
-    effects : tuple of str
-        Those to hide; all that rows can show.
     """
 
-    first_seed: int = 0
-    each: int = 20
-    none: int = 100
     outside: int = 60
     pairs: int = 60
-    triples: int = 20
-    times: float = 3.0
-    duration_s: float = 60.0
-    rows: int = 720
-    video: bool = False
     effects: tuple[str, ...] = ()
+    triples: int = 20
+    rows: int = 720
 
-    def cases(self, camera: ModuleType) -> list[Case]:
+    def cases_of(self, camera: ModuleType) -> list[Case]:
         """Return all cases, each with a seed of its own, mixed."""
         effects = self.effects or listed(camera)
         if self.video:
@@ -192,23 +152,19 @@ class Plan:
         unknown = list(camera.UNKNOWN)
         hidden += [("unknown", (unknown[n % len(unknown)],)) for n in range(self.outside)]
         for kind, size, count in (("pair", 2, self.pairs), ("triple", 3, self.triples)):
-            together = [
-                some
-                for some in combinations(effects, size)
-                if all(camera.go_together(*two) for two in combinations(some, 2))
-            ]
-            rng, count = generator(self.first_seed, kind), count if together else 0
-            for n in rng.choice(max(len(together), 1), count, replace=count > len(together)):
-                hidden.append((kind, together[n]))
-        cases = [
-            Case(
-                kind, names, self.first_seed + n, self.times, self.duration_s, self.rows, self.video
-            )
-            for n, (kind, names) in enumerate(hidden)
-        ]
-        # A run that is stopped halfway has something of everything.
-        order = generator(self.first_seed, "order").permutation(len(cases))
-        return [cases[n] for n in order.tolist()]
+            rng = generator(self.first_seed, kind)
+            groups = plan.groups_of(effects, size, count, rng, camera.go_together)
+            hidden += [(kind, names) for names in groups]
+        return plan.mixed(
+            [
+                Case(
+                    kind=kind, hidden=names, seed=self.first_seed + n, times=self.times,
+                    duration_s=self.duration_s, rows=self.rows, video=self.video,
+                )
+                for n, (kind, names) in enumerate(hidden)
+            ],
+            self.first_seed,
+        )  # fmt: skip
 
 
 def tried(case: Case, path: Path) -> dict[str, Any]:
@@ -236,15 +192,13 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
         duration_s=case.duration_s, rows=case.rows,
     )  # fmt: skip
     filmed = camera.film(camera.video_case(asked) if case.video else asked)
-    truth, refused, idle = filmed.truth, "", None
-    begun = time.process_time()
-    try:
+    truth = filmed.truth
+
+    def work() -> tuple[dict[str, Any], float]:
         found = discover(PLAIN, _measured(camera, asked, filmed, video=case.video))
-        told = discovery_json(found, "")
-        idle = model_of(found, "a case").shutter.idle_ratio
-    except RsenfError as exc:
-        told, refused = {"verdict": "refused", "effects": [], "gap": {}}, str(exc)
-    seconds = time.process_time() - begun
+        return discovery_json(found, ""), model_of(found, "a case").shutter.idle_ratio
+
+    told, idle, refused, cpu_s = answered(work)
     like = {name: tuple(_of(camera, name).like) for name in case.hidden}
     own = () if truth["lamp"] == "tone" else (OF_LAMPS,)
     errors = parameter_errors(filmed.hidden, told, case.duration_s)
@@ -252,21 +206,12 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
     # Of two fields each has half the frame's time.
     true_idle = truth["idle_ratio"] * 2 - 1 if "interlace" in case.hidden else truth["idle_ratio"]
     return {
-        "key": case.key,
-        "kind": case.kind,
-        "hidden": list(case.hidden),
-        "seed": case.seed,
-        "times": case.times,
-        "video": case.video,
-        **judged(case.kind, like, told, own),
-        "verdict": told["verdict"],
-        "refused": refused,
-        "named": [" or ".join(names) for names in said_of(told)],
+        **recorded(case, told, refused, cpu_s),
+        **judged_foreign(case.kind, like, told, own),
         "truth": filmed.hidden,
         "told": [e["parameters"] for e in told["effects"]],
         "relative_error": {name: error[0] for name, error in errors.items()},
         "error_over_stderr": {name: error[1] for name, error in errors.items()},
-        "gap": told["gap"],
         "closed": shares[0],
         "closed_beside": shares[1],
         "frame_rate": truth["frame_rate"],
@@ -277,7 +222,6 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
         "flicker_ratio": truth["flicker_ratio"],
         "idle_ratio": true_idle,
         "idle_error": None if idle is None else idle - true_idle,
-        "cpu_s": round(seconds, 2),
     }
 
 
@@ -287,7 +231,7 @@ def _of(camera: ModuleType, name: str) -> Any:
 
 def _measured(camera: ModuleType, asked: Any, filmed: Any, *, video: bool) -> Any:
     """Return what the workflow is given: rows as they are, or those of a film."""
-    from rsenf.bench.discover.filmed import sampled
+    from rsenf.bench.discover.trial import sampled
     from rsenf.discrepancy.measured import measured_of
     from rsenf.messages import Header
     from rsenf.rows.luminance import blocks_from_luminance

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import statistics
 from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from rsenf.bench.discover.foreign import KINDS
-from rsenf.bench.discover.foreign_judge import HALF, LEFT
-from rsenf.bench.discover.judge import MISSED, REST, RIGHT, WRONG
-from rsenf.bench.discover.table import NOTHING, Record, named
-from rsenf.bench.text import titled
+from rsenf.bench.discover.judge import HALF, REST, RIGHT
+from rsenf.bench.discover.table import NOTHING, Record, errors_of, named, rates
+from rsenf.bench.tables import mean, median, percent, titled
 
 WHOLE = {
     "one": "all single effects",
@@ -21,6 +19,7 @@ WHOLE = {
     "unknown": "in no catalogue",
 }
 CLOSE = 0.05  # of a size
+Summary = Callable[[Sequence[float]], float | None]
 
 
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
@@ -57,30 +56,29 @@ def marks(records: Sequence[Record]) -> list[dict[str, Any]]:
     """
     by_kind = {kind: [r for r in records if r["kind"] == kind] for kind in KINDS}
     hidden = [r for kind in ("one", "pair", "triple") for r in by_kind[kind]]
-    off = [error for r in hidden for error in _errors(r)]
+    off = [error for r in hidden for error in errors_of(r)]
     closed = [r["closed"] for r in hidden if r["closed"] is not None]
     beside = [r["closed_beside"] for r in hidden if r["closed_beside"] is not None]
     names = [float(bool(r["wrong_names"])) for r in records]
-    median, share = statistics.median, _mean
-    asked: list[tuple[str, bool, float, Any, Sequence[float]]] = [
-        ("nothing hidden: right", True, 0.95, share, _are(by_kind["none"], RIGHT)),
-        ("single: right name or class", True, 0.9, share, _are(by_kind["one"], RIGHT, REST)),
-        ("pairs: both named", True, 0.75, share, _are(by_kind["pair"], RIGHT, REST)),
-        ("cases with a wrong name", False, 0.02, share, names),
-        ("in no catalogue: right", True, 0.95, share, _are(by_kind["unknown"], RIGHT)),
+    asked: list[tuple[str, bool, float, Summary, Sequence[float]]] = [
+        ("nothing hidden: right", True, 0.95, mean, _are(by_kind["none"], RIGHT)),
+        ("single: right name or class", True, 0.9, mean, _are(by_kind["one"], RIGHT, REST)),
+        ("pairs: both named", True, 0.75, mean, _are(by_kind["pair"], RIGHT, REST)),
+        ("cases with a wrong name", False, 0.02, mean, names),
+        ("in no catalogue: right", True, 0.95, mean, _are(by_kind["unknown"], RIGHT)),
         ("gap above the floor closed, median", True, 0.9, median, closed),
         ("beside the lamp's harmonics, median", True, 0.9, median, beside),
         ("size off by, median", False, CLOSE, median, off),
     ]
     out: list[dict[str, Any]] = []
     for mark, least, limit, summary, values in asked:
-        value = _of(summary, values)
+        value = summary(values)
         reached = None if value is None else value >= limit if least else value <= limit
         out.append(
             {"mark": mark, "asked": limit, "at_least": least, "value": value,
              "cases": len(values), "reached": reached}
         )  # fmt: skip
-    near = _of(share, [float(error <= CLOSE) for error in off])
+    near = mean([error <= CLOSE for error in off])
     told = {"mark": "size within 5 %", "asked": None, "at_least": True, "value": near}
     return [*out, {**told, "cases": len(off), "reached": None}]
 
@@ -97,7 +95,7 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
         [
             mark["mark"],
             _asked(mark),
-            _percent(mark["value"]),
+            percent(mark["value"], ".1f"),
             str(mark["cases"]),
             reached[mark["reached"]],
         ]
@@ -132,47 +130,23 @@ def _are(records: Sequence[Record], *outcomes: str) -> list[float]:
     return [float(r["outcome"] in outcomes) for r in records]
 
 
-def _errors(record: Record) -> list[float]:
-    """Return for each effect whose size is told how far off it is, by its worst parameter."""
-    worst: dict[str, float] = {}
-    for key, error in record["relative_error"].items():
-        if error is not None:
-            effect = key.partition(".")[0]
-            worst[effect] = max(worst.get(effect, 0.0), abs(error))
-    return list(worst.values())
-
-
 def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
-    """Summarise the cases of one row."""
-    outcome = Counter(r["outcome"] for r in records)
-    off = [error for r in records for error in _errors(r)]
-    sure = [abs(e) for r in records for e in r["error_over_stderr"].values() if e is not None]
+    off = [error for r in records for error in errors_of(r)]
     closed = [r["closed"] for r in records if r["closed"] is not None]
-    beside = [r["closed_beside"] for r in records if r["closed_beside"] is not None]
-    idle = [abs(r["idle_error"]) for r in records if r["idle_error"] is not None]
-    return {
-        "hidden": name,
+    return rates(name, records) | {
         "kind": records[0]["kind"],
-        "times": records[0]["times"],
-        "cases": len(records),
-        "right": outcome[RIGHT],
-        "rest": outcome[REST] + outcome[LEFT],
-        "half": outcome[HALF],
-        "wrong": outcome[WRONG],
-        "missed": outcome[MISSED],
+        "half": sum(r["outcome"] == HALF for r in records),
         "wrong_names": sum(bool(r["wrong_names"]) for r in records),
         "by_like": sum(bool(r["by_like"]) for r in records),
-        "unexplained": sum(r["verdict"] == "unexplained" for r in records),
-        "refused": sum(r["verdict"] == "refused" for r in records),
-        "named": (outcome[RIGHT] + outcome[REST]) / len(records),
-        "error_median": _of(statistics.median, off),
-        "error_close": _of(_mean, [float(error <= CLOSE) for error in off]),
-        "within_two": _of(_mean, [float(e <= 2.0) for e in sure]),
-        "closed_median": _of(statistics.median, closed),
-        "closed_least": _of(min, closed),
-        "beside_median": _of(statistics.median, beside),
-        "idle_error_median": _of(statistics.median, idle),
-        "cpu_median_s": statistics.median(r["cpu_s"] for r in records),
+        "error_close": mean([error <= CLOSE for error in off]),
+        "closed_median": median(closed),
+        "closed_least": min(closed, default=None),
+        "beside_median": median(
+            [r["closed_beside"] for r in records if r["closed_beside"] is not None]
+        ),
+        "idle_error_median": median(
+            [abs(r["idle_error"]) for r in records if r["idle_error"] is not None]
+        ),
     }
 
 
@@ -186,15 +160,15 @@ _COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
     ("missed", lambda r: str(r["missed"])),
     ("refused", lambda r: str(r["refused"] or "")),
     ("with wrong names", lambda r: str(r["wrong_names"] or "")),
-    ("rightly", lambda r: _percent(r["named"], 0)),
+    ("rightly", lambda r: percent(r["named"], ".0f")),
     ("by a like name", lambda r: str(r["by_like"] or "")),
-    ("size off by", lambda r: _percent(r["error_median"])),
-    ("within 5 %", lambda r: _percent(r["error_close"], 0)),
-    ("within 2 std", lambda r: _percent(r["within_two"], 0)),
-    ("gap closed, median", lambda r: _percent(r["closed_median"], 2)),
-    ("least", lambda r: _percent(r["closed_least"])),
-    ("beside", lambda r: _percent(r["beside_median"])),
-    ("idle off by", lambda r: _percent(r["idle_error_median"], 2)),
+    ("size off by", lambda r: percent(r["error_median"], ".1f")),
+    ("within 5 %", lambda r: percent(r["error_close"], ".0f")),
+    ("within 2 std", lambda r: percent(r["within_two"], ".0f")),
+    ("gap closed, median", lambda r: percent(r["closed_median"], ".2f")),
+    ("least", lambda r: percent(r["closed_least"], ".1f")),
+    ("beside", lambda r: percent(r["beside_median"], ".1f")),
+    ("idle off by", lambda r: percent(r["idle_error_median"], ".2f")),
     ("CPU", lambda r: f"{r['cpu_median_s']:.1f} s"),
 )
 
@@ -202,16 +176,4 @@ _COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
 def _asked(mark: dict[str, Any]) -> str:
     if mark["asked"] is None:
         return ""
-    return f"{'≥' if mark['at_least'] else '≤'} {_percent(mark['asked'], 0)}"
-
-
-def _percent(value: float | None, decimals: int = 1) -> str:
-    return "–" if value is None else f"{100.0 * value:.{decimals}f} %"
-
-
-def _of(what: Callable[[Sequence[float]], float], values: Sequence[float]) -> float | None:
-    return float(what(values)) if values else None
-
-
-def _mean(values: Sequence[float]) -> float:
-    return sum(values) / len(values)
+    return f"{'≥' if mark['at_least'] else '≤'} {percent(mark['asked'], '.0f')}"

@@ -1,13 +1,87 @@
-"""Which cases there are."""
+"""Which cases there are.
+
+Effects that no catalogue has, done to row means by plain array arithmetic.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 from itertools import combinations
+from typing import TypeVar
 
-from rsenf.bench.discover.outside import OUTSIDE
+import numpy as np
+
 from rsenf.model import CATALOGUE
+from rsenf.model.scene import Float32Array
 from rsenf.model.seeds import generator
+
+C = TypeVar("C")
+Do = Callable[[Float32Array, np.ndarray, np.random.Generator], Float32Array]
+
+
+def shaken(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
+    """A mechanical shake of the picture by parts of a row, with a gain."""
+    swing = np.sin(2 * np.pi * rng.uniform(2.0, 11.0) * t_s + rng.uniform(0, 6))
+    moved = level + 0.2 * swing * (np.roll(level, 1, axis=1) - level)
+    return np.asarray(moved * (1 + 0.001 * swing))
+
+
+def brightened(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
+    """From some moment on, all is a little brighter."""
+    since = t_s > rng.uniform(0.3, 0.7) * t_s.max()
+    return np.asarray(level * np.where(since, 1.01, 1.0))
+
+
+def shaded(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
+    """Something dark pulsates over the lower third."""
+    lower = np.arange(level.shape[1])[:, None] > 2 * level.shape[1] // 3
+    pulse = 0.005 * (1 + np.cos(2 * np.pi * rng.uniform(0.5, 4.0) * t_s)) ** 2
+    return np.asarray(level * (1 - pulse * lower))
+
+
+def clipped(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
+    """The brightest have no room: what is above some level bends over."""
+    knee = np.quantile(level, rng.uniform(0.6, 0.8))
+    return np.asarray(np.where(level > knee, knee + 0.3 * (level - knee), level))
+
+
+def sawn(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
+    """A gain that rises and falls back, again and again."""
+    saw = (rng.uniform(0.3, 1.5) * t_s) % 1.0
+    return np.asarray(level * (1 + 0.006 * (saw - 0.5)))
+
+
+def beaten(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
+    """Every few seconds a frame has some of the one before in it."""
+    every = int(rng.integers(40, 90))
+    out = level.copy()
+    out[every::every] = 0.6 * level[every::every] + 0.4 * level[every - 1 : -1 : every]
+    return out
+
+
+OUTSIDE: dict[str, Do] = {
+    "shaken": shaken,
+    "brightened": brightened,
+    "shaded": shaded,
+    "clipped": clipped,
+    "sawn": sawn,
+    "beaten": beaten,
+}
+
+
+# What the catalogue has under another name: a gain of any course is one.
+LIKE = {"brightened": "auto_exposure", "sawn": "auto_exposure"}
+
+
+def done_to(
+    name: str, level: Float32Array, rate: Fraction, rng: np.random.Generator
+) -> Float32Array:
+    """Do one of them to row means (frames, lines, strips)."""
+    t_s = np.arange(level.shape[0])[:, None, None] / float(rate)
+    return OUTSIDE[name](level, t_s, rng).astype(np.float32)
+
 
 KINDS = ("one", "none", "outside", "pair")
 # Their seeds are of this order; whatever joins the catalogue comes after them.
@@ -108,17 +182,50 @@ class Plan:
         outside = list(OUTSIDE)
         hidden += [("outside", (outside[n % len(outside)],)) for n in range(self.outside)]
         rng = generator(self.first_seed, "pairs")
-        pairs = [p for p in combinations(self.effects, 2) if _go_together(*p)]
-        drawn = self.pairs if pairs else 0
-        for n in rng.choice(max(len(pairs), 1), drawn, replace=drawn > len(pairs)).tolist():
-            hidden.append(("pair", pairs[n]))
-        cases = [
-            Case(kind, names, self.first_seed + n, self.times, self.duration_s, self.video)
-            for n, (kind, names) in enumerate(hidden)
-        ]
-        # A run that is stopped halfway has something of everything.
-        order = generator(self.first_seed, "order").permutation(len(cases))
-        return [cases[n] for n in order.tolist()]
+        pairs = groups_of(self.effects, 2, self.pairs, rng, _go_together)
+        hidden += [("pair", names) for names in pairs]
+        return mixed(
+            [
+                Case(kind, names, self.first_seed + n, self.times, self.duration_s, self.video)
+                for n, (kind, names) in enumerate(hidden)
+            ],
+            self.first_seed,
+        )
+
+
+def groups_of(
+    effects: Sequence[str],
+    size: int,
+    count: int,
+    rng: np.random.Generator,
+    go_together: Callable[[str, str], bool],
+) -> list[tuple[str, ...]]:
+    """Draw groups of effects that can be hidden at once, none twice if there are enough.
+
+    Parameters
+    ----------
+    effects : sequence of str
+    size : int
+        Effects of a group.
+    count : int
+        Number of groups; none are returned if no effects go together.
+    rng : numpy.random.Generator
+    go_together : callable
+        Whether two effects can be hidden at once.
+    """
+    groups = [
+        some
+        for some in combinations(effects, size)
+        if all(go_together(*two) for two in combinations(some, 2))
+    ]
+    count = count if groups else 0
+    drawn = rng.choice(max(len(groups), 1), count, replace=count > len(groups))
+    return [groups[n] for n in drawn.tolist()]
+
+
+def mixed(cases: Sequence[C], seed: int) -> list[C]:
+    """Return cases in random order: a run that is stopped halfway has some of every kind."""
+    return [cases[n] for n in generator(seed, "order").permutation(len(cases)).tolist()]
 
 
 def _go_together(one: str, other: str) -> bool:

@@ -1,16 +1,21 @@
-"""Records to rates: by what was hidden, and what was named for it."""
+"""Records to rates: by what was hidden, and what was named for it.
+
+What was hidden against what was named: a picture of the confusions.
+"""
 
 from __future__ import annotations
 
-import statistics
 from collections import Counter
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rsenf.bench.discover.beside import clock_rows
-from rsenf.bench.discover.judge import MISSED, REST, RIGHT, WRONG
+from rsenf.bench.discover.judge import LEFT, MISSED, REST, RIGHT, WRONG
 from rsenf.bench.discover.plan import KINDS
-from rsenf.bench.text import aligned, markdown
+from rsenf.bench.tables import aligned, markdown, mean, median, percent, picture
 
 Record = dict[str, Any]
 NOTHING, MORE = "nothing", "a rest"  # what else can be said of a case
@@ -45,41 +50,58 @@ def named(records: Sequence[Record]) -> dict[str, dict[str, int]]:
     return {name: dict(counts) for name, counts in out.items()}
 
 
-def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
-    """Summarise the cases of one row."""
+def rates(name: str, records: Sequence[Record]) -> dict[str, Any]:
+    """Return counts of the outcomes of some cases, and how far off their parameters are.
+
+    Parameters
+    ----------
+    name : str
+        Of the row.
+    records : sequence of dict
+        At least one.
+    """
     outcome = Counter(r["outcome"] for r in records)
-    good = outcome[RIGHT] + outcome[REST]
-    errors = [abs(e) for r in records for e in r["relative_error"].values() if e is not None]
     sure = [abs(e) for r in records for e in r["error_over_stderr"].values() if e is not None]
+    return {
+        "hidden": name,
+        "times": records[0]["times"],
+        "cases": len(records),
+        "right": outcome[RIGHT],
+        "rest": outcome[REST] + outcome[LEFT],
+        "wrong": outcome[WRONG],
+        "missed": outcome[MISSED],
+        "unexplained": sum(r["verdict"] == "unexplained" for r in records),
+        "refused": sum(r["verdict"] == "refused" for r in records),
+        "named": (outcome[RIGHT] + outcome[REST]) / len(records),
+        "error_median": median([error for r in records for error in errors_of(r)]),
+        "within_two": mean([e <= 2.0 for e in sure]),
+        "cpu_median_s": median([r["cpu_s"] for r in records]),
+    }
+
+
+def errors_of(record: Record) -> list[float]:
+    """Return the relative error of each effect with an estimated size: of its worst parameter."""
+    worst: dict[str, float] = {}
+    for key, error in record["relative_error"].items():
+        if error is not None:
+            effect = key.partition(".")[0]
+            worst[effect] = max(worst.get(effect, 0.0), abs(error))
+    return list(worst.values())
+
+
+def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
     shrinkage = [
         r["gap"]["shrinkage"]
         for r in records
         if r["verdict"] == "explained" and r["gap"].get("shrinkage") is not None
     ]
-    return {
-        "hidden": name,
+    return rates(name, records) | {
         "video": records[0]["video"],
-        "times": records[0]["times"],
-        "cases": len(records),
-        "right": outcome[RIGHT],
-        "rest": outcome[REST],
-        "wrong": outcome[WRONG],
-        "missed": outcome[MISSED],
-        "unexplained": sum(r["verdict"] == "unexplained" for r in records),
-        "refused": sum(r["verdict"] == "refused" for r in records),
-        "named": good / len(records),
-        "error_median": _of(statistics.median, errors),
-        "within_two": sum(e <= 2.0 for e in sure) / len(sure) if sure else None,
-        "shrinkage_median": _of(statistics.median, shrinkage),
-        "shrinkage_least": _of(min, shrinkage),
+        "shrinkage_median": median(shrinkage),
+        "shrinkage_least": min(shrinkage, default=None),
         "given_back": sum(bool(r.get("given_back")) for r in records),
         "given_back_lack_nothing": sum(r.get("given_back") == "no_discrepancy" for r in records),
-        "cpu_median_s": statistics.median(r["cpu_s"] for r in records),
     }
-
-
-def _of(what: Callable[[Sequence[float]], float], values: Sequence[float]) -> float | None:
-    return float(what(values)) if values else None
 
 
 _COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
@@ -89,11 +111,11 @@ _COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
     ("and a rest", lambda r: str(r["rest"])),
     ("wrong", lambda r: str(r["wrong"])),
     ("missed", lambda r: str(r["missed"])),
-    ("rightly named", lambda r: _percent(r["named"], 0)),
-    ("size off by", lambda r: _percent(r["error_median"])),
-    ("within 2 std", lambda r: _percent(r["within_two"])),
-    ("gap closed, median", lambda r: _percent(r["shrinkage_median"], 2)),
-    ("least", lambda r: _percent(r["shrinkage_least"], 1)),
+    ("rightly named", lambda r: percent(r["named"], ".0f")),
+    ("size off by", lambda r: percent(r["error_median"], ".1f")),
+    ("within 2 std", lambda r: percent(r["within_two"], ".1f")),
+    ("gap closed, median", lambda r: percent(r["shrinkage_median"], ".2f")),
+    ("least", lambda r: percent(r["shrinkage_least"], ".1f")),
     (
         "model lacks nothing",
         lambda r: f"{r['given_back_lack_nothing']}/{r['given_back']}" if r["given_back"] else "–",
@@ -109,5 +131,30 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     return written([title for title, _ in _COLUMNS], lines)
 
 
-def _percent(value: float | None, decimals: int = 1) -> str:
-    return "–" if value is None else f"{100.0 * value:.{decimals}f} %"
+def draw(path: Path, document: dict[str, Any]) -> None:
+    """Draw the counts into a PNG file.
+
+    Raises
+    ------
+    RecordingError
+        When the file can't be written.
+    """
+    counts = document["named"]
+    hidden = sorted(counts)
+    said = sorted({name for told in counts.values() for name in told})
+    table = np.array([[counts[h].get(s, 0) for s in said] for h in hidden], float)
+    size = (2.5 + 0.42 * len(said), 2.5 + 0.32 * len(hidden))
+    with picture(path, size) as figure:
+        axes = figure.subplots()
+        share = table / np.maximum(table.sum(axis=1, keepdims=True), 1.0)
+        axes.imshow(share, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
+        for row, column in zip(*np.nonzero(table), strict=True):
+            dark = share[row, column] > 0.5
+            axes.text(
+                column, row, f"{table[row, column]:.0f}", ha="center", va="center",
+                color="white" if dark else "black", fontsize="small",
+            )  # fmt: skip
+        axes.set_xticks(range(len(said)), said, rotation=60, ha="right", fontsize="small")
+        axes.set_yticks(range(len(hidden)), hidden, fontsize="small")
+        axes.set_xlabel("named")
+        axes.set_ylabel("hidden")

@@ -1,11 +1,13 @@
 """A case made, given to the workflow, and its truth opened afterwards.
 
 The model that was written, given back to the simulator: what it makes must lack nothing.
+
+A case filmed, encoded by a real codec, decoded and sampled: the workflow gets a video.
 """
 
 from __future__ import annotations
 
-import time
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -13,20 +15,47 @@ from typing import Any
 import numpy as np
 import yaml
 
-from rsenf.bench.discover.filmed import codec_of, filmed, sampled
-from rsenf.bench.discover.judge import judged, parameter_error
-from rsenf.bench.discover.outside import OUTSIDE, done_to
-from rsenf.bench.discover.plan import Case
+from rsenf.api.recordings import read_recording
+from rsenf.bench.discover.judge import answered, judged, parameter_error, recorded
+from rsenf.bench.discover.plan import OUTSIDE, Case, done_to
 from rsenf.bench.discover.scene import Drawn, drawn
 from rsenf.config.model_file import load_model
-from rsenf.discrepancy.measured import measured_of
+from rsenf.discrepancy.measured import Float32Array, Measured, measured_of
 from rsenf.discrepancy.result import discovery_json, model_of
 from rsenf.discrepancy.verdict import Discovery, discover
-from rsenf.errors import RsenfError
 from rsenf.messages import Header, RowBlock
-from rsenf.model import GridPath, simulate_rows
+from rsenf.model import GridPath, render_frames, simulate_rows
+from rsenf.model.codec import Codec
 from rsenf.model.seeds import generator
+from rsenf.model.video_file import write_video
 from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.settings import RowsSettings
+from rsenf.run.recoded import is_lossy, recoded
+
+CODECS = {
+    "lossless": Codec(lossless=True),
+    "x264 4 Mb/s": Codec(bitrate_bps=4_000_000),
+}
+ROWS = RowsSettings(strips=4)  # as the command samples a video
+
+
+def codec_of(case: Case) -> str:
+    """Name of the codec of a case: they take turns."""
+    return tuple(CODECS)[case.seed % len(CODECS)] if case.video else ""
+
+
+def filmed(case: Case, made: Drawn, path: Path) -> None:
+    """Film a case into a file."""
+    frames = render_frames(made.truth, made.grid, case.duration_s, case.seed)
+    write_video(path, frames, CODECS[codec_of(case)])
+
+
+def sampled(path: Path) -> tuple[Measured, Callable[[Float32Array], Float32Array] | None]:
+    """Return the rows of a video, and what codes rows as it was coded, where it is."""
+    data = measured_of(read_recording(path, rows=ROWS).blocks)
+    again = (lambda level: recoded(path, level, data.axis, ROWS)) if is_lossy(path) else None
+    return data, again
+
 
 OTHER = 10**6  # between the seed of a case and that of what its model makes
 
@@ -70,55 +99,47 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
     dict
         The record: plain values.
     """
-    made = drawn(case, grids)
-    refused = ""
+    made, back = drawn(case, grids), ""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "clip.mp4"
         if case.video:
             filmed(case, made, path)
         rows = None if case.video else _rows(case, made)
-        begun = time.process_time()
-        try:
+
+        def work() -> tuple[dict[str, Any], Discovery]:
             data, again = (measured_of(rows), None) if rows else sampled(path)
             found = discover(made.given, data, recoded=again)
-            told = discovery_json(found, "")
-        except RsenfError as exc:
-            told = {"verdict": "refused", "effects": [], "gap": {}}
-            refused = str(exc)
-        seconds = time.process_time() - begun
-        back = ""
-        if told["verdict"] == "explained" and case.seed % GIVEN_BACK == 0:
+            return discovery_json(found, ""), found
+
+        told, found, refused, cpu_s = answered(work)
+        if found and told["verdict"] == "explained" and case.seed % GIVEN_BACK == 0:
             back = given_back(found, made.grid, case.duration_s, case.seed, Path(folder))
-    shutter = made.truth.shutter
     errors = {name: parameter_error(name, made.shown[name], told) for name in made.hidden}
     return {
-        "key": case.key,
-        "kind": case.kind,
-        "hidden": list(case.hidden),
-        "seed": case.seed,
-        "times": case.times,
-        "video": case.video,
+        **recorded(case, told, refused, cpu_s),
+        **drawn_facts(made),
         "codec": codec_of(case),
         "outcome": judged(case.kind, case.hidden, told),
-        "verdict": told["verdict"],
-        "refused": refused,
-        "named": [e["name"] or " or ".join(e["class"]) for e in told["effects"]],
         "truth": made.hidden,
         "shown": made.shown,
         "told": [e["parameters"] for e in told["effects"]],
         "relative_error": {k: v[0] for k, v in errors.items()},
         "error_over_stderr": {k: v[1] for k, v in errors.items()},
-        "gap": told["gap"],
         "given_back": back,
-        "frame_rate": str(shutter.frame_rate),
+        "idle_ratio": made.truth.shutter.idle_ratio,
+        "flicker_ratio": made.truth.light.flicker_ratio,
+    }
+
+
+def drawn_facts(made: Drawn) -> dict[str, Any]:
+    """Return what was drawn of camera, lamp and grid, for the record."""
+    return {
+        "frame_rate": str(made.truth.shutter.frame_rate),
         "nominal_hz": made.grid.nominal_hz,
-        "lines": shutter.rows,
+        "lines": made.truth.shutter.rows,
         "strips": made.strips,
         "lamp": made.truth.light.lamp,
-        "idle_ratio": shutter.idle_ratio,
-        "flicker_ratio": made.truth.light.flicker_ratio,
         "grid": made.grid_name,
-        "cpu_s": round(seconds, 2),
     }
 
 

@@ -1,8 +1,7 @@
-"""Every estimator on a camera that shares nothing with rsenf's own model.
+"""Every estimator on a camera that shares no code with rsenf's own model.
 
 ::
 
-    plan     which cases there are, and one method's record of one of them
-    table    records to rates
-    picture  errors over stated standard errors, over all cells
+    plan     which cases, and one method's record of one of them
+    table    records to rates, and the picture of errors over standard errors by cell
 """

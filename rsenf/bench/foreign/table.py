@@ -1,15 +1,31 @@
-"""Records of a foreign camera to rates: of every cell, by kind, and by frame rate and grid."""
+"""Records of a foreign camera to rates: of every cell, by kind, and by frame rate and grid.
+
+Errors over stated standard errors in every cell: a picture with a panel for each method.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.groups import median, relative_errors, rms
-from rsenf.bench.text import Table, titled
+from rsenf.bench.clip_tables import relative_errors
+from rsenf.bench.tables import (
+    NONE,
+    Table,
+    grouped,
+    mean,
+    median,
+    percent,
+    picture,
+    rms,
+    shown,
+    titled,
+)
 
 WHOLE = ("coding", "mains")
 CELL = (*WHOLE, "kind", "frame_rate", "nominal_hz", "grid")
@@ -44,22 +60,15 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _rows(records: Iterable[Record], by: Sequence[str]) -> list[dict[str, Any]]:
-    """One for each group of records and method, in order."""
-    groups: dict[tuple[Any, ...], list[Record]] = {}
-    for record in records:
-        group = (*(record[field] for field in by), record["of"], record["method"])
-        groups.setdefault(group, []).append(record)
+    """Return a row for each group of records and method, in order."""
     return [
-        {
-            **dict(zip((*by, "of", "method"), group, strict=True)),
-            **(_enf if group[-2] == "enf" else _idle)(found),
-        }
-        for group, found in groups.items()
+        group | (_enf if group["of"] == "enf" else _idle)(found)
+        for group, found in grouped(records, *by, "of", "method")
     ]
 
 
 def _enf(records: Sequence[Record]) -> dict[str, Any]:
-    """Rates of an ENF method: errors over the usable seconds of cases with a mains light."""
+    """Return rates of an ENF method: errors in mHz over the usable seconds with a mains light."""
     lit, common = _common(records)
     errors = [e for f in lit for e in f.get("error_mhz", ()) if e is not None]
     relative = [e for f in lit if "error_mhz" in f for e in relative_errors(f).tolist()]
@@ -67,11 +76,7 @@ def _enf(records: Sequence[Record]) -> dict[str, Any]:
     return {
         **common,
         "usable_ratio": len(errors) / seconds if seconds else None,
-        "median": median(np.abs(errors).tolist()),
-        "rms": rms(errors),
-        "z": rms(relative),
-        "far": sum(abs(z) > FAR_STDS for z in relative),
-        "inside_ratio": _share([abs(z) <= 1.96 for z in relative]),
+        **_accuracy(errors, relative, [abs(z) <= 1.96 for z in relative]),
         "turned": 0,
         "false_claims": sum(not r["mains"] and bool(r["found"].get("t_s")) for r in records),
         "false_seconds": sum(len(r["found"].get("t_s", ())) for r in records if not r["mains"]),
@@ -79,41 +84,43 @@ def _enf(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _idle(records: Sequence[Record]) -> dict[str, Any]:
-    """Rates of an idle method: errors of the cases with a mains light that are estimated."""
+    """Return rates of an idle method: errors in percentage points where it gives an estimate."""
     lit, common = _common(records)
     said = [f for f in lit if f.get("verdict") == "estimated" and f["error_percent"] is not None]
-    relative = [z for f in said for z in _relative(f)]
-    false = sum(not r["mains"] and r["found"].get("verdict") == "estimated" for r in records)
+    relative = [z for f in said for z in relative_errors(f).tolist()]
+    inside = [f["inside"] for f in said if f["inside"] is not None]
     return {
         **common,
         "usable_ratio": len(said) / len(lit) if lit else None,
-        "median": median([abs(f["error_percent"]) for f in said]),
-        "rms": rms([f["error_percent"] for f in said]),
+        **_accuracy([f["error_percent"] for f in said], relative, inside),
+        "turned": sum(f["turned"] for f in said),
+        "false_claims": sum(
+            not r["mains"] and r["found"].get("verdict") == "estimated" for r in records
+        ),
+        "false_seconds": 0,
+    }
+
+
+def _accuracy(
+    errors: Sequence[float], relative: Sequence[float], inside: Sequence[bool]
+) -> dict[str, Any]:
+    """Return statistics of errors, of errors over standard errors, and of intervals."""
+    return {
+        "median": median([abs(error) for error in errors]),
+        "rms": rms(errors),
         "z": rms(relative),
         "far": sum(abs(z) > FAR_STDS for z in relative),
-        "inside_ratio": _share([f["inside"] for f in said if f["inside"] is not None]),
-        "turned": sum(f["turned"] for f in said),
-        "false_claims": false,
-        "false_seconds": 0,
+        "inside_ratio": mean(inside),
     }
 
 
 def _common(records: Sequence[Record]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     found = [r["found"] for r in records]
-    cpu = [f["cpu_s"] for f in found if "cpu_s" in f]
     return [r["found"] for r in records if r["mains"]], {
         "cases": len(records),
         "broke": sum("broke" in f for f in found),
-        "cpu_s": float(np.mean(cpu)) if cpu else None,
+        "cpu_s": mean([f["cpu_s"] for f in found if "cpu_s" in f]),
     }
-
-
-def _relative(found: dict[str, Any]) -> list[float]:
-    return [found["error_percent"] / found["std_percent"]] if found["std_percent"] else []
-
-
-def _share(flags: Sequence[bool]) -> float | None:
-    return sum(flags) / len(flags) if flags else None
 
 
 def _beyond(row: dict[str, Any]) -> bool:
@@ -195,9 +202,9 @@ def _brief(row: dict[str, Any]) -> str:
     if row["usable_ratio"] is None:
         return f"{row['false_claims']} false of {row['cases']}"
     if not row["usable_ratio"]:
-        return "–"
+        return NONE
     far = f", {row['far']} far" if row["far"] else ""
-    return f"{_number(row['rms'])}, z {_number(row['z'])}, {_percent(row['usable_ratio'])}{far}"
+    return f"{shown(row['rms'])}, z {shown(row['z'])}, {percent(row['usable_ratio'], '.0f')}{far}"
 
 
 def _of(rows: Sequence[dict[str, Any]], of: str) -> list[dict[str, Any]]:
@@ -208,12 +215,12 @@ _COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
     ("of", lambda r: str(r["of"])),
     ("method", lambda r: str(r["method"])),
     ("cases", lambda r: str(r["cases"])),
-    ("usable", lambda r: _percent(r["usable_ratio"])),
-    ("median", lambda r: _number(r["median"])),
-    ("rms", lambda r: _number(r["rms"])),
-    ("z", lambda r: _number(r["z"])),
+    ("usable", lambda r: percent(r["usable_ratio"], ".0f")),
+    ("median", lambda r: shown(r["median"])),
+    ("rms", lambda r: shown(r["rms"])),
+    ("z", lambda r: shown(r["z"])),
     ("far", lambda r: str(r["far"] or "")),
-    ("within 95 %", lambda r: _percent(r["inside_ratio"])),
+    ("within 95 %", lambda r: percent(r["inside_ratio"], ".0f")),
     ("turned", lambda r: str(r["turned"] or "")),
     ("false", lambda r: str(r["false_claims"] or "")),
     ("seconds", lambda r: str(r["false_seconds"] or "")),
@@ -222,9 +229,64 @@ _COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
 )
 
 
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3g}"
+LEAST_Z, FARTHEST_Z = 0.1, 10.0
 
 
-def _percent(ratio: float | None) -> str:
-    return "–" if ratio is None else f"{100 * ratio:.0f} %"
+def draw(path: Path, document: dict[str, Any]) -> None:
+    """Draw z of the first ENF and the first idle method into a PNG file.
+
+    Rows are kinds and codings, columns frame rates and grids; white is honest, red too sure, blue
+    too modest; a dash stands where nothing was said, and a cross for a false claim.
+
+    Raises
+    ------
+    RecordingError
+        When the file can't be written.
+    """
+    rows = document["rows"]
+    first = {of: next((r["method"] for r in rows if r["of"] == of), "") for of in ("enf", "idle")}
+    drawn = {of: method for of, method in first.items() if method}
+    kinds = list(dict.fromkeys((r["kind"], r["coding"]) for r in rows))
+    places = sorted(
+        {(r["frame_rate"], r["nominal_hz"]) for r in rows}, key=lambda p: (p[1], Fraction(p[0]))
+    )
+    size = (2.5 + 0.42 * len(places) * max(len(drawn), 1), 2.0 + 0.26 * len(kinds))
+    with picture(path, size) as figure:
+        panels = figure.subplots(1, max(len(drawn), 1), sharey=True, squeeze=False)[0]
+        for axes, (of, method) in zip(panels, drawn.items(), strict=False):
+            square, count = np.zeros((len(kinds), len(places))), np.zeros((len(kinds), len(places)))
+            for row in rows:
+                if (row["of"], row["method"]) != (of, method):
+                    continue
+                at = (
+                    kinds.index((row["kind"], row["coding"])),
+                    places.index((row["frame_rate"], row["nominal_hz"])),
+                )
+                if row["z"] is not None:
+                    square[at] += row["z"] ** 2
+                    count[at] += 1
+                else:
+                    mark = "×" if row["false_claims"] else "–"
+                    axes.text(at[1], at[0], mark, ha="center", va="center", color="#c23b22")
+            z = np.sqrt(np.divide(square, count, out=np.full_like(square, np.nan), where=count > 0))
+            axes.set_facecolor("#d8d8d8")
+            image = axes.imshow(
+                np.log10(np.clip(z, LEAST_Z, FARTHEST_Z)), cmap="RdBu_r", vmin=np.log10(LEAST_Z),
+                vmax=np.log10(FARTHEST_Z), aspect="auto",
+            )  # fmt: skip
+            for at_row, at_column in zip(*np.nonzero(z > FARTHEST_Z), strict=True):
+                axes.text(
+                    at_column, at_row, f"{z[at_row, at_column]:.0f}", ha="center", va="center",
+                    color="white", fontsize="x-small",
+                )  # fmt: skip
+            axes.set_title(f"{of}, {method}", loc="left", fontsize="medium")
+            names = [f"{rate} fps, {hz:g} Hz" for rate, hz in places]
+            axes.set_xticks(range(len(places)), names, rotation=70, ha="right", fontsize="x-small")
+            labels = [kind if coding == "raw" else f"{kind}, {coding}" for kind, coding in kinds]
+            axes.set_yticks(range(len(kinds)), labels, fontsize="x-small")
+        if drawn:
+            bar = figure.colorbar(
+                image, ax=panels.tolist(), label="rms of errors over stated errors"
+            )
+            ticks = [0.1, 0.3, 0.6, 1.0, 1.7, 3.0, 10.0]
+            bar.set_ticks(np.log10(ticks).tolist(), labels=[f"{tick:g}" for tick in ticks])

@@ -32,7 +32,7 @@ class Feed:
     kind : str
         Of :data:`KINDS`.
     part : {'fit', 'test'}
-        Which measured grids its light follows: see :mod:`rsenf.bench.calibration.grids`.
+        Which measured grids its light follows: see :mod:`rsenf.bench.grids`.
     seed : int
     duration_s : float
         Of an honest one; others are as long as their attack has to be watched.

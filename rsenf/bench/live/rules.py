@@ -1,18 +1,172 @@
-"""The live stage and the literature's rule on one feed, each at several limits."""
+"""The live stage and the literature's rule on one feed, each at several limits.
+
+When a rule began to say that something is wrong.
+
+The literature's rule: an alarm where camera and reference correlate too little.
+
+Pearson's correlation of the camera's ENF and the grid's over a sliding window of 30 values, one a
+second, with an alarm below 0.8: the rule of ENF-based replay detection for surveillance feeds
+(Nagothu, Chen, Blasch and others). It is given what the live stage is: the same estimates, the
+same reference, paired by the clock of the host.
+
+Every rule on one feed: plain values, nothing concluded yet.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+import math
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
-from rsenf.bench.live.correlation import LIMIT, sliding_correlation
-from rsenf.bench.live.onsets import onsets
-from rsenf.bench.live.watched import Watch
+import numpy as np
+
+from rsenf.bench.live.plan import Feed
+from rsenf.bench.live.watched import Watch, watch
+from rsenf.bench.measure import versions
 from rsenf.live import Live
 from rsenf.live.settings import Limits, LiveSettings
-from rsenf.messages import Alarm, Liveness
+from rsenf.messages import Alarm, EnfEstimate, Liveness, ReferenceBlock, RowBlock
+from rsenf.messages.schema import FloatArray
+
+# Alarms nearer to the one before than this are the same one to whoever is called by them.
+SAME_S = 60.0
+
+
+def onsets(said: Iterable[tuple[float, bool]]) -> list[float]:
+    """Return the times at which a rule that was silent began to alarm.
+
+    Parameters
+    ----------
+    said : iterable of (float, bool)
+        Times, in order, and whether it alarms from then on.
+    """
+    out, before = [], False
+    for t_s, alarming in said:
+        if alarming and not before:
+            out.append(t_s)
+        before = alarming
+    return out
+
+
+def told_apart(times_s: Sequence[float]) -> list[float]:
+    """Return the alarms without those that follow another within :data:`SAME_S`."""
+    out: list[float] = []
+    last_s = -SAME_S
+    for t_s in times_s:
+        if t_s - last_s >= SAME_S:
+            out.append(t_s)
+        last_s = t_s
+    return out
+
+
+def false_and_delay(times_s: Sequence[float], attack_s: float | None) -> tuple[int, float | None]:
+    """Count alarms before an attack, and tell how long after its first picture the first one came.
+
+    Parameters
+    ----------
+    times_s : sequence of float
+        Of the alarms.
+    attack_s : float or None
+        When the first false picture was taken; None where there is none.
+    """
+    if attack_s is None:
+        return len(told_apart(times_s)), None
+    after = [t for t in times_s if t >= attack_s]
+    before = [t for t in times_s if t < attack_s]
+    return len(told_apart(before)), after[0] - attack_s if after else None
+
+
+WINDOW = 30
+LIMIT = 0.8
+
+
+def sliding_correlation(
+    messages: Iterable[Any], window: int = WINDOW
+) -> Iterator[tuple[int, float]]:
+    """Yield the correlation of each full window, with the host's clock when it could be had.
+
+    Seconds without a usable estimate are passed over, so that a feed without a signal is never
+    judged. An estimate waits for the reference to cover it.
+
+    Parameters
+    ----------
+    messages : iterable
+        Row blocks, which pair the stream's clock with the host's; estimates; and the reference.
+    window : int, optional
+        Values.
+
+    Yields
+    ------
+    arrival_time_ns : int
+    correlation : float
+        NaN of a window in which either stands still.
+    """
+    series = _Reference()
+    waiting: deque[tuple[int, float]] = deque()
+    pairs: deque[tuple[float, float]] = deque(maxlen=window)
+    host_less_stream_ns: int | None = None
+    for message in messages:
+        if isinstance(message, RowBlock) and host_less_stream_ns is None:
+            last_ns = int(message.frame_pts_ns[-1])
+            host_less_stream_ns = message.header.arrival_time_ns - last_ns
+        elif isinstance(message, EnfEstimate) and host_less_stream_ns is not None:
+            middle_ns = (message.start_pts_ns + message.end_pts_ns) // 2
+            value = message.enf_hz if message.usable else math.nan
+            waiting.append((middle_ns + host_less_stream_ns, value))
+        elif isinstance(message, ReferenceBlock):
+            series.add(message)
+        while waiting and waiting[0][0] <= series.end_ns:
+            at_ns, enf_hz = waiting.popleft()
+            reference_hz = series.at(at_ns)
+            if math.isnan(enf_hz) or math.isnan(reference_hz):
+                continue
+            pairs.append((enf_hz, reference_hz))
+            if len(pairs) == window:
+                yield message.header.arrival_time_ns, correlation(np.array(pairs))
+
+
+def correlation(pairs: FloatArray) -> float:
+    """Pearson's correlation of pairs (values, 2); NaN where either side is constant."""
+    away = pairs - pairs.mean(axis=0)
+    power = (away**2).sum(axis=0)
+    product = float(power[0] * power[1])
+    return float((away[:, 0] * away[:, 1]).sum() / math.sqrt(product)) if product > 0 else math.nan
+
+
+class _Reference:
+    """What came of a reference so far; between the middles of its samples it is a line."""
+
+    def __init__(self) -> None:
+        self._begin_ns = 0
+        self._step_ns = 1
+        self._freq_hz: list[float] = []
+
+    @property
+    def end_ns(self) -> int:
+        """Middle of the newest sample; nothing is before it while there is none."""
+        return self._begin_ns + len(self._freq_hz) * self._step_ns - self._step_ns // 2
+
+    def add(self, block: ReferenceBlock) -> None:
+        """Take the next samples."""
+        if not self._freq_hz:
+            self._step_ns = block.step_ns
+            self._begin_ns = block.t0_ns + block.first * block.step_ns
+        self._freq_hz.extend(block.freq_hz.tolist())
+
+    def at(self, t_ns: int) -> float:
+        """Frequency at a time that it covers; NaN beside a gap, or before it begins."""
+        steps = (t_ns - self._begin_ns) / self._step_ns - 0.5
+        k = math.floor(steps)
+        if not 0 <= k < len(self._freq_hz):
+            return math.nan
+        after = self._freq_hz[min(k + 1, len(self._freq_hz) - 1)]
+        return self._freq_hz[k] + (steps - k) * (after - self._freq_hz[k])
+
 
 # Nats from the surest "live" down to "stale", for the trade-off; the fitted one comes besides.
 NATS = (6.0, 9.0, 13.0, 19.0, 28.0, 40.0, 57.0)
@@ -103,3 +257,53 @@ def said_correlation(watch: Watch, limits: Sequence[float]) -> Iterator[tuple[fl
     ]
     for limit in limits:
         yield limit, onsets((t_s, not value >= limit) for t_s, value in found)
+
+
+VERSION = 1
+SETTLED_S = 60.0  # after which a feed may be expected to have a verdict
+
+
+def watched(feed: Feed, grids: Path | None, kept: Path | None) -> dict[str, Any]:
+    """Watch a feed by every rule, and return the record.
+
+    Parameters
+    ----------
+    feed : Feed
+    grids, kept : Path or None
+        Folders of measured grids, and of estimates that were made before.
+    """
+    begun = time.process_time()
+    seen = watch(feed, grids, kept)
+    tracked = time.process_time()
+    settings = LiveSettings()
+    said = said_live(seen, settings)
+    judged = time.process_time()
+    attack_ns = seen.shown.attack_ns
+    attack_s = None if attack_ns is None else seen.since_begin_s(attack_ns)
+    honest_s = feed.length_s if attack_s is None else attack_s
+    usable = [m.usable for m in seen.messages if isinstance(m, EnfEstimate)]
+    return {
+        "version": VERSION,
+        "key": feed.key,
+        "kind": feed.kind,
+        "part": feed.part,
+        "seed": feed.seed,
+        "truth": seen.shown.truth,
+        "attack_s": attack_s,
+        "honest_s": honest_s,
+        "usable_ratio": sum(usable) / len(usable) if usable else 0.0,
+        "limit_nats": span_of(settings.limits),
+        "verdicts": said.verdicts,
+        "alarms": said.alarms,
+        "wrong_s": said.wrong_s,
+        "alarm_s": said.alarm_s,
+        "settled_s": max(honest_s - SETTLED_S, 0.0),
+        "live_s": said.seconds_of("live", SETTLED_S, honest_s),
+        "before": said.at(honest_s),
+        "wrong_at_nats": [
+            (nats, said_live(seen, live_at(nats, settings)).wrong_s) for nats in NATS
+        ],
+        "wrong_at_correlation": list(said_correlation(seen, CORRELATIONS)),
+        "cpu_s": {"track": round(tracked - begun, 2), "live": round(judged - tracked, 2)},
+        "versions": versions(),
+    }

@@ -22,9 +22,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.bench.live.grids import T0_NS, Watched, reference_blocks, watched_grid
 from rsenf.bench.live.plan import FROZEN, LOOP, OTHER, REPLAY, SPLICE, Feed
-from rsenf.bench.live.scene import camera_of, frame_rate_of
+from rsenf.bench.live.scene import (
+    T0_NS,
+    Watched,
+    camera_of,
+    frame_rate_of,
+    reference_blocks,
+    watched_grid,
+)
 from rsenf.bench.scenes import spread
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import EnfEstimate, Header, IdleEstimate, RowBlock

@@ -1,6 +1,10 @@
-"""How fast the pipeline is beside a bare decoder, and how many feeds a machine carries.
+"""Throughput of the pipeline beside a bare decoder, and how many feeds a machine carries.
 
-``films`` makes the videos and ``coded`` writes them, ``contestants`` are what is timed side by
-side, ``stopwatch`` takes their times, ``trial`` lets them take turns, ``feeds`` adds feeds until
-one falls behind, and the tables say it.
+::
+
+    films        the videos that are decoded
+    graphs       a graph started as ``rsenf run`` does, and observed while it runs
+    contestants  everything that is timed over a film, in turns
+    feeds        feeds added until one falls behind
+    table        records of the turns as tables
 """

@@ -1,22 +1,30 @@
-"""What is timed side by side: a bare decoder, this program in one process, and as a graph."""
+"""What is timed side by side: a bare decoder, this program in one process, and as a graph.
+
+Contestants take turns over films, each time in a process of its own.
+"""
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf import __version__
 from rsenf.batch.journal import Record
-from rsenf.bench.memory import HELD, PEAK, memory_mb
-from rsenf.bench.pipeline.films import SIZES, Film, reference_of
+from rsenf.bench.harness import measure_in_turn
+from rsenf.bench.machine import HELD, PEAK, memory_mb, watch_others
+from rsenf.bench.pipeline.films import SIZES, Film, made, reference_of
 from rsenf.bench.pipeline.graphs import Ran, Split, run_split
 from rsenf.errors import NodeFailed
 from rsenf.messages import Frame, Header
@@ -205,3 +213,74 @@ def _planes(film: Film) -> list[NDArray[np.uint8]]:
     width, height = SIZES[film.size]
     plane = np.random.default_rng(film.seed).integers(90, 130, (height, width), np.uint8)
     return [np.roll(plane, number) for number in range(PLANES)]
+
+
+VERSION = 2
+RESULTS, FILMS = "pipeline.jsonl", "films"
+LIVE_FRAMES = 900
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One turn of one of them."""
+
+    contestant: str
+    film: Film
+    number: int
+
+    @property
+    def key(self) -> str:
+        """Name that tells it from any other."""
+        return f"{self.film.name} {self.contestant} {self.number} v{VERSION}"
+
+
+def turns(films: Sequence[Film], rounds: int) -> list[Turn]:
+    """Return all turns of some films: in each round everybody has one, so that load hits all."""
+    out = []
+    for film in films:
+        again = [Turn(name, film, n) for n in range(rounds) for name in contestants()]
+        once = Film(film.size, film.codec, LIVE_FRAMES, film.filmed, film.seed)
+        out += [*again, Turn(LIVE, once, 0)]
+    return out
+
+
+def measure_turns(
+    all_turns: Sequence[Turn], folder: Path, progress: Callable[[str, int, int], None]
+) -> list[Record]:
+    """Time what has no record yet; films are made as they are needed.
+
+    Parameters
+    ----------
+    all_turns : sequence of Turn
+    folder : Path
+        Where films and results are kept.
+    progress : callable
+        Told what comes next, and how many are done of how many.
+    """
+    films = folder / FILMS
+
+    def prepare(done: int, turn: Turn) -> None:
+        progress(turn.key, done, len(all_turns))
+        made(turn.film, films)
+
+    return measure_in_turn(all_turns, partial(taken, films=films), folder / RESULTS, prepare)
+
+
+def taken(turn: Turn, films: Path) -> Record:
+    """Take a turn."""
+    film = turn.film
+    path, others = made(film, films), watch_others()
+    timed = time_it(turn.contestant, film, path)
+    return {
+        "version": VERSION,
+        "key": turn.key,
+        "contestant": turn.contestant,
+        "size": film.size,
+        "codec": film.codec,
+        "bitrate_bps": film.bitrate_bps,
+        "number": turn.number,
+        "others_ratio": others(),
+        "cores": os.cpu_count(),
+        "rsenf": __version__,
+        **timed,
+    }

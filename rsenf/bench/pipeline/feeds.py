@@ -12,13 +12,13 @@ from statistics import median
 from typing import Any
 
 from rsenf import __version__
-from rsenf.batch.journal import Record, read_records
-from rsenf.bench.pipeline.films import FRAME_RATE, Film, made
+from rsenf.batch.journal import Record
+from rsenf.bench.harness import measure_in_turn
+from rsenf.bench.machine import most_of_others, others_said, watch_others
+from rsenf.bench.pipeline.contestants import FILMS, VERSION
+from rsenf.bench.pipeline.films import FRAME_RATE, Film, made, shown_film
 from rsenf.bench.pipeline.graphs import Heard, Ran, Split, run_split
-from rsenf.bench.pipeline.others import most_of_others, others_said, watch_others
-from rsenf.bench.pipeline.trial import FILMS, VERSION
-from rsenf.bench.session import measure_missing
-from rsenf.bench.text import Table, titled
+from rsenf.bench.tables import Table, titled
 
 RESULTS = "feeds.jsonl"
 # So far behind its own speed in the last quarter, a feed is lost: nothing but the end of the film
@@ -73,15 +73,16 @@ def measure_feeds(film: Film, first: int, folder: Path, say: Callable[[str], Non
     say : callable
         Told what comes next.
     """
-    out, records = folder / RESULTS, []
+    films, records = folder / FILMS, []
+
+    def prepare(_: int, many: Many) -> None:
+        say(f"{many.feeds} feeds of {film.size}")
+        made(film, films)
+
     for feeds in counts(first):
         for number in range(TRIES):
-            many = Many(film, feeds, number)
-            if many.key not in read_records(out):
-                say(f"{feeds} feeds of {film.size}")
-                made(film, folder / FILMS)
-                measure_missing([many], partial(carried, films=folder / FILMS), out, 1)
-            record = read_records(out)[many.key]
+            many, work = Many(film, feeds, number), partial(carried, films=films)
+            (record,) = measure_in_turn([many], work, folder / RESULTS, prepare)
             if record["carried"] or not others_said(record):
                 break
         records.append(record)
@@ -138,7 +139,7 @@ def lateness_s(blocks: list[Heard]) -> list[float]:
     return [(ns - soonest_ns) / 1e9 for ns in ahead_ns]
 
 
-def tabulate(records: list[Record]) -> dict[str, Any]:
+def tabulated(records: list[Record]) -> dict[str, Any]:
     """Return the rows of the table."""
     rows = []
     for record in records:
@@ -177,7 +178,7 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
 
 def _cells(row: dict[str, Any]) -> list[str]:
     return [
-        f"{row['size']} {row['codec'].upper().replace('H', 'H.')}",
+        shown_film(row),
         f"{row['bitrate_bps'] / 1e6:g}",
         str(row["feeds"]),
         f"{row['processor_ratio']:.0%}",

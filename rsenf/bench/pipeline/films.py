@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -147,3 +148,8 @@ def repeat(once: Path, path: Path, times: int) -> None:
 
 def _offsets(length: int, times: int) -> Iterator[int]:
     return (length * n for n in range(times))
+
+
+def shown_film(row: dict[str, Any]) -> str:
+    """Return size and codec of a film for a cell, such as ``720p H.264``."""
+    return f"{row['size']} {row['codec'].upper().replace('H', 'H.')}"

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import yaml
 
-from rsenf.bench.memory import PEAK, memory_mb
+from rsenf.bench.machine import PEAK, memory_mb
 from rsenf.bench.pipeline.films import START, reference_of
 from rsenf.bus.delivery import LOOKING
 from rsenf.bus.inbox import CallbackInbox, Received

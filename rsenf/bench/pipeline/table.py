@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from rsenf.batch.journal import Record
+from rsenf.bench.machine import most_of_others, others_said, undisturbed
 from rsenf.bench.pipeline.contestants import COPY, FFMPEG, LIVE, MEANS, ONE, PYAV, SPLITS
-from rsenf.bench.pipeline.others import most_of_others, others_said, undisturbed
-from rsenf.bench.text import Table, titled
+from rsenf.bench.pipeline.films import shown_film
+from rsenf.bench.tables import Table, shown, titled
 
 Row = dict[str, Any]
 # Least share of the decoder's frame rate, of 720p and 1080p in H.264.
@@ -34,7 +35,7 @@ another process; of a block, and of an estimate, from the first of the newest 8 
 take 233 ms to come."""
 
 
-def tabulate(records: Sequence[Record]) -> Row:
+def tabulated(records: Sequence[Record]) -> Row:
     """Return the rows of the tables, and what they were made from."""
     timed = [r for r in records if r["contestant"] != LIVE]
     late = [r for r in records if r["contestant"] == LIVE]
@@ -143,27 +144,23 @@ def _made_from(document: Row) -> str:
     )
 
 
-def _film(row: Row) -> str:
-    return f"{row['size']} {row['codec'].upper().replace('H', 'H.')}"
-
-
 def _cells(row: Row) -> list[str]:
     mark, reached = row["mark"], ""
     if mark is not None:
         held = "yes" if row["rate_ratio"] >= mark else "no"
         reached = f"{mark:g} {'not told' if others_said(row) else held}"
     return [
-        _film(row), f"{row['bitrate_bps'] / 1e6:g}", row["contestant"],
+        shown_film(row), f"{row['bitrate_bps'] / 1e6:g}", row["contestant"],
         f"{row['rounds']} of {row['rounds'] + row['disturbed']}",
         f"{row['frames_per_s']:.0f}", f"{row['rate_ratio']:.2f}", reached,
         f"{row['cpu_s_per_1000']:.2f}", f"{row['cpu_ratio']:.2f}",
-        "–" if row["peak_mb"] is None else f"{row['peak_mb']:.0f}",
+        shown(row["peak_mb"], ".0f"),
         "" if row["lost"] is None else str(row["lost"]),
     ]  # fmt: skip
 
 
 def _late_cells(row: Row) -> list[str]:
     return [
-        _film(row), row["topic"], str(row["heard"]),
+        shown_film(row), row["topic"], str(row["heard"]),
         f"{1e3 * row['p50_s']:.0f} ms", f"{1e3 * row['p99_s']:.0f} ms", str(row["lost"]),
     ]  # fmt: skip

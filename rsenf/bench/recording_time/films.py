@@ -12,6 +12,7 @@ import shutil
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +20,14 @@ import numpy as np
 
 from rsenf.bench.film import film
 from rsenf.bench.grids import MARGIN_S
+from rsenf.bench.harness import Progress, work_all
 from rsenf.bench.measure import versions
-from rsenf.bench.plan import SIZES
-from rsenf.bench.recording_time.days import lit_day
 from rsenf.bench.recording_time.plan import FRAME_RATE, MOVING, NOMINAL_HZ, Film
-from rsenf.bench.scenes import EXPOSURE_S, IDLE_RATIO, MEAN_LEVEL, TEXTURE_RATIO, Setting, spread
+from rsenf.bench.recording_time.references import lit_day
+from rsenf.bench.scenes import EXPOSURE_S, IDLE_RATIO, Setting, spread, wall
 from rsenf.errors import InputError, RecordingError
 from rsenf.messages import RowBlock
-from rsenf.model import CaptureModel, GridPath, Light, Scene, Shake, Shutter, parse_frame_rate
+from rsenf.model import CaptureModel, GridPath, Shake
 from rsenf.record.reader import open_recording
 from rsenf.record.writer import Recorder
 
@@ -41,21 +42,8 @@ SHAKE_PX, SHAKE_S = (0.1, 0.6), (0.1, 0.5)
 def setting_of(film: Film) -> Setting:
     """Draw the capture of a film from its camera and its seed."""
     camera, rng = film.camera_generator(), film.generator("scene")
-    columns, rows = SIZES[film.size]
-    model = CaptureModel(
-        name=film.key,
-        light=Light(lamp=film.lamp),
-        shutter=Shutter(
-            frame_rate=parse_frame_rate(FRAME_RATE),
-            rows=rows,
-            columns=columns,
-            idle_ratio=float(camera.uniform(*IDLE_RATIO)),
-        ),
-        scene=Scene(
-            mean_level=float(rng.uniform(*MEAN_LEVEL)),
-            texture_ratio=float(rng.uniform(*TEXTURE_RATIO)),
-        ),
-    )
+    idle_ratio = float(camera.uniform(*IDLE_RATIO))
+    model = wall(film.key, film.lamp, film.size, FRAME_RATE, idle_ratio, rng)
     exposure_s = spread(rng, EXPOSURE_S)
     seed = int(rng.integers(2**31))
     clock_ppm = CLOCK_PPM * float(camera.standard_t(CLOCK_FREEDOM))
@@ -175,3 +163,31 @@ def _write(path: Path, blocks: Sequence[RowBlock]) -> None:
     with Recorder(path, run_info={}, clock_ns=time.time_ns, fsync=False) as recorder:
         for block in blocks:
             recorder.write(_TOPIC, block)
+
+
+def make_missing(
+    films: Sequence[Film],
+    folder: Path,
+    grids: Path | None,
+    jobs: int,
+    progress: Progress = lambda done, missing: None,
+) -> None:
+    """Make the films that a folder lacks; one that is there isn't made again.
+
+    Parameters
+    ----------
+    films : sequence of Film
+    folder : Path
+        Made where there is none; whatever else it holds stays in it.
+    grids : Path or None
+        Folder of measured grids.
+    jobs : int
+        Processes.
+    progress : callable, optional
+        Called with the number made so far, and of those that were missing.
+    """
+    missing = [film for film in films if not has_film(folder, film)]
+    progress(0, len(missing))
+    work = partial(make_film, folder=folder, grids=grids)
+    for done, _ in enumerate(work_all(missing, work, jobs), 1):
+        progress(done, len(missing))

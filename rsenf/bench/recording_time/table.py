@@ -1,24 +1,72 @@
-"""Records of trials to the rows of the tables: counts and rates, nothing left out."""
+"""Records of trials to the rows of the tables: counts and rates, nothing left out.
+
+What the paper published of its four metrics, in per cent, and the marks to reach.
+
+The tables of all trials with what they were made from, as plain values.
+
+Trials to what the results' own figures are worth: lag, clock error, likelihood ratios.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from rsenf.batch.journal import Record
 from rsenf.bench.bounds import rate_bound
 from rsenf.bench.plan import LOSSLESS
-from rsenf.bench.recording_time.paper import (
-    DEFAULT,
-    FALSE_FROM_S,
-    FALSE_PERCENT,
-    MARKS,
-)
+from rsenf.bench.recording_time.plan import MOVING, STILL
 from rsenf.bench.recording_time.references import PRESENT
-from rsenf.bench.recording_time.search import PAPER_METRICS
-from rsenf.bench.recording_time.trials import FALSE, NONE, TRUE
+from rsenf.bench.recording_time.trials import FALSE, NONE, PAPER_METRICS, TRUE
+from rsenf.bench.tables import Row, grouped, median, rms, versions_of
 
-Row = dict[str, Any]
+
+@dataclass(frozen=True)
+class Published:
+    """One of the paper's tables.
+
+    Parameters
+    ----------
+    kind : str
+    videos : int
+    coded : bool
+        Whether the videos had been compressed.
+    true, false : tuple of float
+        Decisions by Metrics 1 to 4, per cent; the rest is none.
+    """
+
+    kind: str
+    videos: int
+    coded: bool
+    true: tuple[float, ...]
+    false: tuple[float, ...]
+
+
+PUBLISHED = (
+    Published(STILL, 12, False, (100.0,) * 4, (0.0,) * 4),
+    Published(STILL, 48, True, (45.83, 56.25, 68.75, 70.83), (0.0, 4.17, 4.17, 2.08)),
+    Published(MOVING, 24, True, (62.5, 75.0, 79.16, 83.33), (8.33, 8.33, 12.5, 8.33)),
+)
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A share of true decisions to reach, of all kinds of films together."""
+
+    coding: str
+    length_s: float
+    true_percent: float
+
+
+DEFAULT = "phase"
+MARKS = (Mark(LOSSLESS, 60.0, 95.0), Mark("50k", 120.0, 90.0))
+# False decisions to stay below where the true time is absent, of clips at least so long.
+FALSE_PERCENT, FALSE_FROM_S = 1.0, 120.0
+
 
 ALL = "all"
 COMPRESSED = "compressed"
@@ -107,14 +155,6 @@ def order_rows(trials: Sequence[Row]) -> list[Row]:
     return rows
 
 
-def grouped(trials: Iterable[Row], *by: str) -> list[tuple[Row, list[Row]]]:
-    """Return groups of trials that have the same values, in the order in which they first come."""
-    groups: dict[tuple[Any, ...], list[Row]] = {}
-    for trial in trials:
-        groups.setdefault(tuple(trial[name] for name in by), []).append(trial)
-    return [(dict(zip(by, key, strict=True)), found) for key, found in groups.items()]
-
-
 def _decisions(found: Sequence[Row], wanted: Callable[[Row], bool]) -> Row:
     trials = [t for t in found if wanted(t)]
     counts = {outcome: _count(trials, outcome) for outcome in (TRUE, FALSE, NONE)}
@@ -144,3 +184,85 @@ def _percent(count: int, of: int) -> float | None:
 def _least(value: float | None, limit: float | None) -> bool | None:
     """Whether a value is at least a limit; None where one isn't known."""
     return None if value is None or limit is None else value >= limit
+
+
+WITHIN_STD = 2.0
+# Edges of the logarithms of likelihood ratios; whatever is beyond is in the first or last bin.
+EDGES = (-2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
+RATIOS = {"other": "log10_lr", "absent": "log10_lr_absent"}
+
+
+def recovery_rows(trials: Sequence[Row]) -> list[Row]:
+    """Return errors of lag and clock of the true decisions, and what was said of them."""
+    right = [t for t in trials if t.get("outcome") == TRUE]
+    return [
+        cell | {"trials": len(found)} | _errors(found, "lag", "s") | _errors(found, "clock", "ppm")
+        for cell, found in grouped(right, "coding", "length_s", "method")
+    ]
+
+
+def _errors(found: Sequence[Row], what: str, unit: str) -> dict[str, Any]:
+    pairs = [(t[f"{what}_error_{unit}"], t[f"{what}_std_{unit}"]) for t in found]
+    known = [(e, s) for e, s in pairs if e is not None and s]
+    within = [abs(e) <= WITHIN_STD * s for e, s in known]
+    return {
+        f"{what}_rms_{unit}": rms([e for e, _ in pairs if e is not None]),
+        f"{what}_std_{unit}": median([s for _, s in known]),
+        f"{what}_within": sum(within) / len(within) if within else None,
+    }
+
+
+def evidence_rows(trials: Sequence[Row]) -> list[Row]:
+    """Return how often the best time was the true one, by the likelihood ratio it was given.
+
+    ``other`` is against another time in the reference, of the trials that have the true one;
+    ``absent`` against no time in it, of all trials.
+    """
+    rows = []
+    for question, name in RATIOS.items():
+        asked = [
+            t | {"question": question, "bin": int(np.digitize(t[name], EDGES))}
+            for t in trials
+            if t.get(name) is not None and (question == "absent" or t["trial"] == PRESENT)
+        ]
+        asked.sort(key=lambda t: (t["method"], t["bin"]))
+        rows += [
+            {"method": cell["method"], "question": question}
+            | _edges(cell["bin"])
+            | {"trials": len(found), "right": sum(t["nearest"] for t in found)}
+            for cell, found in grouped(asked, "method", "bin")
+        ]
+    return rows
+
+
+def _edges(number: int) -> dict[str, float | None]:
+    edges = (None, *EDGES, None)
+    return {"from": edges[number], "to": edges[number + 1]}
+
+
+def tabulated(records: Sequence[Record]) -> Row:
+    """Return the tables, and the films and versions behind them.
+
+    Parameters
+    ----------
+    records : sequence of dict
+        Of :func:`rsenf.bench.recording_time.trials.run_trials`.
+    """
+    trials = trials_of(records)
+    absent = absent_rows(trials)
+    return {
+        "table": "recording-time",
+        "films": len({(r["kind"], r["seed"]) for r in records}),
+        "seeds": sorted({r["seed"] for r in records}),
+        "grids": sorted({r["grid"] for r in records}),
+        "references_h": sorted({r["reference_s"] / 3600 for r in records}),
+        "noise_mhz": sorted({r["noise_mhz"] for r in records}),
+        "versions": versions_of(records),
+        "rows": cell_rows(trials),
+        "absent": absent,
+        "marks": mark_rows(trials, absent),
+        "order": order_rows(trials),
+        "recovery": recovery_rows(trials),
+        "evidence": evidence_rows(trials),
+        "published": [dataclasses.asdict(p) for p in PUBLISHED],
+    }

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
-from rsenf.bench.recording_time.search import PAPER_METRICS
-from rsenf.bench.recording_time.table import Row
-from rsenf.bench.recording_time.trials import METHODS
-from rsenf.bench.text import Table, titled
+from rsenf.bench.recording_time.trials import METHODS, PAPER_METRICS
+from rsenf.bench.tables import NONE, Row, Table, made_from, percent, shown, titled
 
-_NONE = "–"
 _NOTE = """\
 TD/FD/ND: decisions that are true (within 1 s), false, and none, per cent of the trials.
 absent: the day of the film without 10 minutes on either side of it, and a day of another year;
@@ -17,14 +15,16 @@ any match there is false. bound: the rate that so few refute with 95 % confidenc
 independent; those of one film aren't quite. Clips are cut from films that were encoded whole."""
 
 
-def text(document: Row) -> str:
-    """Return the tables of :func:`rsenf.bench.recording_time.document.tabulate` for a terminal."""
-    return titled(_tables(document), [_NOTE, _made_from(document)], on_page=False)
-
-
-def page(document: Row) -> str:
-    """Return the same tables in Markdown."""
-    return titled(_tables(document), [_NOTE, _made_from(document)], on_page=True)
+def text(document: Row, *, on_page: bool = False) -> str:
+    """Return the tables of :func:`rsenf.bench.recording_time.table.tabulated`."""
+    made = made_from(
+        document,
+        "films",
+        f"grid: {', '.join(document['grids'])}",
+        "reference: " + ", ".join(f"{h:g} h" for h in document["references_h"]),
+        "its noise: " + ", ".join(f"{n:g} mHz" for n in document["noise_mhz"]),
+    )
+    return titled(_tables(document), [_NOTE, made], on_page=on_page)
 
 
 def _tables(document: Row) -> Iterator[Table]:
@@ -44,7 +44,7 @@ def _decisions(rows: Sequence[Row], published: Sequence[Row]) -> Table:
         cells.setdefault((row["kind"], row["coding"], row["length_s"]), {})[row["method"]] = row
     lines = [
         [kind, coding, f"{length_s:g} s", str(next(iter(of.values()))["present"])]
-        + [_decided(of[m]) if m in of else _NONE for m in methods]
+        + [_decided(of[m]) if m in of else NONE for m in methods]
         for (kind, coding, length_s), of in cells.items()
     ]
     if set(methods) & set(PAPER_METRICS):
@@ -66,7 +66,7 @@ def _as_published(published: Row, methods: Sequence[str]) -> list[str]:
     return [published["kind"], coding, "", str(published["videos"])] + [
         f"{figures[m][0]:.0f}/{figures[m][1]:.0f}/{100 - sum(figures[m]):.0f}"
         if m in figures
-        else _NONE
+        else NONE
         for m in methods
     ]
 
@@ -74,7 +74,7 @@ def _as_published(published: Row, methods: Sequence[str]) -> list[str]:
 def _false(rows: Sequence[Row]) -> Table:
     lines = [
         [_length(row["length_s"]), row["method"], str(row["absent"]), str(row["absent_false"]),
-         _percent(row["absent_false_percent"]), _percent(row["absent_bound_percent"])]
+         _per_cent(row["absent_false_percent"]), _per_cent(row["absent_bound_percent"])]
         for row in rows
     ]  # fmt: skip
     head = ("clip", "method", "absent", "false", "rate", "bound")
@@ -82,10 +82,10 @@ def _false(rows: Sequence[Row]) -> Table:
 
 
 def _marks(rows: Sequence[Row]) -> Table:
-    said = {True: "yes", False: "no", None: _NONE}
+    said = {True: "yes", False: "no", None: NONE}
     lines = [
-        [row["mark"], _percent(row["percent"]), str(row["trials"]), _percent(row["found_percent"]),
-         said[row["reached"]]]
+        [row["mark"], _per_cent(row["percent"]), str(row["trials"]),
+         _per_cent(row["found_percent"]), said[row["reached"]]]
         for row in rows
     ]  # fmt: skip
     return "Marks of the default method", ("mark", "limit", "trials", "found", "reached"), lines
@@ -105,8 +105,9 @@ def _order(rows: Sequence[Row]) -> Table:
 def _recovery(rows: Sequence[Row]) -> Table:
     lines = [
         [row["coding"], _length(row["length_s"]), row["method"], str(row["trials"]),
-         _number(row["lag_rms_s"]), _number(row["lag_std_s"]), _share(row["lag_within"]),
-         _number(row["clock_rms_ppm"]), _number(row["clock_std_ppm"]), _share(row["clock_within"])]
+         shown(row["lag_rms_s"]), shown(row["lag_std_s"]), percent(row["lag_within"], ".0f"),
+         shown(row["clock_rms_ppm"]), shown(row["clock_std_ppm"]),
+         percent(row["clock_within"], ".0f")]
         for row in rows
     ]  # fmt: skip
     head = ("coding", "clip", "method", "true", "lag rms s", "said", "within 2 std",
@@ -117,24 +118,14 @@ def _recovery(rows: Sequence[Row]) -> Table:
 def _evidence(rows: Sequence[Row]) -> Table:
     lines = [
         [row["method"], row["question"], _edge(row["from"]), _edge(row["to"]), str(row["trials"]),
-         str(row["right"]), _share(row["right"] / row["trials"])]
+         str(row["right"]), percent(row["right"] / row["trials"], ".0f")]
         for row in rows
     ]  # fmt: skip
     head = ("method", "against", "log10 LR from", "to", "trials", "best is true", "share")
     return "What a likelihood ratio was worth", head, lines
 
 
-def _made_from(document: Row) -> str:
-    seeds = document["seeds"]
-    told = [f"films: {document['films']}"]
-    if seeds:
-        told.append(f"seeds {seeds[0]} to {seeds[-1]}")
-        told.append(f"grid: {', '.join(document['grids'])}")
-        told.append("reference: " + ", ".join(f"{h:g} h" for h in document["references_h"]))
-        told.append("its noise: " + ", ".join(f"{n:g} mHz" for n in document["noise_mhz"]))
-    if len(document["versions"]) > 1:
-        told.append(f"made by {len(document['versions'])} versions of the program")
-    return "; ".join(told)
+_per_cent = partial(shown, unit=" %")  # of what is in per cent already
 
 
 def _length(value: float | str) -> str:
@@ -143,15 +134,3 @@ def _length(value: float | str) -> str:
 
 def _edge(value: float | None) -> str:
     return "" if value is None else f"{value:g}"
-
-
-def _number(value: float | None) -> str:
-    return _NONE if value is None else f"{value:.3g}"
-
-
-def _percent(value: float | None) -> str:
-    return _NONE if value is None else f"{value:.3g} %"
-
-
-def _share(value: float | None) -> str:
-    return _NONE if value is None else f"{100 * value:.0f} %"

@@ -1,20 +1,103 @@
-"""Every matcher on every piece and reference: what it decided, and how right it was."""
+"""Every matcher on every piece and reference: what it decided, and how right it was.
+
+One clip searched for in one reference, by any matcher; what they share is done once.
+"""
 
 from __future__ import annotations
 
 import math
 import time
-from functools import partial
+from collections.abc import Iterator, Sequence
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 from rsenf.bench.judge import number, tried
 from rsenf.bench.measure import versions
-from rsenf.bench.recording_time.cuts import Cuts, Piece, pieces_of
+from rsenf.bench.recording_time.cuts import LENGTHS_S, Cuts, Piece, pieces_of
 from rsenf.bench.recording_time.films import read_rows, read_truth
+from rsenf.bench.recording_time.plan import NOMINAL_HZ, Film
 from rsenf.bench.recording_time.references import PRESENT, references_of
-from rsenf.bench.recording_time.search import PAPER_METRICS, ClipEnf, Said, Search
+from rsenf.match import Finding, MatchSettings
+from rsenf.match.paper import Metric, metric
+from rsenf.match.paper_search import Tally, paper_search
+from rsenf.match.paper_tracks import Hypotheses, hypotheses_of
+from rsenf.match.series import grid_of
 from rsenf.match.stage import METHODS as MATCH_METHODS
+from rsenf.match.stage import Match
+from rsenf.messages import EnfEstimate, MatchResult, RowBlock
+from rsenf.reference import Reference, reference_blocks
+from rsenf.track import TrackSettings, make_tracker
+
+PAPER_METRICS = ("metric1", "metric2", "metric3", "metric4")
+
+# What a matcher says; of the metrics it is the finding alone.
+Said = MatchResult | Finding
+
+
+class ClipEnf:
+    """A clip's ENF: by the default tracker, and under each of the paper's hypotheses.
+
+    Parameters
+    ----------
+    blocks : sequence of RowBlock
+    """
+
+    def __init__(self, blocks: Sequence[RowBlock]) -> None:
+        self._blocks = blocks
+
+    @cached_property
+    def estimates(self) -> list[EnfEstimate]:
+        """What the default tracker says."""
+        return list(self._tracked(TrackSettings.method))
+
+    @cached_property
+    def hypotheses(self) -> Hypotheses | None:
+        """What the paper's tracker says of each hypothesis; None of a clip without a window."""
+        return hypotheses_of(self._tracked(Metric.enf_method))
+
+    def _tracked(self, method: str) -> Iterator[EnfEstimate]:
+        stage = make_tracker(TrackSettings(method=method, nominal_hz=NOMINAL_HZ))
+        for block in self._blocks:
+            yield from stage.update(block)
+        yield from stage.flush()
+
+
+class Search:
+    """A clip and a reference.
+
+    Parameters
+    ----------
+    clip : ClipEnf
+    reference : Reference
+    """
+
+    def __init__(self, clip: ClipEnf, reference: Reference) -> None:
+        self._clip = clip
+        self._blocks = list(reference_blocks(reference, source="reference"))
+
+    def by(self, method: str) -> list[Said]:
+        """Return what a matcher says, as the match stage would; the metrics share one search."""
+        if method in PAPER_METRICS:
+            return [self._metric(PAPER_METRICS.index(method) + 1)]
+        stage = Match(method=method)
+        for estimate in self._clip.estimates:
+            stage.update(estimate)
+        for block in self._blocks:
+            stage.update(block)
+        return stage.flush()
+
+    def _metric(self, number: int) -> Finding:
+        if self._tally is None:
+            return Finding(decision="no_decision", reason="no window of ENF")
+        return metric(self._tally, number)
+
+    @cached_property
+    def _tally(self) -> Tally | None:
+        if self._clip.hypotheses is None:
+            return None
+        return paper_search(self._clip.hypotheses, grid_of(self._blocks), MatchSettings())
+
 
 VERSION = 1
 TRUE_WITHIN_S = 1.0
@@ -28,6 +111,17 @@ Result = dict[str, Any]
 def known_methods() -> tuple[str, ...]:
     """Methods to try: those of :data:`METHODS` that there are."""
     return tuple(method for method in METHODS if method in MATCH_METHODS)
+
+
+def cuts_of(films: Sequence[Film], noise_hz: float) -> list[Cuts]:
+    """Return what is to be tried, film by film; lengths that a film doesn't have aren't."""
+    return [
+        Cuts(film, coding, length_s, known_methods(), noise_hz)
+        for film in films
+        for coding in film.codings
+        for length_s in LENGTHS_S
+        if length_s <= film.duration_s
+    ]
 
 
 def run_trials(cuts: Cuts, films: Path, grids: Path | None) -> dict[str, Any]:

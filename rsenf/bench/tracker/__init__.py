@@ -1,11 +1,8 @@
-"""What an hour of video costs after its frames are decoded.
+"""Cost of an hour of video after its frames are decoded.
 
 ::
 
-    light     rows of a wall in a lamp's light, for as many hours as are wanted
-    hour      an ENF method on them: processor time and memory of an hour
-    beside    every stage after the row means, beside decoding 1080p
-    planes    row means with and without the mask, beside copying the plane
-    trials    which of these there are, and their records
-    table     records as tables
+    light     rows of a wall in a lamp's light, for any length
+    beside    an ENF method on them; all stages after the row means, beside decoding 1080p
+    trials    what is measured, row means beside copying a plane included, and the tables
 """

@@ -1,0 +1,151 @@
+"""The tables of clips as text for a terminal, and as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from rsenf.bench.clip_tables import PAPER_AVERAGE_ERROR_PERCENT, VERDICTS
+from rsenf.bench.tables import NONE, Row, aligned, made_from, markdown, percent, shown
+
+_ZERO = """\
+
+*: the flicker's alias at the frame rate is at 0 Hz, and the grid's drift turns it by a radian or
+more; <1 rad: by less, too little to tell flicker from texture."""
+_IDLE_NOTE = f"""\
+Errors in percentage points of the frame period, over the clips that were estimated; est, amb, ref
+and none count clips: estimated, ambiguous, refused, no signal. beaten: clips in which another
+method came nearer by more than this one's standard error. spread: rms of error over standard error.
+bound: Cramér–Rao, uncoded. The paper, five cameras at 720p and 29.97 fps, 6 videos each:
+average errors {min(PAPER_AVERAGE_ERROR_PERCENT)} to {max(PAPER_AVERAGE_ERROR_PERCENT):.2f}."""
+_ENF_NOTE = """\
+rms of a clip in mHz, against the grid's mean over the second around each value. bright: clips with
+at least 5 levels of flicker. within: where a 20 s window is full. usable: share of the seconds
+with a value. spread: rms of error over standard error; >3σ: share of the values beyond three.
+bound: Cramér–Rao of one second by itself, uncoded."""
+_CLAIMS_NOTE = """\
+Clips with nothing to claim. A claim is an idle ratio that was given, or one usable second of ENF.
+below: the rate of claims that so few refute with 95 % confidence. right: claims within three
+standard errors of the truth, where the exposure leaves some flicker; others: all but those."""
+
+
+def text(document: Row, *, on_page: bool = False) -> str:
+    """Return a table of :func:`rsenf.bench.clip_tables.tabulated` for a terminal or in Markdown.
+
+    In Markdown, errors have a column for each method with median (maximum).
+    """
+    rows, name = document["rows"], document["table"]
+    head, cells, note = _TEXT[name]
+    if not on_page:
+        return f"{aligned(head, map(cells, rows))}\n\n{note}\n{_made_from(document)}"
+    if name == "claims":
+        table = markdown(head, map(cells, rows))
+    else:
+        bound, brief = {"idle": ("bound_percent", _idle_brief), "enf": ("bound_mhz", _enf_brief)}[
+            name
+        ]
+        table = _by_method(rows, bound, brief)
+    return f"{table}\n\n{_made_from(document)}"
+
+
+def _made_from(document: Row) -> str:
+    """Return one line on the clips behind a table."""
+    is_zero = any(row["turned"] is not None for row in document["rows"])
+    return made_from(
+        document,
+        "clips",
+        "seconds each: " + ", ".join(f"{s:g}" for s in document["durations_s"]),
+        f"grid: {', '.join(document['grids'])}",
+    ) + (_ZERO if is_zero else "")
+
+
+_IDLE_HEAD = ("cell", "coding", "method", "clips", "est", "amb", "ref", "none", "broke", "median",
+              "worst", "beaten", "std", "spread", "bound", "mark", "ms/s")  # fmt: skip
+_ENF_HEAD = ("cell", "coding", "method", "clips", "with", "broke", "usable", "median", "worst",
+             "bright", "median", "worst", "within", ">stft", "std", "spread", ">3σ", "bound",
+             "mark", "ms/s")  # fmt: skip
+_CLAIMS_HEAD = ("scene", "coding", "of", "method", "clips", "claims", "below", "right",
+                "others below", "broke",
+                "ms/s")  # fmt: skip
+
+
+def _idle_cells(row: Row) -> list[str]:
+    return [
+        _cell(row), row["coding"], row["method"], str(row["clips"]),
+        *(str(row[verdict]) for verdict in (*VERDICTS, "broke")),
+        shown(row["median_percent"]), shown(row["worst_percent"]), str(row["beaten"]),
+        shown(row["std_percent"]), shown(row["spread"]), shown(row["bound_percent"]),
+        _against(row["mark_percent"], row["median_percent"]), shown(row["cpu_ms_per_s"]),
+    ]  # fmt: skip
+
+
+def _enf_cells(row: Row) -> list[str]:
+    return [
+        _cell(row), row["coding"], row["method"], str(row["clips"]), str(row["with_values"]),
+        str(row["broke"]), percent(row["usable_ratio"]), shown(row["median_mhz"]),
+        shown(row["worst_mhz"]), f"{row['bright_with_values']}/{row['bright_clips']}",
+        shown(row["bright_median_mhz"]), shown(row["bright_worst_mhz"]),
+        shown(row["within_median_mhz"]), str(row["worse_than_stft"]), shown(row["std_mhz"]),
+        shown(row["spread"]), percent(row["beyond_3_std_ratio"]), shown(row["bound_mhz"]),
+        _against(row["mark_mhz"], row["bright_median_mhz"]), shown(row["cpu_ms_per_s"]),
+    ]  # fmt: skip
+
+
+def _claims_cells(row: Row) -> list[str]:
+    return [
+        row["scene"], row["coding"], row["kind"], row["method"], str(row["clips"]),
+        str(row["claims"]), percent(row["bound_ratio"]), str(row["right"]),
+        percent(row["false_bound_ratio"]), str(row["broke"]),
+        shown(row["cpu_ms_per_s"]),
+    ]  # fmt: skip
+
+
+def _idle_brief(row: Row) -> str:
+    missing = [f"{row[v]} {v.replace('_', ' ')}" for v in (*VERDICTS[1:], "broke") if row[v]]
+    if row["median_percent"] is None:
+        return ", ".join(missing) or NONE
+    figures = f"{shown(row['median_percent'])} ({shown(row['worst_percent'])})"
+    return "; ".join([figures, ", ".join(missing)]) if missing else figures
+
+
+def _enf_brief(row: Row) -> str:
+    if row["median_mhz"] is None:
+        return NONE
+    figures = f"{shown(row['median_mhz'])} ({shown(row['worst_mhz'])})"
+    return f"{figures}, {percent(row['usable_ratio'])}"
+
+
+def _by_method(rows: Sequence[Row], bound: str, brief: Callable[[Row], str]) -> str:
+    methods = list(dict.fromkeys(row["method"] for row in rows))
+    cells: dict[tuple[str, str], dict[str, Row]] = {}
+    for row in rows:
+        cells.setdefault((_cell(row), row["coding"]), {})[row["method"]] = row
+    head = ("clip", "coding", "clips", "bound", *methods)
+    return markdown(
+        head,
+        (
+            [*key, str(next(iter(of.values()))["clips"]), shown(next(iter(of.values()))[bound])]
+            + [brief(of[m]) if m in of else NONE for m in methods]
+            for key, of in cells.items()
+        ),
+    )
+
+
+def _cell(row: Row) -> str:
+    size = f"{row['size']} " if "size" in row else ""
+    zero = {None: "", True: "*", False: "*<1 rad"}[row["turned"]]
+    return f"{size}{row['frame_rate']} fps {row['nominal_hz']:g} Hz{zero}"
+
+
+def _against(mark: float | None, value: float | None) -> str:
+    """Return a mark, and whether it was reached."""
+    if mark is None:
+        return ""
+    reached = NONE if value is None else "yes" if value <= mark else "no"
+    return f"{mark:g} {reached}"
+
+
+_TEXT: dict[str, tuple[Sequence[str], Callable[[Row], list[str]], str]] = {
+    "idle": (_IDLE_HEAD, _idle_cells, _IDLE_NOTE),
+    "enf": (_ENF_HEAD, _enf_cells, _ENF_NOTE),
+    "claims": (_CLAIMS_HEAD, _claims_cells, _CLAIMS_NOTE),
+}

@@ -1,0 +1,166 @@
+"""Tables of every benchmark: groups of rows and their statistics, numbers, layout, and pictures."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rsenf.batch.journal import Record
+from rsenf.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Row = dict[str, Any]
+Table = tuple[str, Sequence[str], list[list[str]]]  # title, head, lines
+NONE = "–"
+
+
+def grouped(rows: Iterable[Row], *by: str) -> list[tuple[Row, list[Row]]]:
+    """Return groups of rows with equal values of some fields, in order of first occurrence.
+
+    Parameters
+    ----------
+    rows : iterable of dict
+    *by : str
+        The fields.
+
+    Returns
+    -------
+    list of (dict, list of dict)
+        The common values, and the rows.
+
+    Examples
+    --------
+    >>> grouped([{"a": 1, "b": 2}, {"a": 1, "b": 3}], "a")
+    [({'a': 1}, [{'a': 1, 'b': 2}, {'a': 1, 'b': 3}])]
+    """
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(tuple(row[name] for name in by), []).append(row)
+    return [(dict(zip(by, key, strict=True)), found) for key, found in groups.items()]
+
+
+def median(values: Sequence[float]) -> float | None:
+    """Median; None of no values."""
+    return float(np.median(values)) if len(values) else None
+
+
+def mean(values: Sequence[float]) -> float | None:
+    """Mean, of flags their share; None of no values."""
+    return float(np.mean(values)) if len(values) else None
+
+
+def worst(values: Sequence[float]) -> float | None:
+    """Maximum; None of no values."""
+    return float(np.max(values)) if len(values) else None
+
+
+def rms(values: Sequence[float]) -> float | None:
+    """Root mean square; None of no values."""
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else None
+
+
+def versions_of(records: Iterable[Record]) -> list[dict[str, str]]:
+    """Return the different versions of the program and its libraries that made records."""
+    return [dict(v) for v in sorted({tuple(r["versions"].items()) for r in records})]
+
+
+def made_from(document: Row, what: str, *details: str, always: Sequence[str] = ()) -> str:
+    """Return one line on the records behind a table.
+
+    Parameters
+    ----------
+    document : dict
+        With a count under ``what``, ``seeds`` and ``versions``.
+    what : str
+        What was counted, such as ``clips``.
+    *details : str
+        Told of records, if there are any.
+    always : sequence of str, optional
+        Told in any case.
+    """
+    told, seeds = [f"{what}: {document[what]}"], document["seeds"]
+    if seeds:
+        told += [f"seeds {seeds[0]} to {seeds[-1]}", *details]
+    told += always
+    if len(document["versions"]) > 1:
+        told.append(f"made by {len(document['versions'])} versions of the program")
+    return "; ".join(told)
+
+
+def shown(value: float | None, form: str = ".3g", unit: str = "") -> str:
+    """Return a number for a cell; a dash for None.
+
+    >>> shown(0.12345), shown(2.0, ".0f", " s"), shown(None)
+    ('0.123', '2 s', '–')
+    """
+    return NONE if value is None else f"{value:{form}}{unit}"
+
+
+def percent(ratio: float | None, form: str = ".3g") -> str:
+    """Return a ratio in per cent for a cell; a dash for None.
+
+    >>> percent(0.5), percent(0.5, ".1f")
+    ('50 %', '50.0 %')
+    """
+    return NONE if ratio is None else f"{100.0 * ratio:{form}} %"
+
+
+def aligned(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return columns aligned to the right, without those that are empty."""
+    lines = [head, *rows]
+    kept = [c for c in range(len(head)) if any(line[c] for line in lines[1:])]
+    wide = [max(len(line[c]) for line in lines) for c in kept]
+    return "\n".join(
+        "  ".join(line[c].rjust(w) for c, w in zip(kept, wide, strict=True)).rstrip()
+        for line in lines
+    )
+
+
+def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table in Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def titled(tables: Iterable[Table], notes: Sequence[str], *, on_page: bool) -> str:
+    """Return the tables with rows under their titles, and notes, as text or in Markdown."""
+    written, heading = (markdown, "**{}**") if on_page else (aligned, "{}")
+    parts = [
+        f"{heading.format(title)}\n\n{written(head, lines)}"
+        for title, head, lines in tables
+        if lines
+    ]
+    return "\n\n".join([*parts, *notes])
+
+
+@contextmanager
+def picture(path: Path, size_inch: tuple[float, float]) -> Iterator[Figure]:
+    """Give a figure to draw on, and write it as a PNG file, which appears when it is complete.
+
+    Parameters
+    ----------
+    path : Path
+    size_inch : (float, float)
+        Width and height, at 110 pixels an inch.
+
+    Raises
+    ------
+    RecordingError
+        When the file can't be written.
+    """
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size_inch, layout="constrained")
+    FigureCanvasAgg(figure)
+    yield figure
+    with whole_file(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=110)
