@@ -282,8 +282,8 @@ def _residuals_of(found: ClockOffsetDiscovery) -> dict[str, NDArray[Any]]:
     """Return the ENF's residuals before and after, with their times."""
     return {
         "enf_time_s": found.beside.t_s,
-        "enf_before_hz": found.first.left_hz,
-        "enf_after_hz": found.last.left_hz,
+        "enf_before_hz": found.first.residual_hz,
+        "enf_after_hz": found.last.residual_hz,
     }
 
 

@@ -38,7 +38,7 @@ def draw_enf_beside(
         above.ticklabel_format(axis="y", useOffset=False)
         below.axhspan(-2e3 * noise_hz, 2e3 * noise_hz, color=SIGNAL, alpha=0.12, lw=0)
         below.axhline(0.0, color=GRID, lw=0.8)
-        below.plot(beside.t_s, 1e3 * fit.left_hz, color=MARK, lw=1.0)
+        below.plot(beside.t_s, 1e3 * fit.residual_hz, color=MARK, lw=1.0)
         for begin_s, end_s in _held_out(beside):
             below.axvspan(begin_s, end_s, ymax=0.04, color=GRID, lw=0)
         below.set_xlabel("time in the recording (s)")
@@ -83,7 +83,7 @@ def draw_beside(found: ClockOffsetDiscovery) -> list[Picture]:
     gaps = [found.gap(fit) for _, fit in fits]
     names = ["at first", "+ clock_skew"][: len(fits)]
     told = ", ".join(f"{n} {g.value:.1e}" for n, g in zip(names, gaps, strict=True))
-    left = ", ".join(f"{1e3 * np.nanstd(fit.left_hz):.3g} mHz" for _, fit in fits)
+    left = ", ".join(f"{1e3 * np.nanstd(fit.residual_hz):.3g} mHz" for _, fit in fits)
     with fixed_style():
         return [
             picture_of(
