@@ -170,8 +170,8 @@ def is_faint(flicker_ratio: float, f0_hz: float, nominal_hz: float) -> bool:
     >>> is_faint(2e-4, 100.1, 50.0), is_faint(2e-3, 100.1, 50.0)
     (True, False)
     """
-    left_ratio = STRONG_RATIO * abs(f0_hz / (2.0 * nominal_hz) - 1.0)
-    return flicker_ratio < max(MIN_FLICKER_RATIO, left_ratio)
+    residual_ratio = STRONG_RATIO * abs(f0_hz / (2.0 * nominal_hz) - 1.0)
+    return flicker_ratio < max(MIN_FLICKER_RATIO, residual_ratio)
 
 
 def is_second_harmonic(f0_hz: float, nominal_hz: float, frame_rate_hz: float, turns: float) -> bool:
