@@ -17,7 +17,8 @@ from rsenf.bench.measure import versions
 from rsenf.bench.recording_time.cuts import LENGTHS_S, Cuts, Piece, pieces_of
 from rsenf.bench.recording_time.films import read_rows, read_truth
 from rsenf.bench.recording_time.plan import NOMINAL_HZ, Film
-from rsenf.bench.recording_time.references import PRESENT, references_of
+from rsenf.bench.recording_time.references import PRESENT, lit_day, references_of
+from rsenf.errors import InputError
 from rsenf.match import Finding, MatchSettings
 from rsenf.match.paper import Metric, metric
 from rsenf.match.paper_search import Tally, paper_search
@@ -134,9 +135,19 @@ def run_trials(cuts: Cuts, films: Path, grids: Path | None) -> dict[str, Any]:
         Where the films are.
     grids : Path or None
         Folder of measured grids.
+
+    Raises
+    ------
+    InputError
+        When the film's truth can't be read, or its light followed another grid.
     """
     begin_s, film = time.perf_counter(), cuts.film
     told = read_truth(films, film)
+    if told["grid"] != (searched := lit_day(grids).grid):
+        raise InputError(
+            f"{films / film.key}: filmed on the grid {told['grid']}, to be found in {searched}",
+            "delete its folder, or give the same --grids as for the films",
+        )
     truth = told["truth"]
     trials: list[Result] = []
     for piece in pieces_of(read_rows(films, film, cuts.coding), cuts.length_s):
