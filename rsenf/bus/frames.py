@@ -57,6 +57,7 @@ class FrameSender:
             raise ValueError("a frame without its luma plane")
         if self._ring_name:
             ring = self._ring_for(luma.size)
+            self._publisher.pending = 1
             slot, ticket = ring.write(luma, self._reader_gone)
             frame = dataclasses.replace(
                 frame, luma=None, ring=ring.path.name, ring_slot=slot, ring_ticket=ticket
@@ -84,8 +85,10 @@ class FrameSender:
     def _wait_until_read(self) -> None:
         self._publisher.flush()
         if self._ring and self._lossless:
+            self._publisher.pending = 1
             while not self._ring.drained() and not self._reader_gone():
                 time.sleep(0.005)
+            self._publisher.pending = 0
 
     def close(self) -> None:
         """Remove the ring."""

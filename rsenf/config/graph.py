@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from pydantic import Field
 
-from rsenf.bus.keys import REFERENCE
+from rsenf.bus.keys import REFERENCE, matches
 from rsenf.config.names import Name
 from rsenf.config.node_kind import NODE_KINDS, Input, NodeKind, Problem, Restart, Stream, Strict
 from rsenf.stage import StageSpec
@@ -149,6 +149,17 @@ def reader_of_frames(graph: Graph, camera: str) -> str:
         ),
         "",
     )
+
+
+def readers_of(graph: Graph, name: str) -> set[str]:
+    """Return the nodes that read, or record, what a node sends."""
+    sent = graph.nodes[name].outputs()
+    return {
+        other
+        for other, node in graph.nodes.items()
+        if any(read.stream in sent for read in node.inputs())
+        or any(matches(expr, str(stream)) for expr in node.records for stream in sent)
+    } - {name}
 
 
 def runs_ahead(graph: Graph, camera: str) -> bool:

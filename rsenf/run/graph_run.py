@@ -136,9 +136,8 @@ class GraphRun:
         for node in self._revival.start_due():
             self._change(node, "starting", f"for the {node.restarts + 1}. time")
             self._note_own(node)
-        hung = self._revival.kill_hung() if quiet else None
-        if hung:
-            self._change(hung, hung.state, "silent for too long: it hangs, and is killed")
+        for node, state, why in self._revival.watch() if quiet else ():
+            self._change(node, state, why)
 
     def _ended(self, node: NodeState, state: str, detail: str) -> None:
         """Handle the end of a process; schedule a restart where the node's rule says so."""
@@ -242,12 +241,13 @@ class GraphRun:
             # On a shared bus another run may have nodes of the same name.
             ours = received.message.header.run_id == self.run_id
             if node is not None and ours and _is_of(received.message, node):
-                self._revival.heard(node.name)
+                self._revival.heard(node, received.message)
                 node.health = received.message
                 if received.message.state == "running" and not node.was_ready:
                     node.was_ready = True
                     self._all_ready_s = time.monotonic() - self._begun
-                self._change(node, received.message.state, received.message.detail)
+                if node.state != "stalled" or not self._revival.hangs(node):
+                    self._change(node, received.message.state, received.message.detail)
         elif not received.message.header.is_end:
             source, topic = source_of(received.key), topic_of(received.key)
             self.latest[topic][source] = received.message

@@ -12,7 +12,7 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -70,8 +70,8 @@ class HealthReport:
         Its counters are reported.
     peers : Peers
         Tells which other nodes are lost.
-    sent : callable
-        Returns how many messages the node has sent.
+    publishers : sequence of Publisher
+        Outputs of the node, opened so far.
     restarts : int
         Number of earlier starts of the node in this run.
     """
@@ -85,13 +85,13 @@ class HealthReport:
         words: Publisher,
         inbox: Inbox,
         peers: Peers,
-        sent: Callable[[], int],
+        publishers: Sequence[Publisher],
         restarts: int = 0,
     ) -> None:
         self.state, self.detail = "starting", ""
         self._name, self._kind, self._run_id = name, kind, run_id
         self._publisher, self._words = publisher, words
-        self._inbox, self._peers, self._sent = inbox, peers, sent
+        self._inbox, self._peers, self._outputs = inbox, peers, publishers
         self._taken, self._rate = 0, _Rate()
         self._last_input_ns, self._latency_s = 0, 0.0
         self._restarts = restarts
@@ -153,13 +153,13 @@ class HealthReport:
             host=socket.gethostname(),
             time_ns=now_ns,
             messages_in=self._taken,
-            messages_out=self._sent(),
+            messages_out=sum(output.sent for output in self._outputs),
             dropped=counters.dropped,
             missed=counters.missed,
             rejected=counters.rejected,
             recovered=counters.recovered,
             rate_hz=self._rate.per_s(self._taken),
-            queue_depth=self._inbox.depth,
+            queue_depth=self._inbox.depth + sum(output.pending for output in self._outputs),
             latency_s=self._latency_s,
             last_input_ns=self._last_input_ns,
             lost_peers=self._published_lost,

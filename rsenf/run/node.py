@@ -94,7 +94,7 @@ class NodeProcess:
             bus.publisher(word_key(graph.site, name), HEALTH),
             self.inbox,
             self.peers,
-            lambda: sum(p.sent for p in self._publishers),
+            self._publishers,
             restarts,
         )
         self.say, self.show = self._health.say, self._health.show
