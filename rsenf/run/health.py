@@ -18,6 +18,7 @@ from pathlib import Path
 
 from rsenf.bus.bus import Publisher
 from rsenf.bus.inbox import Inbox
+from rsenf.bus.keys import source_of, topic_of
 from rsenf.config import redact
 from rsenf.messages import Header, Health
 from rsenf.run.peers import Peers
@@ -99,6 +100,7 @@ class HealthReport:
         self._said = ""  # the state last sent to ``words``
         self._lock = threading.Lock()
         self._published_s, self._published_lost = 0.0, tuple[str, ...]()
+        self._cut_off: dict[str, str] = {}
 
     def note_input(self, header: Header) -> None:
         """Count an input message, and its latency since exposure and since arrival."""
@@ -110,6 +112,19 @@ class HealthReport:
         if header.camera_time_ns:
             exposed_s = (self._last_input_ns - header.camera_time_ns) / 1e9
             self._since_exposure.note(now_s, exposed_s)
+
+    def note_cut_off(self, key: str) -> None:
+        """Note that a stream ended while this node was restarted: how much it lost isn't known."""
+        self._cut_off[source_of(key)] = f"the end of its {topic_of(key)} came during a restart"
+
+    @property
+    def lost(self) -> dict[str, str]:
+        """What was lost as a node was restarted, in words, by source."""
+        frames = {s: n for s, n in self._inbox.counters.uncovered.items() if n}
+        return {
+            s: f"{n} frames were lost when their row sampler was restarted"
+            for s, n in frames.items()
+        } | self._cut_off
 
     def say(self, state: str, detail: str = "") -> None:
         """Change the state, and publish it at once."""
@@ -148,7 +163,7 @@ class HealthReport:
             node=self._name,
             kind=self._kind,
             state=self.state,
-            detail=self.detail,
+            detail="; ".join(filter(None, (self.detail, *map(": ".join, self.lost.items())))),
             pid=os.getpid(),
             host=socket.gethostname(),
             time_ns=now_ns,

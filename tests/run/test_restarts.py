@@ -21,7 +21,7 @@ from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph
 from rsenf.config.node_kind import Restart
 from rsenf.config.recording import RecordSettings
-from rsenf.errors import EXIT_FAILED, EXIT_USAGE
+from rsenf.errors import EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
 from rsenf.messages import Header, Health
 from rsenf.record import open_recording
 from rsenf.run.graph_run import GraphRun
@@ -394,3 +394,40 @@ def test_a_reader_that_is_stuck_but_sends_health_is_started_again(
     assert "stuck: stalled messages wait, none taken or sent for 3 s" in said
     assert "stuck: restarting killed by signal 9; started again in 0.5 s" in said
     assert not {name for name, states in run.states.items() if "stalled" in states} - {"stuck"}
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(("frames", "kills"), [("ring", 3), ("tcp", 1)])
+def test_what_a_killed_row_sampler_had_in_hand_is_counted(
+    film: Film, graphs: Graphs, live_run: type[LiveRun], frames: str, kills: int
+) -> None:
+    path = graphs.write(film, frames)
+    path.write_text(path.read_text().replace("nodes:", "restart: {backoff_s: 0.1}\nnodes:", 1))
+    run = live_run(path).until("running", "rows")
+    with open_bus(BusSettings(connect=(run.endpoint,))) as bus:
+        heard = Inbox()
+        bus.subscribe(heard, camera_key("lab", "cam", "rows"), LOOKING)
+        for suffix in ("", ".rows1", ".rows2")[:kills]:
+
+            def samples(told: str = run.run_id + suffix) -> bool:
+                received = iter(lambda: heard.receive(0.1), None)
+                return any(r.message.header.run_id == told for r in received)
+
+            assert wait_until(samples, 60), "\n".join(run.lines)
+            run.kill_node_and_wait("rows", run.pids["rows"])
+    code = run.wait()
+    said = "\n".join(run.lines)
+    decoded = sampled = missed = 0
+    for topic, message, _ in open_recording(graphs.out).messages():
+        if topic.endswith("/frames"):
+            decoded += not message.header.is_end
+        elif topic.endswith("/rows"):
+            sampled += message.frames
+        elif topic.endswith("/track/health"):
+            missed = message.missed
+    lost = decoded - sampled
+    print(f"{frames}: of {decoded} frames {sampled} have rows")
+    assert 0 < lost < decoded / 2
+    assert f"track: lab/cam: {lost} frames were lost when their row sampler" in said
+    assert missed >= lost // 8 - 3  # blocks of eight frames, of which some came in part
+    assert code == EXIT_LOSS, said
