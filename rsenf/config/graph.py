@@ -77,6 +77,9 @@ class Graph(Strict):
     restart: Restart | None = Field(
         None, description="when nodes are started again; without, a death is the run's failure"
     )
+    on_record_loss: Literal["stop", "alarm"] = Field(
+        "alarm", description="when a recorder has died for good, or its disk is full"
+    )
     nodes: dict[Name, Node] = Field(min_length=1)
 
     def restart_of(self, name: str) -> Restart | None:
@@ -160,6 +163,15 @@ def readers_of(graph: Graph, name: str) -> set[str]:
         if any(read.stream in sent for read in node.inputs())
         or any(matches(expr, str(stream)) for expr in node.records for stream in sent)
     } - {name}
+
+
+def recorded_by(graph: Graph, name: str) -> list[str]:
+    """Return the cameras of which a node records something."""
+    records = graph.nodes[name].records
+    sent = (stream for node in graph.nodes.values() for stream in node.outputs())
+    of_cameras = (stream for stream in sent if stream.topic != REFERENCE)
+    found = (s.of for s in of_cameras if any(matches(expr, str(s)) for expr in records))
+    return list(dict.fromkeys(found))
 
 
 def runs_ahead(graph: Graph, camera: str) -> bool:

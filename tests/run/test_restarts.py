@@ -197,6 +197,26 @@ def test_a_supervisor_that_was_held_up_kills_nobody(supervised: Run) -> None:
     assert not any(n.process.signals for n in supervised.nodes.values())  # type: ignore[union-attr]
 
 
+def test_a_lost_recorder_is_an_alarm_of_its_cameras(monkeypatch: pytest.MonkeyPatch) -> None:
+    for rule in ("alarm", "stop"):
+        run, heard = Run(monkeypatch, {**GRAPH, "on_record_loss": rule}), Inbox()
+        run.network.bus("ear").subscribe(heard, camera_key("lab", "*", "alarm"), LOOKING)
+        for name in run.nodes:
+            run.word(name)
+        run.dies("rows")
+        assert heard.receive(0.1) is None
+        run.dies("record")
+        told = heard.receive(1)
+        assert told is not None
+        assert (told.message.kind, told.message.active) == ("unrecorded", True)
+        assert told.message.text == "record: killed by signal 9"
+        run.run.watch(0)
+        assert [alarm.kind for alarm in run.run.alarms["lab/cam"]] == ["unrecorded"]
+        assert heard.receive(0.1) is None  # of the grid's reference there is none
+        assert "record: lost killed by signal 9" in GraphMetrics(run.run).down
+        assert run.run.stops == (rule == "stop")
+
+
 STUCK = {"messages_in": 40, "queue_depth": 3}
 
 
