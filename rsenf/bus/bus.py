@@ -97,13 +97,15 @@ class Publisher(ABC):
 
     Attributes
     ----------
+    pending : int
+        1 while a message waits to be sent, held up by backpressure; else 0.
     run_suffix : str
         Appended to the run identity of each message. A restarted process numbers its messages from
         0 again, and they must not be taken for the earlier ones.
     """
 
     def __init__(self, key: str, delivery: Delivery, sender: str) -> None:
-        self.sent = 0
+        self.sent = self.pending = 0
         self.run_suffix = ""
         self.key, self.delivery, self.sender = key, delivery, sender
         self._kept: deque[tuple[str, Envelope]] = deque(maxlen=max(delivery.kept, delivery.history))
@@ -141,7 +143,7 @@ class Publisher(ABC):
         if more or self._together:
             self._gather(item, more=more)
         else:
-            self._put(item)
+            self._pass_on(item)
 
     def _gather(self, item: Envelope, *, more: bool) -> None:
         now_s, longest_s = time.monotonic(), self.delivery.together_s
@@ -159,7 +161,12 @@ class Publisher(ABC):
         """Send the batch that has been collected."""
         if self._together:
             items, self._together, self._together_bytes = self._together, [], 0
-            self._put(joined(items))
+            self._pass_on(joined(items))
+
+    def _pass_on(self, item: Envelope) -> None:
+        self.pending = 1
+        self._put(item)
+        self.pending = 0
 
     @property
     def keeps(self) -> bool:

@@ -15,6 +15,8 @@ from rsenf.bus.ring import RingReader, RingWriter
 from rsenf.errors import NodeFailed, SchemaMismatch
 from rsenf.messages import Frame, Header, Mark
 
+AWAY_POLL_S = 0.02
+
 
 class FrameSender:
     """Sends frames of one camera.
@@ -29,6 +31,8 @@ class FrameSender:
         Capacity of the ring in planes.
     reader_gone : callable
         Returns whether the reader has ended, so that waiting for it is useless.
+    awaited : callable, optional
+        Returns whether the reader is away, being restarted, and the sender waits for it.
     ahead : bool
         Whether frames come faster than real time: then the descriptors of a full ring are batched.
     """
@@ -40,12 +44,13 @@ class FrameSender:
         slots: int,
         reader_gone: Callable[[], bool],
         *,
+        awaited: Callable[[], bool] = lambda: False,
         ahead: bool = False,
     ) -> None:
         self._publisher = publisher
         self._ring_name, self._slots = ring_name, slots
         self._lossless = publisher.delivery.lossless
-        self._reader_gone = reader_gone
+        self._reader_gone, self._awaited = reader_gone, awaited
         self._ring: RingWriter | None = None
         self._rings = 0
         self._at_once, self._sent = slots if ahead else 1, 0
@@ -55,8 +60,10 @@ class FrameSender:
         luma = frame.luma
         if luma is None:
             raise ValueError("a frame without its luma plane")
+        self._await_reader()
         if self._ring_name:
             ring = self._ring_for(luma.size)
+            self._publisher.pending = 1
             slot, ticket = ring.write(luma, self._reader_gone)
             frame = dataclasses.replace(
                 frame, luma=None, ring=ring.path.name, ring_slot=slot, ring_ticket=ticket
@@ -77,15 +84,32 @@ class FrameSender:
         return self._ring
 
     def finish(self, last: Header) -> None:
-        """Send the end mark, numbered after the last header, and wait until all planes are read."""
-        self._publisher.send(Frame(header=last.numbered(last.seq + 1, Mark.END)))
-        self._wait_until_read()
+        """Send the end mark, numbered after the last header, and wait until all planes are read.
+
+        A reader that is restarted meanwhile gets the end mark, too.
+        """
+        while True:
+            self._await_reader()
+            self._publisher.send(Frame(header=last.numbered(last.seq + 1, Mark.END)))
+            self._wait_until_read()
+            if not self._awaited():
+                return
+
+    def _await_reader(self) -> None:
+        """Wait while the reader is restarted; take back the planes that it held before."""
+        if not self._awaited():
+            return
+        while self._awaited():
+            time.sleep(AWAY_POLL_S)
+        if self._ring and self._reader_gone():
+            self._ring.reclaim()
 
     def _wait_until_read(self) -> None:
         self._publisher.flush()
         if self._ring and self._lossless:
-            while not self._ring.drained() and not self._reader_gone():
-                time.sleep(0.005)
+            self._publisher.pending = 1
+            self._ring.drain(self._reader_gone)
+            self._publisher.pending = 0
 
     def close(self) -> None:
         """Remove the ring."""

@@ -9,14 +9,14 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rsenf.bus.delivery import Delivery
-from rsenf.bus.keys import CARRIED, topic_of
+from rsenf.bus.keys import CARRIED, source_of, topic_of
 from rsenf.bus.sequence import Envelope, Sequence, place_of
 from rsenf.errors import SchemaMismatch
-from rsenf.messages import class_for, decode
+from rsenf.messages import RowBlock, class_for, decode
 from rsenf.messages.plausible import implausible
 
 # A luma plane of 8K is 33 MB; all other messages are far smaller.
@@ -54,6 +54,8 @@ class Counters:
         Arrived twice, as history and live.
     recovered : int
         Requested from their sender afterwards.
+    uncovered : Counter of str
+        Frames, by source, of which no rows came, as the node that samples them was restarted.
     """
 
     received: int = 0
@@ -62,6 +64,7 @@ class Counters:
     rejected: int = 0
     duplicates: int = 0
     recovered: int = 0
+    uncovered: Counter[str] = field(default_factory=Counter)
 
 
 class Inbox:
@@ -82,6 +85,8 @@ class Inbox:
     ask : callable
         ``ask(key, after, before)`` returns the kept messages of a key between two places, or None
         when no sender answers; set by the bus.
+    whole : bool
+        Whether its reader was there when the streams began.
     """
 
     def __init__(self, largest_bytes: int = LARGEST_BYTES) -> None:
@@ -93,6 +98,7 @@ class Inbox:
         self._held: dict[str, list[Envelope]] = {}  # messages held back, by key under recovery
         self._again: set[str] = set()  # keys under recovery that need another one
         self.ask: Ask = lambda *question: None
+        self.whole = False
         self._closed = False
         self._change = threading.Condition()
 
@@ -180,6 +186,10 @@ class Inbox:
                 self._recover(item.key, place_of(item.sender, header))
                 return None
             self.counters.missed += sequence.took(item, header)
+            if isinstance(message, RowBlock):
+                blocks, frames = sequence.uncovered(item.key, header, whole=self.whole)
+                self.counters.missed += blocks
+                self.counters.uncovered[source_of(item.key)] += frames
             self.counters.received += 1
             self.counters.recovered += item.late
         return Received(item.key, message, item.payload)

@@ -35,6 +35,8 @@ _POLL_S = 0.001
 # Longest wait of a live writer per frame: network cameras send in bursts. It allows 100 frames a
 # second even if the reader hangs.
 LIVE_PATIENCE_S = 0.01
+# That of any other: as long as Zenoh lets a sender block.
+PATIENCE_S = 3600.0
 PREFIX = "rsenf-"  # of the names of a graph's rings
 YOUNG_S = 10.0  # a ring may be without its writer's lock for a moment at first
 
@@ -94,7 +96,7 @@ class RingWriter(_Ring):
     slot_bytes : int
         Size of the largest plane.
     lossless : bool
-        Whether to wait for the reader without limit, instead of overwriting unread planes.
+        Whether to wait for the reader, instead of overwriting unread planes.
 
     Raises
     ------
@@ -120,16 +122,21 @@ class RingWriter(_Ring):
         reader_gone : callable
             Polled while the writer waits for the reader. Once the reader is gone, its planes are
             reclaimed; in a lossless ring, their tickets also become invalid for a later reader.
+
+        Raises
+        ------
+        NodeFailed
+            When a lossless ring gets no plane back for an hour.
         """
         slot = self._written % self._ticket.size
-        patience_s = float("inf") if self._lossless else LIVE_PATIENCE_S
+        patience_s = PATIENCE_S if self._lossless else LIVE_PATIENCE_S
         deadline = time.monotonic() + patience_s
         while self._receipt[slot] != self._ticket[slot]:
             if reader_gone():
-                if self._lossless:  # the next reader would use these planes without a copy
-                    self._ticket[:] = -np.abs(self._ticket)
-                self._receipt[:] = self._ticket
+                self.reclaim()
             elif time.monotonic() > deadline:
+                if self._lossless:
+                    raise _idle_reader(self.path)
                 break
             else:
                 time.sleep(_POLL_S)
@@ -141,14 +148,38 @@ class RingWriter(_Ring):
         self._ticket[slot] = self._written
         return slot, self._written
 
+    def reclaim(self) -> None:
+        """Take all planes back from a reader that is gone."""
+        if self._lossless:  # the next reader would use these planes without a copy
+            self._ticket[:] = -np.abs(self._ticket)
+        self._receipt[:] = self._ticket
+
     def drained(self) -> bool:
         """Whether the reader is done with every plane."""
         return bool(np.array_equal(self._ticket, self._receipt))
+
+    def drain(self, reader_gone: Callable[[], bool]) -> None:
+        """Wait until the reader is done with every plane, or is gone.
+
+        Raises
+        ------
+        NodeFailed
+            When it gives none back for an hour.
+        """
+        deadline = time.monotonic() + PATIENCE_S
+        while not self.drained() and not reader_gone():
+            if time.monotonic() > deadline:
+                raise _idle_reader(self.path)
+            time.sleep(5 * _POLL_S)
 
     def close(self) -> None:
         """Remove the ring."""
         self.path.unlink(missing_ok=True)
         super().close()
+
+
+def _idle_reader(path: Path) -> NodeFailed:
+    return NodeFailed(f"the reader of {path.name} has given back no frame for {PATIENCE_S:g} s")
 
 
 def _reserve(path: Path, size: int) -> mmap.mmap:

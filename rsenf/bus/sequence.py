@@ -54,6 +54,7 @@ class Sequence:
         self._left: dict[tuple[str, str], deque[str]] = {}  # runs before the present one
         self._newest: dict[str, str] = {}
         self._dropped: Counter[tuple[str, str]] = Counter()
+        self._covered: dict[str, Header] = {}  # of the last row block of each key
 
     def newest(self, key: str) -> str:
         """Return the place of the last message of a key; empty before the first."""
@@ -74,6 +75,32 @@ class Sequence:
         """Whether it begins a new epoch or run. The numbers can't tell where the last one ended."""
         last = self._last.get((item.key, item.sender))
         return last is not None and (last.run_id, last.epoch) != (header.run_id, header.epoch)
+
+    def uncovered(self, key: str, header: Header, *, whole: bool) -> tuple[int, int]:
+        """Return how many row blocks, and frames, are missing before one: their node was restarted.
+
+        A row sampler that is restarted goes on with the numbers of its frames, as a run of its own.
+
+        Parameters
+        ----------
+        key : str
+        header : Header
+            Of a row block, or the END mark of a stream of them.
+        whole : bool
+            Whether this reader was there from the first frame on.
+        """
+        last, before = self._covered.get(key), header.run_id.rpartition(".")[0]
+        self._covered[key] = header
+        if last is None:
+            last = Header(run_id=before if whole else "", epoch=header.epoch, seq=-1)
+        runs = (last.run_id, last.run_id.rpartition(".")[0])
+        if not before or header.run_id == last.run_id or before not in runs:
+            return 0, 0
+        if header.epoch != last.epoch:
+            return 0, 0
+        if header.is_end:
+            return 0, max(0, header.frame_last - last.frame_last)
+        return max(0, header.seq - last.seq - 1), max(0, header.frame_first - last.frame_last - 1)
 
     def dropped(self, item: Envelope) -> None:
         """Note that the inbox has dropped a message."""

@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     """Run a graph until it ends or is interrupted."""
     from rsenf.cli.console import note, print_json, say
     from rsenf.config import load_graph
-    from rsenf.errors import EXIT_DONE, NodeFailed
+    from rsenf.errors import EXIT_DONE, EXIT_LOSS, NodeFailed
     from rsenf.report.idle import idle_words
     from rsenf.report.verdict import verdict_words
     from rsenf.run import log
@@ -88,6 +88,9 @@ def run(args: argparse.Namespace) -> int:
                 print(f"{source}: {alarm.in_short}")
         for source, found in running.latest["discover"].items():
             print(f"{source}: {found.in_short}")
+    for node in running.nodes.values():
+        if node.exit_code == EXIT_LOSS:
+            say(f"{node.name}: {node.detail}")
     if failure:
         raise failure
     if interrupted:

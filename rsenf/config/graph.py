@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from pydantic import Field
 
-from rsenf.bus.keys import REFERENCE
+from rsenf.bus.keys import REFERENCE, matches
 from rsenf.config.names import Name
 from rsenf.config.node_kind import NODE_KINDS, Input, NodeKind, Problem, Restart, Stream, Strict
 from rsenf.stage import StageSpec
@@ -76,6 +76,9 @@ class Graph(Strict):
     )
     restart: Restart | None = Field(
         None, description="when nodes are started again; without, a death is the run's failure"
+    )
+    on_record_loss: Literal["stop", "alarm"] = Field(
+        "alarm", description="when a recorder has died for good, or its disk is full"
     )
     nodes: dict[Name, Node] = Field(min_length=1)
 
@@ -149,6 +152,26 @@ def reader_of_frames(graph: Graph, camera: str) -> str:
         ),
         "",
     )
+
+
+def readers_of(graph: Graph, name: str) -> set[str]:
+    """Return the nodes that read, or record, what a node sends."""
+    sent = graph.nodes[name].outputs()
+    return {
+        other
+        for other, node in graph.nodes.items()
+        if any(read.stream in sent for read in node.inputs())
+        or any(matches(expr, str(stream)) for expr in node.records for stream in sent)
+    } - {name}
+
+
+def recorded_by(graph: Graph, name: str) -> list[str]:
+    """Return the cameras of which a node records something."""
+    records = graph.nodes[name].records
+    sent = (stream for node in graph.nodes.values() for stream in node.outputs())
+    of_cameras = (stream for stream in sent if stream.topic != REFERENCE)
+    found = (s.of for s in of_cameras if any(matches(expr, str(s)) for expr in records))
+    return list(dict.fromkeys(found))
 
 
 def runs_ahead(graph: Graph, camera: str) -> bool:

@@ -43,6 +43,9 @@ class Restart(Strict):
     silent_s: float = Field(
         20.0, ge=3, description="without a word of its health it counts as hung, and is killed"
     )
+    stalled_s: float = Field(
+        120.0, ge=3, description="as hung, too, if messages wait and it takes and sends none"
+    )
 
     @model_validator(mode="after")
     def _in_order(self) -> Restart:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 from rsenf.messages import Alarm, Header
 from rsenf.timebase import NS_PER_S
@@ -32,11 +33,12 @@ class Alarms:
         first = self._on[alarm.kind][0] if alarm.kind in self._on else alarm
         self._on[alarm.kind] = first, until_ns
 
-    def over(self, kind: str, header: Header, now_ns: int) -> None:
-        """End an alarm; does nothing if it isn't active."""
+    def over(self, kind: str, header: Header, now_ns: int, **told: Any) -> None:
+        """End an alarm, with fields that tell more by now; does nothing if it isn't active."""
         if kind in self._on:
             alarm, _ = self._on.pop(kind)
-            self._send(dataclasses.replace(alarm, header=header, active=False, end_pts_ns=now_ns))
+            told |= {"header": header, "active": False, "end_pts_ns": now_ns}
+            self._send(dataclasses.replace(alarm, **told))
 
     def pass_by(self, header: Header, now_ns: int) -> None:
         """End instantaneous alarms that have expired, by the stream's clock."""
@@ -45,8 +47,8 @@ class Alarms:
                 self.over(kind, header, now_ns)
 
     def new_epoch(self, header: Header, now_ns: int) -> None:
-        """End all alarms: the stream's clock is reset."""
-        for kind in list(self._on):
+        """End all alarms but 'lost', which the next picture ends: the stream's clock is reset."""
+        for kind in [kind for kind in self._on if kind != "lost"]:
             self.over(kind, header, now_ns)
 
     def taken(self) -> list[Alarm]:

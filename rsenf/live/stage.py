@@ -167,7 +167,11 @@ class Live:
             self._begin_epoch(tick)
         if self._is_lost:
             self._is_lost = False
-            self._alarms.over("lost", tick.header, tick.pts_ns)
+            outage_s = tick.silent_s
+            told = (
+                {"text": f"no picture for {outage_s:.1f} s", "value": outage_s} if outage_s else {}
+            )
+            self._alarms.over("lost", tick.header, tick.pts_ns, **told)
         self._done = tick
         self._grid.reach(tick.utc_ns)
         self._take_idle(tick, due_ns)

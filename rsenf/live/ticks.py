@@ -110,7 +110,7 @@ class Ticker:
         self._picture = Picture(settings.frozen_s, settings.loop_s)
         self._run: tuple[str, int] | None = None
         self._first_ns = self._next_ns = 0
-        self._last: tuple[int, int] | None = None  # stream clock and arrival of the last block
+        self._last: tuple[int, int] | None = None  # stream clock and arrival of the last frame
         self._silent_s = 0.0
         self._part = 0
 
@@ -130,7 +130,8 @@ class Ticker:
             self._picture = Picture(self._settings.frozen_s, self._settings.loop_s)
         self._time.add(header)
         self._picture.add(block)
-        self._last = now_ns, header.arrival_time_ns
+        lasts_ns = now_ns - int(block.frame_pts_ns[0])
+        self._last = now_ns, header.arrival_time_ns and header.arrival_time_ns + lasts_ns
         if now_ns < self._next_ns:
             return None
         self._next_ns = now_ns + NS_PER_S - (now_ns - self._first_ns) % NS_PER_S

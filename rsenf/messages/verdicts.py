@@ -51,10 +51,11 @@ class Alarm:
 
     @property
     def in_short(self) -> str:
-        """Event and stream time on one line."""
-        if not self.active:
-            return f"{self.kind} ended at {seconds(self.end_pts_ns):.1f} s"
-        return f"{self.severity} {self.kind} at {seconds(self.start_pts_ns):.1f} s: {self.text}"
+        """Event and stream time on one line; each epoch's stream has a clock of its own."""
+        what = f"{self.severity} {self.kind}" if self.active else f"{self.kind} ended"
+        at_s = seconds(self.start_pts_ns if self.active else self.end_pts_ns)
+        epoch = f" of epoch {self.header.epoch}" if self.header.epoch else ""
+        return f"{what} at {at_s:.1f} s{epoch}: {self.text}"
 
 
 @message(version=1)

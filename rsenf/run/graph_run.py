@@ -19,6 +19,8 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import camera_key, health_key, node_of, source_of, topic_of, word_key
 from rsenf.bus.ring import PREFIX, ring_directory
 from rsenf.config import Graph
+from rsenf.config.graph import recorded_by
+from rsenf.config.node_kind import Stream
 from rsenf.errors import EXIT_USAGE, NodeFailed
 from rsenf.messages import (
     Alarm,
@@ -28,6 +30,7 @@ from rsenf.messages import (
 from rsenf.run.node_state import WENT_WRONG, NodeState, end_of
 from rsenf.run.peers import GIVEN_UP, LAST_WORDS
 from rsenf.run.restart_policy import RestartPolicy, Spawn
+from rsenf.timebase import NS_PER_S
 
 # Shutdown: first the sources get SIGTERM and end their streams, after which the other nodes finish
 # by themselves. Then the nodes still running get SIGTERM, and in the end SIGKILL. All within two
@@ -68,6 +71,8 @@ class GraphRun:
         By topic (:data:`RESULTS`), the latest message of each camera.
     alarms : dict
         Alarms of each camera, their ends included, in order.
+    stops : bool
+        Whether a recorder was lost, and the graph's rule is to stop then.
     never_began : bool
         Whether a node failed before all were ready. The run then stops: nodes that have never seen
         its token would wait for it for ever.
@@ -81,6 +86,7 @@ class GraphRun:
     spawn: InitVar[Spawn]
     latest: dict[str, dict[str, Any]] = field(default_factory=lambda: {t: {} for t in RESULTS})
     alarms: dict[str, deque[Alarm]] = field(default_factory=dict)
+    stops: bool = False
     never_began: bool = False
     _words: Inbox = field(default_factory=Inbox)
     _begun: float = field(default_factory=time.monotonic)
@@ -112,9 +118,11 @@ class GraphRun:
     def wait(self, stop: threading.Event) -> None:
         """Watch until every process has ended; stop them when asked to, or when one can't start.
 
+        They are stopped, too, when a recorder is lost, if the graph says so.
+
         A host without nodes is a router only, and runs until it is stopped.
         """
-        while not (stop.is_set() or self.never_began):
+        while not (stop.is_set() or self.never_began or self.stops):
             if self.nodes and not (self.running or self._revival.due):
                 break
             self.watch(POLL_S)
@@ -136,9 +144,8 @@ class GraphRun:
         for node in self._revival.start_due():
             self._change(node, "starting", f"for the {node.restarts + 1}. time")
             self._note_own(node)
-        hung = self._revival.kill_hung() if quiet else None
-        if hung:
-            self._change(hung, hung.state, "silent for too long: it hangs, and is killed")
+        for node, state, why in self._revival.watch() if quiet else ():
+            self._change(node, state, why)
 
     def _ended(self, node: NodeState, state: str, detail: str) -> None:
         """Handle the end of a process; schedule a restart where the node's rule says so."""
@@ -152,7 +159,30 @@ class GraphRun:
             self._change(node, "restarting", f"{detail}; {again}")
         else:
             self._change(node, state, detail)
+            if self.graph.nodes[node.name].records and node.went_wrong and not self._stopping:
+                self.stops |= self.graph.on_record_loss == "stop"
+                self._raise_unrecorded(node)
         self._tell_others(node)
+
+    def _raise_unrecorded(self, node: NodeState) -> None:
+        """Raise an alarm at each camera that a lost recorder recorded; its clock is the run's."""
+        if self._bus is None:
+            return
+        pts_ns = round((time.monotonic() - self._begun) * NS_PER_S)
+        for camera in recorded_by(self.graph, node.name):
+            header = Header(
+                run_id=f"{self.run_id}.{node.name}",
+                source=f"{self.graph.site}/{camera}",
+                pts_ns=pts_ns,
+                arrival_time_ns=time.time_ns(),
+            )
+            alarm = Alarm(
+                header=header, kind="unrecorded", severity="alarm",
+                start_pts_ns=pts_ns, end_pts_ns=pts_ns, text=f"{node.name}: {node.detail}",
+            )  # fmt: skip
+            key = camera_key(self.graph.site, camera, "alarm")
+            self._tellers[key] = [self._bus.publisher(key, TELLING)]
+            self._tellers[key][0].send(alarm)
 
     def _tell_others(self, node: NodeState) -> None:
         """Publish health for a node that can't any more, so that its readers wait for it or not."""
@@ -242,12 +272,13 @@ class GraphRun:
             # On a shared bus another run may have nodes of the same name.
             ours = received.message.header.run_id == self.run_id
             if node is not None and ours and _is_of(received.message, node):
-                self._revival.heard(node.name)
+                self._revival.heard(node, received.message)
                 node.health = received.message
                 if received.message.state == "running" and not node.was_ready:
                     node.was_ready = True
                     self._all_ready_s = time.monotonic() - self._begun
-                self._change(node, received.message.state, received.message.detail)
+                if node.state != "stalled" or not self._revival.hangs(node):
+                    self._change(node, received.message.state, received.message.detail)
         elif not received.message.header.is_end:
             source, topic = source_of(received.key), topic_of(received.key)
             self.latest[topic][source] = received.message
@@ -271,10 +302,13 @@ class GraphRun:
         self._bus = bus
         site = self.graph.site
         bus.subscribe(self._words, health_key(site, "*"), LOOKING)
-        for name in self.nodes:
-            for topic, camera in self.graph.nodes[name].outputs():
-                if topic in RESULTS:
-                    bus.subscribe(self._words, camera_key(site, camera, topic), LOOKING)
+        told = {stream for n in self.nodes for stream in self.graph.nodes[n].outputs()}
+        told |= {
+            Stream("alarm", camera) for n in self.nodes for camera in recorded_by(self.graph, n)
+        }
+        for topic, camera in told:
+            if topic in RESULTS:
+                bus.subscribe(self._words, camera_key(site, camera, topic), LOOKING)
 
 
 def _is_of(health: Health, node: NodeState) -> bool:

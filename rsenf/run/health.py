@@ -12,12 +12,13 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from rsenf.bus.bus import Publisher
 from rsenf.bus.inbox import Inbox
+from rsenf.bus.keys import source_of, topic_of
 from rsenf.config import redact
 from rsenf.messages import Header, Health
 from rsenf.run.peers import Peers
@@ -70,8 +71,8 @@ class HealthReport:
         Its counters are reported.
     peers : Peers
         Tells which other nodes are lost.
-    sent : callable
-        Returns how many messages the node has sent.
+    publishers : sequence of Publisher
+        Outputs of the node, opened so far.
     restarts : int
         Number of earlier starts of the node in this run.
     """
@@ -85,13 +86,13 @@ class HealthReport:
         words: Publisher,
         inbox: Inbox,
         peers: Peers,
-        sent: Callable[[], int],
+        publishers: Sequence[Publisher],
         restarts: int = 0,
     ) -> None:
         self.state, self.detail = "starting", ""
         self._name, self._kind, self._run_id = name, kind, run_id
         self._publisher, self._words = publisher, words
-        self._inbox, self._peers, self._sent = inbox, peers, sent
+        self._inbox, self._peers, self._outputs = inbox, peers, publishers
         self._taken, self._rate = 0, _Rate()
         self._last_input_ns, self._latency_s = 0, 0.0
         self._restarts = restarts
@@ -99,6 +100,7 @@ class HealthReport:
         self._said = ""  # the state last sent to ``words``
         self._lock = threading.Lock()
         self._published_s, self._published_lost = 0.0, tuple[str, ...]()
+        self._cut_off: dict[str, str] = {}
 
     def note_input(self, header: Header) -> None:
         """Count an input message, and its latency since exposure and since arrival."""
@@ -110,6 +112,19 @@ class HealthReport:
         if header.camera_time_ns:
             exposed_s = (self._last_input_ns - header.camera_time_ns) / 1e9
             self._since_exposure.note(now_s, exposed_s)
+
+    def note_cut_off(self, key: str) -> None:
+        """Note that a stream ended while this node was restarted: how much it lost isn't known."""
+        self._cut_off[source_of(key)] = f"the end of its {topic_of(key)} came during a restart"
+
+    @property
+    def lost(self) -> dict[str, str]:
+        """What was lost as a node was restarted, in words, by source."""
+        frames = {s: n for s, n in self._inbox.counters.uncovered.items() if n}
+        return {
+            s: f"{n} frames were lost when their row sampler was restarted"
+            for s, n in frames.items()
+        } | self._cut_off
 
     def say(self, state: str, detail: str = "") -> None:
         """Change the state, and publish it at once."""
@@ -148,18 +163,18 @@ class HealthReport:
             node=self._name,
             kind=self._kind,
             state=self.state,
-            detail=self.detail,
+            detail="; ".join(filter(None, (self.detail, *map(": ".join, self.lost.items())))),
             pid=os.getpid(),
             host=socket.gethostname(),
             time_ns=now_ns,
             messages_in=self._taken,
-            messages_out=self._sent(),
+            messages_out=sum(output.sent for output in self._outputs),
             dropped=counters.dropped,
             missed=counters.missed,
             rejected=counters.rejected,
             recovered=counters.recovered,
             rate_hz=self._rate.per_s(self._taken),
-            queue_depth=self._inbox.depth,
+            queue_depth=self._inbox.depth + sum(output.pending for output in self._outputs),
             latency_s=self._latency_s,
             last_input_ns=self._last_input_ns,
             lost_peers=self._published_lost,

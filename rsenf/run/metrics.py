@@ -1,7 +1,7 @@
 """Prometheus metrics and health endpoints of a running graph, from its supervisor's state.
 
 ``/metrics`` for Prometheus, ``/healthz`` (the supervisor lives), ``/readyz`` (every node is running
-or done; 503 otherwise).
+or done; otherwise 503, with who isn't).
 """
 
 from __future__ import annotations
@@ -60,9 +60,10 @@ class GraphMetrics:
         self._run = run
 
     @property
-    def is_ready(self) -> bool:
-        """Whether every node is running or done."""
-        return all(node.state in UP for node in self._run.nodes.values())
+    def down(self) -> list[str]:
+        """Nodes that are neither running nor done, each with its state and detail."""
+        nodes = self._run.nodes.values()
+        return [f"{n.name}: {n.state} {n.detail}".rstrip() for n in nodes if n.state not in UP]
 
     def collect(self) -> Iterator[Any]:
         """Yield every metric (called by ``prometheus_client``)."""
@@ -138,12 +139,16 @@ def serving_metrics(run: GraphRun, where: str) -> Iterator[int]:
     metrics, registry = GraphMetrics(run), CollectorRegistry()
     registry.register(metrics)
 
+    def ready() -> tuple[int, bytes]:
+        down = metrics.down
+        return (503, "".join(f"{line}\n" for line in down).encode()) if down else (200, b"ready\n")
+
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             pages: dict[str, Callable[[], tuple[int, bytes]]] = {
                 "/metrics": lambda: (200, generate_latest(registry)),
                 "/healthz": lambda: (200, b"alive\n"),
-                "/readyz": lambda: (200, b"ready\n") if metrics.is_ready else (503, b"not yet\n"),
+                "/readyz": ready,
             }
             page = pages.get(self.path.partition("?")[0], lambda: (404, b"no such page\n"))
             status, body = page()

@@ -30,7 +30,14 @@ from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph, load_graph
 from rsenf.config.graph import elsewhere, sender_of
 from rsenf.config.node_kind import Stream
-from rsenf.errors import EXIT_FAILED, EXIT_INTERRUPTED, NodeFailed, RsenfError, UsageError
+from rsenf.errors import (
+    EXIT_FAILED,
+    EXIT_INTERRUPTED,
+    EXIT_LOSS,
+    NodeFailed,
+    RsenfError,
+    UsageError,
+)
 from rsenf.run.at_end import end_process
 from rsenf.run.health import HealthReport
 from rsenf.run.heap import TRIM_S, keep_heap, trim_heap
@@ -94,11 +101,11 @@ class NodeProcess:
             bus.publisher(word_key(graph.site, name), HEALTH),
             self.inbox,
             self.peers,
-            lambda: sum(p.sent for p in self._publishers),
+            self._publishers,
             restarts,
         )
         self.say, self.show = self._health.say, self._health.show
-        self.note_input = self._health.note_input
+        self.note_input, self.note_cut_off = self._health.note_input, self._health.note_cut_off
         self._watch_peers(health=bool(far or own))
 
     # --- the streams -----------------------------------------------------------------------
@@ -157,6 +164,14 @@ class NodeProcess:
     def sender_of(self, topic: str, name: str) -> str:
         """Return the node of this graph that sends a topic of a camera or grid; '' for none."""
         return sender_of(self.graph, topic, name)
+
+    def source_waits(self, camera: str) -> bool:
+        """Whether a camera's source waits for its readers: a file at full speed, say.
+
+        A source outside this graph is not known to wait.
+        """
+        senders = [self.graph.sender(topic, camera) for topic in ("rows", "frames")]
+        return any(sender is not None and sender.waits for sender in senders)
 
     # --- the others ------------------------------------------------------------------------
 
@@ -260,6 +275,9 @@ class NodeProcess:
             self.say("failed", f"{type(exc).__name__}: {exc}")
             raise
         self.say("done", self._health.detail)
+        # Of a camera that doesn't wait for its readers, losses are a matter of course.
+        if any(self.source_waits(source.partition("/")[2]) for source in self._health.lost):
+            self.exit_code = self.exit_code or EXIT_LOSS
         return self.exit_code
 
     def flush(self) -> None:
@@ -303,6 +321,7 @@ def _run(args: argparse.Namespace) -> int:
             raise UsageError(f"no node {args.node!r} in {args.graph}")
         with open_bus(bus_settings(graph, tuple(args.connect))) as bus:
             node = NodeProcess(graph, args.node, args.run_id, bus, args.restarts, args.gone)
+            node.inbox.whole = not args.restarts
             install_signals(node)
             bus.in_a_hurry = node.stop.is_set
             with node.beating(args.supervisor):

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from rsenf.messages import Health
 
 WENT_WRONG = ("lost", "failed")
+HANGS = ("silent", "stalled")
 
 
 @dataclass
@@ -19,7 +20,8 @@ class NodeState:
     ----------
     state : str
         As its health says: 'starting', 'waiting', 'running', 'done' or 'failed'; 'lost' when its
-        process ended without saying so; 'restarting' when a restart is due.
+        process ended without saying so; 'restarting' when a restart is due; 'silent' without
+        health, 'stalled' without progress though messages wait.
     restarts : int
         Number of restarts.
     """

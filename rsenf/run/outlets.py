@@ -8,7 +8,7 @@ from typing import Protocol
 from rsenf.bus.bus import Publisher
 from rsenf.bus.frames import FrameSender
 from rsenf.bus.ring import PREFIX, remove_abandoned
-from rsenf.config.graph import reader_of_frames
+from rsenf.config.graph import elsewhere, reader_of_frames
 from rsenf.messages import Frame, Header, Mark
 from rsenf.run.node import NodeProcess
 from rsenf.run.peers import Peers
@@ -51,7 +51,8 @@ def open_frames(
     live : bool, optional
         Whether the source can't wait for slow readers.
     ahead : bool, optional
-        Whether frames come faster than real time, so that messages may be batched.
+        Whether frames come faster than real time, so that messages may be batched, and frames wait
+        for a reader that is restarted.
     """
     frames = node.publisher(camera, "frames", live=live)
     reader = reader_of_frames(node.graph, camera)
@@ -60,7 +61,12 @@ def open_frames(
     name = f"{PREFIX}{node.run_id}-{camera}" if ring else ""
     remove_abandoned()
     departed = _Departed(node.peers, reader)
-    return FrameSender(frames, name, slots, departed, ahead=ahead)
+    waits = ahead and reader not in elsewhere(node.graph, node.name)
+
+    def awaited() -> bool:
+        return waits and node.peers.is_awaited(reader) and not node.stop.is_set()
+
+    return FrameSender(frames, name, slots, departed, awaited=awaited, ahead=ahead)
 
 
 class _Departed:

@@ -112,12 +112,16 @@ class Peers:
                 )
             )
 
+    def is_awaited(self, name: str) -> bool:
+        """Whether a node is away, and may come back."""
+        with self._change:
+            return name in self._gone_since and name in self._returning - self._final
+
     def gone_for_s(self, name: str) -> float:
         """Seconds since a node went for whatever reason; 0 while it is there or may come back."""
         with self._change:
             since = self._gone_since.get(name)
-            comes_back = name in self._returning - self._final
-        return 0.0 if since is None or comes_back else time.monotonic() - since
+            return 0.0 if since is None or self.is_awaited(name) else time.monotonic() - since
 
     def has_finished(self, name: str) -> bool:
         """Whether a node ended with 'done', so that all its messages have been sent."""

@@ -85,6 +85,8 @@ class Lane:
             patience_s = UNDER_WAY_S if ends else GIVE_UP_S
             silent_s = now - self._heard.setdefault(key, now)
             if min(silent_s, peers.gone_for_s(sender)) > patience_s:
+                if self.node.restarts and key not in self._begun:
+                    self.node.note_cut_off(key)
                 self._end(key)
 
     def end(self) -> None:
@@ -202,9 +204,7 @@ class NodeContext(StageContext):
     def __init__(self, node: NodeProcess, camera: str) -> None:
         self._node = node
         self.stays = node.graph.restart_of(node.name) is not None
-        senders = [node.graph.sender(topic, camera) for topic in ("rows", "frames")]
-        # A sender outside this graph is not known to wait.
-        self._waits = any(sender is not None and sender.waits for sender in senders)
+        self._waits = node.source_waits(camera)
 
     def refused(self, why: str) -> None:
         """Count a refused input, and say why in the node's health."""

@@ -1,6 +1,10 @@
 """Restart policy and watchdog: restarts nodes that died, kills nodes that hang.
 
 Restarts have exponential backoff, and a limit on their number within a sliding time window.
+
+A node hangs when it sends no health (*silent*), or when its health shows no progress though
+messages wait (*stalled*). One that hangs holds up its senders by backpressure, so that they seem to
+hang as well: only a node whose readers all make progress is to blame.
 """
 
 from __future__ import annotations
@@ -12,9 +16,12 @@ from collections import deque
 from collections.abc import Callable, Mapping
 
 from rsenf.config import Graph
+from rsenf.config.graph import readers_of
 from rsenf.config.node_kind import Restart
 from rsenf.errors import EXIT_USAGE
+from rsenf.messages import Health
 from rsenf.run.node_state import NodeState
+from rsenf.run.peers import LAST_WORDS
 
 # Extra time until a node's first health message: loading libraries is slow on a busy machine.
 FIRST_WORD_S = 60.0
@@ -64,7 +71,49 @@ class Restarts:
 # A longer gap between two checks means that the supervisor itself was held up; it is not counted
 # as silence of the nodes.
 HELD_UP_S = 1.0
+# A reader without progress for so long is to blame for a sender that hangs.
+HOLDS_UP_S = 10.0
 Spawn = Callable[[NodeState], "subprocess.Popen[bytes]"]
+
+
+class Pulse:
+    """When a node was last heard of, and when it last made progress, by its health.
+
+    Parameters
+    ----------
+    now_s : float
+        Time of its start by a monotonic clock.
+    """
+
+    def __init__(self, now_s: float) -> None:
+        # Health and progress may take long at first.
+        self.heard_s = self.moved_s = now_s + FIRST_WORD_S
+        self._counts = ("", 0, 0)
+
+    def note(self, health: Health, now_s: float) -> None:
+        """Note a health message. Nothing to do counts as progress."""
+        self.heard_s = now_s
+        counts = health.state, health.messages_in, health.messages_out
+        if counts != self._counts or not health.queue_depth:
+            self._counts, self.moved_s = counts, now_s
+
+    def shift(self, held_up_s: float) -> None:
+        """Leave out a time in which the supervisor was held up."""
+        self.heard_s += held_up_s
+        self.moved_s += held_up_s
+
+    def begin_anew(self, now_s: float) -> None:
+        """Count silence and lack of progress from now on, if not from later on already."""
+        self.heard_s = max(self.heard_s, now_s)
+        self.moved_s = max(self.moved_s, now_s)
+
+    def hangs(self, rule: Restart, now_s: float) -> tuple[str, str] | None:
+        """Return 'silent' or 'stalled', and a sentence about it; None for a node in order."""
+        if now_s - self.heard_s > rule.silent_s:
+            return "silent", f"no word of its health for {rule.silent_s:g} s"
+        if self.heard_s - self.moved_s > rule.stalled_s:
+            return "stalled", f"messages wait, none taken or sent for {rule.stalled_s:g} s"
+        return None
 
 
 class RestartPolicy:
@@ -92,8 +141,9 @@ class RestartPolicy:
         self._graph, self._nodes, self._spawn, self._clock = graph, nodes, spawn, clock
         self._restarts = {name: Restarts(graph.restart_of(name)) for name in graph.nodes}
         self._due: dict[str, float] = {}
-        self._heard: dict[str, float] = {}
+        self._readers = {name: readers_of(graph, name) for name in nodes}
         self._looked_s = clock()
+        self._pulses = {name: Pulse(self._looked_s) for name in nodes}
 
     @property
     def due(self) -> list[NodeState]:
@@ -103,11 +153,11 @@ class RestartPolicy:
     def start(self, node: NodeState) -> None:
         """Start a node's process."""
         node.process, node.exit_code, node.told = self._spawn(node), None, False
-        self._heard[node.name] = self._clock() + FIRST_WORD_S
+        self._pulses[node.name] = Pulse(self._clock())
 
-    def heard(self, name: str) -> None:
+    def heard(self, node: NodeState, health: Health) -> None:
         """Note a health message of a node."""
-        self._heard[name] = self._clock()
+        self._pulses[node.name].note(health, self._clock())
 
     def plan(self, node: NodeState, exit_code: int) -> str:
         """Schedule the restart of a node that died.
@@ -152,30 +202,41 @@ class RestartPolicy:
         self._due.clear()
         return waiting
 
-    def kill_hung(self) -> NodeState | None:
-        """Kill the node that has been silent longest, if beyond its limit; return it.
+    def watch(self) -> list[tuple[NodeState, str, str]]:
+        """Return the nodes that hang, with 'silent' or 'stalled' and a sentence about it.
 
-        A hanging node blocks its senders by backpressure, so that they fall silent after it. So
-        only the first is killed, and the time limits of all others start anew.
+        Of those with a restart rule the first is killed, and all time limits start anew.
         """
         now_s = self._clock()
         held_up_s, self._looked_s = now_s - self._looked_s, now_s
         if held_up_s > HELD_UP_S:
-            self._heard = {name: heard_s + held_up_s for name, heard_s in self._heard.items()}
-        hung = [n for n in self._nodes.values() if self._over_s(n, now_s) > 0]
-        if not hung:
-            return None
-        first = min(hung, key=lambda node: self._heard[node.name])
-        first.signal(signal.SIGKILL)
-        self._heard = {name: max(heard_s, now_s) for name, heard_s in self._heard.items()}
-        self._heard[first.name] = float("inf")
-        return first
+            for pulse in self._pulses.values():
+                pulse.shift(held_up_s)
+        found = [(node, *hangs) for node in self._nodes.values() if (hangs := self.hangs(node))]
+        ruled = [node for node, *_ in found if self._restarts[node.name].rule]
+        if ruled:
+            first = min(ruled, key=lambda node: self._pulses[node.name].moved_s)
+            first.signal(signal.SIGKILL)
+            for name, pulse in self._pulses.items():
+                pulse.begin_anew(float("inf") if name == first.name else now_s)
+        return found
 
-    def _over_s(self, node: NodeState, now_s: float) -> float:
-        """Return the seconds that a running node has been silent beyond its limit."""
-        rule = self._restarts[node.name].rule
-        if rule is None or node.process is None or node.exit_code is not None:
-            return -1.0
+    def hangs(self, node: NodeState) -> tuple[str, str] | None:
+        """Return 'silent' or 'stalled' and a sentence about a node that hangs, or else None.
+
+        Without a restart rule its default limits count.
+        """
+        if node.process is None or node.exit_code is not None or node.state in LAST_WORDS:
+            return None
         if self._graph.nodes[node.name].program() and node.health is None:
-            return -1.0  # an external program that has never sent health
-        return now_s - self._heard[node.name] - rule.silent_s
+            return None  # an external program that has never sent health
+        if any(self._holds_up(reader) for reader in self._readers[node.name]):
+            return None
+        rule = self._restarts[node.name].rule or Restart()
+        return self._pulses[node.name].hangs(rule, self._clock())
+
+    def _holds_up(self, name: str) -> bool:
+        """Whether a node makes no progress, so that its senders may wait for it."""
+        node = self._nodes.get(name)  # None: on another host
+        lives = node is not None and node.exit_code is None and node.health is not None
+        return lives and self._clock() - self._pulses[name].moved_s > HOLDS_UP_S

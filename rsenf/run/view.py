@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from rsenf.config import Graph
 from rsenf.run import log
+from rsenf.run.node_state import HANGS, WENT_WRONG
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 _COLOURS = {
     "starting": "yellow", "waiting": "yellow", "restarting": "yellow",
     "running": "green", "done": "blue",
-    "lost": "bold red", "failed": "bold red",
+    "lost": "bold red", "failed": "bold red", "silent": "bold red", "stalled": "bold red",
 }  # fmt: skip
 _COUNTS: dict[str, Callable[[Health], object]] = {
     "in/s": lambda h: f"{h.rate_hz:.1f}", "in": lambda h: h.messages_in,
@@ -45,7 +46,7 @@ class LineView:
 
     def update(self, node: NodeState) -> None:
         """Print a node's new state."""
-        if not self._quiet or node.went_wrong:
+        if not self._quiet or node.state in (*WENT_WRONG, *HANGS):
             pid = f" pid {node.process.pid}" if node.process and node.state == "running" else ""
             self._print(f"{node.name}: {node.state}{pid} {node.detail}".rstrip())
 
@@ -66,9 +67,9 @@ class JsonView:
 
     def update(self, node: NodeState) -> None:
         """Print a node's new state."""
-        if self._quiet and not node.went_wrong:
+        if self._quiet and node.state not in (*WENT_WRONG, *HANGS):
             return
-        again = "warning" if node.state == "restarting" else "info"
+        again = "warning" if node.state in ("restarting", *HANGS) else "info"
         level = "error" if node.went_wrong else again
         of = dict.fromkeys(camera for _, camera in self._graph.nodes[node.name].outputs())
         cameras = ", ".join(of) if node.kind != "reference" else ""

@@ -178,3 +178,44 @@ def test_a_reader_that_comes_back_is_shown_no_plane_that_is_written_anew() -> No
     first.close()
     second.close()
     sender.close()
+
+
+def test_a_sender_ahead_waits_for_a_reader_that_is_restarted_and_tells_it_the_end_too() -> None:
+    publisher, inbox = pair(ENDLESS)
+    away, gone = threading.Event(), threading.Event()
+
+    def departed() -> bool:  # while it is away, and once more when it is back
+        was = gone.is_set()
+        if not away.is_set():
+            gone.clear()
+        return was
+
+    sender = FrameSender(publisher, RING, 2, departed, awaited=away.is_set, ahead=True)
+    sent = [frame(seq) for seq in range(4)]
+    sender.send(sent[0])
+    sender.send(sent[1])
+    away.set()
+    gone.set()
+    sending = threading.Thread(target=sender.send, args=(sent[2],))
+    sending.start()
+    sending.join(0.1)
+    assert sending.is_alive()
+    away.clear()  # it is back, and never gets the two planes of the one before
+    sending.join(10)
+    assert not sending.is_alive()
+    ending = threading.Thread(target=sender.finish, args=(sent[2].header,))
+    ending.start()
+    receiver = FrameReceiver()
+    messages = take(inbox, 4)
+    assert [receiver.open(message) is not None for message in messages[:2]] == [False, False]
+    assert [message.header.is_end for message in messages] == [False, False, False, True]
+    away.set()  # it dies again, with the third plane and the end in its queue
+    gone.set()
+    ending.join(0.1)
+    assert ending.is_alive()
+    away.clear()
+    ending.join(10)
+    assert not ending.is_alive()
+    assert publisher.sent == 5  # the end twice
+    sender.close()
+    receiver.close()

@@ -14,7 +14,7 @@ from rsenf.bus.bus import Subscription
 from rsenf.bus.delivery import Delivery
 from rsenf.bus.inbox import CallbackInbox, Inbox, Received
 from rsenf.bus.sequence import Envelope
-from rsenf.messages import Candidate, Frame, Header, Health, RowBlock, encode, encoding_of
+from rsenf.messages import Candidate, Frame, Header, Health, Mark, RowBlock, encode, encoding_of
 
 WAITING = Delivery(lossless=True, queue=3, history=5)
 DROPPING = Delivery(lossless=False, queue=3, history=0)
@@ -192,3 +192,43 @@ def test_no_message_overtakes_those_held_while_joining() -> None:
     sending.join(30)
     assert seqs(drain(inbox)) == list(range(3000))
     assert inbox.counters.duplicates == 0
+
+
+def rows_of(
+    inbox: Inbox, run_id: str, first: int, last: int, *, epoch: int = 0, mark: int = 0
+) -> None:
+    header = Header(
+        run_id=run_id, source="lab/cam", epoch=epoch, seq=first // 8, mark=mark,
+        frame_first=first, frame_last=last,
+    )  # fmt: skip
+    sent = replace(envelope(RowBlock(header=header), "rsenf/lab/cam/rows"), sender=run_id)
+    inbox.put(sent, WAITING)
+    drain(inbox)
+
+
+def test_frames_without_rows_are_counted_where_their_sampler_was_restarted() -> None:
+    inbox = Inbox()
+    rows_of(inbox, "r", 0, 7)
+    rows_of(inbox, "r.rows1", 30, 31)  # 8 to 29, two blocks of them whole
+    assert (inbox.counters.uncovered["lab/cam"], inbox.counters.missed) == (22, 2)
+    rows_of(inbox, "r.rows2", 32, 39)
+    assert inbox.counters.uncovered["lab/cam"] == 22
+    rows_of(inbox, "r.rows3", 99, 99, mark=Mark.END)  # it got the end alone
+    assert inbox.counters.uncovered["lab/cam"] == 22 + 60
+
+
+def test_frames_of_a_source_that_began_anew_are_not_missed() -> None:
+    inbox = Inbox()
+    rows_of(inbox, "r", 0, 7)
+    rows_of(inbox, "r.decode1", 0, 7)
+    rows_of(inbox, "r.decode1.rows1", 80, 87, epoch=1)
+    rows_of(inbox, "other", 800, 807)
+    assert inbox.counters.uncovered["lab/cam"] == inbox.counters.missed == 0
+
+
+def test_a_reader_that_was_there_from_the_first_counts_what_came_before_the_first_block() -> None:
+    for whole, lost in ((True, 24), (False, 0)):
+        inbox = Inbox()
+        inbox.whole = whole
+        rows_of(inbox, "r.rows1", 24, 31)
+        assert inbox.counters.uncovered["lab/cam"] == lost

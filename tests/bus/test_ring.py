@@ -265,3 +265,17 @@ def test_a_killed_reader_does_not_take_the_ring_with_it(tmp_path: Path) -> None:
     assert np.array_equal(reader.view(slot, ticket, 5, 7), plane(1))
     reader.close()
     writer.close()
+
+
+def test_a_reader_that_gives_nothing_back_is_not_waited_for_without_limit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("rsenf.bus.ring.PATIENCE_S", 0.05)
+    writer = RingWriter(name(), 1, 35, lossless=True)
+    luma = np.zeros((5, 7), np.uint8)
+    writer.write(luma, lambda: False)
+    with pytest.raises(NodeFailed, match="has given back no frame"):
+        writer.write(luma, lambda: False)
+    with pytest.raises(NodeFailed, match="has given back no frame"):
+        writer.drain(lambda: False)
+    writer.close()

@@ -155,7 +155,10 @@ def test_silence_is_lost_until_a_picture_comes() -> None:
     assert live.update(Silence(Header())) == []  # said once
     back = Camera(epoch=1, start_s=START_S + 90)
     told = said(back.messages(20), live)
-    assert [a.active for a in told.alarms_of("lost")] == [False]
+    (over,) = told.alarms_of("lost")
+    assert (over.active, over.header.epoch) == (False, 1)
+    assert over.value == pytest.approx(30, abs=0.5)  # the outage, on the clock that both share
+    assert over.in_short == f"lost ended at 0.8 s of epoch 1: no picture for {over.value:.1f} s"
     # Nobody may have had a clock: then it is said when the pictures are back.
     unwatched = said([*messages, *back.messages(20)])
     assert [a.active for a in unwatched.alarms_of("lost")] == [True, False]

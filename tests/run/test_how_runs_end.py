@@ -134,6 +134,22 @@ def assert_recorded_until_full(run: LiveRun, out: Path) -> None:
     assert len(numbers) > 100
 
 
+def test_a_run_may_stop_when_its_recorder_is_lost(
+    film: Film, graphs: Graphs, live_run: type[LiveRun]
+) -> None:
+    path = graphs.write(film, pace=True)
+    path.write_text(path.read_text().replace("nodes:", "on_record_loss: stop\nnodes:", 1))
+    run = live_run(path, "--json").until("running", *NODES)
+    run.kill_node("record")
+    assert run.wait() == EXIT_FAILED
+    assert run.error == "rsenf: record: killed by signal 9"
+    summary = json.loads(run.process.stdout.read())  # type: ignore[union-attr]
+    (alarm,) = summary["alarms"]["lab/cam"]
+    assert (alarm["kind"], alarm["text"]) == ("unrecorded", "record: killed by signal 9")
+    assert 0 < alarm["start_s"] < 75  # long before the film was over
+    assert run.left == []
+
+
 def test_files_that_may_not_grow_any_more(
     film: Film, graphs: Graphs, live_run: type[LiveRun]
 ) -> None:

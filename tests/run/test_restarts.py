@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +21,25 @@ from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph
 from rsenf.config.node_kind import Restart
 from rsenf.config.recording import RecordSettings
-from rsenf.errors import EXIT_FAILED, EXIT_USAGE
+from rsenf.errors import EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
 from rsenf.messages import Header, Health
 from rsenf.record import open_recording
 from rsenf.run.graph_run import GraphRun
+from rsenf.run.metrics import GraphMetrics
 from rsenf.run.node_state import NodeState
 from rsenf.run.outlets import _Departed
 from rsenf.run.patience import wait_until
 from rsenf.run.recording import of_run
 from rsenf.run.restart_policy import FIRST_WORD_S, RestartPolicy, Restarts
 
-RULE = {"limit": 2, "within_s": 60, "backoff_s": 1, "backoff_max_s": 3, "silent_s": 5}
+RULE = {
+    "limit": 2,
+    "within_s": 60,
+    "backoff_s": 1,
+    "backoff_max_s": 3,
+    "silent_s": 5,
+    "stalled_s": 20,
+}
 AGAIN = {**GRAPH, "restart": RULE}
 
 
@@ -71,9 +80,9 @@ class Process:
 class Run:
     """A run of the graph with a clock and processes of its own."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, of: dict[str, Any] = AGAIN) -> None:
         self.now_s, self.started = 0.0, list[str]()
-        graph = Graph.model_validate(AGAIN)
+        graph = Graph.model_validate(of)
         self.nodes = {name: NodeState(name, config.kind) for name, config in graph.nodes.items()}
         self.network = Loopback()
         self.run = GraphRun(graph, "r", "", self.nodes, lambda node: None, self._spawn)
@@ -87,12 +96,12 @@ class Run:
         self.started.append(node.name)
         return Process(100 + len(self.started))
 
-    def word(self, name: str, state: str = "running") -> None:
+    def word(self, name: str, state: str = "running", **more: Any) -> None:
         process = self.nodes[name].process
         assert process is not None
         bus, self.seq = self.network.bus(name), self.seq + 1
         said = Health(
-            header=Header(run_id="r", seq=self.seq), node=name, state=state, pid=process.pid
+            header=Header(run_id="r", seq=self.seq), node=name, state=state, pid=process.pid, **more
         )
         bus.publisher(health_key("lab", name), SIGNALS).send(said)
         self.run.watch(0)
@@ -102,6 +111,17 @@ class Run:
         for _ in range(round(seconds * 2)):
             self.now_s += 0.5
             self.run.watch(0)
+
+    def talk(self, seconds: float, **stuck: dict[str, Any]) -> None:
+        """Let all nodes send health every second; those named, with these counts."""
+        for _ in range(round(seconds)):
+            for name in self.nodes:
+                self.word(name, **stuck.get(name, {}))
+            self.after(1)
+
+    @property
+    def killed(self) -> list[str]:
+        return [n.name for n in self.nodes.values() if n.process and n.process.signals]  # type: ignore[attr-defined]
 
     def dies(self, name: str, code: int = -9) -> None:
         self.nodes[name].process.code = code  # type: ignore[union-attr, assignment]
@@ -175,6 +195,87 @@ def test_a_supervisor_that_was_held_up_kills_nobody(supervised: Run) -> None:
     supervised.now_s += 100
     supervised.run.watch(0)
     assert not any(n.process.signals for n in supervised.nodes.values())  # type: ignore[union-attr]
+
+
+def test_a_lost_recorder_is_an_alarm_of_its_cameras(monkeypatch: pytest.MonkeyPatch) -> None:
+    for rule in ("alarm", "stop"):
+        run, heard = Run(monkeypatch, {**GRAPH, "on_record_loss": rule}), Inbox()
+        run.network.bus("ear").subscribe(heard, camera_key("lab", "*", "alarm"), LOOKING)
+        for name in run.nodes:
+            run.word(name)
+        run.dies("rows")
+        assert heard.receive(0.1) is None
+        run.dies("record")
+        told = heard.receive(1)
+        assert told is not None
+        assert (told.message.kind, told.message.active) == ("unrecorded", True)
+        assert told.message.text == "record: killed by signal 9"
+        run.run.watch(0)
+        assert [alarm.kind for alarm in run.run.alarms["lab/cam"]] == ["unrecorded"]
+        assert heard.receive(0.1) is None  # of the grid's reference there is none
+        assert "record: lost killed by signal 9" in GraphMetrics(run.run).down
+        assert run.run.stops == (rule == "stop")
+
+
+STUCK = {"messages_in": 40, "queue_depth": 3}
+
+
+def test_a_node_that_takes_none_of_what_waits_is_stalled_and_started_again(
+    supervised: Run,
+) -> None:
+    supervised.talk(RULE["stalled_s"], track=STUCK)
+    assert (supervised.nodes["track"].state, supervised.killed) == ("running", [])
+    supervised.talk(2, track=STUCK)
+    assert supervised.killed == ["track"]
+    assert supervised.nodes["track"].state == "stalled"
+    supervised.dies("track")
+    supervised.after(1.5)
+    assert supervised.nodes["track"].state == "starting"
+
+
+def test_its_senders_wait_for_it_and_are_not_to_blame(supervised: Run) -> None:
+    """They come to a stop a moment later; with all of them seen at once, order tells nothing."""
+    supervised.talk(RULE["stalled_s"] + 2, decode=STUCK, rows=STUCK, track=STUCK)
+    assert supervised.killed == ["track"]
+    assert [n.name for n in supervised.nodes.values() if n.state == "stalled"] == ["track"]
+
+
+def test_a_source_whose_readers_take_none_is_stalled(supervised: Run) -> None:
+    """Such as one that waits for planes of a reader that was started again, and never got them."""
+    supervised.talk(RULE["stalled_s"] + 2, decode={**STUCK, "queue_depth": 1})
+    assert supervised.killed == ["decode"]
+
+
+@pytest.mark.parametrize(
+    "fine",
+    [
+        {"messages_in": 40, "queue_depth": 0},  # a camera that pauses, a source that is finished
+        {"state": "waiting", "queue_depth": 0},
+    ],
+)
+def test_who_has_nothing_to_do_is_not_stalled(supervised: Run, fine: dict[str, Any]) -> None:
+    supervised.talk(RULE["stalled_s"] + 30, decode=fine, track=fine)
+    assert supervised.killed == []
+
+
+def test_who_is_slow_is_not_stalled(supervised: Run) -> None:
+    """A recorder on a slow disk takes a message now and then; rows that wait for it send some."""
+    for taken in range(6):
+        slow = {"messages_in": taken, "queue_depth": 500}
+        waits = {"messages_in": 7, "messages_out": taken, "queue_depth": 1}
+        supervised.talk(RULE["stalled_s"] - 2, record=slow, track=slow, rows=waits)
+    assert supervised.killed == []
+
+
+def test_without_a_rule_a_stalled_node_is_only_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Run(monkeypatch, GRAPH)
+    run.talk(Restart().stalled_s + 2, track=STUCK)
+    assert run.killed == []
+    assert GraphMetrics(run.run).down == [
+        "track: stalled messages wait, none taken or sent for 120 s"
+    ]
+    run.talk(1, track={**STUCK, "messages_in": 41})
+    assert GraphMetrics(run.run).down == []
 
 
 def test_a_node_may_take_long_until_its_first_word(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -279,3 +380,74 @@ def test_killed_and_hung_nodes_come_back_and_the_stream_goes_on(
     assert runs["rows"][-1] == "decode1.rows1"
     assert runs["track"][-1] == "decode1.rows1"
     assert runs["match"][-1].endswith("match1")
+
+
+STUCK_READER = """\
+from rsenf.run.own_node import run_own_node
+
+
+def body(node):
+    node.subscribe("rsenf/lab/cam/rows")
+    node.ready()
+    while not node.restarts:  # takes one message, and no more
+        if received := node.inbox.receive(0.1):
+            node.note_input(received.message.header)
+            node.stop.wait()
+
+
+run_own_node(body)
+"""
+
+
+@pytest.mark.processes
+def test_a_reader_that_is_stuck_but_sends_health_is_started_again(
+    film: Film, graphs: Graphs, live_run: type[LiveRun]
+) -> None:
+    (graphs.folder / "stuck.py").write_text(STUCK_READER)
+    command = f'["{sys.executable}", "{graphs.folder / "stuck.py"}"]'
+    stuck = f"kind: external, command: {command}, reads: [cam/rows], restart: {{stalled_s: 3}}"
+    path = graphs.write(film)
+    path.write_text(f"{path.read_text()}  stuck: {{{stuck}}}\n")
+    run = live_run(path).until("stalled", "stuck")
+    assert run.wait() == 0, "\n".join(run.lines)
+    said = "\n".join(run.lines)
+    assert "stuck: stalled messages wait, none taken or sent for 3 s" in said
+    assert "stuck: restarting killed by signal 9; started again in 0.5 s" in said
+    assert not {name for name, states in run.states.items() if "stalled" in states} - {"stuck"}
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(("frames", "kills"), [("ring", 3), ("tcp", 1)])
+def test_what_a_killed_row_sampler_had_in_hand_is_counted(
+    film: Film, graphs: Graphs, live_run: type[LiveRun], frames: str, kills: int
+) -> None:
+    path = graphs.write(film, frames)
+    path.write_text(path.read_text().replace("nodes:", "restart: {backoff_s: 0.1}\nnodes:", 1))
+    run = live_run(path).until("running", "rows")
+    with open_bus(BusSettings(connect=(run.endpoint,))) as bus:
+        heard = Inbox()
+        bus.subscribe(heard, camera_key("lab", "cam", "rows"), LOOKING)
+        for suffix in ("", ".rows1", ".rows2")[:kills]:
+
+            def samples(told: str = run.run_id + suffix) -> bool:
+                received = iter(lambda: heard.receive(0.1), None)
+                return any(r.message.header.run_id == told for r in received)
+
+            assert wait_until(samples, 60), "\n".join(run.lines)
+            run.kill_node_and_wait("rows", run.pids["rows"])
+    code = run.wait()
+    said = "\n".join(run.lines)
+    decoded = sampled = missed = 0
+    for topic, message, _ in open_recording(graphs.out).messages():
+        if topic.endswith("/frames"):
+            decoded += not message.header.is_end
+        elif topic.endswith("/rows"):
+            sampled += message.frames
+        elif topic.endswith("/track/health"):
+            missed = message.missed
+    lost = decoded - sampled
+    print(f"{frames}: of {decoded} frames {sampled} have rows")
+    assert 0 < lost < decoded / 2
+    assert f"track: lab/cam: {lost} frames were lost when their row sampler" in said
+    assert missed >= lost // 8 - 3  # blocks of eight frames, of which some came in part
+    assert code == EXIT_LOSS, said
