@@ -16,8 +16,12 @@ from rsenf.messages.schema import FloatArray
 from rsenf.model import GridPath, synthetic_grid
 from rsenf.reference import read_reference
 
-# Files of a folder of measured data, by the nominal frequency of their grid.
-MEASURED = {50.0: "grid_ce_2022-09-17_1s.csv.gz", 60.0: "grid_us_60hz_2022-07_2s.npz"}
+# Files of a folder of measured data: a day and nine days of the continental European grid, 1 s a
+# sample, and 21 days of a US grid, 2 s a sample.
+CE_2022 = "grid_ce_2022-09-17_1s.csv.gz"
+CE_2024 = "grid_ce_2024-08-13_to_21_gappy_1s.csv.gz"
+US_2022 = "grid_us_60hz_2022-07_2s.npz"
+MEASURED = {50.0: CE_2022, 60.0: US_2022}  # by nominal frequency, Hz
 MARGIN_S = 4.0
 
 
@@ -67,8 +71,6 @@ def _read(path: Path) -> Measured:
         with np.load(path, allow_pickle=False) as held:
             freq_hz = np.asarray(held["frequency"], np.float64)
             return Measured(path.stem, freq_hz, float(held["step_s"]))
-    from rsenf.reference import read_reference
-
     reference = read_reference(path)
     return Measured(reference.grid, reference.freq_hz[None], reference.step_s)
 
@@ -107,17 +109,12 @@ def stretches(folder: Path, part: str) -> tuple[Stretch, ...]:
     """
     if not folder.is_dir():
         raise UsageError(f"no measured grids in {folder}", "name their folder with --grids")
-    us = _us_days(folder)
+    measured = _read(folder / US_2022)
+    us = [Stretch(f"us-{i}", 60.0, measured.step_s, day) for i, day in enumerate(measured.freq_hz)]
     if part == TEST:
-        day = read_reference(folder / "grid_ce_2022-09-17_1s.csv.gz").freq_hz
+        day = read_reference(folder / CE_2022).freq_hz
         return (Stretch("ce-2022", 50.0, 1.0, day), *us[11:])
-    week = read_reference(folder / "grid_ce_2024-08-13_to_21_gappy_1s.csv.gz").freq_hz
+    week = read_reference(folder / CE_2024).freq_hz
     # It begins on 13 August at 23:07:33 UTC; its first two days and a half are mostly gaps.
     begin, end = int(2.5 * DAY_S), 4 * DAY_S
     return (Stretch("ce-2024", 50.0, 1.0, week[begin:end]), *us[:11])
-
-
-def _us_days(folder: Path) -> list[Stretch]:
-    with np.load(folder / "grid_us_60hz_2022-07_2s.npz", allow_pickle=False) as held:
-        days, step_s = np.asarray(held["frequency"], np.float64), float(held["step_s"])
-    return [Stretch(f"us-{i}", 60.0, step_s, day) for i, day in enumerate(days)]

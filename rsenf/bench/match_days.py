@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rsenf import __version__
 from rsenf.bench.calibration.clips import Drawn, track_of_clip
-from rsenf.bench.grids import Stretch
+from rsenf.bench.grids import CE_2022, Stretch
 from rsenf.match.series import Track
 from rsenf.messages.schema import FloatArray
 from rsenf.model import synthetic_grid
@@ -30,7 +30,6 @@ from rsenf.reference.store.sample_file import UNIT_HZ, UNITS_PER_HZ
 from rsenf.reference.store.writer import SampleWriter
 from rsenf.timebase import NS_PER_S
 
-MEASURED = "grid_ce_2022-09-17_1s.csv.gz"
 GRID = "haystack"
 NOMINAL_HZ = 50.0
 DAY_S = 86400
@@ -64,7 +63,7 @@ class Haystack:
 
 def real_day(folder: Path | None, seed: int) -> Stretch:
     """Read a day of a measured grid, or draw one from a seed where there is none."""
-    path = folder / MEASURED if folder else None
+    path = folder / CE_2022 if folder else None
     if path is None or not path.is_file():
         drawn = synthetic_grid(seed, DAY_S, nominal_hz=NOMINAL_HZ).freq_hz[:DAY_S]
         return Stretch("synthetic", NOMINAL_HZ, 1.0, drawn)

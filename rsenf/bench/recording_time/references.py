@@ -15,13 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from rsenf.bench.grids import MEASURED
+from rsenf.bench.grids import CE_2024, MEASURED
 from rsenf.bench.recording_time.plan import DAY_S, NOMINAL_HZ, Film
 from rsenf.model import synthetic_grid
 from rsenf.reference import Reference, read_reference
 from rsenf.timebase import NS_PER_S, nanoseconds
 
-OTHER = "grid_ce_2024-08-13_to_21_gappy_1s.csv.gz"
 # Before 2024-08-18 UTC that file is for calibration.
 OTHER_FROM_NS = 1_723_939_200 * NS_PER_S
 _SEEDS = (50, 51)  # of the days where there is no measured data
@@ -43,7 +42,7 @@ def lit_day(grids: Path | None) -> Reference:
 @functools.cache
 def other_day(grids: Path | None) -> Reference:
     """Return 24 h of another time, those with the fewest gaps, that calibration hasn't seen."""
-    path = grids / OTHER if grids else None
+    path = grids / CE_2024 if grids else None
     if not path or not path.is_file():
         return _synthetic(_SEEDS[1])
     whole = read_reference(path)
